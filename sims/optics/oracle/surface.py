@@ -81,6 +81,8 @@ FACE_MM = 1e-7
 Vector = tuple[float, float, float]
 Ray = tuple[float, float, float, float, float, float]
 """Place [mm] and unit direction [-]."""
+Line = tuple[float, float, float, float, float]
+"""A ray as one about an axis: squared radius a t² + 2 b t + c [mm²], height z + dz t [mm]."""
 Meeting = tuple[float, int, float, float, float]
 """Distance [mm], what (`NOTHING`, `FREE`, `CONTACT`), and the unit normal that points away from the ray's side."""
 
@@ -167,10 +169,10 @@ def is_in_elastomer(s: Surface, x: float, y: float, z: float) -> bool:
 @njit()
 def is_untouched(s: Surface) -> bool:
     """Whether light that leaves through the top can meet nothing any more: flat and crowned pads are convex."""
-    return s.tips.shape[0] == 0 and s.nodes.shape[0] == 0
+    return len(s.tips) == 0 and len(s.nodes) == 0
 
 
-@njit(forceinline=True)
+@njit()
 def is_steep(s: Surface, slope: float, place_and_normal: Ray) -> bool:
     """Whether press and field slope by more than `slope` [-] at a place of the top, given with the unit normal out."""
     x, y, _, nx, ny, nz = in_frame(s, place_and_normal)
@@ -213,7 +215,7 @@ def tip_hit(s: Surface, ray: Ray, limit: float) -> tuple[float, bool, float, flo
     return best, hit, nx, ny, nz
 
 
-@njit(forceinline=True)
+@njit()
 def in_frame(s: Surface, ray: Ray) -> Ray:
     """A ray of the cavity in the frame."""
     x, y, z, dx, dy, dz = ray
@@ -221,7 +223,7 @@ def in_frame(s: Surface, ray: Ray) -> Ray:
     return place + _turned(s.axes, dx, dy, dz)
 
 
-@njit(forceinline=True)
+@njit()
 def _turned(a: tuple[float, ...], vx: float, vy: float, vz: float) -> Vector:
     """A vector of the cavity in the frame."""
     return (
@@ -231,7 +233,7 @@ def _turned(a: tuple[float, ...], vx: float, vy: float, vz: float) -> Vector:
     )
 
 
-@njit(forceinline=True)
+@njit()
 def _turned_back(a: tuple[float, ...], vx: float, vy: float, vz: float) -> Vector:
     """A vector of the frame in the cavity."""
     return (
@@ -359,7 +361,7 @@ def _sum_hit(s: Surface, side: float, ray: Ray, limit: float) -> Meeting:
     return limit, NOTHING, 0.0, 0.0, side
 
 
-@njit(forceinline=True)
+@njit()
 def _clearance(s: Surface, side: float, ray: Ray, t: float) -> tuple[float, float]:
     """Clearance of a ray [mm] and its growth along the ray [-]."""
     x, y, z, dx, dy, dz = ray
@@ -499,7 +501,7 @@ def _face(s: Surface, which: int, ray: Ray, t: float) -> Meeting:
     return t, FREE, nx / size, ny / size, 0.0
 
 
-@njit(forceinline=True)
+@njit()
 def _tip_z(s: Surface) -> float:
     """Height of the centre of the one tip's sphere [mm]."""
     return float(s.tips[0, SPHERE] - s.tips[0, DROP])
@@ -526,7 +528,7 @@ def _cone_hit(s: Surface, side: float, ray: Ray, limit: float) -> Meeting:
                 best, what = t, CONTACT
                 nr = -math.sqrt(max(a * t * t + 2.0 * b * t + c, 0.0)) / s.tips[0, SPHERE]
                 nz = (_tip_z(s) - z - t * dz) / s.tips[0, SPHERE]
-        t, cone = _cone_distance(s.cones, s.blocks, side, edge, a, b, c, z, dz, best)
+        t, cone = _cone_distance(s.cones, s.blocks, side, edge, (a, b, c, z, dz), best)
         if cone >= 0:
             best, what = t, (CONTACT if s.cones[cone, 7] > 0.0 else FREE)
             r = math.sqrt(max(a * t * t + 2.0 * b * t + c, 0.0))
@@ -545,7 +547,7 @@ def _cone_normal(cone: FloatArray, side: float, r: float, z: float) -> tuple[flo
     return -side * math.sin(angle), side * math.cos(angle)
 
 
-@njit(forceinline=True)
+@njit()
 def _cap_distance(s: Surface, ray: Ray) -> float:
     """Distance at which a ray enters the tip sphere through its wetted cap [mm]; infinity if it does not."""
     x, y, z, dx, dy, dz = ray
@@ -563,18 +565,10 @@ def _cap_distance(s: Surface, ray: Ray) -> float:
 
 @njit()
 def _cone_distance(
-    cones: FloatArray,
-    blocks: FloatArray,
-    side: float,
-    edge: float,
-    a: float,
-    b: float,
-    c: float,
-    z: float,
-    dz: float,
-    limit: float,
+    cones: FloatArray, blocks: FloatArray, side: float, edge: float, line: Line, limit: float
 ) -> tuple[float, int]:
-    """Nearest passage through the cones; the ray's squared radius is a t² + 2 b t + c, its height z + dz t."""
+    """Nearest passage through the cones, and which."""
+    a, b, c, z, dz = line
     best, cone = limit, -1
     start, stop = 0.0, limit
     reach = (edge + SEAM_MM) ** 2
@@ -603,22 +597,21 @@ def _cone_distance(
             continue
         for i in range(k * BLOCK, min((k + 1) * BLOCK, cones.shape[0])):
             if side == INSIDE or cones[i, 7] == 0.0:  # in air the tip's own side is the tip's
-                t = _one_cone_distance(cones[i], side, a, b, c, z, dz, best)
+                t = _one_cone_distance(cones[i], side, line, best)
                 if t < best:
                     best, cone = t, i
     return best, cone
 
 
 @njit()
-def _one_cone_distance(
-    cone: FloatArray, side: float, a: float, b: float, c: float, z: float, dz: float, limit: float
-) -> float:
+def _one_cone_distance(cone: FloatArray, side: float, line: Line, limit: float) -> float:
     """Distance at which a ray passes one frustum away from its side [mm]; infinity if it does not before `limit`.
 
     On the cone through the piece, the offset f(t) = (z - z0) kr - (r - r0) kz is zero; it grows where the
     ray leaves the elastomer, and falls where it enters. Squaring r = sqrt(a t² + 2 b t + c) gives a quadratic;
     Newton steps on f then remove its rounding, and show up the root of the mirrored cone.
     """
+    a, b, c, z, dz = line
     r0, z0, kr, kz, length = cone[:5]
     g0, g1 = (z - z0) * kr + r0 * kz, dz * kr
     qa, qb, qc = a * kz * kz - g1 * g1, b * kz * kz - g0 * g1, c * kz * kz - g0 * g0
