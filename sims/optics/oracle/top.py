@@ -94,8 +94,9 @@ def lower_presses(
         )
     if fields is not None and len(fields) != states:
         raise InputError(f"fields: {len(fields)} given, needs {states}: one or None per state")
-    top = Top(clear_mm=scene.height_mm, apex_mm=(0.0, 0.0)) if scene.form is None else scene.form.top
-    outline = None if scene.form is None or top.is_flat else outline_mm(scene.form)
+    top, outline = Top(clear_mm=scene.height_mm, apex_mm=(0.0, 0.0)), None
+    if scene.form is not None and not scene.form.top.is_flat:
+        top, outline = scene.form.top, outline_mm(scene.form)
     tops = []
     for state, presses in enumerate(indentations):
         tips = _pressing_tips(scene, centres[state].reshape(-1, 2), presses, state)
@@ -167,13 +168,14 @@ def lower_top(
         check_indentation(press, float(origin[2] - press.tip_radius_mm * (1.0 - axes[2, 2])), name)
         parts.append(_lower_profile(centre, press, curve.mean_curvature, is_sum, name))
     first = np.cumsum([0, *(len(part.curve) for part in parts)])
+    starts = [part.starts + row for part, row in zip(parts, first[:-1], strict=True)]
     nodes, corner, step, low, high, field_bend = _lowered_field(field)
     cones = _joined([part.cones for part in parts], 8)
     return Surface(
         origin=tuple(origin.tolist()),
         axes=tuple(axes.ravel().tolist()),
-        kx=curve.kx,
-        ky=curve.ky,
+        kx=float(curve.kx),
+        ky=float(curve.ky),
         lowest=low - float(_falls(reach, curve.ky)) + sum(part.lowest for part in parts),
         highest=high + sum(part.highest for part in parts),
         is_sum=is_sum,
@@ -182,9 +184,7 @@ def lower_top(
         cones=cones,
         blocks=_bounding_blocks(cones),
         curve=_joined([part.curve for part in parts], 5),
-        starts=_joined([part.starts + row for part, row in zip(parts, first, strict=False)], BINS).astype(
-            int
-        ),
+        starts=_joined(starts, BINS).astype(np.int64),
         bends=_joined([part.bends for part in parts], BINS),
         nodes=nodes,
         corner=(float(corner[0]), float(corner[1])),
