@@ -308,7 +308,12 @@ def _contact_sources() -> str:
     import scipy
 
     root = Path(__file__).parents[2]
-    folders = (root / "design", root / "sims" / "contact", root / "sims" / "press.py", root / "sims" / "optics")
+    folders = (
+        root / "design",
+        root / "sims" / "contact",
+        root / "sims" / "press.py",
+        root / "sims" / "optics",
+    )
     return f"{folder_fingerprint(*folders)} {scipy.__version__} {version('mujoco')}"
 
 

@@ -22,7 +22,7 @@ from numba import njit
 from design.arrays import BoolArray, FloatArray, IntArray
 from design.errors import InputError
 from sims.optics.oracle.chance import pattern_shares
-from sims.optics.oracle.heights import REACH_SHARE, crown_fall
+from sims.optics.oracle.surface import REACH_SHARE, sag
 from sims.optics.scene.optical_scene import OpticalScene, PadForm
 
 
@@ -258,8 +258,7 @@ class Scene(NamedTuple):
     Attributes that differ from the scene's
     ---------------------------------------
     walls, arcs : (k, 6) flat and (m, 6) round walls, as in `PadForm`
-    crown : (5,) radius of the untouched top [mm], 0 for flat; weights, 0 or 1, of x and y in the distance from the
-        apex; x, y of the apex [mm]
+    crown : (4,) curvatures of the untouched top along x and y [1/mm]; x, y of its apex [mm]
     wall_ratio : index of the elastomer over that behind smooth walls [-]; 0 where walls only scatter
     emitter_pattern : (2, e, n) radiance table [1/sr] and the share of power below each node [-]; a NaN row, or no
         column, is an emitter by order
@@ -328,12 +327,9 @@ def _lowered_form(scene: OpticalScene) -> tuple[FloatArray, FloatArray, FloatArr
     form = scene.form
     if form is None:
         walls = rectangle_walls(float(scene.length_mm), float(scene.width_mm))
-        return walls, np.empty((0, 6)), np.zeros(5)
+        return walls, np.empty((0, 6)), np.zeros(4)
     check_form(scene, form)
-    top = form.top
-    weights = float(top.straight != "x"), float(top.straight != "y")
-    crown = np.array([0.0 if top.is_flat else top.radius_mm, *weights, *top.apex_mm])
-    return *form_rows(form), crown
+    return *form_rows(form), np.array([form.top.kx, form.top.ky, *form.top.apex_mm])
 
 
 def _wall_ratio(scene: OpticalScene) -> float:
@@ -415,11 +411,10 @@ def _check_patches(scene: OpticalScene, kind: str) -> None:
 @njit()
 def untouched_top(scene: Scene, x: float, y: float) -> float:
     """Height of the untouched top at a place [mm]."""
-    radius, along_x, along_y, apex_x, apex_y = scene.crown
-    if radius == 0.0:
+    kx, ky, apex_x, apex_y = scene.crown
+    if kx == ky == 0.0:
         return scene.height
-    px, py = x - apex_x, y - apex_y
-    return float(scene.height - crown_fall(radius, along_x * px * px + along_y * py * py)[0])
+    return float(scene.height - sag(kx, ky, x - apex_x, y - apex_y)[0])
 
 
 @njit()

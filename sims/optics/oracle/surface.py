@@ -1,20 +1,46 @@
-"""The pad's top under one press, a surface of revolution, and where rays meet it from inside and from outside.
+"""The top of the pad in one state as numbers, and where rays meet it, from inside and from outside.
 
 Model
 -----
-The press is axisymmetric about a vertical axis. The contact and where it ends are as in
-`sims.optics.oracle.profile`. Beyond, the stored points (radius, height) are read as one smooth curve: a monotone
-cubic (PCHIP, Fritsch & Carlson 1980) of radius and of height over chord length, starting on the tip. So the
-curve may run back under itself. It is cut into straight pieces that turn by at most `TURN_LIMIT` and are at most
-`PIECE_LIMIT_MM` long, which keeps them within 0.15 µm of the curve; revolved, each piece is a cone frustum,
-which a ray meets where a quadratic says. Normals turn linearly from end to end of a piece, so they are
-continuous. Beyond the last point the top is the plane z = height; if the curve does not end at height zero, a
-vertical ring closes the step.
+The top stands in a frame whose third axis is the normal of the untouched top where a press goes in. Along it the
+top is a sum of heights: with the curvatures kx and ky of the untouched top [1/mm], and q = kx² x² + ky² y²,
+
+    h(x, y) = -(kx x² + ky y²) / (1 + √(1 - q)) + Σ d_k(r_k) + f(x, y),    |curvature| <= max(kx, ky) / (1 - q)^1.5,
+
+with one profile d_k over the radius r_k around each tip's axis, and a bicubic Hermite field f. kx = ky = 0 is flat.
+Beyond `STEEPEST_SHARE`² of q the crown goes on straight: no point of a pad lies there (`REACH_SHARE`), and no light in
+air meets it, as a ball and the cone that touches it are convex together.
+
+Where a sphere is in contact d_k is the tip's height less the *mean crown*, a sphere of the curvature (kx + ky) / 2:
+on a sphere the top there is the tip, on a cylinder it is so with the f of the press. The rest of a profile is a cubic
+in each piece of radius. Beyond a profile's last point d_k is 0, beyond its grid f is 0; where either ends with a step,
+a vertical face closes it. Inside a tip's contact radius the top is contact.
+
+A flat top with one tip or none, and no field, needs no sum (`is_sum`): the plane, an exact sphere, and cone frusta that
+follow the profile, which may run back under itself. A ray meets each where a quadratic says.
+
+Where a ray meets a sum
+-----------------------
+Along a ray the clearance c(t), top less ray or, in air, ray less top, is followed from 0 up. Circles of contact
+and edge and the field's border cut the ray into parts on which c is once differentiable and |c''| has a bound K,
+kept in tables over radius: with unit steps of which w² lie in plan, |c''| <= w² (max(|d''|, |d'| / r) + field's).
+A crown adds the bound of its curvature at the part's greatest q, for what lies across a straight direction; it is
+convex, so that only downward from inside and only upward from outside: c'' lies in -K_down to K_up.
+A step s is safe if the clearances at its ends are above K_up s² / 8, or if c cannot fall within it; it holds the
+first zero if its end is below zero and c must fall within it, or K_up is 0, and Newton's steps within a bracket then
+find it; otherwise it is halved. Steps end at `FINEST_MM`, so that what is missed is a graze less than
+K `FINEST_MM`² / 8 deep.
+
+Light in air also meets the tips. What is known of them is the press, so they are taken as solid and endless:
+under a hemisphere the lower half sphere and a cylinder of its radius above; under any other tip a cylinder of the
+contact radius that stands on the end of the contact, which hides no more than the tip does. A press without contact
+has no tip. Where other heights raise the top into a tip, light there counts as absorbed by the tip.
 
 Left out
 --------
-Anything that is not axisymmetric, and several tips: `sims.optics.oracle.heights` has those. The wall's hold on
-the surface (the curve passes through the wall unchanged and is cut off there).
+In a sum, profiles with more than one height at a radius, and the tips' shape where other heights lift or lower the top
+under them: contact is the top itself. The wall's hold on the surface (a profile passes through the wall unchanged and
+is cut off there).
 
 This file shares no code with the fast engine on purpose: it is the other half of a comparison.
 """
@@ -24,286 +50,536 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-import numpy as np
 from numba import njit
-from scipy.interpolate import PchipInterpolator
 
-from design.arrays import FloatArray
-from sims.optics.oracle.profile import SEAM_MM, check_indentation, free_curve
-from sims.press import Indentation
-
-TURN_LIMIT = 0.01
-"""Largest turn of the curve within one straight piece [rad]."""
-PIECE_LIMIT_MM = 0.1
-"""Longest straight piece [mm]; with the turn limit its sagitta is at most 0.125 µm."""
-BLOCK = 16
+from design.arrays import FloatArray, IntArray
 
 NOTHING, FREE, CONTACT = 0, 1, 2
+INSIDE, OUTSIDE = 1.0, -1.0
+"""Sides of the top that a ray comes from: in the elastomer, in air."""
+SEAM_MM = 1e-6
+"""Overlap of neighbouring pieces of a surface [mm], so that no ray slips through a seam; points nearer are one."""
+REACH_SHARE = 0.97
+"""Farthest that a pad may reach from the axis of a frame on its crown, over the crown's radius [-]."""
+STEEPEST_SHARE = 0.985
+"""Beyond this share of its radius a crown goes on straight, so that every place has one height [-]."""
+BLOCK = 16
+"""Cones that share one bounding box."""
+BINS = 512
+"""Rings of equal width from a tip's axis to its edge, each with a bound on curvature."""
+X, Y, EDGE, CONTACT_RADIUS, SPHERE, DROP, FIRST, LAST = range(8)
+
+FINEST_MM = 2e-5
+"""Shortest step along a ray [mm]."""
+BORDER_MM = 1e-9
+"""A part of a ray starts and ends this far from the circles and lines that bound it [mm]."""
+MARGIN_MM = 1e-6
+"""A field goes on this far beyond its border [mm], so that rounding at a wall where it ends is no step."""
+FACE_MM = 1e-7
+"""Fall of the clearance across a border that is a vertical face, not rounding [mm]."""
+
+Vector = tuple[float, float, float]
+Ray = tuple[float, float, float, float, float, float]
+"""Place [mm] and unit direction [-]."""
+Line = tuple[float, float, float, float, float]
+"""A ray as one about an axis: squared radius a t² + 2 b t + c [mm²], height z + dz t [mm]."""
+Meeting = tuple[float, int, float, float, float]
+"""Distance [mm], what (`NOTHING`, `FREE`, `CONTACT`), and the unit normal that points away from the ray's side."""
 
 
-class RevolvedSurface(NamedTuple):
-    """A press as typed numbers, heights in the cavity frame.
+class Surface(NamedTuple):
+    """The top in one state as typed numbers; all but the frame itself stands in the frame.
 
     Attributes
     ----------
-    centre_x, centre_y : of the press axis [mm]
-    top : height of the undisturbed surface [mm]
-    highest : of the surface [mm]
-    edge : radius beyond which the surface is the plane z = top [mm]; 0 for an untouched pad
-    tip_z, tip_radius : height of the tip sphere's centre, its radius [mm]
-    cap_radius : radius of the part of the sphere that is in contact [mm]; 0 without contact
-    pieces : (p, 8) r, z of the start; r, z of the unit direction; length; angle of the curve's tangent to
+    origin : of the frame, on the untouched top [mm]
+    axes : the nine numbers of the frame's axes, one axis after another [-]
+    kx, ky : curvatures of the untouched top [1/mm], 0 <= kx <= ky
+    lowest, highest : bounds of the surface [mm]
+    is_sum : whether heights are added; if not, one tip on a flat top, or none, is the plane and cones
+    tips : (k, 8) centre x, y; edge; radius of the contact, among cones of the spherical part of it; sphere radius
+        (0: none); depth of its apex [mm]; first and last row of its curve
+    solids : (k, 6) the tips as light in air meets them: x, y of the axis; height of the sphere's centre, and its
+        radius, 0 for none; radius of the cylinder, and the height where it starts [mm]
+    cones : (p, 8) r, z of the start; r, z of the unit direction; length; angle of the profile's tangent to
         the radial direction at start and end [rad]; 1 if in contact with the tip
-    blocks : (b, 4) smallest and largest r, smallest and largest z of each run of `BLOCK` pieces
-    back, back_blocks : the free pieces run through from their end to their start, as light in air meets them
-    solids : (k, 6) the tip as light in air meets it (`sims.optics.oracle.top.tip_hit`)
+    blocks : (b, 4) smallest and largest r, smallest and largest z of each run of `BLOCK` cones
+    curve : (m, 5) radius at the start of a piece, and the height's coefficients of powers 0 to 3 beyond it
+    starts : (k, BINS) first row of `curve` that may hold a radius of the ring
+    bends : (k, BINS) largest |d''| and |d'| / r within the ring [1/mm]
+    nodes : (nx, ny, 4) the field's value, slopes and mixed derivative; (0, 0, 4) without a field
+    corner, step : of the field's grid [mm]
+    field_bend : bound of the field's second derivative in any direction [1/mm]
     """
 
-    centre_x: float
-    centre_y: float
-    top: float
+    origin: Vector
+    axes: tuple[float, ...]
+    kx: float
+    ky: float
+    lowest: float
     highest: float
-    edge: float
-    tip_z: float
-    tip_radius: float
-    cap_radius: float
-    pieces: FloatArray
-    blocks: FloatArray
-    back: FloatArray
-    back_blocks: FloatArray
+    is_sum: bool
+    tips: FloatArray
     solids: FloatArray
+    cones: FloatArray
+    blocks: FloatArray
+    curve: FloatArray
+    starts: IntArray
+    bends: FloatArray
+    nodes: FloatArray
+    corner: tuple[float, float]
+    step: tuple[float, float]
+    field_bend: float
 
 
-def lower_surface(
-    indentation: Indentation | None, centre_mm: FloatArray, top_mm: float, where: str = "indentation"
-) -> RevolvedSurface:
-    """Turn one press into numbers; None or a depth of zero or less is the untouched top.
+@njit(forceinline=True)
+def top_hit(s: Surface, side: float, ray: Ray, limit: float) -> Meeting:
+    """First place nearer than `limit` [mm] where a ray meets the top; tips are not seen here.
 
-    Parameters
-    ----------
-    indentation : the press, or None
-    centre_mm : (2,) x and y of its axis [mm]
-    top_mm : height of the undisturbed surface [mm]
-    where : what to call the press in messages
+    side : `INSIDE` for a ray in the elastomer, `OUTSIDE` for one in air
     """
-    x, y = float(centre_mm[0]), float(centre_mm[1])
-    if indentation is None or indentation.depth_mm <= 0.0:
-        none, no_block = np.empty((0, 8)), np.empty((0, 4))
-        return RevolvedSurface(
-            x, y, top_mm, top_mm, 0.0, 0.0, 1.0, 0.0, none, no_block, none, no_block, np.empty((0, 6))
-        )
-    check_indentation(indentation, top_mm, where)
-    knots, wetted, cap_radius = free_curve(indentation, where)
-    pieces = [*_wetted_pieces(wetted), *_curve_pieces(knots), *_closing_ring(knots)]
-    table = np.array(pieces, dtype=np.float64).reshape(-1, 8)
-    table[:, 1] += top_mm
-    back = _reversed_pieces(table[table[:, 7] == 0.0])
-    return RevolvedSurface(
-        x,
-        y,
-        top_mm,
-        float(max(knots[:, 1].max(), 0.0)) + top_mm,
-        float(knots[-1, 0]),
-        top_mm - indentation.depth_mm + indentation.tip_radius_mm,
-        float(indentation.tip_radius_mm),
-        cap_radius,
-        table,
-        _bounding_blocks(table),
-        back,
-        _bounding_blocks(back),
-        np.empty((0, 6)),
-    )
-
-
-def _reversed_pieces(table: FloatArray) -> FloatArray:
-    """The same pieces from end to start, so that what left the elastomer through them enters it."""
-    back = table.copy()
-    back[:, :2] += table[:, 2:4] * table[:, 4:5]
-    back[:, 2:4] *= -1.0
-    back[:, 5], back[:, 6] = table[:, 6] + math.pi, table[:, 5] + math.pi
-    return back
-
-
-def _wetted_pieces(ends: FloatArray) -> list[tuple[float, ...]]:
-    step = np.diff(ends, axis=0)
-    size, angle = np.hypot(step[:, 0], step[:, 1]), np.arctan2(step[:, 1], step[:, 0])
-    return [(*ends[i], *(step[i] / size[i]), size[i], angle[i], angle[i], 1.0) for i in range(len(step))]
-
-
-def _closing_ring(knots: FloatArray) -> list[tuple[float, ...]]:
-    r, z = knots[-1]
-    if abs(z) < 1e-9:
-        return []
-    up = math.copysign(1.0, -z)
-    return [(r, z, 0.0, up, abs(z), up * 0.5 * math.pi, up * 0.5 * math.pi, 0.0)]
-
-
-def _curve_pieces(knots: FloatArray) -> list[tuple[float, ...]]:
-    """Cut the smooth curve through the knots into straight pieces."""
-    chord = np.hypot(*np.diff(knots, axis=0).T)
-    along = np.concatenate([[0.0], np.cumsum(chord)])
-    curve = PchipInterpolator(along, knots)
-    tangent = curve.derivative()
-    sample = along[:-1, None] + chord[:, None] * np.linspace(0.0, 1.0, 9)
-    turn = np.abs(np.diff(_angles(tangent(sample), np.diff(knots, axis=0)[:, None, :]), axis=1)).sum(axis=1)
-    count = np.ceil(np.maximum(turn / TURN_LIMIT, chord / PIECE_LIMIT_MM)).astype(int).clip(min=1)
-    pieces: list[tuple[float, ...]] = []
-    for start, length, n in zip(along[:-1], chord, count, strict=True):
-        cut = start + length * np.linspace(0.0, 1.0, n + 1)
-        point = np.asarray(curve(cut))
-        step = np.diff(point, axis=0)
-        size = np.hypot(*step.T)
-        angle = _angles(np.asarray(tangent(cut)), np.vstack([step, step[-1:]]))
-        pieces += [(*point[i], *(step[i] / size[i]), size[i], angle[i], angle[i + 1], 0.0) for i in range(n)]
-    return pieces
-
-
-def _angles(tangent: FloatArray, fallback: FloatArray) -> FloatArray:
-    """Continuous angle of tangents (..., n, 2) to the radial direction [rad]; at rest, of the fallback."""
-    at_rest = np.hypot(tangent[..., 0], tangent[..., 1])[..., None] < 1e-9
-    used = np.where(at_rest, fallback, tangent)
-    return np.asarray(np.unwrap(np.arctan2(used[..., 1], used[..., 0]), axis=-1))
-
-
-def _bounding_blocks(table: FloatArray) -> FloatArray:
-    ends = table[:, :2] + table[:, 2:4] * table[:, 4:5]
-    rows = []
-    for first in range(0, len(table), BLOCK):
-        points = np.vstack([table[first : first + BLOCK, :2], ends[first : first + BLOCK]])
-        low, high = points.min(axis=0) - SEAM_MM, points.max(axis=0) + SEAM_MM
-        rows.append((max(low[0], 0.0), high[0], low[1], high[1]))
-    return np.array(rows).reshape(-1, 4)
+    local = in_frame(s, ray)
+    if s.is_sum:
+        distance, what, nx, ny, nz = _sum_hit(s, side, local, limit)
+    else:
+        distance, what, nx, ny, nz = _cone_hit(s, side, local, limit)
+    nx, ny, nz = _turned_back(s.axes, nx, ny, nz)
+    return distance, what, nx, ny, nz
 
 
 @njit()
-def is_submerged(s: RevolvedSurface, x: float, y: float, z: float) -> bool:
-    """Whether a point lies in the elastomer: the surface passes above it an odd number of times."""
-    r = math.hypot(x - s.centre_x, y - s.centre_y)
-    if r >= s.edge:
-        return z <= s.top
+def is_in_elastomer(s: Surface, x: float, y: float, z: float) -> bool:
+    """Whether a place lies below the top; among cones, whether they pass above it an odd number of times."""
+    u, v, w, _, _, _ = in_frame(s, (x, y, z, 0.0, 0.0, 0.0))
+    if s.is_sum:
+        return bool(w <= top_height(s, u, v)[0])
+    r = math.hypot(u, v)
+    if s.tips.shape[0] == 0 or r >= s.tips[0, EDGE]:
+        return bool(w <= 0.0)
     above = 0
-    if r < s.cap_radius and s.tip_z - math.sqrt(s.tip_radius**2 - r * r) > z:
+    if r < s.tips[0, CONTACT_RADIUS] and _tip_z(s) - math.sqrt(s.tips[0, SPHERE] ** 2 - r * r) > w:
         above += 1
-    for i in range(s.pieces.shape[0]):
-        r0, z0, kr, kz, length = s.pieces[i, :5]
-        if (r0 <= r) != (r0 + kr * length <= r) and z0 + (r - r0) * kz / kr > z:
+    for i in range(s.cones.shape[0]):
+        r0, z0, kr, kz, length = s.cones[i, :5]
+        if (r0 <= r) != (r0 + kr * length <= r) and z0 + (r - r0) * kz / kr > w:
             above += 1
     return above % 2 == 1
 
 
-@njit(forceinline=True)
-def surface_hit(
-    s: RevolvedSurface, x: float, y: float, z: float, dx: float, dy: float, dz: float, limit: float
-) -> tuple[float, int, float, float, float]:
-    """First place nearer than `limit` where a ray from inside leaves the elastomer through the top.
+@njit()
+def is_untouched(s: Surface) -> bool:
+    """Whether light that leaves through the top can meet nothing any more: flat and crowned pads are convex."""
+    return len(s.tips) == 0 and len(s.nodes) == 0
 
-    Parameters
-    ----------
-    x, y, z : start, inside the elastomer [mm]
-    dx, dy, dz : unit direction [-]
+
+@njit()
+def is_steep(s: Surface, slope: float, place_and_normal: Ray) -> bool:
+    """Whether press and field slope by more than `slope` [-] at a place of the top, given with the unit normal out."""
+    x, y, _, nx, ny, nz = in_frame(s, place_and_normal)
+    _, along, across = sag(s.kx, s.ky, x, y)
+    return bool(nz <= 0.0 or math.hypot(along - nx / nz, across - ny / nz) > slope)
+
+
+@njit()
+def tip_hit(s: Surface, ray: Ray, limit: float) -> tuple[float, bool, float, float, float]:
+    """First place nearer than `limit` where a ray in air meets a tip.
 
     Returns
     -------
-    distance [mm], what (`NOTHING`, `FREE`, `CONTACT`), and the unit normal that points out of the elastomer
+    distance [mm], whether there is one, and the unit normal that points out of the tip; a normal of length zero is
+    a start inside the tip
     """
-    px, py = x - s.centre_x, y - s.centre_y
-    a, b, c = dx * dx + dy * dy, px * dx + py * dy, px * px + py * py
-    best, what, nr, nz = limit, NOTHING, 0.0, 1.0
-    if dz > 0.0:
-        t = (s.top - z) / dz
-        if -1e-9 < t < best and a * t * t + 2.0 * b * t + c >= max(s.edge - SEAM_MM, 0.0) ** 2:
+    best, hit, nx, ny, nz = limit, False, 0.0, 0.0, 0.0
+    x, y, z, dx, dy, dz = in_frame(s, ray)
+    for k in range(s.solids.shape[0]):
+        cx, cy, cz, sphere, radius, foot = s.solids[k]
+        px, py, pz = x - cx, y - cy, z - cz
+        across = px * px + py * py
+        if (z >= foot and across < radius * radius) or (z < foot and across + pz * pz < sphere * sphere):
+            return 0.0, True, 0.0, 0.0, 0.0
+        a, b = dx * dx + dy * dy, px * dx + py * dy
+        gap = b * b - a * (across - radius * radius)
+        if b < 0.0 and gap > 0.0:
+            t = (-b - math.sqrt(gap)) / a
+            if 0.0 <= t < best and z + t * dz >= foot:
+                best, hit = t, True
+                nx, ny, nz = (px + t * dx) / radius, (py + t * dy) / radius, 0.0
+        b += pz * dz
+        gap = b * b - (across + pz * pz - sphere * sphere)
+        if sphere > 0.0 and b < 0.0 and gap > 0.0:
+            t = -b - math.sqrt(gap)
+            if 0.0 <= t < best and z + t * dz < foot:
+                best, hit = t, True
+                nx, ny, nz = (px + t * dx) / sphere, (py + t * dy) / sphere, (pz + t * dz) / sphere
+    nx, ny, nz = _turned_back(s.axes, nx, ny, nz)
+    return best, hit, nx, ny, nz
+
+
+@njit()
+def in_frame(s: Surface, ray: Ray) -> Ray:
+    """A ray of the cavity in the frame."""
+    x, y, z, dx, dy, dz = ray
+    place = _turned(s.axes, x - s.origin[0], y - s.origin[1], z - s.origin[2])
+    return place + _turned(s.axes, dx, dy, dz)
+
+
+@njit()
+def _turned(a: tuple[float, ...], vx: float, vy: float, vz: float) -> Vector:
+    """A vector of the cavity in the frame."""
+    return (
+        a[0] * vx + a[1] * vy + a[2] * vz,
+        a[3] * vx + a[4] * vy + a[5] * vz,
+        a[6] * vx + a[7] * vy + a[8] * vz,
+    )
+
+
+@njit()
+def _turned_back(a: tuple[float, ...], vx: float, vy: float, vz: float) -> Vector:
+    """A vector of the frame in the cavity."""
+    return (
+        a[0] * vx + a[3] * vy + a[6] * vz,
+        a[1] * vx + a[4] * vy + a[7] * vz,
+        a[2] * vx + a[5] * vy + a[8] * vz,
+    )
+
+
+@njit()
+def sag(kx: float, ky: float, x: float, y: float) -> tuple[float, float, float]:
+    """Fall of an untouched top from its highest point to a place [mm], and its slopes along x and y [-]."""
+    u, v = kx * x, ky * y
+    square = u * u + v * v
+    if square <= STEEPEST_SHARE * STEEPEST_SHARE:
+        root = math.sqrt(1.0 - square)
+        steepness = 1.0 / root
+        return (u * x + v * y) / (1.0 + root), steepness * u, steepness * v
+    root = math.sqrt(1.0 - STEEPEST_SHARE * STEEPEST_SHARE)
+    slope, share = STEEPEST_SHARE / root, math.sqrt(square)
+    fall = STEEPEST_SHARE * STEEPEST_SHARE / (1.0 + root) + slope * (share - STEEPEST_SHARE)
+    return fall / max(kx, ky), slope * u / share, slope * v / share
+
+
+@njit()
+def top_height(s: Surface, x: float, y: float) -> tuple[float, float, float]:
+    """Height of a sum [mm] and its slopes along x and y [-] at a place of the frame."""
+    height, along, across = 0.0, 0.0, 0.0
+    if s.ky > 0.0:
+        fall, along, across = sag(s.kx, s.ky, x, y)
+        height, along, across = -fall, -along, -across
+    for k in range(s.tips.shape[0]):
+        px, py = x - s.tips[k, X], y - s.tips[k, Y]
+        r, edge, contact = math.hypot(px, py), s.tips[k, EDGE], s.tips[k, CONTACT_RADIUS]
+        if r >= edge:
+            continue
+        sphere = s.tips[k, SPHERE]
+        if sphere > 0.0 and r < contact:
+            depth = math.sqrt(max(sphere * sphere - r * r, 1e-18))
+            mean = 0.5 * (s.kx + s.ky)
+            fall, steepness, _ = sag(mean, mean, r, 0.0)
+            height += sphere - s.tips[k, DROP] - depth + fall
+            slope = r / depth + steepness
+        else:
+            row = s.starts[k, min(int(r / edge * BINS), BINS - 1)]
+            while row < s.tips[k, LAST] and r >= s.curve[row + 1, 0]:
+                row += 1
+            start, c0, c1, c2, c3 = s.curve[row]
+            u = r - start
+            height += ((c3 * u + c2) * u + c1) * u + c0
+            slope = (3.0 * c3 * u + 2.0 * c2) * u + c1
+        if r > 1e-12:
+            along += slope * px / r
+            across += slope * py / r
+    if s.nodes.shape[0] > 0:
+        value, fx, fy = _field_height(s, x, y)
+        height, along, across = height + value, along + fx, across + fy
+    return height, along, across
+
+
+@njit()
+def _field_height(s: Surface, x: float, y: float) -> tuple[float, float, float]:
+    """The field's value [mm] and slopes [-] at a place."""
+    u, v = (x - s.corner[0]) / s.step[0], (y - s.corner[1]) / s.step[1]
+    last_i, last_j = s.nodes.shape[0] - 1, s.nodes.shape[1] - 1
+    du, dv = MARGIN_MM / s.step[0], MARGIN_MM / s.step[1]
+    if u < -du or v < -dv or u > last_i + du or v > last_j + dv:
+        return 0.0, 0.0, 0.0
+    u, v = min(max(u, 0.0), float(last_i)), min(max(v, 0.0), float(last_j))
+    i, j = min(int(u), last_i - 1), min(int(v), last_j - 1)
+    u, v = u - i, v - j
+    value, along, across = 0.0, 0.0, 0.0
+    for a in range(2):
+        p0, p1, q0, q1 = _cubic_ends(u, a, s.step[0])
+        for b in range(2):
+            r0, r1, t0, t1 = _cubic_ends(v, b, s.step[1])
+            z, zx, zy, zxy = s.nodes[i + a, j + b]
+            value += p0 * (z * r0 + zy * r1) + p1 * (zx * r0 + zxy * r1)
+            along += q0 * (z * r0 + zy * r1) + q1 * (zx * r0 + zxy * r1)
+            across += p0 * (z * t0 + zy * t1) + p1 * (zx * t0 + zxy * t1)
+    return value, along, across
+
+
+@njit()
+def _cubic_ends(t: float, end: int, step: float) -> tuple[float, float, float, float]:
+    """Weights of an end's value and slope in a cubic's value, then in its slope; t in [0, 1] from the first end."""
+    if end == 0:
+        return (
+            1.0 + t * t * (2.0 * t - 3.0),
+            step * t * (1.0 + t * (t - 2.0)),
+            6.0 * t * (t - 1.0) / step,
+            1.0 + t * (3.0 * t - 4.0),
+        )
+    return (
+        t * t * (3.0 - 2.0 * t),
+        step * t * t * (t - 1.0),
+        6.0 * t * (1.0 - t) / step,
+        t * (3.0 * t - 2.0),
+    )
+
+
+@njit()
+def _sum_hit(s: Surface, side: float, ray: Ray, limit: float) -> Meeting:
+    """`top_hit` in the frame, where heights are added."""
+    x, y, z, dx, dy, dz = ray
+    t, stop = 0.0, limit
+    far = s.lowest if side == INSIDE else s.highest  # beyond this height there is nothing to meet
+    if side * (far - z) > 0.0:
+        t = (far - z) / dz if side * dz > 0.0 else limit
+    elif side * dz < 0.0:
+        stop = min(limit, (far - z) / dz)
+    before = math.inf
+    which = -3
+    while t < stop:
+        border, next_which = _next_border(s, ray, t + 2.0 * BORDER_MM, stop)
+        clear, _ = _clearance(s, side, ray, t)
+        if which > -3 and clear <= 0.0 and before - clear > FACE_MM:
+            return _face(s, which, ray, t)
+        end = border - BORDER_MM if border < stop else stop
+        place = _first_zero(s, side, ray, t, max(end, t))
+        if place < stop:
+            return _met(s, side, x + place * dx, y + place * dy, place)
+        before, _ = _clearance(s, side, ray, end)
+        t, which = border + BORDER_MM, next_which
+    return limit, NOTHING, 0.0, 0.0, side
+
+
+@njit()
+def _clearance(s: Surface, side: float, ray: Ray, t: float) -> tuple[float, float]:
+    """Clearance of a ray [mm] and its growth along the ray [-]."""
+    x, y, z, dx, dy, dz = ray
+    height, along, across = top_height(s, x + t * dx, y + t * dy)
+    return side * (height - z - t * dz), side * (along * dx + across * dy - dz)
+
+
+@njit()
+def _bends(s: Surface, side: float, ray: Ray, t0: float, t1: float) -> tuple[float, float]:
+    """K_up and K_down: bounds of the clearance's second derivative between two places on a ray [1/mm]."""
+    x, y, _, dx, dy, _ = ray
+    bound = s.field_bend
+    a = dx * dx + dy * dy
+    for k in range(s.tips.shape[0]):
+        px, py = x - s.tips[k, X], y - s.tips[k, Y]
+        b, c, edge = px * dx + py * dy, px * px + py * py, s.tips[k, EDGE]
+        nearest = min(max(-b / a, t0), t1) if a > 1e-14 else t0
+        low = math.sqrt(max((a * nearest + 2.0 * b) * nearest + c, 0.0))
+        if low >= edge:
+            continue
+        high = math.sqrt(max((a * t0 + 2.0 * b) * t0 + c, (a * t1 + 2.0 * b) * t1 + c, 0.0))
+        worst = 0.0
+        for ring in range(int(low / edge * BINS), min(int(high / edge * BINS), BINS - 1) + 1):
+            worst = max(worst, s.bends[k, ring])
+        bound += worst
+    bound *= a
+    crown = 0.0
+    if s.ky > 0.0:
+        for t in (t0, t1):
+            u, v = s.kx * (x + t * dx), s.ky * (y + t * dy)
+            crown = max(crown, u * u + v * v)
+        inner = 1.0 - min(crown, STEEPEST_SHARE * STEEPEST_SHARE)
+        crown = (s.kx * dx * dx + s.ky * dy * dy) / (inner * math.sqrt(inner))
+    return (bound, bound + crown) if side == INSIDE else (bound + crown, bound)
+
+
+@njit()
+def _next_border(s: Surface, ray: Ray, t: float, limit: float) -> tuple[float, int]:
+    """The next circle or line after t that a ray crosses in plan, and which: a tip, -1 along x, -2 along y."""
+    x, y, _, dx, dy, _ = ray
+    best, which = limit, -3
+    a = dx * dx + dy * dy
+    for k in range(s.tips.shape[0]):
+        px, py = x - s.tips[k, X], y - s.tips[k, Y]
+        b, c = px * dx + py * dy, px * px + py * py
+        for radius in (s.tips[k, EDGE], s.tips[k, CONTACT_RADIUS]):
+            gap = b * b - a * (c - radius * radius)
+            if gap <= 0.0 or a < 1e-14:
+                continue
+            for sign in (-1.0, 1.0):
+                place = (-b + sign * math.sqrt(gap)) / a
+                if t < place < best:
+                    best, which = place, k
+    if s.nodes.shape[0] > 0:
+        for end in range(2):
+            margin = MARGIN_MM if end == 1 else -MARGIN_MM
+            if dx != 0.0:
+                place = (s.corner[0] + end * (s.nodes.shape[0] - 1) * s.step[0] + margin - x) / dx
+                if t < place < best:
+                    best, which = place, -1
+            if dy != 0.0:
+                place = (s.corner[1] + end * (s.nodes.shape[1] - 1) * s.step[1] + margin - y) / dy
+                if t < place < best:
+                    best, which = place, -2
+    return best, which
+
+
+@njit()
+def _first_zero(s: Surface, side: float, ray: Ray, t0: float, t1: float) -> float:
+    """First place between t0 and t1 where the clearance falls to zero; infinity if it does not."""
+    t, step = t0, t1 - t0
+    near, growth = _clearance(s, side, ray, t)
+    if near <= 0.0 and growth < 0.0:
+        return t
+    while t < t1:
+        step = min(step, t1 - t)
+        end = t + step if step < t1 - t else t1
+        far, far_growth = _clearance(s, side, ray, end)
+        up, down = _bends(s, side, ray, t, end)
+        rises = growth - down * step >= 0.0 and far > 0.0
+        falls = (growth + up * step < 0.0 or up == 0.0) and near > 0.0 >= far
+        if not (rises or falls or min(near, far) > up * step * step / 8.0):
+            if step > FINEST_MM:
+                step *= 0.5
+                continue
+            falls = far <= 0.0
+        if falls:
+            return _zero(s, side, ray, t, end)
+        t, near, growth, step = end, far, far_growth, 2.0 * step
+    return math.inf
+
+
+@njit()
+def _zero(s: Surface, side: float, ray: Ray, low: float, high: float) -> float:
+    """A zero of the clearance between a place where it is positive and one where it is not.
+
+    Newton's steps from the far end, halving where one leaves the bracket.
+    """
+    place = high
+    for _ in range(60):
+        clear, growth = _clearance(s, side, ray, place)
+        if clear > 0.0:
+            low = place
+        else:
+            high = place
+        guess = place - clear / growth if growth < 0.0 else low
+        if not low < guess < high:
+            guess = 0.5 * (low + high)
+        if abs(guess - place) < 1e-13 or high - low < 1e-13:
+            break
+        place = guess
+    return low if high - low < 1e-13 else place
+
+
+@njit()
+def _met(s: Surface, side: float, x: float, y: float, distance: float) -> Meeting:
+    """What lies at a place of the top, and its normal."""
+    _, along, across = top_height(s, x, y)
+    size = side / math.sqrt(1.0 + along * along + across * across)
+    what = FREE
+    for k in range(s.tips.shape[0]):
+        if math.hypot(x - s.tips[k, X], y - s.tips[k, Y]) < s.tips[k, CONTACT_RADIUS]:
+            what = CONTACT
+    return distance, what, -along * size, -across * size, size
+
+
+@njit()
+def _face(s: Surface, which: int, ray: Ray, t: float) -> Meeting:
+    """The vertical face at a tip's edge or at the field's border, which a ray passes outward or inward."""
+    x, y, _, dx, dy, _ = ray
+    nx, ny = dx, 0.0
+    if which >= 0:
+        nx, ny = x + t * dx - s.tips[which, X], y + t * dy - s.tips[which, Y]
+    elif which == -2:
+        nx, ny = 0.0, dy
+    size = math.copysign(math.hypot(nx, ny), nx * dx + ny * dy)
+    return t, FREE, nx / size, ny / size, 0.0
+
+
+@njit()
+def _tip_z(s: Surface) -> float:
+    """Height of the centre of the one tip's sphere [mm]."""
+    return float(s.tips[0, SPHERE] - s.tips[0, DROP])
+
+
+@njit(forceinline=True)
+def _cone_hit(s: Surface, side: float, ray: Ray, limit: float) -> Meeting:
+    """`top_hit` in the frame, where the top is the plane z = 0 and one tip's cones; its sphere only from inside."""
+    x, y, z, dx, dy, dz = ray
+    far = s.lowest if side == INSIDE else s.highest
+    if side * dz <= 0.0 and side * (far - z) > SEAM_MM:
+        return limit, NOTHING, 0.0, 0.0, side
+    edge = s.tips[0, EDGE] if s.tips.shape[0] > 0 else 0.0
+    a, b, c = dx * dx + dy * dy, x * dx + y * dy, x * x + y * y
+    best, what, nr, nz = limit, NOTHING, 0.0, side
+    if side * dz > 0.0:
+        t = -z / dz
+        if -1e-9 < t < best and a * t * t + 2.0 * b * t + c >= max(edge - SEAM_MM, 0.0) ** 2:
             best, what = max(t, 0.0), FREE
-    if s.cap_radius > 0.0:
-        t = _cap_distance(s, px, py, z, dx, dy, dz)
-        if t < best:
-            best, what = t, CONTACT
-            nr = -math.sqrt(max(a * t * t + 2.0 * b * t + c, 0.0)) / s.tip_radius
-            nz = (s.tip_z - z - t * dz) / s.tip_radius
-    t, piece = _piece_distance(s.pieces, s.blocks, s.edge, a, b, c, z, dz, best)
-    if piece >= 0:
-        best, what = t, (CONTACT if s.pieces[piece, 7] > 0.0 else FREE)
-        nr, nz = _piece_normal(s.pieces[piece], math.sqrt(max(a * t * t + 2.0 * b * t + c, 0.0)), z + t * dz)
-    hx, hy = px + best * dx, py + best * dy
+    if edge > 0.0:
+        if side == INSIDE and s.tips[0, CONTACT_RADIUS] > 0.0:
+            t = _cap_distance(s, ray)
+            if t < best:
+                best, what = t, CONTACT
+                nr = -math.sqrt(max(a * t * t + 2.0 * b * t + c, 0.0)) / s.tips[0, SPHERE]
+                nz = (_tip_z(s) - z - t * dz) / s.tips[0, SPHERE]
+        t, cone = _cone_distance(s.cones, s.blocks, side, edge, (a, b, c, z, dz), best)
+        if cone >= 0:
+            best, what = t, (CONTACT if s.cones[cone, 7] > 0.0 else FREE)
+            r = math.sqrt(max(a * t * t + 2.0 * b * t + c, 0.0))
+            nr, nz = _cone_normal(s.cones[cone], side, r, z + t * dz)
+    hx, hy = x + best * dx, y + best * dy
     r = max(math.hypot(hx, hy), 1e-12)
     return best, what, nr * hx / r, nr * hy / r, nz
 
 
 @njit()
-def surface_entry(
-    s: RevolvedSurface, x: float, y: float, z: float, dx: float, dy: float, dz: float, limit: float
-) -> tuple[float, int, float, float, float]:
-    """First place nearer than `limit` where a ray in air enters the elastomer; tips are not seen here.
-
-    Parameters and results as of `surface_hit`, but the start is in air and the normal points into the elastomer.
-    """
-    if dz >= 0.0 and z > s.highest + SEAM_MM:
-        return limit, NOTHING, 0.0, 0.0, -1.0
-    px, py = x - s.centre_x, y - s.centre_y
-    a, b, c = dx * dx + dy * dy, px * dx + py * dy, px * px + py * py
-    best, what, nr, nz = limit, NOTHING, 0.0, -1.0
-    if dz < 0.0:
-        t = (s.top - z) / dz
-        if -1e-9 < t < best and a * t * t + 2.0 * b * t + c >= max(s.edge - SEAM_MM, 0.0) ** 2:
-            best, what = max(t, 0.0), FREE
-    t, piece = _piece_distance(s.back, s.back_blocks, s.edge, a, b, c, z, dz, best)
-    if piece >= 0:
-        best, what = t, FREE
-        nr, nz = _piece_normal(s.back[piece], math.sqrt(max(a * t * t + 2.0 * b * t + c, 0.0)), z + t * dz)
-    hx, hy = px + best * dx, py + best * dy
-    r = max(math.hypot(hx, hy), 1e-12)
-    return best, what, nr * hx / r, nr * hy / r, nz
-
-
-@njit()
-def _piece_normal(piece: FloatArray, r: float, z: float) -> tuple[float, float]:
-    """Radial and vertical part of the unit normal at a place on a piece."""
-    r0, z0, kr, kz, length, angle0, angle1, _ = piece
+def _cone_normal(cone: FloatArray, side: float, r: float, z: float) -> tuple[float, float]:
+    """Radial and vertical part of the unit normal at a place on a cone."""
+    r0, z0, kr, kz, length, angle0, angle1, _ = cone
     share = min(max(((r - r0) * kr + (z - z0) * kz) / length, 0.0), 1.0)
     angle = angle0 + share * (angle1 - angle0)
-    return -math.sin(angle), math.cos(angle)
+    return -side * math.sin(angle), side * math.cos(angle)
 
 
 @njit()
-def _cap_distance(
-    s: RevolvedSurface, px: float, py: float, z: float, dx: float, dy: float, dz: float
-) -> float:
+def _cap_distance(s: Surface, ray: Ray) -> float:
     """Distance at which a ray enters the tip sphere through its wetted cap [mm]; infinity if it does not."""
-    oz = z - s.tip_z
-    b = px * dx + py * dy + oz * dz
-    gap = b * b - (px * px + py * py + oz * oz - s.tip_radius**2)
+    x, y, z, dx, dy, dz = ray
+    oz = z - _tip_z(s)
+    b = x * dx + y * dy + oz * dz
+    gap = b * b - (x * x + y * y + oz * oz - s.tips[0, SPHERE] ** 2)
     if b >= 0.0 or gap <= 0.0:
         return math.inf
     t = -b - math.sqrt(gap)
-    r2 = (px + t * dx) ** 2 + (py + t * dy) ** 2
-    if t < 0.0 or oz + t * dz > SEAM_MM or r2 > (s.cap_radius + SEAM_MM) ** 2:
+    r2 = (x + t * dx) ** 2 + (y + t * dy) ** 2
+    if t < 0.0 or oz + t * dz > SEAM_MM or r2 > (s.tips[0, CONTACT_RADIUS] + SEAM_MM) ** 2:
         return math.inf
     return t
 
 
 @njit()
-def _piece_distance(
-    pieces: FloatArray,
-    blocks: FloatArray,
-    edge: float,
-    a: float,
-    b: float,
-    c: float,
-    z: float,
-    dz: float,
-    limit: float,
+def _cone_distance(
+    cones: FloatArray, blocks: FloatArray, side: float, edge: float, line: Line, limit: float
 ) -> tuple[float, int]:
-    """Nearest passage through the frusta; the ray's squared radius is a t² + 2 b t + c, its height z + dz t."""
-    best, piece = limit, -1
+    """Nearest passage through the cones, and which."""
+    a, b, c, z, dz = line
+    best, cone = limit, -1
     start, stop = 0.0, limit
     reach = (edge + SEAM_MM) ** 2
     if a > 1e-14:
         gap = b * b - a * (c - reach)
         if gap <= 0.0:
-            return best, piece
+            return best, cone
         start = max(start, (-b - math.sqrt(gap)) / a)
         stop = min(stop, (-b + math.sqrt(gap)) / a)
     elif c > reach:
-        return best, piece
+        return best, cone
     for k in range(blocks.shape[0]):
         low_r, high_r, low_z, high_z = blocks[k]
         t0, t1 = start, min(stop, best)
@@ -319,24 +595,24 @@ def _piece_distance(
         farthest = max(a * t0 * t0 + 2.0 * b * t0 + c, a * t1 * t1 + 2.0 * b * t1 + c)
         if nearest > high_r * high_r or farthest < low_r * low_r:
             continue
-        for i in range(k * BLOCK, min((k + 1) * BLOCK, pieces.shape[0])):
-            t = _frustum_exit(pieces[i], a, b, c, z, dz, best)
-            if t < best:
-                best, piece = t, i
-    return best, piece
+        for i in range(k * BLOCK, min((k + 1) * BLOCK, cones.shape[0])):
+            if side == INSIDE or cones[i, 7] == 0.0:  # in air the tip's own side is the tip's
+                t = _one_cone_distance(cones[i], side, line, best)
+                if t < best:
+                    best, cone = t, i
+    return best, cone
 
 
 @njit()
-def _frustum_exit(
-    piece: FloatArray, a: float, b: float, c: float, z: float, dz: float, limit: float
-) -> float:
-    """Distance at which a ray leaves through one frustum [mm]; infinity if it does not before `limit`.
+def _one_cone_distance(cone: FloatArray, side: float, line: Line, limit: float) -> float:
+    """Distance at which a ray passes one frustum away from its side [mm]; infinity if it does not before `limit`.
 
     On the cone through the piece, the offset f(t) = (z - z0) kr - (r - r0) kz is zero; it grows where the
-    ray leaves the elastomer. Squaring r = sqrt(a t² + 2 b t + c) gives a quadratic; Newton steps on f
-    then remove its rounding, and show up the root of the mirrored cone.
+    ray leaves the elastomer, and falls where it enters. Squaring r = sqrt(a t² + 2 b t + c) gives a quadratic;
+    Newton steps on f then remove its rounding, and show up the root of the mirrored cone.
     """
-    r0, z0, kr, kz, length = piece[:5]
+    a, b, c, z, dz = line
+    r0, z0, kr, kz, length = cone[:5]
     g0, g1 = (z - z0) * kr + r0 * kz, dz * kr
     qa, qb, qc = a * kz * kz - g1 * g1, b * kz * kz - g0 * g1, c * kz * kz - g0 * g0
     gap = qb * qb - qa * qc
@@ -358,10 +634,10 @@ def _frustum_exit(
             r = max(math.sqrt(max((a * t + 2.0 * b) * t + c, 0.0)), 1e-12)
             offset = g0 + g1 * t - kz * r
             growth = g1 - kz * (a * t + b) / r
-            if growth <= 0.0 or abs(offset) < 1e-12:
+            if side * growth <= 0.0 or abs(offset) < 1e-12:
                 break
             t -= offset / growth
-        if growth <= 0.0 or abs(offset) > 1e-9 or t < 0.0 or t >= limit or t >= best:
+        if side * growth <= 0.0 or abs(offset) > 1e-9 or t < 0.0 or t >= limit or t >= best:
             continue
         r = math.sqrt(max((a * t + 2.0 * b) * t + c, 0.0))
         share = (r - r0) * kr + (z + t * dz - z0) * kz

@@ -1,59 +1,68 @@
-"""The top of the pad in one state: a surface of revolution or a sum of heights, and the tips above it.
+"""The top's numbers, made from what presses on the pad: presses are checked, profiles read and cut into pieces.
 
-On a flat pad a single tip is a `RevolvedSurface`, which may fold; several tips, or a field, are a `SummedSurface`. A
-crown, pressed by one tip or untouched, is a `CrownedTop`: a `SummedSurface` in the frame of the press.
+A profile's contact and free curve
+----------------------------------
+Under a hemisphere the contact is an exact sphere, and above its equator (a press deeper than the tip radius) the
+cylindrical shank up to the last point of the curve that is no farther out than the contact radius. Under another
+tip the curve itself is the tip up to that point. The free curve starts where the contact ends.
 
-Light in air also meets the tips. What is known of them is the press, so they are taken as solid and endless:
-under a hemisphere the lower half sphere and a cylinder of its radius above; under any other tip a cylinder of the
-contact radius that stands on the end of the contact, which hides no more than the tip does. A press without contact
-has no tip. Where other heights raise the top into a tip, light there counts as absorbed by the tip.
+As cones
+--------
+The stored points (radius, height) of the free curve are read as one smooth curve: a monotone cubic (PCHIP, Fritsch &
+Carlson 1980) of radius and of height over chord length. So the curve may run back under itself. It is cut into straight
+pieces that turn by at most `TURN_LIMIT` and are at most `PIECE_LIMIT_MM` long, which keeps them within 0.15 µm of the
+curve; revolved, each piece is a cone frustum. Normals turn linearly from end to end of a piece, so they are continuous.
+If the curve does not end at height zero, a vertical ring closes the step.
+
+As heights that add up
+----------------------
+The rest of the curve beyond a sphere, and under another tip all of it, is a monotone cubic (PCHIP) of height over
+radius through the stored points. Curves with more than one height at a radius are refused, but for a shank that is in
+the pad: it leans by `STEEPEST`.
+
+This file shares no code with the fast engine on purpose: it is the other half of a comparison.
 """
 
-# ruff: noqa: ARG001
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Any
+from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
-from numba import njit
-from numba.extending import overload
 from numpy.typing import ArrayLike
+from scipy.interpolate import PchipInterpolator
 
 from design.arrays import FloatArray
 from design.errors import InputError, ModelScopeError
-from sims.optics.oracle.crown import (
-    CrownedTop,
-    crowned_hit,
-    in_frame,
-    is_crown_steep,
-    is_under_crown,
-    turned,
-    turned_back,
-)
-from sims.optics.oracle.heights import REACH_SHARE, Crown, SummedSurface, Tip, lower_sum, on_crown
-from sims.optics.oracle.march import INSIDE, OUTSIDE, is_under_sum, summed_hit
-from sims.optics.oracle.profile import check_indentation, free_curve
+from design.shape.top import Top
 from sims.optics.oracle.scene import UNIT_TOLERANCE, beyond_walls_mm, outline_mm
 from sims.optics.oracle.surface import (
-    RevolvedSurface,
-    is_submerged,
-    lower_surface,
-    surface_entry,
-    surface_hit,
+    BINS,
+    BLOCK,
+    REACH_SHARE,
+    SEAM_MM,
+    STEEPEST_SHARE,
+    Surface,
 )
-from sims.optics.scene.optical_scene import OpticalScene, PadForm, SmoothField
+from sims.optics.scene.optical_scene import OpticalScene, SmoothField
 from sims.press import Indentation
 
 Presses = Indentation | None | Sequence[Indentation | None]
 """What presses on the pad in one state: one tip, none, or one press or None for each tip."""
+Tip = tuple[FloatArray, Indentation]
+"""Centre (2,) [mm] and press of a tip that touches the pad."""
 
-
-Top = RevolvedSurface | SummedSurface | CrownedTop
-"""The top in one state; compiled code is specialised for each."""
-Meeting = tuple[float, int, float, float, float]
-"""Distance [mm], what, and a unit normal."""
+TIP_MISMATCH_MM = 0.1
+"""Largest distance between the end of the contact on the curve and the tip [mm]: mesh and penetration."""
+TURN_LIMIT = 0.01
+"""Largest turn of the curve within one straight piece [rad]."""
+PIECE_LIMIT_MM = 0.1
+"""Longest straight piece [mm]; with the turn limit its sagitta is at most 0.125 µm."""
+STEEPEST, SPHERE_KNOTS = 30.0, 97
+"""A shank in the pad leans outward with this slope: its edge moves out by a thirtieth of what is wetted. Knots of the
+sphere below it."""
 
 
 def lower_presses(
@@ -61,7 +70,7 @@ def lower_presses(
     centres_mm: ArrayLike,
     indentations: Sequence[Presses],
     fields: Sequence[SmoothField | None] | None = None,
-) -> list[Top]:
+) -> list[Surface]:
     """Check the states' presses and turn each into numbers.
 
     Parameters
@@ -85,11 +94,14 @@ def lower_presses(
         )
     if fields is not None and len(fields) != states:
         raise InputError(f"fields: {len(fields)} given, needs {states}: one or None per state")
+    top, outline = Top(clear_mm=scene.height_mm, apex_mm=(0.0, 0.0)), None
+    if scene.form is not None and not scene.form.top.is_flat:
+        top, outline = scene.form.top, outline_mm(scene.form)
     tops = []
     for state, presses in enumerate(indentations):
         tips = _pressing_tips(scene, centres[state].reshape(-1, 2), presses, state)
         field = None if fields is None else fields[state]
-        tops.append(_lower_top(scene, tips, field, f"indentations[{state}]"))
+        tops.append(lower_top(top, tips, field, f"indentations[{state}]", outline))
     return tops
 
 
@@ -125,288 +137,363 @@ def _check_place(scene: OpticalScene, centre: FloatArray, name: str) -> None:
             )
 
 
-def _lower_top(scene: OpticalScene, tips: list[Tip], field: SmoothField | None, where: str) -> Top:
-    top_mm = scene.height_mm
-    if scene.form is not None and not scene.form.top.is_flat:
-        return _lower_crowned(scene, scene.form, tips, field, where)
-    solids = _solids(tips, top_mm, where)
-    if field is not None or len(tips) > 1:
-        return lower_sum(tips, field, top_mm, where)._replace(solids=solids)
-    centre, press = tips[0] if tips else (np.zeros(2), None)
-    return lower_surface(press, centre, top_mm, where)._replace(solids=solids)
+def lower_top(
+    top: Top,
+    tips: Sequence[Tip],
+    field: SmoothField | None = None,
+    where: str = "indentations",
+    outline: FloatArray | None = None,
+) -> Surface:
+    """Turn an untouched top, the tips that press on it and a field into numbers.
+
+    where : what to call the presses in messages; outline : (n, 2) of the pad in plan [mm], needed under a crown
+
+    Raises
+    ------
+    InputError, ModelScopeError : as of `lower_presses`
+    """
+    is_sum = not top.is_flat or field is not None or len(tips) > 1
+    _check_together(top, tips, field, where)
+    origin, axes = np.array([0.0, 0.0, top.clear_mm]), np.eye(3)
+    if not (top.is_flat and is_sum):  # in the frame of the one press
+        x, y = tips[0][0] if tips else top.apex_mm
+        origin, axes = top.press_frame(float(x), float(y))
+        tips = [(np.zeros(2), press) for _, press in tips]
+    reach = 0.0 if outline is None else _reach_mm(top, origin, axes, outline, where)
+    curve = top.in_frame
+    parts = []
+    for number, (centre, press) in enumerate(tips):
+        name = where if len(tips) == 1 else f"{where}[{number}]"
+        # a tilted tip's lowest place lies up to radius (1 - cosine) below its apex
+        check_indentation(press, float(origin[2] - press.tip_radius_mm * (1.0 - axes[2, 2])), name)
+        parts.append(_lower_profile(centre, press, curve.mean_curvature, is_sum, name))
+    first = np.cumsum([0, *(len(part.curve) for part in parts)])
+    starts = [part.starts + row for part, row in zip(parts, first[:-1], strict=True)]
+    nodes, corner, step, low, high, field_bend = _lowered_field(field)
+    cones = _joined([part.cones for part in parts], 8)
+    return Surface(
+        origin=tuple(origin.tolist()),
+        axes=tuple(axes.ravel().tolist()),
+        kx=float(curve.kx),
+        ky=float(curve.ky),
+        lowest=low - float(_falls(reach, curve.ky)) + sum(part.lowest for part in parts),
+        highest=high + sum(part.highest for part in parts),
+        is_sum=is_sum,
+        tips=_joined([[*part.tip, first[k], first[k + 1] - 1] for k, part in enumerate(parts)], 8),
+        solids=_joined([part.solid for part in parts], 6),
+        cones=cones,
+        blocks=_bounding_blocks(cones),
+        curve=_joined([part.curve for part in parts], 5),
+        starts=_joined(starts, BINS).astype(np.int64),
+        bends=_joined([part.bends for part in parts], BINS),
+        nodes=nodes,
+        corner=(float(corner[0]), float(corner[1])),
+        step=(float(step[0]), float(step[1])),
+        field_bend=field_bend,
+    )
 
 
-def _lower_crowned(
-    scene: OpticalScene, form: PadForm, tips: list[Tip], field: SmoothField | None, where: str
-) -> CrownedTop:
-    if len(tips) > 1:
+def _check_together(top: Top, tips: Sequence[Tip], field: SmoothField | None, where: str) -> None:
+    if not top.is_flat and len(tips) > 1:
         raise ModelScopeError(
             f"{where}: {len(tips)} tips on a crown; only one is traced there, press one by one"
         )
-    if field is not None and not tips:
+    if not top.is_flat and field is not None and not tips:
         raise InputError(f"{where}: a field without a press on a crown has no frame; leave it out")
-    place, press = tips[0] if tips else (np.array(form.top.apex_mm), None)
-    origin, axes = form.top.press_frame(float(place[0]), float(place[1]))
-    along = 1.0 if form.top.straight is None else 0.0
-    crown = Crown(form.top.radius_mm, along, _reach_mm(scene, form, origin, axes, along))
-    if crown.reach > REACH_SHARE * crown.radius:
+    for k, (centre, press) in enumerate(tips):
+        for other, (place, second) in enumerate(tips[:k]):
+            gap = math.hypot(*(np.asarray(centre) - np.asarray(place)))
+            need = press.contact_radius_mm + second.contact_radius_mm
+            if gap < need:
+                raise ModelScopeError(
+                    f"{where}[{other}] and [{k}]: {gap:g} mm apart, but their contacts have radii that add up to"
+                    f" {need:g} mm; move the tips apart"
+                )
+
+
+def _reach_mm(top: Top, origin: FloatArray, axes: FloatArray, outline: FloatArray, where: str) -> float:
+    """Farthest place of bottom or untouched crown from a frame's axis, for a cylinder across it [mm]."""
+    rim = top.height_mm(outline[:, 0], outline[:, 1])
+    ends = np.vstack([np.column_stack([outline, height]) for height in (np.zeros(len(rim)), rim)])
+    u, v, _ = axes @ (ends - origin).T
+    reach = float(np.hypot(u if top.straight is None else 0.0, v).max())
+    limit = REACH_SHARE * top.radius_mm
+    if reach > limit:
         raise ModelScopeError(
-            f"{where}: seen along the press the pad reaches {crown.reach:g} mm from its axis, and a crown of radius"
-            f" {crown.radius:g} mm can be traced to {REACH_SHARE * crown.radius:g} mm; press nearer to the apex or"
-            " flatten the crown"
+            f"{where}: seen along the press the pad reaches {reach:g} mm from its axis, and a crown of radius"
+            f" {top.radius_mm:g} mm can be traced to {limit:g} mm; press nearer to the apex or flatten the crown"
         )
-    alone: list[Tip] = []
-    if press is not None:
-        # a tilted tip's lowest place lies up to radius (1 - cosine) below its apex
-        check_indentation(press, float(origin[2] - press.tip_radius_mm * (1.0 - axes[2, 2])), where)
-        alone = [(np.zeros(2), press)]
-    solids = _solids([(centre, on_crown(tip, crown.mean_radius)) for centre, tip in alone], 0.0, where)
-    heights = lower_sum(alone, field, 0.0, where, crown)._replace(solids=solids)
-    return CrownedTop(origin, np.ascontiguousarray(axes), heights)
+    return reach
 
 
-def _reach_mm(
-    scene: OpticalScene, form: PadForm, origin: FloatArray, axes: FloatArray, along: float
-) -> float:
-    """Farthest place of bottom or untouched top from a frame's axis, for a cylinder across it [mm]."""
-    outline = outline_mm(form)
-    top = form.top.height_mm(outline[:, 0], outline[:, 1])
-    ends = np.vstack([np.column_stack([outline, height]) for height in (np.zeros(len(top)), top)])
-    sideways = (ends - origin) @ axes[:2].T
-    return float(np.sqrt(along * sideways[:, 0] ** 2 + sideways[:, 1] ** 2).max())
+def _falls(radius_mm: ArrayLike, curvature: float) -> FloatArray:
+    """(...,) fall of a sphere at (...,) radii [mm], which goes on straight as in `sims.optics.oracle.surface.sag`."""
+    radius = np.asarray(radius_mm, dtype=np.float64)
+    near = np.minimum(radius, STEEPEST_SHARE / max(curvature, 1e-99))
+    root = np.sqrt(1.0 - (curvature * near) ** 2)
+    fall: FloatArray = curvature * near * (near / (1.0 + root) + (radius - near) / root)
+    return fall
 
 
-def _solids(tips: list[Tip], top_mm: float, where: str) -> FloatArray:
-    """(k, 6) tips as light in air meets them: x, y of the axis; height of the sphere's centre, and its radius,
-    0 for none; radius of the cylinder, and the height where it starts [mm]."""
+def _joined(parts: Sequence[ArrayLike], columns: int) -> FloatArray:
+    return np.vstack([np.empty((0, columns)), *parts])
+
+
+class _Profile(NamedTuple):
+    """One tip's part of a `Surface`, as cones or as heights that add up; no rows of what it is not."""
+
+    tip: tuple[float, ...]
+    lowest: float
+    highest: float
+    solid: FloatArray
+    cones: FloatArray
+    curve: FloatArray
+    starts: FloatArray
+    bends: FloatArray
+
+
+def _lower_profile(
+    centre: FloatArray, given: Indentation, mean_curvature: float, is_sum: bool, where: str
+) -> _Profile:
+    """A press' profile, given above the mean crown."""
+    heights = np.asarray(given.height_mm, float) - _falls(given.radius_mm, mean_curvature)
+    press = replace(given, height_mm=heights)  # above the tangent plane
+    free, wetted, cap = free_curve(press, where)
+    cones, curve, starts, bends = (np.empty((0, columns)) for columns in (8, 5, BINS, BINS))
+    if is_sum:
+        knots, sphere, contact = _single_valued(press, free, wetted, cap, where)
+        knots[:, 1] += _falls(knots[:, 0], mean_curvature)
+        spline = PchipInterpolator(knots[:, 0], knots[:, 1])
+        curve = np.column_stack([knots[:-1, 0], spline.c[::-1].T])
+        starts, bends = _rings(float(knots[-1, 0]), contact, sphere, curve, mean_curvature)
+    else:
+        knots, sphere, contact = np.vstack([wetted, free]), press.tip_radius_mm, cap
+        ring = np.array([free[-1], [free[-1, 0], 0.0]])[: 2 if abs(free[-1, 1]) >= 1e-9 else 0]
+        rows = [*_straight_pieces(wetted, 1.0), *_curve_pieces(free), *_straight_pieces(ring, 0.0)]
+        cones = np.array(rows, dtype=np.float64)
+    return _Profile(
+        tip=(*centre, knots[-1, 0], contact, sphere, press.depth_mm),
+        lowest=min(-press.depth_mm, knots[:, 1].min()),
+        highest=max(knots[:, 1].max(), 0.0),
+        solid=_solid(press, centre, wetted),
+        cones=cones,
+        curve=curve,
+        starts=starts,
+        bends=bends,
+    )
+
+
+def _solid(press: Indentation, centre: FloatArray, wetted: FloatArray) -> FloatArray:
+    """(0 or 1, 6) row of `Surface.solids`."""
+    x, y = centre
+    if press.contact_radius_mm == 0.0:
+        return np.empty((0, 6))
+    if press.is_hemisphere:
+        tip, middle = press.tip_radius_mm, press.tip_radius_mm - press.depth_mm
+        return np.array([[x, y, middle, tip, tip, middle]])
+    return np.array([[x, y, 0.0, 0.0, *wetted[-1]]])
+
+
+def check_indentation(press: Indentation, top_mm: float, where: str) -> None:
+    """Refuse a press whose profile cannot be a pad's surface.
+
+    top_mm : height of the undisturbed surface [mm]; where : what to call the press in messages.
+    """
+    radius, height = np.asarray(press.radius_mm, float), np.asarray(press.height_mm, float)
+    scalars = (press.depth_mm, press.tip_radius_mm, press.contact_radius_mm)
+    if radius.ndim != 1 or radius.shape != height.shape or radius.size < 2:
+        raise InputError(
+            f"{where}: radius_mm {radius.shape} and height_mm {height.shape} must be two lists of the same"
+            " length, at least 2 points"
+        )
+    if not (np.isfinite(radius).all() and np.isfinite(height).all() and np.isfinite(scalars).all()):
+        raise InputError(f"{where}: the profile holds NaN or infinity; solve the contact again")
+    if radius.min() < 0.0:
+        raise InputError(f"{where}: radius_mm {radius.min():g} is negative; a radius is a distance")
+    if radius[0] > SEAM_MM:
+        raise InputError(f"{where}: the curve starts at radius {radius[0]:g} mm; it must start at 0")
+    if radius[-1] < radius.max():
+        raise InputError(
+            f"{where}: the curve ends at radius {radius[-1]:g} mm, inside its largest {radius.max():g} mm;"
+            " it must end at its outer rim"
+        )
+    if press.tip_radius_mm <= 0.0:
+        raise InputError(f"{where}: tip_radius_mm {press.tip_radius_mm:g} must be > 0")
+    if press.contact_radius_mm < 0.0 or press.contact_radius_mm > radius[-1] - 2.0 * SEAM_MM:
+        raise InputError(
+            f"{where}: contact_radius_mm {press.contact_radius_mm:g} must be >= 0 and inside the curve's rim,"
+            f" {radius[-1]:g} mm"
+        )
+    deepest = max(press.depth_mm, -float(height.min()))
+    if deepest >= top_mm:
+        raise InputError(
+            f"{where}: reaches {deepest:g} mm down in a clear layer of {top_mm:g} mm; press less deep"
+        )
+
+
+def free_curve(press: Indentation, where: str) -> tuple[FloatArray, FloatArray, float]:
+    """Knots (n, 2) of the free curve, ends (m, 2) of the tip's wetted straight pieces, radius of its cap."""
+    curve = np.column_stack([press.radius_mm, press.height_mm]).astype(np.float64)
+    if press.contact_radius_mm == 0.0:
+        return apart(curve), np.empty((0, 2)), 0.0
+    tip, equator = press.tip_radius_mm, press.tip_radius_mm - press.depth_mm
+    last = int(np.flatnonzero(curve[:, 0] <= press.contact_radius_mm * (1.0 + 1e-9))[-1])
+    if not press.is_hemisphere:
+        return apart(curve[last:]), apart(curve[: last + 1]), 0.0
+    r, z = curve[last]
+    gap = math.hypot(r, z - equator) - tip if z <= equator else r - tip
+    if abs(gap) > TIP_MISMATCH_MM:
+        raise InputError(
+            f"{where}: at the contact radius the curve is {gap:+.3f} mm off the tip (limit"
+            f" {TIP_MISMATCH_MM:g} mm); check tip_radius_mm {tip:g} and depth_mm {press.depth_mm:g}"
+        )
+    if z > equator:
+        shank = np.array([[tip, equator], [tip, z]])
+        return apart(np.vstack([shank[1:], curve[last + 1 :]])), shank, tip
+    cap = min(press.contact_radius_mm, tip)
+    start = np.array([[cap, equator - math.sqrt(tip * tip - cap * cap)]])
+    return apart(np.vstack([start, curve[last + 1 :]])), np.empty((0, 2)), cap
+
+
+def apart(knots: FloatArray) -> FloatArray:
+    """The knots without those that repeat the one before them."""
+    step = np.hypot(*np.diff(knots, axis=0).T)
+    return np.asarray(knots[np.concatenate([[True], step > SEAM_MM])])
+
+
+def _straight_pieces(ends: FloatArray, contact: float) -> list[tuple[float, ...]]:
+    step = np.diff(ends, axis=0)
+    size, angle = np.hypot(step[:, 0], step[:, 1]), np.arctan2(step[:, 1], step[:, 0])
+    return [(*ends[i], *(step[i] / size[i]), size[i], angle[i], angle[i], contact) for i in range(len(step))]
+
+
+def _curve_pieces(knots: FloatArray) -> list[tuple[float, ...]]:
+    """Cut the smooth curve through the knots into straight pieces."""
+    chord = np.hypot(*np.diff(knots, axis=0).T)
+    along = np.concatenate([[0.0], np.cumsum(chord)])
+    curve = PchipInterpolator(along, knots)
+    tangent = curve.derivative()
+    sample = along[:-1, None] + chord[:, None] * np.linspace(0.0, 1.0, 9)
+    turn = np.abs(np.diff(_angles(tangent(sample), np.diff(knots, axis=0)[:, None, :]), axis=1)).sum(axis=1)
+    count = np.ceil(np.maximum(turn / TURN_LIMIT, chord / PIECE_LIMIT_MM)).astype(int).clip(min=1)
+    pieces: list[tuple[float, ...]] = []
+    for start, length, n in zip(along[:-1], chord, count, strict=True):
+        cut = start + length * np.linspace(0.0, 1.0, n + 1)
+        point = np.asarray(curve(cut))
+        step = np.diff(point, axis=0)
+        size = np.hypot(*step.T)
+        angle = _angles(np.asarray(tangent(cut)), np.vstack([step, step[-1:]]))
+        pieces += [(*point[i], *(step[i] / size[i]), size[i], angle[i], angle[i + 1], 0.0) for i in range(n)]
+    return pieces
+
+
+def _angles(tangent: FloatArray, fallback: FloatArray) -> FloatArray:
+    """Continuous angle of tangents (..., n, 2) to the radial direction [rad]; at rest, of the fallback."""
+    at_rest = np.hypot(tangent[..., 0], tangent[..., 1])[..., None] < 1e-9
+    used = np.where(at_rest, fallback, tangent)
+    return np.asarray(np.unwrap(np.arctan2(used[..., 1], used[..., 0]), axis=-1))
+
+
+def _bounding_blocks(table: FloatArray) -> FloatArray:
+    ends = table[:, :2] + table[:, 2:4] * table[:, 4:5]
     rows = []
-    for (x, y), press in tips:
-        if press.contact_radius_mm == 0.0:
-            continue
-        if press.is_hemisphere:
-            centre, radius = top_mm - press.depth_mm + press.tip_radius_mm, press.tip_radius_mm
-            rows.append((x, y, centre, radius, radius, centre))
-        else:
-            _, wetted, _ = free_curve(press, where)
-            rows.append((x, y, 0.0, 0.0, wetted[-1, 0], top_mm + wetted[-1, 1]))
-    return np.array(rows, dtype=np.float64).reshape(-1, 6)
+    for first in range(0, len(table), BLOCK):
+        points = np.vstack([table[first : first + BLOCK, :2], ends[first : first + BLOCK]])
+        low, high = points.min(axis=0) - SEAM_MM, points.max(axis=0) + SEAM_MM
+        rows.append((max(low[0], 0.0), high[0], low[1], high[1]))
+    return np.array(rows).reshape(-1, 4)
 
 
-def is_in_elastomer(top: Top, x: float, y: float, z: float) -> bool:
-    """Whether a place x, y, z lies below the top."""
-    if isinstance(top, CrownedTop):
-        return is_under_crown(top, x, y, z)
-    return is_under_sum(top, x, y, z) if isinstance(top, SummedSurface) else is_submerged(top, x, y, z)
+def _single_valued(
+    press: Indentation, free: FloatArray, wetted: FloatArray, cap: float, where: str
+) -> tuple[FloatArray, float, float]:
+    """Knots (n, 2) of height over rising radius, radius of the sphere inside them, 0 for none, and contact radius."""
+    knots, sphere, contact = free, cap if press.is_hemisphere else 0.0, float(press.contact_radius_mm)
+    if not press.is_hemisphere and len(wetted):
+        knots = np.vstack([wetted, knots[1:]])
+    if press.tip_radius_mm < press.depth_mm and sphere >= press.tip_radius_mm:
+        knots, sphere = _leaning(press, knots), 0.0
+        contact = float(knots[SPHERE_KNOTS, 0])
+    if np.diff(knots[:, 0]).min() < SEAM_MM:
+        raise ModelScopeError(
+            f"{where}: the curve has several heights at one radius (it folds); with several tips, a field or a crown"
+            " only single-valued curves can be traced: press less deep"
+        )
+    return knots, press.tip_radius_mm if sphere > 0.0 else 0.0, contact
 
 
-def top_exit(
-    top: Top, x: float, y: float, z: float, dx: float, dy: float, dz: float, limit: float
-) -> Meeting:
-    """First place where a ray from inside leaves the elastomer through the top.
-
-    Parameters
-    ----------
-    x, y, z : start, inside the elastomer [mm]
-    dx, dy, dz : unit direction
-    limit : how far to look [mm]
-
-    Returns
-    -------
-    distance [mm], what (`NOTHING`, `FREE`, `CONTACT`), and the unit normal that points out of the elastomer
-    """
-    if isinstance(top, CrownedTop):
-        return crowned_hit(top, INSIDE, x, y, z, dx, dy, dz, limit)
-    return (
-        summed_hit(top, INSIDE, x, y, z, dx, dy, dz, limit)
-        if isinstance(top, SummedSurface)
-        else surface_hit(top, x, y, z, dx, dy, dz, limit)
-    )
+def _leaning(press: Indentation, free: FloatArray) -> FloatArray:
+    """Knots of a tip in beyond its equator: the sphere, its shank as a steep cone, the free curve moved out."""
+    tip, equator = press.tip_radius_mm, press.tip_radius_mm - press.depth_mm
+    angle = np.linspace(0.0, math.atan(STEEPEST), SPHERE_KNOTS)
+    sphere = np.column_stack([tip * np.sin(angle), equator - tip * np.cos(angle)])
+    rise = free[0, 1] - sphere[-1, 1]
+    edge = np.array([[sphere[-1, 0] + rise / STEEPEST, free[0, 1]]])
+    beyond = free[1:].copy()
+    least = edge[0, 0] + 2.0 * SEAM_MM * np.arange(1, len(beyond) + 1)
+    beyond[:, 0] = np.maximum(np.maximum.accumulate(beyond[:, 0]), least)
+    return np.vstack([sphere, edge, beyond])
 
 
-def top_entry(
-    top: Top, x: float, y: float, z: float, dx: float, dy: float, dz: float, limit: float
-) -> Meeting:
-    """First place where a ray in air meets the top; as `top_exit`, but the normal points into the elastomer."""
-    if isinstance(top, CrownedTop):
-        return crowned_hit(top, OUTSIDE, x, y, z, dx, dy, dz, limit)
-    return (
-        summed_hit(top, OUTSIDE, x, y, z, dx, dy, dz, limit)
-        if isinstance(top, SummedSurface)
-        else surface_entry(top, x, y, z, dx, dy, dz, limit)
-    )
+def _rings(
+    edge: float, contact: float, sphere: float, pieces: FloatArray, mean_curvature: float
+) -> tuple[FloatArray, FloatArray]:
+    """(1, BINS) for each ring the first piece that reaches into it, and the bound of curvature."""
+    border = np.linspace(0.0, edge, BINS + 1)
+    ends = np.append(pieces[1:, 0], edge)
+    first = np.searchsorted(ends, border[:-1], side="left").clip(max=len(pieces) - 1)
+    last = np.searchsorted(pieces[:, 0], border[1:], side="right") - 1
+    piece_bend = _piece_bends(pieces, ends)
+    bends = np.zeros(BINS)
+    for ring in range(BINS):
+        if last[ring] >= first[ring]:
+            bends[ring] = piece_bend[first[ring] : last[ring] + 1].max()
+        if sphere > 0.0 and border[ring] < contact:
+            inner = sphere**2 - min(border[ring + 1], contact) ** 2
+            crown = 1.0 - min(mean_curvature * min(border[ring + 1], contact), STEEPEST_SHARE) ** 2
+            bend = sphere**2 / max(inner, 1e-6) ** 1.5 + mean_curvature / crown**1.5
+            bends[ring] = max(bends[ring], bend)
+    return first[None], bends[None]
 
 
-def tip_met(
-    top: Top, x: float, y: float, z: float, dx: float, dy: float, dz: float, limit: float
-) -> tuple[float, bool, float, float, float]:
-    """First place where a ray in air meets a tip; parameters and results as of `tip_hit`."""
-    if isinstance(top, CrownedTop):
-        return _crowned_tip_hit(top, x, y, z, dx, dy, dz, limit)
-    return tip_hit(top.solids, x, y, z, dx, dy, dz, limit)
+def _piece_bends(pieces: FloatArray, ends: FloatArray) -> FloatArray:
+    """(m,) bound of |h''| and of |h'| / r on each cubic piece [1/mm]."""
+    start, size = pieces[:, 0], ends - pieces[:, 0]
+    _, _, one, two, three = pieces.T
+    second = np.maximum(np.abs(2.0 * two), np.abs(2.0 * two + 6.0 * three * size))
+    slope = np.maximum(np.abs(one), np.abs(one + (2.0 * two + 3.0 * three * size) * size))
+    slope += 0.25 * second * size  # a parabola between its ends
+    return np.asarray(np.maximum(second, slope / np.maximum(start, 1e-2)))
 
 
-def is_untouched(top: Top) -> bool:
-    """Whether light that leaves through the top can meet nothing any more: flat and crowned pads are convex."""
-    if isinstance(top, CrownedTop):
-        return not (len(top.heights.tips) or len(top.heights.nodes))
-    return isinstance(top, RevolvedSurface) and top.edge == 0.0
+def _lowered_field(
+    field: SmoothField | None,
+) -> tuple[FloatArray, FloatArray, FloatArray, float, float, float]:
+    """Nodes, origin and step of a field, bounds of its height [mm], and of its curvature [1/mm]."""
+    if field is None:
+        return np.empty((0, 0, 4)), np.zeros(2), np.ones(2), 0.0, 0.0, 0.0
+    nodes = np.ascontiguousarray(field.nodes, dtype=np.float64)
+    step = np.asarray(field.step_mm, dtype=np.float64)
+    net = _bezier_net(nodes, step)
+    along = 6.0 * np.abs(np.diff(net, 2, axis=2)).max() / step[0] ** 2
+    across = 6.0 * np.abs(np.diff(net, 2, axis=3)).max() / step[1] ** 2
+    mixed = 9.0 * np.abs(np.diff(np.diff(net, axis=2), axis=3)).max() / (step[0] * step[1])
+    bend = float(max(along, across) + mixed)
+    origin = np.asarray(field.origin_mm, dtype=np.float64)
+    return nodes, origin, step, min(float(net.min()), 0.0), max(float(net.max()), 0.0), bend
 
 
-def is_steep(top: Top, slope: float, x: float, y: float, z: float, nx: float, ny: float, nz: float) -> bool:
-    """Whether the top slopes against the untouched one by more than `slope` [-], at a place with a unit normal.
-
-    On a crown that is the slope of press and field in the frame of the press.
-    """
-    if isinstance(top, CrownedTop):
-        return is_crown_steep(top, slope, x, y, z, nx, ny, nz)
-    return nz * math.sqrt(1.0 + slope**2) < 1.0
-
-
-@njit()
-def _crowned_tip_hit(
-    top: CrownedTop, x: float, y: float, z: float, dx: float, dy: float, dz: float, limit: float
-) -> tuple[float, bool, float, float, float]:
-    u, v, w = in_frame(top, x, y, z)
-    du, dv, dw = turned(top, dx, dy, dz)
-    distance, is_hit, nu, nv, nw = tip_hit(top.heights.solids, u, v, w, du, dv, dw, limit)
-    nx, ny, nz = turned_back(top, nu, nv, nw)
-    return distance, is_hit, nx, ny, nz
-
-
-def _of_kind(top: Any, of_crowned: Any, of_sum: Any, of_revolved: Any) -> Any:
-    """The code for a top of a compiled kind."""
-    kinds = {CrownedTop: of_crowned, SummedSurface: of_sum, RevolvedSurface: of_revolved}
-    return kinds[top.instance_class]
-
-
-@overload(is_in_elastomer, inline="always")
-def _compiled_is_in_elastomer(top: Any, x: float, y: float, z: float) -> Any:
-    def of_crowned(top: Any, x: float, y: float, z: float) -> Any:
-        return is_under_crown(top, x, y, z)
-
-    def of_sum(top: Any, x: float, y: float, z: float) -> Any:
-        return is_under_sum(top, x, y, z)
-
-    def of_revolved(top: Any, x: float, y: float, z: float) -> Any:
-        return is_submerged(top, x, y, z)
-
-    return _of_kind(top, of_crowned, of_sum, of_revolved)
-
-
-@overload(top_exit, inline="always")
-def _compiled_top_exit(
-    top: Any, x: float, y: float, z: float, dx: float, dy: float, dz: float, limit: float
-) -> Any:
-    def of_crowned(
-        top: Any, x: float, y: float, z: float, dx: float, dy: float, dz: float, limit: float
-    ) -> Any:
-        return crowned_hit(top, INSIDE, x, y, z, dx, dy, dz, limit)
-
-    def of_sum(top: Any, x: float, y: float, z: float, dx: float, dy: float, dz: float, limit: float) -> Any:
-        return summed_hit(top, INSIDE, x, y, z, dx, dy, dz, limit)
-
-    def of_revolved(
-        top: Any, x: float, y: float, z: float, dx: float, dy: float, dz: float, limit: float
-    ) -> Any:
-        return surface_hit(top, x, y, z, dx, dy, dz, limit)
-
-    return _of_kind(top, of_crowned, of_sum, of_revolved)
-
-
-@overload(top_entry, inline="always")
-def _compiled_top_entry(
-    top: Any, x: float, y: float, z: float, dx: float, dy: float, dz: float, limit: float
-) -> Any:
-    def of_crowned(
-        top: Any, x: float, y: float, z: float, dx: float, dy: float, dz: float, limit: float
-    ) -> Any:
-        return crowned_hit(top, OUTSIDE, x, y, z, dx, dy, dz, limit)
-
-    def of_sum(top: Any, x: float, y: float, z: float, dx: float, dy: float, dz: float, limit: float) -> Any:
-        return summed_hit(top, OUTSIDE, x, y, z, dx, dy, dz, limit)
-
-    def of_revolved(
-        top: Any, x: float, y: float, z: float, dx: float, dy: float, dz: float, limit: float
-    ) -> Any:
-        return surface_entry(top, x, y, z, dx, dy, dz, limit)
-
-    return _of_kind(top, of_crowned, of_sum, of_revolved)
-
-
-@overload(tip_met, inline="always")
-def _compiled_tip_met(
-    top: Any, x: float, y: float, z: float, dx: float, dy: float, dz: float, limit: float
-) -> Any:
-    def of_crowned(
-        top: Any, x: float, y: float, z: float, dx: float, dy: float, dz: float, limit: float
-    ) -> Any:
-        return _crowned_tip_hit(top, x, y, z, dx, dy, dz, limit)
-
-    def of_flat(top: Any, x: float, y: float, z: float, dx: float, dy: float, dz: float, limit: float) -> Any:
-        return tip_hit(top.solids, x, y, z, dx, dy, dz, limit)
-
-    return _of_kind(top, of_crowned, of_flat, of_flat)
-
-
-@overload(is_untouched, inline="always")
-def _compiled_is_untouched(top: Any) -> Any:
-    def of_crowned(top: Any) -> Any:
-        return top.heights.tips.shape[0] == 0 and top.heights.nodes.shape[0] == 0
-
-    def of_sum(top: Any) -> Any:
-        return False
-
-    def of_revolved(top: Any) -> Any:
-        return top.edge == 0.0
-
-    return _of_kind(top, of_crowned, of_sum, of_revolved)
-
-
-@overload(is_steep, inline="always")
-def _compiled_is_steep(
-    top: Any, slope: float, x: float, y: float, z: float, nx: float, ny: float, nz: float
-) -> Any:
-    def of_crowned(
-        top: Any, slope: float, x: float, y: float, z: float, nx: float, ny: float, nz: float
-    ) -> Any:
-        return is_crown_steep(top, slope, x, y, z, nx, ny, nz)
-
-    def of_flat(top: Any, slope: float, x: float, y: float, z: float, nx: float, ny: float, nz: float) -> Any:
-        return nz * math.sqrt(1.0 + slope**2) < 1.0
-
-    return _of_kind(top, of_crowned, of_flat, of_flat)
-
-
-@njit()
-def tip_hit(
-    solids: FloatArray, x: float, y: float, z: float, dx: float, dy: float, dz: float, limit: float
-) -> tuple[float, bool, float, float, float]:
-    """First place nearer than `limit` where a ray in air meets a tip.
-
-    Returns
-    -------
-    distance [mm], whether there is one, and the unit normal that points out of the tip; a normal of length zero is
-    a start inside the tip
-    """
-    best, hit, nx, ny, nz = limit, False, 0.0, 0.0, 0.0
-    for k in range(solids.shape[0]):
-        cx, cy, cz, sphere, radius, foot = solids[k]
-        px, py, pz = x - cx, y - cy, z - cz
-        across = px * px + py * py
-        if (z >= foot and across < radius * radius) or (z < foot and across + pz * pz < sphere * sphere):
-            return 0.0, True, 0.0, 0.0, 0.0
-        a, b = dx * dx + dy * dy, px * dx + py * dy
-        gap = b * b - a * (across - radius * radius)
-        if b < 0.0 and gap > 0.0:
-            t = (-b - math.sqrt(gap)) / a
-            if 0.0 <= t < best and z + t * dz >= foot:
-                best, hit = t, True
-                nx, ny, nz = (px + t * dx) / radius, (py + t * dy) / radius, 0.0
-        b += pz * dz
-        gap = b * b - (across + pz * pz - sphere * sphere)
-        if sphere > 0.0 and b < 0.0 and gap > 0.0:
-            t = -b - math.sqrt(gap)
-            if 0.0 <= t < best and z + t * dz < foot:
-                best, hit = t, True
-                nx, ny, nz = (px + t * dx) / sphere, (py + t * dy) / sphere, (pz + t * dz) / sphere
-    return best, hit, nx, ny, nz
+def _bezier_net(nodes: FloatArray, step: FloatArray) -> FloatArray:
+    """(nx - 1, ny - 1, 4, 4) control heights of each cell; the patch and its slopes stay within their hull."""
+    value, along, across, mixed = np.moveaxis(nodes, -1, 0)
+    dx, dy = step / 3.0
+    corner = np.empty((*value.shape, 3, 3))  # control heights at -1, 0, 1 steps / 3 around each node
+    for i, u in enumerate((-dx, 0.0, dx)):
+        for j, v in enumerate((-dy, 0.0, dy)):
+            corner[..., i, j] = value + u * along + v * across + u * v * mixed
+    net = np.empty((value.shape[0] - 1, value.shape[1] - 1, 4, 4))
+    net[..., :2, :2] = corner[:-1, :-1, 1:, 1:]
+    net[..., 2:, :2] = corner[1:, :-1, :2, 1:]
+    net[..., :2, 2:] = corner[:-1, 1:, 1:, :2]
+    net[..., 2:, 2:] = corner[1:, 1:, :2, :2]
+    return net

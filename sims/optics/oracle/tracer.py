@@ -2,8 +2,7 @@
 
 It shares no intersection, surface or Fresnel code with the fast engine; only the scene and the press,
 as data, are common. Light walks from each emitter as `sims.optics.oracle.walk` describes, in air as
-`sims.optics.oracle.walk` does; the top is what `sims.optics.oracle.surface`, for several tips and fields
-`sims.optics.oracle.heights`, or for a crown `sims.optics.oracle.crown`, describes, with what each leaves out.
+`sims.optics.oracle.walk` does; the top is what `sims.optics.oracle.surface` describes, with what that leaves out.
 
 Classes of received light
 -------------------------
@@ -42,20 +41,17 @@ from design.arrays import BoolArray, FloatArray
 from design.errors import InputError
 from sims.compiling import listen_to_numba
 from sims.kernels import entry_points
-from sims.optics.oracle import chance, crown, heights, march, profile, scene, surface, top
+from sims.optics.oracle import chance, scene, surface, top
 from sims.optics.oracle import walk as walk_file
 from sims.optics.oracle.chance import ray_stream
 from sims.optics.oracle.scene import Scene, lower_scene
-from sims.optics.oracle.top import Presses, Top, lower_presses
+from sims.optics.oracle.surface import Surface
+from sims.optics.oracle.top import Presses, lower_presses
 from sims.optics.oracle.walk import CROSSING, FATES, UNSUBMERGED, VOLUME, walk
 from sims.optics.scene.optical_scene import OpticalScene, SmoothField
 
 MODULES = (
     chance,
-    crown,
-    heights,
-    march,
-    profile,
     scene,
     surface,
     top,
@@ -69,14 +65,14 @@ BATCHES = 256
 
 @entry_points(MODULES, parallel=True)
 def trace_emitter(
-    scene: Scene, top: Top, seed: int, state: int, emitter: int, rays: int
+    scene: Scene, top: Surface, seed: int, state: int, emitter: int, rays: int
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Sums over rays in each batch: received weight and its square by class, and the ledger."""
     receivers = scene.receiver_wall.shape[0]
     flux = np.zeros((BATCHES, CLASS_COUNT, receivers))
     square = np.zeros((BATCHES, CLASS_COUNT, receivers))
     ledger = np.zeros((BATCHES, FATE_COUNT))
-    # numba fuses a loop over all batches with the arrays' and then does not compile it for a crowned top
+    # numba fuses a loop over all batches with the arrays' and then does not compile it for a sum
     for batch in prange(BATCHES if rays > 0 else 0):
         vertices = np.empty((0, 3))
         for ray in range(batch * rays // BATCHES, (batch + 1) * rays // BATCHES):
@@ -92,7 +88,7 @@ def trace_emitter(
 
 @entry_points(MODULES, nogil=True)
 def next_path(
-    scene: Scene, top: Top, emitter: int, wanted: BoolArray, seed: int, ray: int, tries: int, places: int
+    scene: Scene, top: Surface, emitter: int, wanted: BoolArray, seed: int, ray: int, tries: int, places: int
 ) -> tuple[int, int, int, FloatArray]:
     """Number, fate, receiver and places of the next ray that ends where it is wanted."""
     vertices = np.empty((places, 3))

@@ -52,8 +52,18 @@ from sims.optics.oracle.scene import (
     refracted_direction,
     untouched_top,
 )
-from sims.optics.oracle.surface import CONTACT, NOTHING
-from sims.optics.oracle.top import Top, is_in_elastomer, is_steep, is_untouched, tip_met, top_entry, top_exit
+from sims.optics.oracle.surface import (
+    CONTACT,
+    INSIDE,
+    NOTHING,
+    OUTSIDE,
+    Surface,
+    is_in_elastomer,
+    is_steep,
+    is_untouched,
+    tip_hit,
+    top_hit,
+)
 
 BACK_INSIDE, OVER_THE_WALLS, ON_A_TIP, ON_A_WALL, GIVEN_UP = range(5)
 """How a flight in air ends."""
@@ -66,7 +76,7 @@ AIR_STEP_LIMIT = 1_000
 @njit()
 def fly(
     scene: Scene,
-    top: Top,
+    top: Surface,
     stream: np.uint64,
     place: tuple[float, float, float],
     direction: tuple[float, float, float],
@@ -87,8 +97,8 @@ def fly(
     (x, y, z), (dx, dy, dz) = place, direction
     for _ in range(AIR_STEP_LIMIT):
         distance, face = face_hit(scene, x, y, z, dx, dy, dz)
-        distance, what, nx, ny, nz = top_entry(top, x, y, z, dx, dy, dz, distance)
-        on_tip, is_tip, tx, ty, tz = tip_met(top, x, y, z, dx, dy, dz, distance)
+        distance, what, nx, ny, nz = top_hit(top, OUTSIDE, (x, y, z, dx, dy, dz), distance)
+        on_tip, is_tip, tx, ty, tz = tip_hit(top, (x, y, z, dx, dy, dz), distance)
         if not is_tip and what == NOTHING and _passes_over(scene, face, distance, x, y, z, dx, dy, dz):
             return OVER_THE_WALLS, stream, (x, y, z), (dx, dy, dz), count
         if is_tip:
@@ -199,7 +209,7 @@ def emission_direction(scene: Scene, emitter: int, u: float, v: float) -> tuple[
 
 @njit(forceinline=True)
 def walk(
-    scene: Scene, top: Top, emitter: int, stream: np.uint64, vertices: FloatArray
+    scene: Scene, top: Surface, emitter: int, stream: np.uint64, vertices: FloatArray
 ) -> tuple[int, int, float, int]:
     """Follow one ray from an emitter to its end.
 
@@ -240,7 +250,7 @@ def walk(
 @njit(forceinline=True)
 def walk_inside(
     scene: Scene,
-    top: Top,
+    top: Surface,
     path: int,
     weight: float,
     stream: np.uint64,
@@ -265,7 +275,7 @@ def walk_inside(
     (x, y, z), (dx, dy, dz) = place, direction
     for _ in range(STEP_LIMIT):
         distance, face = face_hit(scene, x, y, z, dx, dy, dz)
-        distance, what, nx, ny, nz = top_exit(top, x, y, z, dx, dy, dz, distance)
+        distance, what, nx, ny, nz = top_hit(top, INSIDE, (x, y, z, dx, dy, dz), distance)
         x, y, z = x + distance * dx, y + distance * dy, z + distance * dz
         weight *= math.exp(-scene.absorption * distance)
         count = record(vertices, count, x, y, z)
@@ -278,7 +288,7 @@ def walk_inside(
                     place = (x + NUDGE_MM * nx, y + NUDGE_MM * ny, z + NUDGE_MM * nz)
                     return ESCAPED, -1, weight, count, stream, place, direction
                 dx, dy, dz = dx - 2.0 * cosine * nx, dy - 2.0 * cosine * ny, dz - 2.0 * cosine * nz
-                path = max(path, SKIRT if is_steep(top, SKIRT_SLOPE, x, y, z, nx, ny, nz) else TOP)
+                path = max(path, SKIRT if is_steep(top, SKIRT_SLOPE, (x, y, z, nx, ny, nz)) else TOP)
             x, y, z = x - NUDGE_MM * nx, y - NUDGE_MM * ny, z - NUDGE_MM * nz
             continue
         if what == CONTACT:

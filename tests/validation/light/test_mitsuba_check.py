@@ -8,7 +8,8 @@ import pytest
 import optopad
 from sims.contact.pad_surface import pad_surface
 from sims.optics.oracle.scene import beyond_walls_mm
-from sims.optics.oracle.top import is_in_elastomer, lower_presses
+from sims.optics.oracle.surface import is_in_elastomer
+from sims.optics.oracle.top import lower_presses
 from sims.optics.scene.optical_scene import smooth_field
 from tests.bench.measures.surface_mesh import form_of
 from tests.validation.light.mitsuba_check import BEYOND, STATES, Compared, State, row

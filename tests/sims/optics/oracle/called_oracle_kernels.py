@@ -8,40 +8,31 @@ from __future__ import annotations
 import sys
 
 from sims.kernels import entry_points
-from sims.optics.oracle import march, surface, top
+from sims.optics.oracle import surface
 from sims.optics.oracle.tracer import MODULES
 
 _entry = entry_points((*MODULES, sys.modules[__name__]))
 
 
-def _with_an_entry(kernel):
-    return _entry(kernel.py_func)
-
-
-is_submerged = _with_an_entry(surface.is_submerged)
-surface_entry = _with_an_entry(surface.surface_entry)
-surface_hit = _with_an_entry(surface.surface_hit)
-is_under_sum = _with_an_entry(march.is_under_sum)
-summed_height = _with_an_entry(march.summed_height)
-summed_hit = _with_an_entry(march.summed_hit)
-tip_hit = _with_an_entry(top.tip_hit)
+is_in_elastomer = _entry(surface.is_in_elastomer.py_func)
+top_height = _entry(surface.top_height.py_func)
 
 
 @_entry
-def is_in_elastomer(pressed, x, y, z):
-    return top.is_in_elastomer(pressed, x, y, z)
+def top_hit(top, side, x, y, z, dx, dy, dz, limit):
+    return surface.top_hit(top, side, (x, y, z, dx, dy, dz), limit)
 
 
 @_entry
-def top_exit(pressed, x, y, z, dx, dy, dz, limit):
-    return top.top_exit(pressed, x, y, z, dx, dy, dz, limit)
+def top_exit(top, x, y, z, dx, dy, dz, limit):
+    return surface.top_hit(top, surface.INSIDE, (x, y, z, dx, dy, dz), limit)
 
 
 @_entry
-def top_entry(pressed, x, y, z, dx, dy, dz, limit):
-    return top.top_entry(pressed, x, y, z, dx, dy, dz, limit)
+def top_entry(top, x, y, z, dx, dy, dz, limit):
+    return surface.top_hit(top, surface.OUTSIDE, (x, y, z, dx, dy, dz), limit)
 
 
 @_entry
-def tip_met(pressed, x, y, z, dx, dy, dz, limit):
-    return top.tip_met(pressed, x, y, z, dx, dy, dz, limit)
+def tip_hit(top, x, y, z, dx, dy, dz, limit):
+    return surface.tip_hit(top, (x, y, z, dx, dy, dz), limit)

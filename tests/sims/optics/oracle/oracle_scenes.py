@@ -8,7 +8,10 @@ from typing import Any
 import numpy as np
 
 from design.arrays import FloatArray
-from sims.optics.scene.optical_scene import OpticalScene
+from design.shape.top import Top
+from sims.optics.oracle.surface import Surface
+from sims.optics.oracle.top import Tip, lower_top
+from sims.optics.scene.optical_scene import OpticalScene, SmoothField, smooth_field
 from sims.press import Indentation
 
 
@@ -34,6 +37,16 @@ def scene_of(
         "receiver_patch": np.array([row[1:] for row in receivers], dtype=np.float64).reshape(-1, 4),
     }
     return OpticalScene(**(fields | changes))
+
+
+def flat_top(*tips: Tip, field: SmoothField | None = None, where: str = "indentations") -> Surface:
+    """The block's flat top in numbers, under tips, each a centre and a press."""
+    return lower_top(Top(clear_mm=8.0, apex_mm=(16.0, 16.0)), tips, field, where)
+
+
+def flat_field(height_mm: float) -> SmoothField:
+    """One height added to the block's whole top."""
+    return smooth_field(lambda x, y: height_mm + 0.0 * (x + y), 32.0, 32.0, 4.0)
 
 
 def ring_scene(**changes: Any) -> OpticalScene:

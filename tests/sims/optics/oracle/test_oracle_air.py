@@ -8,13 +8,12 @@ import pytest
 
 from sims.optics.oracle.paths import sample_paths
 from sims.optics.oracle.scene import fresnel_reflectance, refracted_direction
-from sims.optics.oracle.surface import lower_surface
 from sims.optics.oracle.top import lower_presses
 from sims.optics.oracle.tracer import CLASSES, trace_oracle
 from sims.optics.oracle.walk import FATES
 from sims.optics.scene.optical_scene import smooth_field
-from tests.sims.optics.oracle.called_oracle_kernels import surface_entry, surface_hit, tip_hit
-from tests.sims.optics.oracle.oracle_scenes import dimple, ring_scene, scene_of, wrapped_press
+from tests.sims.optics.oracle.called_oracle_kernels import tip_hit, top_entry, top_exit
+from tests.sims.optics.oracle.oracle_scenes import dimple, flat_top, ring_scene, scene_of, wrapped_press
 
 DIRECT, CROSSING = CLASSES.index("direct"), CLASSES.index("crossing")
 CENTRE = np.array([14.0, 17.0])
@@ -44,18 +43,18 @@ def test_a_border_treats_light_alike_from_both_sides():
 
 @pytest.mark.parametrize("press", [dimple(1.0, 0.05), dimple(3.0, 0.2), wrapped_press()])
 def test_a_surface_is_met_at_the_same_place_from_outside(press):
-    surface = lower_surface(without_tip(press), CENTRE, 8.0)
+    surface = flat_top((CENTRE, without_tip(press)))
     rng = np.random.default_rng(1)
     met = 0
     for start in rng.uniform((9.0, 12.0, 4.0), (19.0, 22.0, 7.9), (1500, 3)):
         direction = rng.normal(size=3)
         direction /= np.linalg.norm(direction)
-        t, what, *normal = surface_hit(surface, *start, *direction, 30.0)
+        t, what, *normal = top_exit(surface, *start, *direction, 30.0)
         cosine = float(direction @ normal)
         if what == 0 or t < 1e-3 or cosine < 0.05:
             continue
         beyond = start + (t + 1e-7) * direction
-        back, found, *inward = surface_entry(surface, *beyond, *(-direction), 30.0)
+        back, found, *inward = top_entry(surface, *beyond, *(-direction), 30.0)
         assert found == what
         assert back == pytest.approx(1e-7, abs=1e-8 / cosine)
         assert np.array(inward) == pytest.approx(-np.array(normal), abs=1e-6)
@@ -131,17 +130,17 @@ def test_with_white_walls_and_tip_all_light_is_received_or_flies_over_the_walls(
 def test_a_tip_is_a_half_sphere_under_a_cylinder():
     (top,) = lower_presses(ring_scene(), [CENTRE], [dimple(2.0)])  # its centre is 9 mm high
     for z, half in ((8.0, math.sqrt(8.0)), (9.5, 3.0), (30.0, 3.0)):
-        t, is_hit, *normal = tip_hit(top.solids, 4.0, 17.0, z, 1.0, 0.0, 0.0, 50.0)
+        t, is_hit, *normal = tip_hit(top, 4.0, 17.0, z, 1.0, 0.0, 0.0, 50.0)
         assert is_hit
         assert t == pytest.approx(10.0 - half, abs=1e-12)
         assert np.linalg.norm(normal) == pytest.approx(1.0, abs=1e-12)
         assert normal[0] == pytest.approx(-half / 3.0, abs=1e-12)
-    assert not tip_hit(top.solids, 4.0, 20.01, 9.5, 1.0, 0.0, 0.0, 50.0)[1]
-    assert not tip_hit(top.solids, 4.0, 17.0, 5.9, 1.0, 0.0, 0.0, 50.0)[1]
-    below = tip_hit(top.solids, 16.9, 17.0, 6.4, 0.0, 0.0, 1.0, 50.0)  # the flank, from the gap beside it
+    assert not tip_hit(top, 4.0, 20.01, 9.5, 1.0, 0.0, 0.0, 50.0)[1]
+    assert not tip_hit(top, 4.0, 17.0, 5.9, 1.0, 0.0, 0.0, 50.0)[1]
+    below = tip_hit(top, 16.9, 17.0, 6.4, 0.0, 0.0, 1.0, 50.0)  # the flank, from the gap beside it
     assert below[1]
     assert 6.4 + below[0] == pytest.approx(9.0 - math.sqrt(9.0 - 2.9**2), abs=1e-12)
-    inside = tip_hit(top.solids, 14.0, 17.0, 9.0, 1.0, 0.0, 0.0, 50.0)
+    inside = tip_hit(top, 14.0, 17.0, 9.0, 1.0, 0.0, 0.0, 50.0)
     assert inside == (0.0, True, 0.0, 0.0, 0.0)
 
 
@@ -150,13 +149,13 @@ def test_a_path_across_the_crater_refracts_where_it_leaves_and_enters():
     paths = sample_paths(ring_scene(), CENTRE, press, emitter=1, count=20_000, seed=2)
     crossing = [places for name, places in paths if name == "crossing" and len(places) == 4]
     assert len(crossing) >= 5
-    surface = lower_surface(press, CENTRE, 8.0)
+    surface = flat_top((CENTRE, press))
     for start, leaves, enters, end in crossing:
         legs = [b - a for a, b in ((start, leaves), (leaves, enters), (enters, end))]
         inside, air, again = (leg / np.linalg.norm(leg) for leg in legs)
         for before, after, origin, hit in (
-            (inside, air, start, surface_hit),
-            (-again, -air, end, surface_hit),
+            (inside, air, start, top_exit),
+            (-again, -air, end, top_exit),
         ):
             _, _, *normal = hit(surface, *(origin + 1e-5 * before), *before, 60.0)
             # along the surface 1.41 times the elastomer's direction is the air's; places are 1 nm off by the nudge

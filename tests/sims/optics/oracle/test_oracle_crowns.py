@@ -9,16 +9,15 @@ import numpy as np
 import pytest
 
 from design.errors import InputError, ModelScopeError
-from sims.optics.oracle.march import INSIDE, OUTSIDE
 from sims.optics.oracle.paths import LightWalker
-from sims.optics.oracle.surface import CONTACT, FREE, NOTHING
-from sims.optics.oracle.top import is_untouched, lower_presses
+from sims.optics.oracle.surface import CONTACT, FREE, INSIDE, NOTHING, OUTSIDE, is_untouched
+from sims.optics.oracle.top import lower_presses
 from sims.optics.oracle.tracer import CLASSES, trace_oracle
 from sims.optics.oracle.walk import FATES
 from sims.optics.scene.optical_scene import smooth_field
 from tests.sims.optics.oracle.called_oracle_kernels import (
     is_in_elastomer,
-    tip_met,
+    tip_hit,
     top_entry,
     top_exit,
 )
@@ -206,12 +205,12 @@ def test_light_in_air_meets_the_tilted_tip():
     side /= np.linalg.norm(side)
     for height, half in ((0.0, 3.0), (-1.0, math.sqrt(8.0)), (20.0, 3.0)):
         start = centre + height * normal - 10.0 * side
-        t, is_hit, *n = tip_met(top, *start, *side, 50.0)
+        t, is_hit, *n = tip_hit(top, *start, *side, 50.0)
         assert is_hit
         assert t == pytest.approx(10.0 - half, abs=1e-9)
         assert np.array(n) @ side == pytest.approx(-half / 3.0, abs=1e-9)
     beside = centre + 20.0 * normal - 10.0 * side + 3.01 * np.cross(side, normal)
-    assert not tip_met(top, *beside, *side, 50.0)[1]
+    assert not tip_hit(top, *beside, *side, 50.0)[1]
 
 
 @pytest.mark.slow

@@ -7,18 +7,17 @@ import numpy as np
 import pytest
 
 from design.errors import ModelScopeError
-from sims.optics.oracle.heights import lower_sum
-from sims.optics.oracle.march import INSIDE, OUTSIDE
-from sims.optics.oracle.surface import CONTACT, FREE, NOTHING, lower_surface
+from sims.optics.oracle.surface import CONTACT, FREE, INSIDE, NOTHING, OUTSIDE
 from sims.optics.scene.optical_scene import SmoothField, smooth_field
-from tests.sims.optics.oracle.called_oracle_kernels import (
-    is_under_sum,
-    summed_height,
-    summed_hit,
-    surface_entry,
-    surface_hit,
+from tests.sims.optics.oracle.called_oracle_kernels import is_in_elastomer, top_height, top_hit
+from tests.sims.optics.oracle.oracle_scenes import (
+    dimple,
+    dimple_height_mm,
+    flat_field,
+    flat_top,
+    shank_press,
+    wrapped_press,
 )
-from tests.sims.optics.oracle.oracle_scenes import dimple, dimple_height_mm, shank_press, wrapped_press
 
 TOP_MM = 8.0
 LENGTH_MM = 32.0
@@ -43,7 +42,7 @@ def top_mm(x, y):
 @pytest.fixture(scope="module")
 def surface():
     # bicubic through a grid of 0.5 mm: off the ripple by (0.31 x 0.5)^4 / 384 of 0.15 mm, 0.3 nm
-    return lower_sum(TIPS, smooth_field(ripple_mm, LENGTH_MM, LENGTH_MM, 0.5), TOP_MM)
+    return flat_top(*TIPS, field=smooth_field(ripple_mm, LENGTH_MM, LENGTH_MM, 0.5))
 
 
 def rays(count, seed, low, high):
@@ -75,11 +74,13 @@ def first_crossing(start, direction, side, limit):
 def test_height_and_slope_are_those_of_the_analytic_top(surface):
     rng = np.random.default_rng(1)
     for x, y in rng.uniform(7.0, 23.0, (400, 2)):
-        height, along, across = summed_height(surface, x, y)
-        assert height == pytest.approx(float(top_mm(x, y)), abs=2e-6)  # PCHIP through 400 points a skirt
+        height, along, across = top_height(surface, x, y)
+        assert TOP_MM + height == pytest.approx(
+            float(top_mm(x, y)), abs=2e-6
+        )  # PCHIP through 400 points a skirt
         steps = [(1e-6, 0.0), (0.0, 1e-6)]
         for slope, (dx, dy) in zip((along, across), steps, strict=True):
-            ends = [summed_height(surface, x + s * dx, y + s * dy)[0] for s in (1, -1)]
+            ends = [top_height(surface, x + s * dx, y + s * dy)[0] for s in (1, -1)]
             assert slope == pytest.approx((ends[0] - ends[1]) / 2e-6, abs=1e-4)
 
 
@@ -88,9 +89,9 @@ def test_hits_agree_with_bisection_on_the_analytic_top(surface, side, low, high)
     starts, directions = rays(700, 2, low, high)
     met, wrong = 0, 0
     for start, direction in zip(starts, directions, strict=True):
-        if is_under_sum(surface, *start) != (side == INSIDE):
+        if is_in_elastomer(surface, *start) != (side == INSIDE):
             continue
-        t, what, *normal = summed_hit(surface, side, *start, *direction, REACH_MM)
+        t, what, *normal = top_hit(surface, side, *start, *direction, REACH_MM)
         truth = first_crossing(start, direction, side, REACH_MM)
         if what == NOTHING or truth > REACH_MM:
             wrong += what != NOTHING or truth < REACH_MM
@@ -110,24 +111,24 @@ def test_contact_lies_within_the_contact_radii(surface):
         for share, expected in ((0.0, CONTACT), (0.99, CONTACT), (1.01, FREE)):
             r = share * press.contact_radius_mm
             x, y = centre + r * np.array([math.cos(angle), math.sin(angle)])
-            t, what, *normal = summed_hit(surface, INSIDE, x, y, 1.0, 0.0, 0.0, 1.0, 20.0)
+            t, what, *normal = top_hit(surface, INSIDE, x, y, 1.0, 0.0, 0.0, 1.0, 20.0)
             assert what == expected
-            assert t == pytest.approx(summed_height(surface, x, y)[0] - 1.0, abs=1e-9)
+            assert t == pytest.approx(TOP_MM + top_height(surface, x, y)[0] - 1.0, abs=1e-9)
             assert normal[2] > 0.0
 
 
 @pytest.mark.parametrize("depth_mm", [0.3, 1.0, 2.5])
 def test_one_tip_is_met_where_the_surface_of_revolution_is(depth_mm):
     press = dimple(depth_mm, 0.05)
-    alone, revolved = lower_sum([(FIRST, press)], None, TOP_MM), lower_surface(press, FIRST, TOP_MM)
+    alone, revolved = flat_top((FIRST, press), field=flat_field(0.0)), flat_top((FIRST, press))
     compared = 0
-    for side, other in ((INSIDE, surface_hit), (OUTSIDE, surface_entry)):
+    for side in (INSIDE, OUTSIDE):
         starts, directions = rays(600, 3, 6.0, 8.1)
         for start, direction in zip(starts, directions, strict=True):
-            if is_under_sum(alone, *start) != (side == INSIDE):
+            if is_in_elastomer(alone, *start) != (side == INSIDE):
                 continue
-            mine = summed_hit(alone, side, *start, *direction, 12.0)
-            theirs = other(revolved, *start, *direction, 12.0)
+            mine = top_hit(alone, side, *start, *direction, 12.0)
+            theirs = top_hit(revolved, side, *start, *direction, 12.0)
             if side == OUTSIDE and mine[1] == CONTACT:
                 continue  # a surface of revolution leaves the tip's own side to the tip
             assert mine[1] == theirs[1]
@@ -142,20 +143,18 @@ def test_one_tip_is_met_where_the_surface_of_revolution_is(depth_mm):
 def test_a_step_at_the_edge_of_a_tip_or_field_is_a_vertical_face():
     press = dimple(1.0)
     lifted = replace(press, height_mm=press.height_mm + np.where(press.radius_mm > 3.0, 0.05, 0.0))
-    tip = lower_sum([(FIRST, lifted)], None, TOP_MM)
+    tip = flat_top((FIRST, lifted), field=flat_field(0.0))
     edge = float(press.radius_mm[-1])
-    t, what, *normal = summed_hit(tip, INSIDE, FIRST[0] + edge - 0.5, FIRST[1], 8.02, 1.0, 0.0, 0.0, 20.0)
+    t, what, *normal = top_hit(tip, INSIDE, FIRST[0] + edge - 0.5, FIRST[1], 8.02, 1.0, 0.0, 0.0, 20.0)
     assert (t, what) == (pytest.approx(0.5, abs=1e-8), FREE)
     assert normal == pytest.approx([1.0, 0.0, 0.0], abs=1e-9)
     nodes = np.zeros((3, 3, 4))
     nodes[..., 0] = 0.2
-    plateau = lower_sum(
-        [], SmoothField(origin_mm=np.full(2, 10.0), step_mm=np.full(2, 2.0), nodes=nodes), 8.0
-    )
-    t, what, *normal = summed_hit(plateau, INSIDE, 12.0, 12.0, 8.1, 0.0, -1.0, 0.0, 20.0)
+    plateau = flat_top(field=SmoothField(origin_mm=np.full(2, 10.0), step_mm=np.full(2, 2.0), nodes=nodes))
+    t, what, *normal = top_hit(plateau, INSIDE, 12.0, 12.0, 8.1, 0.0, -1.0, 0.0, 20.0)
     assert (what, normal) == (FREE, pytest.approx([0.0, -1.0, 0.0]))
     assert t == pytest.approx(2.0, abs=2e-6)  # a field goes on for a nanometre
-    t, what, *normal = summed_hit(plateau, OUTSIDE, 5.0, 12.0, 8.1, 1.0, 0.0, 0.0, 20.0)
+    t, what, *normal = top_hit(plateau, OUTSIDE, 5.0, 12.0, 8.1, 1.0, 0.0, 0.0, 20.0)
     assert (t, what, normal) == (pytest.approx(5.0, abs=2e-6), FREE, pytest.approx([1.0, 0.0, 0.0]))
 
 
@@ -163,23 +162,23 @@ def test_no_ray_slips_through(surface):
     starts, directions = rays(3000, 4, 3.0, 8.0)
     directions[:, 2] = np.abs(directions[:, 2])
     for start, direction in zip(starts, directions, strict=True):
-        if is_under_sum(surface, *start):
-            t, what, *normal = summed_hit(surface, INSIDE, *start, *direction, 1e6)
+        if is_in_elastomer(surface, *start):
+            t, what, *normal = top_hit(surface, INSIDE, *start, *direction, 1e6)
             assert what != NOTHING
-            assert t < 1e-4 or is_under_sum(surface, *(start + (t - 1e-6) * direction))
+            assert t < 1e-4 or is_in_elastomer(surface, *(start + (t - 1e-6) * direction))
             if float(direction @ normal) > 0.1:
-                assert not is_under_sum(surface, *(start + (t + 1e-6) * direction))
+                assert not is_in_elastomer(surface, *(start + (t + 1e-6) * direction))
 
 
 def test_a_shank_in_the_pad_is_met_where_it_is_without_a_field_to_a_thirtieth_of_its_length():
-    summed = lower_sum([(FIRST, shank_press())], None, TOP_MM)
-    alone = lower_surface(shank_press(), FIRST, TOP_MM)
+    summed = flat_top((FIRST, shank_press()), field=flat_field(0.0))
+    alone = flat_top((FIRST, shank_press()))
     starts, directions = rays(2000, 8, 2.0, 6.0)
     found = []
     for start, direction in zip(starts, directions, strict=True):
-        if is_under_sum(summed, *start) and np.hypot(*(start[:2] - FIRST)) > 3.1:
-            here = summed_hit(summed, INSIDE, *start, *direction, REACH_MM)[:2]
-            there = surface_hit(alone, *start, *direction, REACH_MM)[:2]
+        if is_in_elastomer(summed, *start) and np.hypot(*(start[:2] - FIRST)) > 3.1:
+            here = top_hit(summed, INSIDE, *start, *direction, REACH_MM)[:2]
+            there = top_hit(alone, INSIDE, *start, *direction, REACH_MM)[:2]
             found.append((*here, *there))
     t, what, t_alone, what_alone = np.array(found).T
     both = (what == CONTACT) & (what_alone == CONTACT)
@@ -195,10 +194,10 @@ def test_a_curve_that_folds_is_refused_by_name():
     with pytest.raises(
         ModelScopeError, match=r"indentations\[3\]\[1\]: the curve has several heights at one"
     ):
-        lower_sum([(FIRST, dimple(1.0)), (SECOND, press)], None, TOP_MM, "indentations[3]")
+        flat_top((FIRST, dimple(1.0)), (SECOND, press), where="indentations[3]")
 
 
 def test_contacts_that_overlap_are_refused_by_name():
     tips = [(FIRST, dimple(2.0)), (np.array([15.0, 15.0]), dimple(2.0))]
     with pytest.raises(ModelScopeError, match=r"indentations\[0\] and \[1\]: 4 mm apart, .* add up to 4\.89"):
-        lower_sum(tips, None, TOP_MM, "indentations")
+        flat_top(*tips)

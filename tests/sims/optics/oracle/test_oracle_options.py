@@ -15,7 +15,7 @@ from sims.optics.oracle.tracer import CLASSES, trace_oracle
 from sims.optics.oracle.walk import FATES
 from sims.optics.scene.optical_scene import SmoothField, smooth_field
 from tests.sims.optics.form_factors import parallel_factor
-from tests.sims.optics.oracle.oracle_scenes import dimple, ring_scene, scene_of, wrapped_press
+from tests.sims.optics.oracle.oracle_scenes import dimple, flat_field, ring_scene, scene_of, wrapped_press
 
 DIRECT, TOP, SKIRT, WALL, DIFFUSE, CROSSING = range(6)
 CENTRE = np.array([14.0, 17.0])
@@ -35,10 +35,6 @@ PATTERNS = {
     "with dark nodes": pattern_of([0, 0, 1, 0, 0, 0, 2, 0, 0, 0, 0]),
     "two nodes": pattern_of([2.0, 1.0]),
 }
-
-
-def flat_field(height_mm, size_mm=32.0):
-    return smooth_field(lambda x, y: height_mm + 0.0 * (x + y), size_mm, size_mm, 4.0)
 
 
 def fate(light, name):
