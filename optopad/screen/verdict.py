@@ -88,7 +88,7 @@ def findings_screen(name: str, findings: Sequence[Finding], *, command: str) -> 
     warnings = [one for one in findings if one.severity == "warning"]
     ordered = [*errors, *warnings, *notes]
     total = f"{counted(len(errors), 'error')}, {counted(len(warnings), 'warning')}"
-    foot = [] if errors else row("next", f"optopad {command}")
+    foot = [] if errors else row("next", f"optopad {command}", 2)
     room = LINES - len(foot) - 2
     lines: list[str] = []
     shown = 0
