@@ -146,9 +146,7 @@ class Improvement(Result):
 
     def lines(self) -> list[str]:
         """Before, up to four alternatives with what they cost, the next command; as `optopad improve` prints them."""
-        judged = (
-            f"; {self.tried} designs judged with quick light, {self.judged_again} of them again as by a score"
-        )
+        judged = f"; {self.tried} designs judged, {self.judged_again} of them at score accuracy"
         lines = row("design", f"{self.design.name} ({self.design.digest[:8]}){judged}", WHOLE)
         lines += row("before", answer_of(self.design, self.before.found).verdict, WHOLE)
         for place, one in enumerate(self.alternatives, 1):
