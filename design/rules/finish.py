@@ -34,7 +34,7 @@ def finish_findings(design: SensorDesign) -> Iterator[Finding]:
             "light that a wall mirrors is traced, not integrated: runs take longer, standard errors are larger",
             value=f"'{surfaces.wall_finish}'",
             limit="'diffuse' for the fastest run",
-            way_out="keep it where the walls are smooth; heed the standard errors",
+            way_out="keep it where the walls are smooth; read the standard errors",
         )
     if design.mold.material in entries_of(design).mold_materials:
         yield from _index_findings(design)

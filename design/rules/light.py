@@ -109,7 +109,7 @@ def path_findings(cavity: CavityGeometry) -> Iterator[Finding]:
                     f"all {kind}s are in one wall, so a press is seen from one side",
                     value=f"all {kind}s on the {walls[kind][0]} wall",
                     limit="two walls or more",
-                    way_out=f"spread the {kind}s over the walls, or accept a weaker depth and location",
+                    way_out=f"spread the {kind}s over the walls, or accept a coarser depth and location",
                 )
 
 
@@ -121,7 +121,7 @@ def workspace_findings(design: SensorDesign, cavity: CavityGeometry) -> Iterator
     if space.is_empty:
         yield error(
             "operating.workspace_margin_mm",
-            f"no place is left to press with a tip of radius {radius:g} mm",
+            f"no location is left to press with a tip of radius {radius:g} mm",
             value=f"{margin:g} mm leave {mm(side)} for the tip's centre",
             limit="at least 0.00 mm",
             way_out="lower it, use a smaller indenter.tip_radius_mm, or enlarge the cavity",
@@ -167,7 +167,7 @@ def _crowned_layer_findings(design: SensorDesign) -> Iterator[Finding]:
             "cavity.clear_thickness_mm",
             "both layers together are outside the contact model of crowned pads, so the verdict will be "
             "OUT_OF_MODEL_SCOPE",
-            value=f"{mm(thinnest)} at the border of the workspace, {mm(thickest)} at the highest place",
+            value=f"{mm(thinnest)} at the border of the workspace, {mm(thickest)} at the highest point",
             limit=f"{mm(low)} to {mm(high)}: {CROWNED_LAYER_RANGE[0]:.3g} to {CROWNED_LAYER_RANGE[1]:g} tip radii",
             way_out="change it, cavity.black_thickness_mm or indenter.tip_radius_mm, or raise crown.radius_mm",
         )
@@ -192,10 +192,10 @@ def _layer_findings(design: SensorDesign) -> Iterator[Finding]:
         low, high = LIBRARY_LAYER_RANGE
         yield warning(
             "cavity.clear_thickness_mm",
-            "both layers together are outside the contact library: solved live (minutes), and compared with nothing",
+            "both layers together are outside the contact library: solved live (minutes), not validated",
             value=f"{mm(elastic)} elastic depth",
             limit=f"{mm(low * tip)} to {mm(high * tip)}: {low:g} to {high:g} tip radii",
-            way_out="change it, cavity.black_thickness_mm or indenter.tip_radius_mm, or check the force on the build",
+            way_out="change it, cavity.black_thickness_mm or indenter.tip_radius_mm, or measure the force on the pad",
         )
 
 
@@ -280,9 +280,9 @@ def _area_of(part: PlacedPart, *, is_crowned: bool) -> Iterator[Finding]:
     elif high > part.clear_mm + ROUNDING_MM:
         yield warning(
             part.height_field,
-            f"the {area} of {part.name} reaches above the surface and loses {part.lost_share:.0%} of it",
+            f"the {area} of {part.name} reaches above the surface, which cuts off {part.lost_share:.0%} of the area",
             value=f"its upper edge at {mm(high)}",
-            limit=f"at most {under} for the whole of it",
+            limit=f"at most {under} for the whole area",
             way_out="lower the part, thicken the clear layer, or accept the weaker signal",
         )
     if low < -ROUNDING_MM:
@@ -308,8 +308,8 @@ def _off_chord_findings(cavity: CavityGeometry) -> Iterator[Finding]:
         yield warning(
             "operating.workspace_margin_mm",
             f"the workspace does not reach the chords of {', '.join(name for _, name in beside)}; "
-            "they are judged under a press beside their chord",
-            value=f"{mm(max(shift for shift, _ in beside))} beside",
+            "they are judged under a press next to their chord",
+            value=f"{mm(max(shift for shift, _ in beside))} from the chord",
             limit="a press on the chord",
             way_out="lower the margin, lower layout pitch_mm, or judge by the other pairs",
         )

@@ -118,7 +118,7 @@ WORDS = {
         message="the body of {where} sticks out above the rim",
         value="by {overlap}",
         limit="at most 0.00 mm",
-        way_out="raise mold.rim_mm or lower the part; the leveling blade will meet it",
+        way_out="raise mold.rim_mm or lower the part; the leveling blade will hit it",
     ),
 }
 
@@ -271,7 +271,7 @@ def reach_notes(design: SensorDesign) -> Iterator[Finding]:
     is_by_body = bodies_mm > ROUNDING_MM
     yield note(
         "mold.rim_mm",
-        "the pad lies below the mold around it: a flat object larger than the opening never touches it",
+        "the pad is below the rim of the mold: a flat object larger than the opening never touches the pad",
         value=f"{mm(above_mm)} below; an object touches if its radius of curvature is below {flattest_mm:.0f} mm",
         limit="0.00 mm for flat objects",
         way_out=(

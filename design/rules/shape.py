@@ -153,7 +153,7 @@ def _option_findings(design: SensorDesign, plan: Plan) -> Iterator[Finding]:
     if design.mold.cover_ledge_mm:
         yield error(
             "mold.cover_ledge_mm",
-            "a glass cover lies on flat rectangles alone",
+            "a glass cover needs a flat rectangular pad",
             value=f"{design.mold.cover_ledge_mm:g} mm",
             limit=f"0 with this {field}",
             way_out="set it to 0",
@@ -180,7 +180,7 @@ def _outside_findings(design: SensorDesign, plan: Plan) -> Iterator[Finding]:
     if plan.outline.bare.arcs and abs(along - across) > ROUNDING_MM:
         yield error(
             design.mold.outside_fields[0],
-            "a mold with round walls is as thick all around",
+            "the walls of a mold with round walls must be equally thick all around",
             value=f"walls of {mm(along)} along x, {mm(across)} along y",
             limit="the same for both",
             way_out=f"set it to {plan.length_mm + 2 * across:g} mm, or change {design.mold.outside_fields[1]}",
@@ -191,9 +191,9 @@ def _lid_findings(design: SensorDesign) -> Iterator[Finding]:
     if design.mold.fixing_hole_diameter_mm == 0:
         yield error(
             "mold.fixing_hole_diameter_mm",
-            "nothing holds the lid in place that shapes the crown",
+            "the lid that shapes the crown has no fixing",
             value="no fixing holes",
-            limit="above 0: the lid's pins stand in them",
+            limit="above 0: the lid's pins go into them",
             way_out="give fixing holes, best of 2 to 4 mm",
         )
     outline = outline_of(design)

@@ -25,8 +25,8 @@ def run(
     from optopad.jobs.pipeline import run as make
     from optopad.screen.verdict import (
         as_typed,
-        checks_line,
         checks_words,
+        labelled,
         learner_line,
         row,
         score_lines,
@@ -38,17 +38,18 @@ def run(
     with progress(quiet=as_json) as step:
         made = make(read, out, fine=fine, seed=seed, on_step=step)
     place = {"bundle": str(made.folder), "checks_ok": made.checks["ok"]}
-    page, typed = str(made.folder / "report.html"), as_typed(design, set_)
+    page, typed = labelled("report", str(made.folder / "report.html")), as_typed(design, set_)
+    mold = checks_words(made.checks)
     tell(
         as_json,
         lambda: place | {"score": made.score.to_dict()},
         lambda: (
-            [*score_lines(made.score.found), checks_line(made.checks), f"report    {page}"]
+            [*score_lines(made.score.found), labelled("mold", mold), page]
             if details
             else verdict_screen(
                 read,
                 made.score.found,
-                [*row("mold", checks_words(made.checks), 2), f"report      {page}"],
+                [*row("mold", mold, 2), page],
                 command=typed,
                 is_built=True,
                 learner=learner_line(read, made.folder, typed),

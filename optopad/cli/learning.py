@@ -71,14 +71,14 @@ def predict(
         str | None, typer.Option("--protocol", metavar="NAME", help="Packaged protocol or a file (.toml).")
     ] = None,
     draws: Annotated[
-        int, typer.Option("--draws", metavar="N", help="Times that noise, drift and offsets are drawn.")
+        int, typer.Option("--draws", metavar="N", help="Draws of noise, drift and offsets.")
     ] = 1,
     set_: options.Set = None,
     out: options.Out = options.DEFAULT_OUT,
     seed: options.Seed = 0,
     as_json: options.Json = False,
 ) -> None:
-    """How well touch, place and depth will be told: a whole data collection, simulated, learned and judged."""
+    """Errors of touch, location and depth to expect: a whole data collection, simulated, learned and judged."""
     from design.errors import InputError
 
     if quick and full:

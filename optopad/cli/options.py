@@ -68,10 +68,12 @@ Json = Annotated[bool, typer.Option("--json", help="One JSON object on standard 
 Seed = Annotated[int, typer.Option("--seed", min=0, max=LARGEST_SEED, help="Seed of every random stream.")]
 Fine = Annotated[
     bool,
-    typer.Option("--fine", help="Finer light, and 11 places a side and 0.1 mm steps for the map of the pad."),
+    typer.Option(
+        "--fine", help="Finer light, and 11 locations a side and 0.1 mm steps for the map of the pad."
+    ),
 ]
 
-Details = Annotated[bool, typer.Option("--details", help="Say everything, not one screen of it.")]
+Details = Annotated[bool, typer.Option("--details", help="Print every figure, not one screen.")]
 
 DEFAULT_OUT = Path("outputs")
 

@@ -35,15 +35,21 @@ def score(
     set_: options.Set = None,
     full: Annotated[
         bool,
-        typer.Option("--full", help="11 places a side and 0.1 mm steps for the map, at the usual light."),
+        typer.Option(
+            "--full", help="11 locations a side and 0.1 mm steps for the map, with the usual light."
+        ),
     ] = False,
     fine: options.Fine = False,
     tolerance: Annotated[
         bool,
-        typer.Option("--tolerance", help="Also draw builds with everything off that may be, and judge each."),
+        typer.Option(
+            "--tolerance",
+            help="Also run a Monte Carlo over all tolerances and report how many units keep the verdict.",
+        ),
     ] = False,
     builds: Annotated[
-        int | None, typer.Option("--builds", help="How many builds --tolerance draws (200 if left out).")
+        int | None,
+        typer.Option("--builds", help="Units of the Monte Carlo of --tolerance (200 if left out)."),
     ] = None,
     out: options.Out = options.DEFAULT_OUT,
     seed: options.Seed = 0,
@@ -53,23 +59,23 @@ def score(
     """Verdict: modes, deadbands, continuity, strength, map of the pad; written into the bundle."""
     drawn = _drawn_builds(tolerance, builds)
     from optopad.jobs.pipeline import write_score
-    from optopad.screen.verdict import as_typed, learner_line, score_lines, verdict_screen
+    from optopad.screen.verdict import as_typed, labelled, learner_line, score_lines, verdict_screen
 
     read = read_design(design, set_)
     foretell_score(read, fine=fine, full=full, quiet=as_json)
     with progress(quiet=as_json) as step:
         result, folder = write_score(read, out, fine=fine, full=full, seed=seed, on_step=step, builds=drawn)
-    typed = as_typed(design, set_)
+    typed, files = as_typed(design, set_), labelled("files", str(folder))
     tell(
         as_json,
         result.to_json,
         lambda: (
-            [*score_lines(result), f"files     {folder}"]
+            [*score_lines(result), files]
             if details
             else verdict_screen(
                 read,
                 result,
-                [f"files       {folder}"],
+                [files],
                 command=typed,
                 learner=learner_line(read, folder, typed),
             )
@@ -78,10 +84,10 @@ def score(
 
 
 def _drawn_builds(tolerance: bool, builds: int | None) -> int | None:
-    """How many builds to draw; None without ``--tolerance``."""
+    """Units of the Monte Carlo; None without ``--tolerance``."""
     if not tolerance:
         if builds is not None:
-            raise InputError("--builds: needs --tolerance, which draws them; add it")
+            raise InputError("--builds: needs --tolerance, whose units it counts; add it")
         return None
     from sims.continuity.build_tolerance import DEFAULT_BUILDS
     from sims.verdict.builds import FEWEST_BUILDS, MOST_BUILDS
@@ -204,7 +210,7 @@ def sweep(
     seed: options.Seed = 0,
     as_json: options.Json = False,
 ) -> None:
-    """Score a design at several values of one field: table and figure. Interrupted, it goes on where it stopped."""
+    """Score a design at several values of one field: table and figure. Interrupted, it continues where it stopped."""
     path, values = parsed_sweep(field)
     read = read_design(design, set_)
     from optopad.jobs.sweep import run_sweep
@@ -291,7 +297,7 @@ def compare(
     ] = None,
     at: Annotated[
         str | None,
-        typer.Option("--at", metavar="X,Y", help="Recording: the place whose press is shown [mm]."),
+        typer.Option("--at", metavar="X,Y", help="Recording: the location whose press is shown [mm]."),
     ] = None,
     set_: options.Set = None,
     fine: options.Fine = False,
@@ -299,7 +305,7 @@ def compare(
     seed: options.Seed = 0,
     as_json: options.Json = False,
 ) -> None:
-    """What differs between designs and in their scores; or a measured press over the simulated curve."""
+    """Differences between designs and between their scores; or a measured press over the simulated curve."""
     recordings = [name for name in what if Path(name).suffix.lower() in RECORDINGS]
     if recordings:
         _recording(what, recordings, with_, pair, at, set_, out, seed, as_json)

@@ -38,9 +38,7 @@ def improve(
         list[str] | None,
         typer.Option("--keep", metavar="FIELD", help="Leave this field as it is. Repeatable."),
     ] = None,
-    more_parts: Annotated[
-        bool, typer.Option("--more-parts", help="More parts a side may help, too.")
-    ] = False,
+    more_parts: Annotated[bool, typer.Option("--more-parts", help="Also try more parts a side.")] = False,
     budget: Annotated[
         float | None,
         typer.Option(
@@ -51,7 +49,7 @@ def improve(
     seed: options.Seed = 0,
     as_json: options.Json = False,
 ) -> None:
-    """Up to four verified changes that mend or better a design, as design files; the same command goes on."""
+    """Up to four verified designs that fix or improve the verdict, as files; the same command continues."""
     from optopad.jobs.improvement import improve as search_around
 
     read = read_design(design, set_)

@@ -70,21 +70,21 @@ def _figures(found: Accuracy, workspace: Outline) -> dict[str, tuple[Figure, str
     first = pooled[found.learners[0]]
     sets = {one.test_set: one.touch for one in found.found if one.learner == first.learner}
     figures = {
-        "touch": (plot_touch(sets, found.published), "Share of touch told rightly against depth"),
+        "touch": (plot_touch(sets, found.published), "Share of correct touches against depth"),
         "errors": (
             plot_errors({name: one.errors for name, one in pooled.items()}, found.bound_mm),
-            "Median error of place and of depth against depth, by model",
+            "Median error of location and of depth against depth, by model",
         ),
     }
     for learner, one in pooled.items():
         shown = one.presses.only(one.presses.session_number == 0)
         figures[f"arrows-{learner}"] = (
             plot_arrows(shown, ERROR_DEPTHS_MM, workspace),
-            f"Arrows from true to said place, {learner}, first test set",
+            f"Arrows from the true to the estimated location, {learner}, first test set",
         )
         figures[f"depths-{learner}"] = (
             plot_depths(shown, shown_places_mm(workspace)),
-            f"Said against true depth at single places, {learner}, first test set",
+            f"Estimated against true depth at single locations, {learner}, first test set",
         )
     return figures
 
@@ -257,14 +257,14 @@ def _notes(
     notes = [
         f"simulated: protocol {protocol.name}, {draws} draw{'s' if draws > 1 else ''} of the signal chain with the "
         f"design's noise, models of the settings {effort.fit!r} trained on the training sets of each draw alone",
-        "light of the test presses is traced like that of the training presses: what the light model leaves out "
-        "(docs/understand/model.md) is not in these errors",
-        "truth is what the stage reports, as on a bench: errors of its zero and place are part of the errors",
+        "test and training presses are traced by the same light model: the limits of that model "
+        "(docs/understand/model.md) are not in these errors",
+        "the true press is the one that the stage reports, as on a bench: errors of its zero and position are included",
     ]
     if published_touch(curves.design) is not None:
         notes.append(
-            "how near the published touch table is depends on the scale of the readings before the linear classifier, "
-            "which was not published (docs/validation/reality.md)"
+            "the agreement with the published touch table depends on the scale of the readings before the linear "
+            "classifier, which was not published (docs/validation/reality.md)"
         )
     clipped = clipped_note(draw(curves, seed=seed).role("test"))
     return (*notes, clipped) if clipped is not None else tuple(notes)

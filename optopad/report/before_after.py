@@ -106,7 +106,7 @@ def before_and_after(made: Improvement) -> Html:
     rows = [
         ["what changes", *changes],
         ["verdict", *(answer_of(*both).verdict for both in zip(designs, scores, strict=True))],
-        ["how sure", *(answer_of(*both).sure for both in zip(designs, scores, strict=True))],
+        ["confidence", *(answer_of(*both).sure for both in zip(designs, scores, strict=True))],
         ["usable depth [mm]", *(_number(score.usable_depth_mm) for score in scores)],
         ["deadband [mm]", *(_number(score.deadband_total_mm) for score in scores)],
         ["margin [noise units]", *(_number(score.margin) for score in scores)],

@@ -451,7 +451,7 @@ def banner(design: SensorDesign, score: ContinuityScore) -> Html:
     )
     after = said.verdict.removeprefix(score.verdict).lstrip(":, ")
     lines = [element("p", _sentence(after), class_="meaning")]
-    why = said.why if score.causes or not said.why else f"weakest at {said.why}"
+    why = said.why if score.causes or not said.why else f"margin: {said.why}"
     worth = f"resolution: {said.worth}" if said.worth else ""
     lines += [element("p", _sentence(text)) for text in (why, said.fix, said.sure, worth) if text]
     if score.verdict != "OUT_OF_MODEL_SCOPE":

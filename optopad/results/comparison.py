@@ -123,7 +123,7 @@ class Comparison(Result):
             for label, row in zip(self.labels, self.rows, strict=True)
             if row.score["reason"]
         ]
-        return [*_aligned(rows), *reasons, "* better than every other by more than the uncertainties of both"]
+        return [*_aligned(rows), *reasons, "* better than every other design by more than both uncertainties"]
 
     def _repr_html_(self) -> str:
         rows = [

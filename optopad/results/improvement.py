@@ -1,4 +1,4 @@
-"""What an improvement found: the design before, better ones, and what stops it where there are none."""
+"""The result of an improvement: the design before, better designs, and the nearest one where there are none."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from design.spec import SensorDesign
 from optopad.results.score import Score
 from optopad.results.shown import Result, block, number, table
 from optopad.screen.answer import answer_of, changes_words, verdict_words
-from optopad.screen.verdict import LABEL, row
+from optopad.screen.verdict import labelled, row
 from sims.continuity.result import ContinuityScore
 
 Figures = dict[str, float | None]
@@ -22,7 +22,7 @@ WHOLE = 12
 
 @dataclass(frozen=True, kw_only=True)
 class Alternative:
-    """A design worth having.
+    """A verified design that is better.
 
     Attributes
     ----------
@@ -146,40 +146,48 @@ class Improvement(Result):
 
     def lines(self) -> list[str]:
         """Before, up to four alternatives with what they cost, the next command; as `optopad improve` prints them."""
-        judged = f"; {self.tried} designs judged by quick light, {self.judged_again} of them by the score's"
-        lines = row("design", f"{self.design.name}  {self.design.digest[:8]}{judged}", WHOLE)
+        judged = f"; {self.tried} designs judged, {self.judged_again} of them at score accuracy"
+        lines = row("design", f"{self.design.name} ({self.design.digest[:8]}){judged}", WHOLE)
         lines += row("before", answer_of(self.design, self.before.found).verdict, WHOLE)
         for place, one in enumerate(self.alternatives, 1):
             lines += row(str(place), f"{one.kind}: {changes_words(self.design, one.changes)}", WHOLE)
             lines += row("", self._resolution(one), WHOLE)
         if self.is_interrupted:
-            lines += row("stopped", "nothing that was judged is lost; the same command goes on")
+            lines += row("stopped", "every result is kept; the same command continues the search")
         elif self.alternatives:
-            files = ", ".join(one.file for one in self.alternatives)
-            lines += [
-                f"{'files':<{LABEL}}{self.folder}/{files}",
-                f"{'next':<{LABEL}}optopad run {shlex.quote(str(self.folder / self.alternatives[0].file))}",
-            ]
+            lines.append(
+                labelled("files", f"{self.folder}/{', '.join(one.file for one in self.alternatives)}")
+            )
         else:
-            lines += self._without_alternatives()
-        return [*lines, f"{'report':<{LABEL}}{self.folder / 'report.html'}"]
+            lines += self._nearest()
+        return [*lines, labelled("report", str(self.folder / "report.html")), *self._next()]
+
+    def _next(self) -> list[str]:
+        """The next command, or how to search further; none of a search that was stopped."""
+        if self.is_interrupted:
+            return []
+        if self.alternatives:
+            return [
+                labelled("next", f"optopad run {shlex.quote(str(self.folder / self.alternatives[0].file))}")
+            ]
+        return row("next", "widen a range with --vary FIELD=A:B, allow --more-parts, or raise --budget")
 
     def _resolution(self, one: Alternative) -> str:
         """Verdict, confidence and margin by the score's light; the bound of the location by the search's."""
         said = answer_of(one.design, one.score)
-        told = [verdict_words(one.score), said.sure.partition(":")[0]]
-        told.append(f"margin {number(one.score.margin, 1)} sigma (was {number(self.before.found.margin, 1)})")
+        parts = [verdict_words(one.score), said.sure.partition(":")[0]]
+        parts.append(
+            f"margin {number(one.score.margin, 1)} sigma (was {number(self.before.found.margin, 1)})"
+        )
         now, was = one.figures.get("location_bound_mm"), self.figures.get("location_bound_mm")
         if now is not None:
-            told.append(f"location {now:.3f} mm by quick light (was {number(was, 3)})")
-        return "; ".join(part for part in told if part)
+            parts.append(f"location {now:.3f} mm with quick light (was {number(was, 3)})")
+        return "; ".join(part for part in parts if part)
 
-    def _without_alternatives(self) -> list[str]:
-        """The best design that was judged, what is missing, and what to try."""
-        none = (
-            "no better design" if self.before.verdict == "DEADBAND" else "nothing better by enough to matter"
-        )
-        lines = row("none", f"{none} among {self.tried} designs", WHOLE)
+    def _nearest(self) -> list[str]:
+        """The best design that was judged, and what it lacks."""
+        none = "no better design" if self.before.verdict == "DEADBAND" else "no significantly better design"
+        lines = row("none", f"{none} among {self.tried}", WHOLE)
         nearest = self.nearest
         if nearest is not None:
             dead = nearest.score.deadband_total_mm
@@ -187,10 +195,8 @@ class Improvement(Result):
             words = changes_words(self.design, nearest.changes)
             lines += row("nearest", f"{words}: {verdict_words(nearest.score)}; {left}", WHOLE)
             if nearest.at_ends:
-                lines += row("limit", f"{', '.join(nearest.at_ends)} at the end of its range", WHOLE)
-        return lines + row(
-            "next", "widen a range with --vary FIELD=A:B, allow --more-parts, or raise --budget"
-        )
+                lines += row("limit", f"at the end of the range: {', '.join(nearest.at_ends)}", WHOLE)
+        return lines
 
     def _repr_html_(self) -> str:
         rows = [("before", "as it is", verdict_words(self.before.found))]

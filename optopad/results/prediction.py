@@ -1,6 +1,6 @@
-"""A predicted accuracy: how well touch, place and depth will be told.
+"""A predicted accuracy: the errors of touch, location and depth.
 
-How well presses are told, as found: by model and test set, with the bound and what was published beside it.
+The errors by model and test set, with the bound and the published figures.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 FALSE_ALARM_LIMIT = 0.05
-"""Share of untouched frames called touched above which a classifier is a finding [-]."""
+"""Share of untouched frames classified as touched above which a classifier is a finding [-]."""
 LEAST_FOUND = 0.95
 """Share of the presses of the touch table's last row, 1 mm deep, below which a classifier is a finding [-]."""
 
@@ -109,16 +109,16 @@ class Accuracy:
         worst = max(sets, key=lambda name: sets[name], default=None)
         if worst is not None and sets[worst] > FALSE_ALARM_LIMIT:
             made.append(
-                f"{learner}: {100.0 * sets[worst]:.0f} % of the untouched frames of {worst} are called touched (limit "
-                f"{100.0 * FALSE_ALARM_LIMIT:g} %), so its touches mean little; the threshold follows from how far the "
-                "training sets differ from one another, and this set differs by more; train on more sets"
+                f"{learner}: {100.0 * sets[worst]:.0f} % of the untouched frames of {worst} are classified as touched "
+                f"(limit {100.0 * FALSE_ALARM_LIMIT:g} %), so its touches are unreliable; the threshold follows from "
+                "the differences between the training sets, and this set differs by more; train on more sets"
             )
         last = pooled.touch[-1]
         if last.right is not None and last.right < LEAST_FOUND:
             missed, limit = 100.0 * (1.0 - last.right), 100.0 * (1.0 - LEAST_FOUND)
             made.append(
-                f"{learner}: {missed:.0f} % of the presses {last.depth_mm:g} mm deep are called untouched (limit "
-                f"{limit:.0f} %); {_why_missed(learner)}"
+                f"{learner}: {missed:.0f} % of the presses {last.depth_mm:g} mm deep are classified as untouched "
+                f"(limit {limit:.0f} %); {_why_missed(learner)}"
             )
         return made
 
@@ -183,10 +183,12 @@ class Accuracy:
 
 def _why_missed(learner: str) -> str:
     if learner.startswith(SIGNAL_MAP):
-        return "there the signals change by little more than untouched ones do from set to set"
+        return (
+            "at that depth the signals change by little more than the untouched baseline does from set to set"
+        )
     return (
-        "one linear plane decides touch, and where few pairs look across a location a press hardly moves the signals "
-        f"off it; --learner {SIGNAL_MAP} decides by the light model"
+        "one linear plane decides touch, and where few pairs cross a location a press hardly moves the signals off the "
+        f"plane; --learner {SIGNAL_MAP} decides by the light model"
     )
 
 
@@ -214,7 +216,7 @@ def accuracy_lines(found: Accuracy) -> list[str]:
 
 
 def _touch_lines(rows: Sequence[TouchRow], published: PublishedTouch | None) -> list[str]:
-    head = "  depth [mm]   touch told rightly" + ("   published: ambient, dark" if published else "")
+    head = "  depth [mm]   correct touches" + ("   published: ambient, dark" if published else "")
     lines = [head]
     for row in rows:
         if row.right is None:
@@ -248,7 +250,7 @@ def _spread(one: Spread) -> str:
 
 
 def bound_text(bound_mm: float) -> str:
-    """A bound for people; infinite where the light's own error hides what the readings tell."""
+    """A bound as text; it is infinite where the numerical error of the light model leaves it undecided."""
     return f"{bound_mm:.3f}" if math.isfinite(bound_mm) else "open"
 
 
@@ -282,7 +284,7 @@ class Prediction:
 
     @property
     def touch(self) -> xr.DataArray:
-        """(learner, depth) share of samples told rightly as touched or untouched [-]."""
+        """(learner, depth) share of samples that are classified correctly as touched or untouched [-]."""
         import xarray as xr
 
         pooled = self.found.pooled()
@@ -324,7 +326,7 @@ class Prediction:
         return self.found.to_json()
 
     def plot_errors(self) -> Figure:
-        """Errors of place and depth against depth, the bound beside them where it was worked out."""
+        """Errors of location and depth against depth, with the bound where it was computed."""
         from sims.plots.accuracy import plot_errors
         from sims.plots.style import plain_style
 
@@ -333,7 +335,7 @@ class Prediction:
             return plot_errors(rows, self.found.bound_mm)
 
     def plot_touch(self) -> Figure:
-        """Share of samples told rightly against depth."""
+        """Share of correctly classified samples against depth."""
         from sims.plots.accuracy import plot_touch
         from sims.plots.style import plain_style
 

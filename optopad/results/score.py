@@ -159,7 +159,7 @@ class Score(KeyFigures):
         return drawn(lambda own: plot_margin_map(found, cavity_of(self.design), own), ax, 4.8)
 
     def plot_tolerance(self, ax: Axes | None = None) -> Axes:
-        """Deadband of the governing pair at both ends of every value that nobody has measured."""
+        """Deadband of the governing pair at both ends of every unmeasured parameter's band."""
         from sims.plots.tolerance import plot_tolerance
 
         band = self._answered().tolerance
@@ -171,7 +171,7 @@ class Score(KeyFigures):
 
     def _repr_html_(self) -> str:
         said = answer_of(self.design, self.found)
-        head = f"{self.found.name}  {self.found.digest[:8]}"
+        head = f"{self.found.name} ({self.found.digest[:8]})"
         rest = [text for text in (said.verdict, said.why, said.sure, said.worth) if text]
         if self.verdict == "OUT_OF_MODEL_SCOPE":
             return block(head, rest)

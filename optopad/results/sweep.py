@@ -132,16 +132,17 @@ class Sweep(Result):
                 lines.append(f"{row.value!s:<{width}}  {row.headline:<{words}}  {_cells(row)}")
         if any(row.is_of_another_pair for row in self.rows):
             lines.append(
-                "A pair behind a deadband is the one that has it; the other figures are those of the pair shown."
+                "A pair named after a deadband has that deadband; the other figures are of the pair in column pair."
             )
         for setting in (FULL, FINE):
             if values := ", ".join(str(row.value) for row in self.rows if row.refined == setting):
                 lines.append(
-                    f"{values} judged again as optopad score --{setting} judges: neighbours disagreed"
+                    f"{values}: judged again with the settings of optopad score --{setting}, because neighbouring "
+                    "values disagreed"
                 )
         if self.taken_up:
             lines.append(
-                f"{self.taken_up} of {len(self.rows)} values were taken up from an interrupted sweep"
+                f"{self.taken_up} of {len(self.rows)} values were computed by an earlier, interrupted sweep"
             )
         return lines
 

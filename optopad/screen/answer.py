@@ -56,9 +56,9 @@ def counted(count: int, one: str, many: str | None = None) -> str:
 
 
 USABLE_DOUBT_MM = 0.2
-"""Range of the usable depth from which on it is told."""
+"""Width of the usable depth's range from which on the range is reported."""
 LEAST_SHARE = 0.01
-"""Shares below are told as less than this."""
+"""Shares below are reported as less than this."""
 UNITS = (
     ("_mm", " mm"),
     ("_deg", "°"),
@@ -82,10 +82,11 @@ class Answer:
 
     Attributes
     ----------
-    verdict : what holds, where and to what depth
-    why : the mechanism of the worst blind interval; of a pad that has none, how near it is to one
+    verdict : the verdict, with the location and the depths that decide it
+    why : the mechanism of the worst interval that is not resolved; of a pad that has none, its margin
     fix : the moves that a trial found to help, with the verdict that was traced with them
-    sure : whether a value that nobody has measured, or the light's own error, turns it, and what to measure how well
+    sure : the confidence: whether an unmeasured parameter, or the numerical error of the light model, changes the
+        verdict, and which parameter to measure how well
     worth : the resolution: the Cramér-Rao bound of one frame, of noise alone and near the true press
     """
 
@@ -110,14 +111,14 @@ def answer_of(design: SensorDesign, score: ContinuityScore) -> Answer:
 
 
 def verdict_words(score: ContinuityScore) -> str:
-    """The headline, with the range that the light's own error leaves of a usable depth."""
+    """The headline, with the range that the numerical error of the light model leaves to the usable depth."""
     asked = None if score.force is None else float(score.force.depth_mm[-1])
     depth = score.usable_depth_mm
     words = headline(score.verdict, is_open=score.is_open, usable_mm=depth, asked_mm=asked)
     if depth is None or asked is None or depth >= asked:
         return words
     low, high = score.usable_range_mm or (depth, depth)
-    doubt = f" ({low:.1f} to {high:.1f} by the light trace's error)" if high - low > USABLE_DOUBT_MM else ""
+    doubt = f" ({low:.1f} to {high:.1f} mm by numerical error)" if high - low > USABLE_DOUBT_MM else ""
     return f"{words}{doubt}"
 
 
@@ -126,43 +127,52 @@ def _verdict(design: SensorDesign, score: ContinuityScore) -> str:
     if score.is_facing_rows:
         blind = [pair for pair in score.pairs if pair.score.deadbands_mm]
         if not blind:
-            return f"{words}: every facing pair tells depth until its light is used up"
+            return f"{words}: every facing pair resolves depth until its signal no longer changes"
         first = next((pair for pair in blind if pair.name == score.governing), blind[0])
-        others = f"; {len(blind) - 1} more of {len(score.pairs)} pairs neither" if len(blind) > 1 else ""
-        return f"{words}: {first.name} does not tell depth from {spans(first.score.deadbands_mm)} mm{others}"
+        return (
+            f"{words}: {first.name} does not resolve depth from {spans(first.score.deadbands_mm)} mm"
+            f"{_other_pairs(len(blind) - 1, len(score.pairs))}"
+        )
     if score.pad_map is None:
         return words
     places = score.pad_map.places
     if score.deadbands_mm:
         worst, dead = score.pad_map.worst, sum(bool(place.deadbands_mm) for place in places)
         return (
-            f"{words}: at {dead} of {len(places)} places a frame does not tell depth, worst from "
-            f"{spans(worst.deadbands_mm)} mm at x {worst.x_mm:g}, y {worst.y_mm:g} mm"
+            f"{words}: at {dead} of {len(places)} locations depth is not resolved; worst "
+            f"{spans(worst.deadbands_mm)} mm at {at_mm(worst.x_mm, worst.y_mm)}"
         )
     faded = sum(place.usable_mm < design.operating.max_depth_mm - 1e-9 for place in places)
     if faded:
         least = min(places, key=lambda place: place.usable_mm)
         return (
-            f"{words}: at {faded} of {len(places)} places no depth is told beyond, least at x {least.x_mm:g}, "
-            f"y {least.y_mm:g} mm"
+            f"{words}: at {faded} of {len(places)} locations depth is not resolved to {deepest}; the least "
+            f"depth is at {at_mm(least.x_mm, least.y_mm)}"
         )
-    return f"{words}: one frame tells depth from contact to {deepest} at all {len(places)} places"
+    return f"{words}: depth is resolved from contact to {deepest} at all {len(places)} locations"
+
+
+def _other_pairs(count: int, every: int) -> str:
+    """Pairs beside the named one that do not resolve depth either; empty where there is none."""
+    if not count:
+        return ""
+    return f"; {count} more of {every} pairs {'has a deadband' if count == 1 else 'have deadbands'}, too"
 
 
 def _margin(score: ContinuityScore) -> str:
-    """How near a pad without a blind interval is to one."""
+    """The margin of a pad that resolves depth everywhere, and where it is least."""
     if score.pad_map is None or score.is_facing_rows:
         return ""
     weakest = score.pad_map.weakest
     start, end = weakest.depths.margin_mm
     return (
-        f"{start:.1f} to {end:.1f} mm at x {weakest.x_mm:g}, y {weakest.y_mm:g} mm: there frames change by "
-        f"{weakest.margin:.1f}, where {DEADBAND_THRESHOLD:g} noise units are blind"
+        f"{weakest.margin:.1f} sigma at {at_mm(weakest.x_mm, weakest.y_mm)}, {start:.1f} to {end:.1f} mm deep; "
+        f"a deadband is below {DEADBAND_THRESHOLD:g} sigma"
     )
 
 
 def _why(score: ContinuityScore) -> str:
-    """The mechanism of the worst interval, and that no move fixes it; without one, how near the pad is to one."""
+    """The mechanism of the worst interval, and that no move fixes it; without such an interval, the margin."""
     if not score.causes:
         return _margin(score)
     return "; ".join(filter(None, [cause_sentence(score.causes[0]), no_fix_words(score.trial)]))
@@ -172,35 +182,39 @@ def cause_sentence(cause: Cause) -> str:
     """The mechanism by name, with what is missing."""
     typical = cause.typical
     if typical is None:
-        return "no pair near: no light between two parts runs under the tip there"
+        return "no pair near: no line from an emitter to a receiver passes under the tip"
     several = f"{len(cause.witnesses)} pairs under the tip"
     under = several if len(cause.witnesses) > 1 else typical.pair
     match cause.lack:
         case "apart":
             onset = typical.mode2_onset_mm
-            meets = "no press" if onset is None else f"the tip from {onset:.1f} mm on"
+            reaches = (
+                "the tip never reaches" if onset is None else f"only from {onset:.1f} mm on the tip reaches"
+            )
             return (
-                f"modes too far apart: mirrored light is spent at {typical.mode1_end_mm:.1f} mm, {meets} takes "
-                f"straight light ({typical.pair})"
+                f"the modes are too far apart: reflected light (mode 1) is gone by {typical.mode1_end_mm:.1f} mm, "
+                f"and {reaches} the direct path of {typical.pair} (mode 2)"
             )
         case "used up":
-            return f"light used up: by {cause.depth_mm[0]:.1f} mm the tip has blocked the straight light of {under}"
+            blocked = f"by {cause.depth_mm[0]:.1f} mm the tip has blocked the direct light of {under}"
+            return f"the signal no longer changes: {blocked}"
         case "clipped":
-            return f"clipped: {under} at full scale there; lower gain.target_counts"
+            reads = "read" if len(cause.witnesses) > 1 else "reads"
+            return f"clipped: {under} {reads} full scale there; lower gain.target_counts"
         case "dim":
             most = max(one.untouched_counts for one in cause.witnesses)
-            return f"too dim: {under}, {most:.1f} counts untouched at most"
+            return f"too little light: the baseline of {under} is {most:.1f} counts at most"
         case "cancel":
-            return f"the modes cancel: as mirrored light of {typical.pair} falls, its straight light grows"
+            return f"the modes cancel: as the reflected light of {typical.pair} falls, its direct light grows"
         case _:
             change = max(one.change for one in cause.witnesses)
-            return f"too little change: {change:.1f} noise units there at most, of {under}"
+            return f"too little change: the signal of {under} changes by {change:.1f} sigma there at most"
 
 
 def _sure(design: SensorDesign, score: ContinuityScore) -> str:
     if score.is_open:
-        does = "make the deadband" if score.verdict == "DEADBAND" else "hide a deadband"
-        return f"open: the light trace's own error may {does} {_doubtful(score)}; use --fine"
+        does = "cause the deadband" if score.verdict == "DEADBAND" else "hide a deadband"
+        return f"undecided: the numerical error of the light model may {does} {_doubtful(score)}; use --fine"
     band = score.tolerance
     if band is None:
         return ""
@@ -209,24 +223,47 @@ def _sure(design: SensorDesign, score: ContinuityScore) -> str:
         (turn for row in band.rows if (turn := _turn(band, row, values))), key=lambda turn: turn[1]
     )
     if not turning:
-        none = f"none of {counted(len(band.rows), 'value')} that nobody has measured turns it by itself"
-        return f"firm: {none}" + (f"; {len(band.unbanded)} have no band" if band.unbanded else "")
+        return f"robust: {_none_changes(len(band.rows))}{_without_band(len(band.unbanded))}"
     path, apart = turning[0]
-    more = f"; {counted(len(turning) - 1, 'more value')} can" if len(turning) > 1 else ""
-    return f"open: {path} turns it; measure it to within {apart:.2g}{unit_of(path)}{tool_words(path, apart)}{more}"
+    more = f"; {counted(len(turning) - 1, 'more parameter')} can change it, too" if len(turning) > 1 else ""
+    measure = f"measure it to within {apart:.2g}{unit_of(path)}{tool_words(path, apart)}"
+    return f"undecided: {path} changes the verdict; {measure}{more}"
+
+
+def _none_changes(count: int) -> str:
+    """That no unmeasured parameter changes the verdict on its own."""
+    match count:
+        case 0:
+            return "no unmeasured parameter has an uncertainty band"
+        case 1:
+            return "the one unmeasured parameter does not change the verdict"
+        case _:
+            return f"none of the {count} unmeasured parameters changes the verdict on its own"
+
+
+def _without_band(count: int) -> str:
+    """How many more parameters could not be varied; empty where there is none."""
+    if not count:
+        return ""
+    return f"; {counted(count, 'parameter has', 'parameters have')} no uncertainty band"
 
 
 def _doubtful(score: ContinuityScore) -> str:
-    """Where an open verdict is open."""
+    """The pair or the location for which the verdict is undecided."""
     if score.is_facing_rows or score.pad_map is None:
         named = next((pair.name for pair in score.pairs if pair.score.possible_deadbands_mm), score.governing)
         return f"of {named}"
     place = next((one for one in score.pad_map.places if one.depths.most.deadbands_mm), score.pad_map.weakest)
-    return f"at x {place.x_mm:g}, y {place.y_mm:g} mm"
+    return f"at {at_mm(place.x_mm, place.y_mm)}"
+
+
+def at_mm(x_mm: float, y_mm: float) -> str:
+    """A location of the pad."""
+    return f"({x_mm:g}, {y_mm:g}) mm"
 
 
 def _turn(band: ToleranceBand, row: ToleranceRow, values: dict[str, float]) -> tuple[str, float] | None:
-    """A path whose band turns the verdict, and how far from the design's value, the margin taken as a straight line."""
+    """A path whose band changes the verdict, and how far from the design's value, by a linear margin."""
     if not row.flips or row.path not in values:
         return None
     found = []
@@ -261,10 +298,10 @@ def _plain(value: Any) -> str:
 def _worth(score: ContinuityScore) -> str:
     if score.bounds is None:
         return ""
-    felt = ""
+    contact = ""
     if score.bounds.felt is not None:
         force = float(score.bounds.felt.force_n[score.bounds.felt.worst])
-        felt = (
+        contact = (
             "; at some locations no contact is detected"
             if math.isinf(force)
             else f"; contact from {force:.2f}\N{NO-BREAK SPACE}N"
@@ -276,14 +313,14 @@ def _worth(score: ContinuityScore) -> str:
     listed = ", ".join(
         f"{name} {'not resolved' if math.isinf(value) else f'{value:.3f} mm'}" for name, value in told
     )
-    blind = unresolved(score.bounds, is_facing=score.is_facing_rows)
-    return f"{listed} (Cramér-Rao bound, one frame, median){felt}{blind}"
+    share = unresolved(score.bounds, is_facing=score.is_facing_rows)
+    return f"{listed} (Cramér-Rao bound, one frame, median){contact}{share}"
 
 
 def unresolved(bounds: PadBounds, *, is_facing: bool) -> str:
     """The share of the volume where one frame does not resolve x, y and depth together; empty where there is none.
 
-    Facing rows are pressed at known places: of these the share says nothing.
+    Facing rows are pressed at known locations, for which the share has no meaning.
     """
     share = bounds.blind_share
     if is_facing or not share > 0.0:
@@ -324,7 +361,7 @@ def no_fix_words(trial: Trial | None) -> str:
     within = (
         f"of {counted(len(trial.tried), 'move')} of heights and thickness by up to {trial.farthest_mm:g} mm"
     )
-    return f"none {within} {helps}{more} (margin {ENOUGH_MARGIN:g} sigma or more)"
+    return f"none {within} {helps} with a margin of {ENOUGH_MARGIN:g} sigma{more}"
 
 
 def set_options(trial: Trial) -> str:
@@ -335,7 +372,7 @@ def set_options(trial: Trial) -> str:
 def _moved(move: Move) -> str:
     if move.path not in NAMES:
         field = move.path.rpartition(".")[2].replace("_", " ")
-        return f"{field} {move.to:g}" + ("" if move.was is None else f" in place of {move.was:g}")
+        return f"{field} {move.to:g}" + ("" if move.was is None else f" instead of {move.was:g}")
     assert move.was is not None
     named = f"{NAMES[move.path]} {move.parts}".strip()
     return f"{named} from {move.was:g} to {move.to:g} mm"
@@ -370,7 +407,7 @@ TOOLS: dict[str, tuple[_Tool, ...]] = {
     "active_width_mm": (_MICROSCOPE,),
     "active_height_mm": (_MICROSCOPE,),
     "_mm": (_CALLIPER, _MICROSCOPE),
-    "half_angle_deg": (_Tool(name="a photodiode turned around the LED", resolves=1.0),),
+    "half_angle_deg": (_Tool(name="a photodiode rotated around the LED", resolves=1.0),),
     "_deg": (_Tool(name="a protractor", resolves=1.0),),
     "refractive_index": (_Tool(name="an Abbe refractometer", resolves=0.0005),),
     "absorption_db_per_cm": (
@@ -383,7 +420,7 @@ TOOLS: dict[str, tuple[_Tool, ...]] = {
 
 
 def tool_words(path: str, within: float) -> str:
-    """How to measure a field to within that, with a colon before it; empty for a kind of quantity without tools here.
+    """The end of a sentence "measure it to within ...": the tool; empty for a kind of quantity without tools here.
 
     Parameters
     ----------
@@ -395,10 +432,10 @@ def tool_words(path: str, within: float) -> str:
     if not tools:
         return ""
     fine = next((one for one in tools if one.resolves <= within), None)
-    by = [] if fine is None else [f"by {fine.name}"]
+    by = [] if fine is None else [f"with {fine.name}"]
     if reach is not None and reach <= within and fine is not tools[0]:
         by.append(f"by optopad calibrate with {PRESSES} presses")
     if not by:
-        return f": finer than {tools[-1].name} resolves; a design with more margin is the way out"
-    coarse = f"not by {tools[0].name}; " if fine is not tools[0] else ""
-    return f": {coarse}{' or '.join(by)}"
+        return f"; {tools[-1].name} does not resolve that, so the design needs more margin"
+    coarse = f"; {tools[0].name} is too coarse" if fine is not tools[0] else ""
+    return f" {' or '.join(by)}{coarse}"

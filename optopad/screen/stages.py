@@ -1,4 +1,4 @@
-"""Stages of the work in words, for whoever shows how far it is."""
+"""Titles of the stages of a computation, for its progress lines."""
 
 from __future__ import annotations
 
@@ -10,18 +10,18 @@ STAGE_TITLES = {
     "loose walls": "light, walls torn loose",
     "data": "samples",
     "map": "light, map of the pad",
-    "doubtful places": "light, doubtful places again",
+    "doubtful places": "light, doubtful locations again",
     "map error": "light, between the map's nodes",
-    "calibration": "fit of the build's optics",
+    "calibration": "fit of the unit's optics",
     "fit": "model",
     "curves": "light, pairs under the tip",
-    "open pairs": "light, open pairs again",
-    "open places": "light, open places again",
-    "bounds": "light, bounds of place and depth",
-    "tolerance": "tolerance of open values",
-    "what matters": "what matters: a step of each field",
+    "open pairs": "light, undecided pairs again",
+    "open places": "light, undecided locations again",
+    "bounds": "light, bounds of resolution",
+    "tolerance": "unmeasured parameters",
+    "what matters": "sensitivity to each parameter",
     "trial": "trial: heights and thickness moved",
-    "builds": "builds, everything off at once",
+    "builds": "Monte Carlo over tolerances",
     "oracle": "ray tracer",
     "rays": "sample paths",
     "mold": "mold and tools",

@@ -15,6 +15,7 @@ from design.spec import SensorDesign
 from optopad.prediction_cost import STEM, quick_prediction_s
 from optopad.screen.answer import (
     answer_of,
+    at_mm,
     command_words,
     counted,
     set_options,
@@ -22,6 +23,8 @@ from optopad.screen.answer import (
     unresolved,
     verdict_words,
 )
+from sims.continuity.result import RESTS, UNDECIDED
+from sims.verdict.depth_curve import NUMERICAL
 
 if TYPE_CHECKING:
     from design.fields.finding import Finding
@@ -35,7 +38,7 @@ WIDTH, LINES = 100, 12
 LABEL = 12
 """Columns of the label in front of a line."""
 FIRST = ("full scale", "do not settle", "cannot light", "too much current", "stay tacky")
-"""Words of warnings that come first: a pad that is built as it is would not work."""
+"""Words of warnings that come first: with such a fault the pad would not work."""
 FINDING_LINES = 4
 """Lines of a finding at most."""
 
@@ -49,30 +52,30 @@ def verdict_screen(
     is_built: bool = False,
     learner: str = "",
 ) -> list[str]:
-    """The verdict, why, how sure, the resolution, what a learner reaches, what to heed, and the next command.
+    """The verdict, its cause or margin, confidence, resolution, errors of a learner, warnings, and the next command.
 
     Parameters
     ----------
     closing : finished lines for the end, such as where the files are
     command : the design and its changes as given on the command line, for the next command; empty names none
     is_built : whether the bundle with mold and report is there
-    learner : what `optopad.screen.verdict` says, beside the bound of a pad where there is room; empty says nothing
+    learner : the sentence of `learner_line`; it comes below the bound of a pad where there is room
     """
     said = answer_of(design, score)
     head = [
-        *row("design", f"{score.name}  {score.digest[:8]}"),
+        *row("design", f"{score.name} ({score.digest[:8]})"),
         *row("verdict", said.verdict, 2 if score.causes or score.reason == "" else 4),
-        *row("why" if score.causes else "weakest", said.why, 2),
-        *row("sure", said.sure, 2),
-        *row("resolution", said.worth, 2),
     ]
+    figures = [*row("confidence", said.sure, 2), *row("resolution", said.worth, 2)]
     onward = _next(score, command, said.fix, is_built=is_built) if command else ""
-    foot = [*row("next", onward, 2), *closing]
-    beside = row("learner", learner, 2) if said.worth and not score.is_facing_rows else []
-    if len(head) + len(beside) + len(foot) < LINES:  # one is left for what to heed
-        head += beside
+    foot = [*closing, *row("next", onward, 2)]
+    left = LINES - len(head) - len(figures) - len(foot) - 1
+    head += [*row("cause" if score.causes else "margin", said.why, max(left, 2)), *figures]
+    reached = row("learner", learner, 2) if said.worth and not score.is_facing_rows else []
+    if len(head) + len(reached) + len(foot) < LINES:  # one is left for warnings
+        head += reached
     room = max(LINES - len(head) - len(foot), 1)
-    return [*head, *_heeded(_to_heed(score), room), *foot]
+    return [*head, *_warnings(_to_show(score), room), *foot]
 
 
 def findings_screen(name: str, findings: Sequence[Finding], *, command: str) -> list[str]:
@@ -85,15 +88,15 @@ def findings_screen(name: str, findings: Sequence[Finding], *, command: str) -> 
     warnings = [one for one in findings if one.severity == "warning"]
     ordered = [*errors, *warnings, *notes]
     total = f"{counted(len(errors), 'error')}, {counted(len(warnings), 'warning')}"
-    foot = [] if errors else row("next", f"optopad {command}")
+    foot = [] if errors else row("next", f"optopad {command}", 2)
     room = LINES - len(foot) - 2
     lines: list[str] = []
     shown = 0
     for one in ordered:
-        told = row(one.severity, str(one), FINDING_LINES)
-        if lines and len(lines) + len(told) > room:
+        made = row(one.severity, str(one), FINDING_LINES)
+        if lines and len(lines) + len(made) > room:
             break
-        lines, shown = [*lines, *told], shown + 1
+        lines, shown = [*lines, *made], shown + 1
     if shown < len(ordered):
         lines += row("", f"and {len(ordered) - shown} more; all of them with --details")
     return [*row("design", f"{name}: {total}"), *lines, *foot]
@@ -111,23 +114,24 @@ def row(label: str, text: str, most: int = 1) -> list[str]:
     return [f"{label if number == 0 else '':<{LABEL}}{part}" for number, part in enumerate(parts)]
 
 
-def _to_heed(score: ContinuityScore) -> list[str]:
-    """Warnings that no other line tells, the worst first, then the rest as they come.
+def _to_show(score: ContinuityScore) -> list[str]:
+    """Warnings that no other line reports, the worst first, then the rest in their order.
 
-    The trace's error is told where it leaves the verdict open; else it concerns the figures of single pairs alone.
+    The numerical error of the light model has a line where it leaves the verdict undecided; otherwise it concerns the
+    figures of single pairs alone.
     """
-    told = ("rests on values not measured", "the verdict is open", "light trace: standard error")
-    left = [text for text in score.warnings if not text.startswith(told)]
+    shown = (RESTS, UNDECIDED, NUMERICAL)
+    left = [text for text in score.warnings if not text.startswith(shown)]
     return sorted(left, key=lambda text: not any(words in text for words in FIRST))
 
 
-def _heeded(texts: Sequence[str], room: int) -> list[str]:
-    """One line each; what has no room is counted."""
+def _warnings(texts: Sequence[str], room: int) -> list[str]:
+    """One line each; those without room are counted."""
     shown = list(texts) if len(texts) <= room else list(texts[: max(room - 1, 0)])
-    lines = [line for text in shown for line in row("heed", _clause(text))]
+    lines = [line for text in shown for line in row("warning", _clause(text))]
     left = len(texts) - len(shown)
     if left:
-        lines += row("heed", f"{counted(left, 'more warning' if shown else 'warning')}; see --details")
+        lines += row("warning", f"{counted(left, 'more warning' if shown else 'warning')}; see --details")
     return lines
 
 
@@ -143,34 +147,37 @@ def _clause(text: str) -> str:
 def _next(score: ContinuityScore, command: str, fix: str, *, is_built: bool) -> str:
     """The exact next command, and what it does."""
     if score.verdict == "OUT_OF_MODEL_SCOPE":
-        return f"change what the reason names, then optopad check {command}"
+        return f"remove the reason that the verdict names, then optopad check {command}"
     if score.trial is not None and score.trial.found == "move":
         return f"optopad score {command} {set_options(score.trial)}   ({command_words(score.trial)})"
     if fix:
         return f"optopad improve {command} --more-parts   ({fix})"
     if score.causes:
-        return f"optopad improve {command}   (up to three changes that mend it, verified: minutes)"
+        return f"optopad improve {command}   (up to four verified designs that fix it: minutes)"
     if score.tolerance is not None and score.tolerance.flipping and not is_built:
-        return f"optopad improve {command}   (up to three changes that better it, verified: minutes)"
+        return f"optopad improve {command}   (up to four verified designs that improve it: minutes)"
     if is_built:
-        return "open the report, print cad/mold.stl, and follow fabrication/casting.md"
+        return "open the report, print cad/mold.stl, follow fabrication/casting.md"
     return f"optopad run {command}   (mold, wiring, firmware, report: about a minute)"
 
 
 def as_typed(design: str, changes: Sequence[str] | None) -> str:
-    """A design and its changes as they were given, for a command to be typed."""
+    """A design and its changes as on the command line, for the next command."""
     return " ".join([shlex.quote(design), *(f"--set {shlex.quote(one)}" for one in changes or ())])
 
 
 LEAST_CHANGE_MM = 0.01
-"""Changes of a depth from which on they are told."""
+"""Changes of a depth from which on they are reported."""
 
 
 def score_lines(score: ContinuityScore) -> list[str]:
-    """The verdict and all that goes with it, the most important first."""
-    lines = [f"design    {score.name}  {score.digest[:8]}", f"verdict   {verdict_words(score)}"]
+    """The verdict with every figure, the most important first."""
+    lines = [
+        labelled("design", f"{score.name} ({score.digest[:8]})"),
+        labelled("verdict", verdict_words(score)),
+    ]
     if score.verdict == "OUT_OF_MODEL_SCOPE":
-        return [*lines, f"reason    {score.reason}"]
+        return [*lines, labelled("reason", score.reason)]
     lines += [_deadband_line(score), _pairs_line(score), _strength_line(score)]
     if score.is_facing_rows:
         lines += [_pair_line(pair) for pair in score.pairs]
@@ -178,11 +185,16 @@ def score_lines(score: ContinuityScore) -> list[str]:
     lines += [_band_line(score)] if score.tolerance is not None else []
     lines += build_lines(score.builds) if score.builds is not None else []
     lines += step_lines(score.steps) if score.steps is not None else []
-    return lines + [f"warning   {text}" for text in score.warnings]
+    return lines + [labelled("warning", text) for text in score.warnings]
+
+
+def labelled(label: str, text: str) -> str:
+    """A whole sentence behind its label, however long."""
+    return f"{label:<{LABEL}}{text}"
 
 
 def finding_line(finding: dict[str, Any]) -> str:
-    """A check of the mold that did not hold, with its note: the place, or what to do."""
+    """A check of the mold that failed, with its note: where, or what to do."""
     unit = f" {finding['unit']}" if finding["unit"] else ""
     held = f"{finding['value']:g}{unit} (limit {finding['limit']:g}{unit})"
     return f"{finding['state']:<9} {finding['name']}: {held}" + (
@@ -196,41 +208,47 @@ def checks_line(checks: dict[str, Any]) -> str:
 
 
 def checks_words(checks: dict[str, Any]) -> str:
-    """Whether the mold can be printed, and which checks did not hold."""
+    """Whether the mold can be printed, and which checks failed."""
     found = {
         state: [one["name"] for one in checks.get("findings", []) if one.get("state") == state]
         for state in ("error", "warning")
     }
-    told = [f"{counted(len(names), state)} ({', '.join(names)})" for state, names in found.items() if names]
+    named = [f"{counted(len(names), state)} ({', '.join(names)})" for state, names in found.items() if names]
     state = "printable" if checks.get("ok") else "NOT printable"
-    return f"{state}; {', '.join(told) or 'no findings'}; see cad/checks.json"
+    if not named:
+        return f"{state}, no findings (cad/checks.json)"
+    return f"{state}, {', '.join(named)}; see cad/checks.json"
 
 
 def _deadband_line(score: ContinuityScore) -> str:
     where = f"governing pair {score.governing}" if score.is_facing_rows else "pad"
     if not score.deadbands_mm:
-        return f"deadband  none in the {where}"
+        return labelled("deadband", f"none in the {where}")
     spans = ", ".join(f"{start:.2f} to {end:.2f} mm" for start, end in score.deadbands_mm)
-    place = ""
+    share = ""
     if not score.is_facing_rows and score.pad_map is not None:
         worst = score.pad_map.worst
-        place = (
-            f" at x {worst.x_mm:g}, y {worst.y_mm:g} mm ({score.pad_map.dead_share:.0%} of places have one)"
+        share = (
+            f" at {at_mm(worst.x_mm, worst.y_mm)}; {score.pad_map.dead_share:.0%} of the locations have one"
         )
-    return f"deadband  {score.deadband_total_mm:.2f} mm: {spans}{place}"
+    return labelled("deadband", f"{score.deadband_total_mm:.2f} mm: {spans}{share}")
 
 
 def _pairs_line(score: ContinuityScore) -> str:
-    worst = f"; worst {score.worst_pair} with {score.worst_pair_mm:.2f} mm" if score.worst_pair_mm else ""
-    return f"pairs     {score.pairs_with_deadband} of {len(score.pairs)} judged have one of their own{worst}"
+    worst = (
+        f"; {score.worst_pair} has the longest, {score.worst_pair_mm:.2f} mm" if score.worst_pair_mm else ""
+    )
+    count = f"{score.pairs_with_deadband} of {len(score.pairs)} judged pairs"
+    return labelled("pairs", f"{count} have a deadband of their own{worst}")
 
 
 def _strength_line(score: ContinuityScore) -> str:
     strength = score.strength or {}
-    return (
-        f"strength  {strength['untouched_counts']:.0f} counts untouched ({strength['untouched_flux']:.2e} of the "
-        f"emitted power), swing {strength['swing']:.0%}, {strength['resolvable_steps']:.0f} resolvable steps; "
-        f"continuity {score.continuity:.2f}, evenness {score.evenness:.2f}"
+    return labelled(
+        "strength",
+        f"baseline {strength['untouched_counts']:.0f} counts ({strength['untouched_flux']:.2e} of the emitted power), "
+        f"swing {strength['swing']:.0%}, {strength['resolvable_steps']:.0f} resolvable steps; "
+        f"continuity {score.continuity:.2f}, evenness {score.evenness:.2f}",
     )
 
 
@@ -239,52 +257,56 @@ def _pair_line(pair: JudgedPair) -> str:
     onset, end = modes.mode2_mm
     gap = "open" if modes.gap_mm is None else f"{modes.gap_mm:+.2f} mm"
     dead = ", ".join(f"{a:.2f}-{b:.2f}" for a, b in score.deadbands_mm) or "none"
-    return (
-        f"{pair.name:<9} mode 1 {modes.mode1_mm[0]:.2f}-{modes.mode1_mm[1]:.2f} mm, mode 2 "
+    return labelled(
+        pair.name,
+        f"mode 1 {modes.mode1_mm[0]:.2f}-{modes.mode1_mm[1]:.2f} mm, mode 2 "
         f"{'never' if onset is None else f'{onset:.2f}'}-{'open' if end is None else f'{end:.2f}'} mm, gap {gap}, "
-        f"deadband {dead}"
+        f"deadband {dead}",
     )
 
 
 def build_lines(study: BuildStudy) -> list[str]:
-    """The share of builds that keep the verdict, and what matters most."""
+    """The share of manufactured units that keep the verdict, and the tolerances with the strongest effect."""
     low, high = study.kept_interval
-    doubt = f"; {study.doubtful} of all in doubt by the light trace's error" if study.doubtful else ""
-    missing = f"; not judged: {sum(study.unjudged.values())}" if study.unjudged else ""
+    doubt = f"; {study.doubtful} undecided by numerical error" if study.doubtful else ""
+    missing = f"; {sum(study.unjudged.values())} not judged" if study.unjudged else ""
     verdict = "DEADBAND" if study.as_designed.deadband_mm else "CONTIGUOUS"
     correlations = study.rank_correlations()
     strongest = ", ".join(
         f"{study.tolerances[number].path} ({correlations[number][0]:+.2f})" for number in study.ranking[:4]
     )
     return [
-        f"builds    {study.kept} of {study.builds} stay {verdict}: {study.kept_share:.0%} "
-        f"(95 %: {low:.0%} to {high:.0%}){doubt}{missing}, judged by {study.judged}",
-        f"matters   {strongest} (rank correlation)",
+        labelled(
+            "tolerances",
+            f"{study.kept} of {study.builds} manufactured units stay {verdict}: {study.kept_share:.0%} "
+            f"(95 % interval {low:.0%} to {high:.0%}){doubt}{missing}; judged by {study.judged}",
+        ),
+        labelled("sensitivity", f"{strongest} (rank correlation with the margin)"),
     ]
 
 
 def step_lines(steps: FieldSteps) -> list[str]:
-    """What a step of each field changes, the field whose step gains most first."""
+    """The sensitivity to each parameter: the effect of a small step, the parameter whose step gains most first."""
     order = list(steps.better_sides())
     rows = sorted(steps.rows, key=lambda row: order.index(row.path) if row.path in order else len(order))
     lines = []
     for row in rows:
-        told = []
+        effects = []
         for sign, effect in (("-", row.lower), ("+", row.higher)):
             step = f"{sign}{row.step:g}{unit_of(row.path)}"
-            told.append(f"{step} {'refused' if effect is None else _changed(steps.as_designed, effect)}")
-        lines.append(f"matters   {row.path}: {'; '.join(told)}")
-    return [*lines, f"          judged by {steps.judged}"]
+            effects.append(f"{step} {'refused' if effect is None else _changed(steps.as_designed, effect)}")
+        lines.append(labelled("sensitivity", f"{row.path}: {'; '.join(effects)}"))
+    return [*lines, labelled("", f"judged by {steps.judged}")]
 
 
 def _changed(design: Effect, stepped: Effect) -> str:
-    """What differs between two builds' figures."""
-    found = [f"margin {stepped.margin - design.margin:+.1f} noise units"]
+    """The differences between the figures of two designs."""
+    found = [f"margin {stepped.margin - design.margin:+.1f} sigma"]
     for name, words in (("usable_mm", "usable"), ("deadband_mm", "deadband")):
         change = getattr(stepped, name) - getattr(design, name)
         if abs(change) >= LEAST_CHANGE_MM:
             found.append(f"{words} {change:+.2f} mm")
-    for name, words in (("location_mm", "place"), ("depth_mm", "depth")):
+    for name, words in (("location_mm", "location"), ("depth_mm", "depth")):
         before, after = getattr(design, name), getattr(stepped, name)
         if before is not None and after is not None and before > 0.0:
             found.append(f"{words} bound {after / before - 1.0:+.0%}")
@@ -295,68 +317,86 @@ def _band_line(score: ContinuityScore) -> str:
     band = score.tolerance
     assert band is not None
     low, high = band.deadband_range_mm
-    turned = f"; turned by {', '.join(band.flipping)}" if band.flipping else "; no single value turns it"
-    return f"tolerance deadband of {band.judged}: {low:.2f} to {high:.2f} mm over the bands of open values{turned}"
+    if band.flipping:
+        does = "changes" if len(band.flipping) == 1 else "change"
+        changing = f"{', '.join(band.flipping)} {does} the verdict"
+    else:
+        changing = "no single parameter changes the verdict"
+    return labelled(
+        "confidence",
+        f"deadband of {band.judged}: {low:.2f} to {high:.2f} mm over the bands of unmeasured parameters; {changing}",
+    )
 
 
 def bound_lines(bounds: PadBounds, *, is_facing: bool) -> list[str]:
-    """Median bounds, coverage and dead volume, lightest press, and the part that is missed most.
+    """Median bounds, coverage and dead volume, detection threshold, and the most important component.
 
-    Facing rows are pressed at known places: their line is that of the depth alone.
+    Facing rows are pressed at known locations: their line is that of the depth alone.
     """
     lines = [_depth_alone_line(bounds)] if is_facing else [_median_line(bounds), _volume_line(bounds)]
-    lines += [] if bounds.felt is None else [_felt_line(bounds.felt)]
+    lines += [] if bounds.felt is None else [_contact_line(bounds.felt)]
     return lines if is_facing or bounds.worst_loss is None else [*lines, _loss_line(bounds)]
 
 
 def _median_line(bounds: PadBounds) -> str:
     worst = bounds.worst
-    at = f"x {worst.x_mm:g}, y {worst.y_mm:g}, depth {worst.depth_mm:g} mm"
-    end = f"blind at {at}" if math.isinf(worst.location_mm) else f"worst {_mm(worst.location_mm)} at {at}"
-    return (
-        f"bounds    one frame, median over the pad: place {_span(bounds.median_location_mm)}, "
-        f"depth {_span(bounds.median_depth_mm)}; {end}"
+    at = f"{at_mm(worst.x_mm, worst.y_mm)}, {worst.depth_mm:g} mm deep"
+    end = (
+        f"not resolved at {at}"
+        if math.isinf(worst.location_mm)
+        else f"worst {_mm(worst.location_mm)} at {at}"
+    )
+    return labelled(
+        "resolution",
+        f"one frame, median over the pad: location {_span(bounds.median_location_mm)}, "
+        f"depth {_span(bounds.median_depth_mm)}; {end}",
     )
 
 
 def _depth_alone_line(bounds: PadBounds) -> str:
-    return f"bounds    one frame, place known, median: depth {_span(bounds.median_depth_alone_mm)}"
+    depth = _span(bounds.median_depth_alone_mm)
+    return labelled("resolution", f"one frame at a known location, median: depth {depth}")
 
 
 def _volume_line(bounds: PadBounds) -> str:
     limits = bounds.limits
-    return (
-        f"volume    {bounds.coverage.percent()} covered (place < {limits.covered_location_mm:g} mm, depth < "
-        f"{limits.covered_depth_mm:g} mm); {bounds.dead_share.percent()} dead (place > {limits.dead_location_mm:g} mm "
-        f"or depth > {limits.dead_depth_mm:g} mm){unresolved(bounds, is_facing=False)}"
+    return labelled(
+        "volume",
+        f"{bounds.coverage.percent()} covered (location < {limits.covered_location_mm:g} mm, depth < "
+        f"{limits.covered_depth_mm:g} mm); {bounds.dead_share.percent()} dead (location > "
+        f"{limits.dead_location_mm:g} mm or depth > {limits.dead_depth_mm:g} mm)"
+        f"{unresolved(bounds, is_facing=False)}",
     )
 
 
-def _felt_line(felt: FeltForce) -> str:
+def _contact_line(felt: FeltForce) -> str:
     row, column = felt.worst
-    at = f"x {felt.x_mm[column]:g}, y {felt.y_mm[row]:g} mm"
+    at = at_mm(felt.x_mm[column], felt.y_mm[row])
     force = float(felt.force_n[row, column])
     if math.isinf(force):
-        return f"felt      no press within the range of use at {at}"
+        return labelled("contact", f"no press within the range of use is detected at {at}")
     band = f"{felt.low_n[row, column]:.3f} to {felt.high_n[row, column]:.3f} N by the modulus"
     latest = float(felt.force_error_high_n[row, column])
-    end = "no press" if math.isinf(latest) else f"{latest:.3f} N"
-    trace = f"{felt.force_error_low_n[row, column]:.3f} N to {end} by the trace"
-    return f"felt      from {force:.3f} N everywhere ({band}; {trace}); the heaviest at {at}"
+    end = "no detection" if math.isinf(latest) else f"{latest:.3f} N"
+    trace = f"{felt.force_error_low_n[row, column]:.3f} N to {end} by numerical error"
+    return labelled(
+        "contact", f"detected from {force:.3f} N at every location ({band}; {trace}); latest at {at}"
+    )
 
 
 def _loss_line(bounds: PadBounds) -> str:
     loss = bounds.worst_loss
     assert loss is not None
-    return (
-        f"losses    without {loss.part}, the one missed most: place {_span(loss.median_location_mm)}, "
-        f"depth {_span(loss.median_depth_mm)}, {loss.coverage.percent()} covered"
+    return labelled(
+        "losses",
+        f"without {loss.part}, whose loss costs most: location {_span(loss.median_location_mm)}, "
+        f"depth {_span(loss.median_depth_mm)}, {loss.coverage.percent()} covered",
     )
 
 
 def _span(figure: Figure) -> str:
     if math.isinf(figure.value):
-        return "blind"
+        return "not resolved"
     return f"{_mm(figure.value)} ({figure.low:.4f} to {'open' if math.isinf(figure.high) else f'{figure.high:.4f}'})"
 
 
@@ -365,7 +405,7 @@ def _mm(value: float) -> str:
 
 
 LEAST_DEPTH_MM = 1.0
-"""Depth from which on errors are told: a lighter press is detected, but hardly located [mm]."""
+"""Depth from which on errors are reported: a lighter press is detected, but hardly located [mm]."""
 
 
 def learner_line(design: SensorDesign, bundle: Path, command: str) -> str:
@@ -398,10 +438,10 @@ def _reached(document: Mapping[str, Any]) -> str:
     """The best learner's median errors from `LEAST_DEPTH_MM` on, and its false alarms; empty where there are none."""
     try:
         every = document.get("learners", [document])  # earlier files have those of the first alone
-        told = [(medians, one) for one in every if all(medians := _medians(one["errors"]))]
-        if not told:
+        found = [(medians, one) for one in every if all(medians := _medians(one["errors"]))]
+        if not found:
             return ""
-        (location, depth), best = min(told, key=lambda one: sum(one[0][0]) / len(one[0][0]))
+        (location, depth), best = min(found, key=lambda one: sum(one[0][0]) / len(one[0][0]))
         alarms = best.get("false_alarms")
         false = "" if alarms is None else f"; {100.0 * alarms:.0f} % false alarms"
         return (

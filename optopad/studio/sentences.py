@@ -47,10 +47,10 @@ def _judged(now: Version, judged: Judged) -> str:
         words = [f"of the design before: {verdict_words(judged.score)}"]
         return _block(GREY, "catching up", words)
     head = said.verdict
-    words = [_label("why" if judged.score.causes else "weakest", said.why)]
+    words = [_label("cause" if judged.score.causes else "margin", said.why)]
     words.append(_label("fix", said.fix))
     if judged.level != "draft":
-        words.append(_label("sure", said.sure))
+        words.append(_label("confidence", said.sure))
     words.append(_label("resolution", said.worth))
     good = GREEN if judged.score.verdict == "CONTIGUOUS" else RED
     body = "".join(f'<div style="margin-top:3px">{text}</div>' for text in words if text)

@@ -143,15 +143,14 @@ def edge_force_note(design: SensorDesign) -> str | None:
     try:
         ratio = solved_press(design, at_mm=corner).force_n(depth_mm) / solved_press(design).force_n(depth_mm)
     except ModelScopeError as err:
-        return f"walls: a press in the corner of the workspace is outside the contact model ({err})"
+        return f"walls: a press at the workspace corner is outside the contact model ({err})"
     if abs(ratio - 1.0) < NOTED_FORCE_CHANGE:
         return None
-    change = f"{100.0 * (ratio - 1.0):+.0f} % force"
+    does, percent = "stiffen" if ratio > 1.0 else "soften", f"{100.0 * abs(ratio - 1.0):.0f} %"
     if plan_of(design).is_block:
-        where = f"in the workspace's corner, x {corner[0]:g}, y {corner[1]:g} mm"
-        return f"walls: {change} {where}, against its middle"
-    where = f"at the border of the workspace, x {corner[0]:.3g}, y {corner[1]:.3g} mm"
-    return f"crown: {change} {where}, against its middle"
+        return f"walls {does} the pad by {percent} at the workspace corner ({corner[0]:g}, {corner[1]:g}) mm"
+    where = f"at the workspace border ({corner[0]:.3g}, {corner[1]:.3g}) mm"
+    return f"the crown {does}s the pad by {percent} {where}"
 
 
 def contact_notes(design: SensorDesign) -> tuple[str, ...]:

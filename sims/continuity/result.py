@@ -27,6 +27,8 @@ from sims.verdict.presses import PairCurves
 from sims.verdict.tolerance import FieldSteps, ToleranceBand, ToleranceRow
 from sims.verdict.trial import Trial
 
+RESTS, UNDECIDED = "the verdict rests on unmeasured parameters", "the verdict is undecided"
+"""How two warnings begin, which the screen reports in a line of its own."""
 NEGLIGIBLE_MM = 5e-4
 """Usable depths this near to the depth asked for are that depth: plain data is rounded [mm]."""
 
@@ -51,7 +53,7 @@ def headline(
     if usable_mm is None or asked_mm is None or usable_mm > asked_mm - NEGLIGIBLE_MM:
         return words
     joint = " to" if words == "CONTIGUOUS" else ", to" if is_open else ", usable to"
-    asked = f"{asked_mm:g} mm" if is_short else f"the {asked_mm:g} mm asked"
+    asked = f"{asked_mm:g} mm" if is_short else f"the {asked_mm:g} mm required"
     return f"{words}{joint} {_depth(usable_mm, asked_mm)} of {asked}"
 
 
@@ -62,40 +64,41 @@ def _depth(usable_mm: float, asked_mm: float) -> str:
 
 
 def margin_caution(pad_map: PadMap) -> list[str]:
-    """A pad so near to a deadband somewhere that the trace's own error leaves the verdict open."""
+    """A pad so near to a deadband at some location that the numerical error leaves the verdict undecided."""
     if not pad_map.is_open:
         return []
     place = min((one for one in pad_map.places if one.depths.most.deadbands_mm), key=lambda one: one.margin)
     start, end = place.depths.margin_mm
     return [
-        f"the verdict is open: at x {place.x_mm:g}, y {place.y_mm:g} mm frames from {start:.2f} to {end:.2f} mm of "
-        f"depth differ by {place.margin:.1f} noise units, give or take {place.depths.margin_error:.1f} by the light "
-        f"trace's own error, and {DEADBAND_THRESHOLD:g} are needed; run with --fine"
+        f"{UNDECIDED} at ({place.x_mm:g}, {place.y_mm:g}) mm: frames from {start:.2f} to {end:.2f} mm deep differ by "
+        f"{place.margin:.1f} ± {place.depths.margin_error:.1f} sigma (numerical error of the light model), and a "
+        f"deadband is below {DEADBAND_THRESHOLD:g} sigma; run with --fine"
     ]
 
 
 def band_caution(band: ToleranceBand | None) -> str | None:
-    """One line: what the verdict rests on that nobody has measured, the strongest effect first."""
+    """One line: the unmeasured parameters of the verdict, the strongest effect first."""
     if band is None or not (band.rows or band.unbanded):
         return None
-    ranked = [f"{row.path} {row.values[0]:.3g}..{row.values[1]:.3g} ({_effect(row)})" for row in band.rows]
-    others = [f"{path} (no band)" for path in band.unbanded] + [
+    ranked = [f"{row.path} {row.values[0]:.3g} to {row.values[1]:.3g} ({_effect(row)})" for row in band.rows]
+    others = [f"{path} (no uncertainty band)" for path in band.unbanded] + [
         f"{text} (not tried)" for text in band.untried
     ]
     return (
-        f"rests on values not measured on the build, tried on {band.judged} (deadband {band.deadband_mm:.2f} mm, "
-        f"margin {band.margin:.0f} noise units): " + "; ".join(ranked + others)
+        f"{RESTS}, varied for {band.judged} (deadband {band.deadband_mm:.2f} mm, margin {band.margin:.0f} sigma): "
+        + "; ".join(ranked + others)
     )
 
 
 def _effect(row: ToleranceRow) -> str:
     dead, margin = row.deadband_mm, row.margin
-    turns = ", turns the verdict" if row.flips else ""
-    return f"{row.confidence}: {dead[0]:.2f}..{dead[1]:.2f} mm, {margin[0]:.0f}..{margin[1]:.0f}{turns}"
+    changes = ", changes the verdict" if row.flips else ""
+    deadband = f"deadband {dead[0]:.2f} to {dead[1]:.2f} mm"
+    return f"{row.confidence}: {deadband}, margin {margin[0]:.0f} to {margin[1]:.0f} sigma{changes}"
 
 
 def noise_caution(judged: tuple[JudgedPair, ...]) -> str | None:
-    """A line where the trace's jitter can pass for signal."""
+    """A line where the numerical error of the light model can pass for signal."""
     margins = [pair.score.noise_margin for pair in judged if pair.score.noise_margin is not None]
     if not margins or max(margins) <= TRACE_ERROR_LIMIT:
         return None

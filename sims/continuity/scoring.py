@@ -259,8 +259,8 @@ def _warnings(
     clipped = [pair.name for pair in judged if pair.score.is_clipped]
     if clipped:
         found.append(
-            f"{len(clipped)} of {len(judged)} judged pairs read above full scale at their gain and are "
-            f"blind while they do: {', '.join(clipped[:8])}; set gain.feedback_ohm = 'each', or lower "
+            f"{len(clipped)} of {len(judged)} judged pairs read above full scale at their gain and resolve "
+            f"nothing while they do: {', '.join(clipped[:8])}; set gain.feedback_ohm = 'each', or lower "
             "gain.target_counts"
         )
     return tuple(found)

@@ -91,6 +91,7 @@ MODE_TOLERANCE: Final = 0.05
 """How near to its first and last value the light counts as being there, as a share [-]; [F]."""
 
 TRACE_ERROR_LIMIT: Final = 0.5
+NUMERICAL: Final = "the numerical error of the light model"
 """Largest Monte-Carlo standard error that a verdict takes without a warning [noise units]; chosen so
 that the range it adds over a typical deadband, 4.09 times itself, stays below the threshold of 3."""
 
@@ -386,7 +387,7 @@ def widened_threshold(
 def trace_noise_warning(
     margin: float, *, hidden_mm: float = 0.0, limit: float = TRACE_ERROR_LIMIT
 ) -> str | None:
-    """What to tell the reader of a verdict about the error of its light trace.
+    """The warning about the numerical error of the light model.
 
     Parameters
     ----------
@@ -402,8 +403,8 @@ def trace_noise_warning(
         return None
     hidden = f" and may hide up to {hidden_mm:.2f} mm of deadband" if hidden_mm > 0.0 else ""
     return (
-        f"light trace: standard error up to {margin:.2g} noise units, limit {limit:.2g}; "
-        f"its jitter can pass for signal{hidden}; run with --fine"
+        f"{NUMERICAL} is up to {margin:.2g} sigma, limit {limit:.2g} sigma; it can pass for signal{hidden}; run with "
+        "--fine"
     )
 
 

@@ -463,7 +463,7 @@ _FITS = (
     _field("mold.fixing_hole_inset_mm", "6.0", "cavity"),
     _field("mold.fixing_hole_inset_mm", "1.0", "outer face"),
     _field("receivers.height_mm", "9.0", "above the undisturbed surface", "9 mm", "8 mm"),
-    _field("operating.workspace_margin_mm", "14.0", "no place is left", "14 mm"),
+    _field("operating.workspace_margin_mm", "14.0", "no location is left", "14 mm"),
     _field("operating.max_depth_mm", "8.5", "8.5 mm", "clear_thickness_mm = 8 mm"),
     _field("indenter.tip_radius_mm", "0.003", "0.003", "at least 0.5 mm"),
 )

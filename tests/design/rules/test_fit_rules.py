@@ -239,7 +239,7 @@ def test_the_rules_refuse_a_mold_exactly_if_a_clearance_is_not_kept(
 def test_a_flat_pad_below_its_rim_is_noted_with_what_never_touches_it():
     (found,) = notes(preset("piacenza2017-pad"))
     assert (found.severity, found.field) == ("note", "mold.rim_mm")
-    assert "a flat object larger than the opening never touches it" in found.message
+    assert "a flat object larger than the opening never touches the pad" in found.message
     assert found.value.startswith("1.50 mm below")
     assert "bodies end below the surface (now up to 1.45 mm above it)" in found.way_out
 

@@ -71,11 +71,11 @@ def test_an_area_above_the_surface_is_a_warning_with_the_lost_share() -> None:
     finding = about(good(**{"emitters.height_mm": 7.5}), "above the surface")
     assert finding.severity == "warning"
     assert finding.field == "emitters.height_mm"
-    assert "loses 25%" in finding.message  # 6.5 to 8.5 mm in a layer of 8 mm
+    assert "cuts off 25%" in finding.message  # 6.5 to 8.5 mm in a layer of 8 mm
 
 
 def test_an_area_whose_centre_is_at_the_surface_is_a_warning_and_above_it_an_error() -> None:
-    assert "loses 50%" in about(good(**{"emitters.height_mm": 8.0}), "above the surface").message
+    assert "cuts off 50%" in about(good(**{"emitters.height_mm": 8.0}), "above the surface").message
     finding = about(good(**{"emitters.height_mm": 8.01}), "centre of the emitting area")
     assert (finding.severity, finding.value) == ("error", "8.01 mm")
 
@@ -154,7 +154,7 @@ def test_a_name_given_twice_is_an_error() -> None:
 
 
 def test_an_empty_workspace_is_an_error_and_a_single_point_is_not() -> None:
-    assert "no place is left" in only(good(**{"operating.workspace_margin_mm": 13.01})).message
+    assert "no location is left" in only(good(**{"operating.workspace_margin_mm": 13.01})).message
     assert only(good(**{"operating.workspace_margin_mm": 13.0})).severity == "warning"
 
 
@@ -168,7 +168,7 @@ def test_facing_pairs_outside_the_workspace_are_a_warning_with_the_shift() -> No
     finding = only(with_layout(facing(3, 12.0), **BENCHMARK))  # at 4, 16 and 28; workspace 6 to 26
     assert finding.severity == "warning"
     assert "E1-R1, E3-R3;" in finding.message
-    assert finding.value == "2.00 mm beside"
+    assert finding.value == "2.00 mm from the chord"
 
 
 @pytest.mark.parametrize(

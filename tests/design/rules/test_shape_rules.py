@@ -128,12 +128,12 @@ BAD: dict[str, tuple[str, dict[str, Any], tuple[str, ...]]] = {
     "a crown without fixing holes": (
         DOME,
         {"mold.fixing_hole_diameter_mm": 0.0},
-        ("mold.fixing_hole_diameter_mm", "nothing holds the lid"),
+        ("mold.fixing_hole_diameter_mm", "the lid that shapes the crown has no fixing"),
     ),
     "a glass cover on a disc": (
         DISC,
         {"mold.cover_ledge_mm": 2.0},
-        ("mold.cover_ledge_mm", "flat rectangles"),
+        ("mold.cover_ledge_mm", "flat rectangular pad"),
     ),
     "a parted crowned mold": (CROWNED, {"mold.pieces": "frame_and_base"}, ("mold.pieces", "set it to 'one'")),
     "a disc too small for its parts": (

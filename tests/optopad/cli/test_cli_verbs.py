@@ -187,12 +187,10 @@ def test_the_mold_s_line_names_what_did_not_hold():
         "ok": True,
         "findings": [{"name": "mold: print bed", "state": "warning"}, {"name": "b", "state": "ok"}],
     }
-    assert checks_line(checks) == "mold      printable; 1 warning (mold: print bed); see cad/checks.json"
-    assert (
-        checks_line({"ok": True, "findings": []}) == "mold      printable; no findings; see cad/checks.json"
-    )
+    assert checks_line(checks) == "mold      printable, 1 warning (mold: print bed); see cad/checks.json"
+    assert checks_line({"ok": True, "findings": []}) == "mold      printable, no findings (cad/checks.json)"
     broken = {"ok": False, "findings": [*checks["findings"], {"name": "mold: volume", "state": "error"}]}
-    assert checks_line(broken).startswith("mold      NOT printable; 1 error (mold: volume), 1 warning (")
+    assert checks_line(broken).startswith("mold      NOT printable, 1 error (mold: volume), 1 warning (")
 
 
 def test_a_part_that_the_printer_has_no_room_for_is_told_with_units(folder, capsys):

@@ -51,7 +51,7 @@ def test_a_classifier_with_false_alarms_is_a_finding_on_the_screen_the_page_and_
     found = found_accuracy(found=(accuracy_of("kernel-ridge", "random-dark", False, [always]),))
     (words,) = found.findings()
     assert words.startswith(
-        "kernel-ridge: 100 % of the untouched frames of random-dark are called touched (limit 5 %)"
+        "kernel-ridge: 100 % of the untouched frames of random-dark are classified as touched (limit 5 %)"
     )
     assert accuracy_lines(found)[0] == f"finding   {words}"
     write_accuracy(found, SPACE, tmp_path, "prediction")
@@ -60,7 +60,7 @@ def test_a_classifier_with_false_alarms_is_a_finding_on_the_screen_the_page_and_
     assert (document["false_alarms"], document["false_alarm_limit"]) == (1.0, 0.05)
     assert document["models"][0]["false_alarms"] == 1.0
     page = (tmp_path / "prediction.html").read_text(encoding="utf-8")
-    assert "of the untouched frames of random-dark are called touched" in page
+    assert "of the untouched frames of random-dark are classified as touched" in page
     assert 'class="verdict deadband"' in page
 
 
@@ -68,7 +68,7 @@ def test_a_classifier_that_misses_presses_is_a_finding_with_a_way_out():
     presses = found_accuracy().found[0].presses
     never = replace(presses, is_found=presses.is_found & (presses.press_mm[:, 2] > 1.0))
     (words,) = found_accuracy(found=(accuracy_of("kernel-ridge", "dark", False, [never]),)).findings()
-    assert "100 % of the presses 1 mm deep are called untouched" in words
+    assert "100 % of the presses 1 mm deep are classified as untouched" in words
     assert "--learner signal-map" in words
     (own,) = found_accuracy(found=(accuracy_of("signal-map", "dark", False, [never]),)).findings()
     assert "--learner" not in own

@@ -146,8 +146,8 @@ def test_rows_in_dispute_are_judged_again_more_finely_and_say_so(monkeypatch, tm
     assert [row.refined for row in made.rows] == ["", setting, setting, setting]
     assert {row.score["verdict"] for row in made.rows} == {"CONTIGUOUS"}
     assert (
-        f"8.0, 8.5, 9.0 judged again as optopad score --{setting} judges: neighbours disagreed"
-        in made.lines()
+        f"8.0, 8.5, 9.0: judged again with the settings of optopad score --{setting}, because neighbouring values "
+        "disagreed" in made.lines()
     )
     assert [row["refined"] for row in csv.DictReader(made.to_csv().splitlines())] == ["", *[setting] * 3]
     asked.clear()
@@ -177,7 +177,7 @@ def test_an_interrupted_sweep_goes_on_where_it_stopped(monkeypatch, tmp_path):
     made = swept(tmp_path, [8.0, 8.5, 10.0])
     assert asked == [8.0, 8.5, 8.5, 10.0]
     assert made.taken_up == 1
-    assert "1 of 3 values were taken up" in made.lines()[-1]
+    assert "1 of 3 values were computed by an earlier, interrupted sweep" in made.lines()[-1]
 
 
 @pytest.mark.parametrize("other", [{"seed": 1}, {"fine": True}])

@@ -102,9 +102,7 @@ def test_the_page_carries_every_warning_and_the_values_it_rests_on(text: str) ->
 
 def test_the_headline_gives_the_worst_place_and_its_depths(text: str) -> None:
     said = Page(text).text
-    assert (
-        "At 10 of 25 places a frame does not tell depth, worst from 1.20 to 3.10 mm at x 6, y 6 mm." in said
-    )
+    assert "At 10 of 25 locations depth is not resolved; worst 1.20 to 3.10 mm at (6, 6) mm." in said
     assert "Worst deadband of the pad 1.90 mm" in said
     assert "Pairs with a deadband of their own 36 of 36" in said
 
@@ -232,37 +230,38 @@ def test_facing_rows_show_every_facing_pair(pair_bundle: Path) -> None:
     for pair in score.pairs:
         assert (pair_bundle / "sims" / f"plot-signal-{pair.name}.svg").is_file()
     start, end = score.pairs[0].score.deadbands_mm[0]
-    assert f"E2-R2 does not tell depth from {start:.2f} to {end:.2f} mm; 2 more of 3 pairs neither." in said
+    words = f"E2-R2 does not resolve depth from {start:.2f} to {end:.2f} mm; 2 more of 3 pairs have deadbands, too."
+    assert words in said
 
 
 @pytest.mark.usefixtures("undrawn")
 def test_a_contiguous_pad_says_so_and_has_no_deadband_map(tmp_path: Path) -> None:
     said = Page(written(tmp_path, PAD, contiguous_score())).text
-    assert "One frame tells depth from contact to 5 mm at all 25 places." in said
+    assert "Depth is resolved from contact to 5 mm at all 25 locations." in said
     assert "Worst deadband of the pad none" in said
     assert not (tmp_path / "sims" / "plot-map-deadband.svg").exists()
 
 
-def test_a_pad_whose_trace_may_hide_a_deadband_is_called_open() -> None:
+def test_a_pad_whose_numerical_error_may_hide_a_deadband_is_called_undecided() -> None:
     score = contiguous_score()
-    assert "error may hide" not in answer_of(PAD, score).sure
+    assert "light model may hide" not in answer_of(PAD, score).sure
     first, *others = score.pad_map.places
     doubtful = replace(first, depths=made_up_depths(is_open=True))
     pad_map = replace(score.pad_map, places=(doubtful, *others))
     words = answer_of(PAD, replace(score, is_open=True, pad_map=pad_map)).sure
-    assert words.endswith(f"may hide a deadband at x {first.x_mm:g}, y {first.y_mm:g} mm; use --fine")
+    assert words.endswith(f"may hide a deadband at ({first.x_mm:g}, {first.y_mm:g}) mm; use --fine")
 
 
 def test_contiguous_facing_pairs_say_so() -> None:
     words = answer_of(PAIR, contiguous_score(PAIR)).verdict
-    assert words == "CONTIGUOUS: every facing pair tells depth until its light is used up"
+    assert words == "CONTIGUOUS: every facing pair resolves depth until its signal no longer changes"
 
 
 def test_a_facing_pair_beside_the_middle_one_is_named_when_only_it_is_dead() -> None:
     score = contiguous_score(PAIR)
     dead = replace(score.pairs[2], score=made_up_pair(onset_mm=3.0).score)
     words = answer_of(PAIR, replace(score, verdict="DEADBAND", pairs=(*score.pairs[:2], dead))).verdict
-    assert words.startswith("DEADBAND: E3-R3 does not tell depth from")
+    assert words.startswith("DEADBAND: E3-R3 does not resolve depth from")
 
 
 def test_the_plots_of_a_pad_follow_its_governing_pair() -> None:
@@ -391,6 +390,6 @@ def test_a_pad_that_fades_says_to_what_depth_and_maps_it(tmp_path: Path) -> None
     first, *others = score.pad_map.places
     faded = replace(score.pad_map, places=(replace(first, depths=made_up_depths(usable_mm=4.3)), *others))
     page = Page(written(tmp_path, PAD, replace(score, pad_map=faded, usable_depth_mm=4.3)))
-    assert "To 4.3 of the 5 mm asked: " in page.text
+    assert "To 4.3 of the 5 mm required: " in page.text
     assert "Framed: the weakest place, to 4.30 mm" in page.text
     assert (tmp_path / "sims" / "plot-map-usable.svg").exists()

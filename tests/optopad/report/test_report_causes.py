@@ -133,10 +133,10 @@ def test_a_part_s_own_name_may_have_a_hyphen():
 def test_details_say_what_a_step_does():
     lines = step_lines(STEPS)
     assert lines[0] == (
-        "matters   receivers.height_mm: -0.1 mm refused; +0.1 mm margin +2.0 noise units, deadband -0.30 mm, "
-        "place bound +10%, depth bound +0%"
+        "sensitivity receivers.height_mm: -0.1 mm refused; +0.1 mm margin +2.0 sigma, deadband -0.30 mm, "
+        "location bound +10%, depth bound +0%"
     )
     assert lines[1].startswith(
-        "matters   cavity.clear_thickness_mm: -0.5 mm margin +7.0 noise units, place bound +0%"
+        "sensitivity cavity.clear_thickness_mm: -0.5 mm margin +7.0 sigma, location bound +0%"
     )
-    assert lines[2] == "          judged by the pad at x 16, y 16 mm"
+    assert lines[2] == "            judged by the pad at x 16, y 16 mm"

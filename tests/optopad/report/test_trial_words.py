@@ -44,17 +44,17 @@ def test_a_fix_names_the_components_the_move_and_the_traced_verdict():
 
 def test_too_few_components_is_said_with_the_number_that_helps():
     more = replace(FOUND, found="more parts", moves=(MORE,))
-    assert fix_words(more).startswith("too few components: with parts per side 5 in place of 4: CONTIGUOUS")
+    assert fix_words(more).startswith("too few components: with parts per side 5 instead of 4: CONTIGUOUS")
     assert no_fix_words(more) == (
         "none of 1 move of heights and thickness by up to 0.9 mm fixes it at every location "
-        "(margin 4.5 sigma or more)"
+        "with a margin of 4.5 sigma"
     )
 
 
 def test_where_nothing_helps_it_says_what_was_tried():
     assert fix_words(NONE) == fix_words(None) == no_fix_words(None) == ""
     assert no_fix_words(NONE).endswith(
-        "fixes it at every location, nor does one more component a side (margin 4.5 sigma or more)"
+        "fixes it at every location with a margin of 4.5 sigma, nor does one more component a side"
     )
     assert "reaches deeper" in no_fix_words(replace(NONE, kind="fade"))
 
@@ -75,24 +75,24 @@ def test_the_next_command_makes_the_move_that_helps():
 @pytest.mark.parametrize(
     ("path", "within", "words"),
     [
-        ("receivers.height_mm", 0.2, ": by a calliper"),
+        ("receivers.height_mm", 0.2, " with a calliper"),
         (
             "receivers.height_mm",
             0.022,
-            ": not by a calliper; by a measuring microscope or by optopad calibrate with 30 presses",
+            " with a measuring microscope or by optopad calibrate with 30 presses; a calliper is too coarse",
         ),
-        ("receivers.height_mm", 0.012, ": not by a calliper; by a measuring microscope"),
+        ("receivers.height_mm", 0.012, " with a measuring microscope; a calliper is too coarse"),
         (
             "receivers.height_mm",
             0.004,
-            ": finer than a measuring microscope resolves; a design with more margin is the way out",
+            "; a measuring microscope does not resolve that, so the design needs more margin",
         ),
-        ("part_measurements.x.active_height_mm", 0.35, ": by a measuring microscope"),
-        ("elastomer.refractive_index", 0.004, ": by an Abbe refractometer"),
+        ("part_measurements.x.active_height_mm", 0.35, " with a measuring microscope"),
+        ("elastomer.refractive_index", 0.004, " with an Abbe refractometer"),
         (
             "surfaces.wall_reflectance",
             0.004,
-            ": not by a lamp and a photodiode against a white standard; by optopad calibrate with 30 presses",
+            " by optopad calibrate with 30 presses; a lamp and a photodiode against a white standard is too coarse",
         ),
         ("elastomer.youngs_modulus_mpa", 0.1, ""),
     ],

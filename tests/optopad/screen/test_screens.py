@@ -29,23 +29,23 @@ CASES = {
 }
 NUMBER = r"\d+(?:\.\d+)?(?:e-?\d+)?"
 UNIT = r"(?:mm|noise units|sigma|N|%|counts|dB/cm|mW|nm|MPa|°|minutes|s)\b|[%°]"
-NOUN = r"(?:more )?(?:of \d+ )?(?:more )?(?:pairs?|places?|values?|warnings?|have|errors?)\b"
+NOUN = r"(?:more )?(?:of \d+ )?(?:more )?(?:unmeasured )?(?:pairs?|locations?|parameters?|moves?|warnings?|errors?)\b"
 FIELD = re.compile(r"(?<![\w/.-])[a-z_]+(?:\.[a-z0-9_-]+)+")
 FILE = re.compile(r"\.(?:toml|html|md|stl|json|3mf)$")
 
 
 def without_units(line: str) -> list[str]:
-    """Numbers of a line that neither a unit nor a noun follows, names of parts and of fields left out.
+    """Numbers of a line that neither a unit nor a noun follows, names of parts, modes and fields left out.
 
-    Places and ranges have their unit at the end: "x 16, y 16 mm", "3.10 to 3.40 mm".
+    Locations and ranges have their unit at the end: "(16, 16) mm", "3.10 to 3.40 mm".
     """
     text = re.sub(r"(?<![\w/.-])[a-z_]+(?:\.[a-z0-9_-]+)+", "field", line)
-    text = re.sub(r"\b[ER]\d+(?:-R\d+)?\b", "part", text)
+    text = re.sub(r"\b[ER]\d+(?:-R\d+)?\b|\bmode [12]\b", "name", text)
     found = []
     for match in re.finditer(NUMBER, text):
         after = text[match.end() :]
-        ends = rf"(?:[^\w;.]*(?:to|and|of the|where)?\s*[xy]?\s*{NUMBER})+\s*(?:{UNIT})"
-        if not re.match(rf"\s*(?:{UNIT}|{NOUN})", after) and not re.match(ends, after):
+        ends = rf"(?:[^\w;.]*(?:to|and|of the|where)?\s*{NUMBER})+\)?\s*(?:{UNIT})"
+        if not re.match(rf"\)?\s*(?:{UNIT}|{NOUN})", after) and not re.match(ends, after):
             found.append(match[0])
     return found
 
@@ -89,10 +89,12 @@ def test_the_screen_of_a_pad_with_a_deadband():
 @pytest.mark.parametrize(
     ("line", "bare"),
     [
-        ("from 3.10 to 3.40 mm at x 16, y 16 mm", []),
-        ("frames change by 5.9 noise units; 3 would be blind", ["3"]),
-        ("frames change by 5.9, where 3 noise units are blind", []),
-        ("none of 9 values that nobody has measured", []),
+        ("3.10 to 3.40 mm at (16, 16) mm", []),
+        ("5.9 sigma at (11, 16) mm; a deadband is below 3", ["3"]),
+        ("5.9 sigma at (11, 16) mm, 4.6 to 4.9 mm deep; a deadband is below 3 sigma", []),
+        ("at (11, 16), 4.6 mm deep", []),
+        ("none of the 9 unmeasured parameters changes the verdict", []),
+        ("none of the 9 changes the verdict", ["9"]),
         ("parts too low by 3.9", ["3.9"]),
         ("taken by E7-R2 (part_measurements.sunled-2.width_mm)", []),
     ],

@@ -20,9 +20,9 @@ def test_a_plain_verdict_is_one_word() -> None:
 
 def test_a_range_that_ends_early_is_named_with_what_was_asked() -> None:
     faded = replace(contiguous_score(), usable_depth_mm=4.3, usable_range_mm=(4.28, 4.3))
-    assert verdict_words(faded) == "CONTIGUOUS to 4.3 of the 5 mm asked"
+    assert verdict_words(faded) == "CONTIGUOUS to 4.3 of the 5 mm required"
     unsure = replace(faded, usable_range_mm=(3.9, 5.0))
-    assert verdict_words(unsure).endswith("(3.9 to 5.0 by the light trace's error)")
+    assert verdict_words(unsure).endswith("(3.9 to 5.0 mm by numerical error)")
 
 
 def test_an_undecided_verdict_says_so() -> None:
@@ -32,7 +32,7 @@ def test_an_undecided_verdict_says_so() -> None:
 
 def test_a_row_of_a_table_says_what_the_score_says() -> None:
     faded = replace(dead_score(), usable_depth_mm=4.3, usable_range_mm=(4.3, 4.3))
-    assert verdict_words(faded) == "DEADBAND, usable to 4.3 of the 5 mm asked"
+    assert verdict_words(faded) == "DEADBAND, usable to 4.3 of the 5 mm required"
     assert sweep_row(PAD, 8.0, faded).headline == "DEADBAND, usable to 4.3 of 5 mm"
     undecided = replace(faded, verdict="CONTIGUOUS", is_open=True, usable_depth_mm=4.98)
     assert verdict_words(undecided).startswith("CONTIGUOUS, undecided, to 4.98 of")

@@ -103,7 +103,8 @@ def test_a_place_nearer_to_a_wall_than_the_model_covers_is_refused_by_name(pad: 
 
 def test_notes_tell_of_the_force_in_the_corner_and_of_live_solves(pad: SensorDesign) -> None:
     notes = " ".join(contact_notes(pad))
-    assert "force in the workspace's corner, x 6, y 6 mm" in notes
+    assert "walls stiffen the pad by " in notes
+    assert " % at the workspace corner (6, 6) mm" in notes
     assert "solved live" not in notes
 
 

@@ -197,7 +197,7 @@ def test_noise_margin_of_several_pairs_is_that_of_the_worst():
 def test_a_fine_trace_draws_no_warning_and_a_coarse_one_names_value_limit_and_way_out():
     assert trace_noise_warning(0.5) is None
     warning = trace_noise_warning(0.8, hidden_mm=0.4)
-    assert "0.8 noise units, limit 0.5" in warning
+    assert "0.8 sigma, limit 0.5 sigma" in warning
     assert "hide up to 0.40 mm of deadband" in warning
     assert "--fine" in warning
 
