@@ -67,14 +67,7 @@ import mujoco
 import numpy as np
 
 from design.arrays import BoolArray, FloatArray, IntArray
-from sims.contact.mesh import (
-    RadialMesh,
-    contact_forces,
-    elastic_energy,
-    nodal_forces,
-    shared_out,
-    volumes,
-)
+from sims.contact.mesh import RadialMesh, contact_forces, elastic_energy, nodal_forces, shared_out, volumes
 from sims.contact.tip import HEMISPHERE, TipOutline, tip_gap
 
 SETTLED_LIMIT = 1e-4

@@ -9,7 +9,7 @@ from sims.contact.indentation import solved_press
 from sims.contact.library.build import entry_inputs
 from sims.contact.library.profile_library import shipped_library
 from sims.contact.library.smooth_press import POISSON_RATIOS
-from sims.contact.library.stored_press import solve_unit_press
+from sims.contact.library.unit_press import solve_unit_press
 from sims.contact.mesh import radial_mesh
 from sims.contact.scope import WALL_RADIUS
 from sims.contact.wedge import solve_wedge

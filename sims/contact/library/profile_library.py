@@ -36,8 +36,8 @@ from design.arrays import FloatArray
 from design.errors import InputError, ModelScopeError
 from design.plain_arrays import plain_arrays
 from design.rules.shape import DEEPEST_PRESS, LARGEST_CROWN, LARGEST_SHARE_OF_LAYER
+from sims.contact.crown import LEAST_RIM_SHARE, require_rim
 from sims.contact.library.smooth_press import VALUES, FitResidual, SmoothPress
-from sims.contact.mesh import LEAST_RIM_SHARE, require_rim
 from sims.contact.scope import HALF_WIDTH, WALL_RADIUS, WALL_RADIUS_RANGE, round_radius
 
 FILE = "profiles.npz"

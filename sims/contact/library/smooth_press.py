@@ -71,7 +71,7 @@ from scipy.optimize import brentq
 
 from design.arrays import BoolArray, FloatArray
 from design.errors import ModelScopeError
-from sims.contact.mesh import crown_drop, crown_slope
+from sims.contact.crown import crown_drop, crown_slope
 from sims.contact.scope import WALL_RADIUS
 from sims.contact.tip import HEMISPHERE, TipOutline, outside_tip, tip_coordinate, tip_gap, tip_outline
 from sims.contact.walls import FarPress, far_press

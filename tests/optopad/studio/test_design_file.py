@@ -46,6 +46,11 @@ OF_DISCS: dict[str, dict[str, Any]] = {
     "many": {"cavity.diameter_mm": 34.0, "mold.outer_diameter_mm": 47.0, "layout.0.count": 5},
 }
 
+OF_STADIUMS: dict[str, dict[str, Any]] = {
+    "pitch": {"layout.2.shift_mm": -2.0},
+    "many": {"cavity.length_mm": 26.0, "mold.outer_length_mm": 36.0, "noise.read_noise_counts": 1e-05},
+}
+
 
 def copy_of(name: str, folder: Path, text: str | None = None) -> Path:
     file = folder / "pad.toml"
@@ -82,7 +87,8 @@ def changed_lines(before: str, after: str) -> tuple[list[str], list[str]]:
 def test_a_saved_edit_is_the_design_and_every_other_line_is_as_it_was(
     name: str, kind: str, tmp_path: Path
 ) -> None:
-    changes = FIELDS[kind] if name in RECTANGLES else (FIELDS | OF_DISCS)[kind]
+    of_others = OF_STADIUMS if name == STADIUM else OF_DISCS
+    changes = FIELDS[kind] if name in RECTANGLES else (FIELDS | of_others)[kind]
     path = copy_of(name, tmp_path)
     file = DesignFile(str(path))
     design = file.saved.with_(**changes)

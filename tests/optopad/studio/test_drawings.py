@@ -310,7 +310,7 @@ def test_the_verdict_is_in_the_words_of_a_score_and_says_how_fine_it_is() -> Non
     for level, badge in (("draft", "draft"), ("score", "score"), ("whole", "score")):
         judged = Judged(digest=design.digest, level=level, score=DEAD)  # type: ignore[arg-type]
         words = Words(verdict_html(version(design), judged, "", None)).text
-        assert "DEADBAND: at 10 of 25 places" in words
+        assert "DEADBAND: at 10 of 25 locations" in words
         assert badge in words
 
 
@@ -327,7 +327,7 @@ def test_a_press_without_an_answer_leaves_the_verdict_standing() -> None:
     design = preset(PAD)
     judged = Judged(digest=design.digest, level="score", score=DEAD)
     told = Words(verdict_html(version(design), judged, "too near the wall", None)).text
-    assert "DEADBAND: at 10 of 25 places" in told
+    assert "DEADBAND: at 10 of 25 locations" in told
     assert "of this press: too near the wall" in told
     assert "no answer" not in told
 

@@ -10,7 +10,7 @@ from design.preset import preset
 from sims.contact.indentation import solved_press
 from sims.contact.library.build import fit_press, tributary_areas
 from sims.contact.library.solved_press import SolvedPress
-from sims.contact.library.stored_press import solve_unit_press
+from sims.contact.library.unit_press import solve_unit_press
 from sims.contact.mesh import shared_out
 from sims.contact.pressure import FEWEST_SPACINGS, contact_pressure
 

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from design.errors import InputError, ModelScopeError
+from sims.contact.crown import crown_drop, require_rim
 from sims.contact.library.build import (
     all_pads,
     crown_changes,
@@ -37,7 +38,6 @@ from sims.contact.library.smooth_press import (
     off_crown,
 )
 from sims.contact.library.stored_press import stored_press
-from sims.contact.mesh import crown_drop, require_rim
 from sims.contact.scope import WALL_RADIUS, WALL_RADIUS_RANGE
 from tests.validation.contact.library_interpolation import distances_um
 

@@ -6,16 +6,8 @@ import numpy as np
 import pytest
 
 from design.errors import InputError, ModelScopeError
-from sims.contact.mesh import (
-    LEAST_RIM_SHARE,
-    RIM_SPACING,
-    crown_drop,
-    crown_slope,
-    finer_towards_end,
-    graded_spacing,
-    radial_mesh,
-    require_rim,
-)
+from sims.contact.crown import LEAST_RIM_SHARE, crown_drop, crown_slope, require_rim
+from sims.contact.mesh import RIM_SPACING, finer_towards_end, graded_spacing, radial_mesh
 from sims.contact.wedge import WEDGE_ANGLE, solve_wedge, sweep
 
 CROWN, WALL = 3 / 14, 11 / 3

@@ -18,10 +18,10 @@ import numpy as np
 
 from design.errors import InputError, ModelScopeError
 from design.rules.shape import DEEPEST_PRESS, LARGEST_SHARE_OF_LAYER, LAYER_DEPTH_RANGE
+from sims.contact.crown import require_rim
 from sims.contact.library.build import LEAST_DEPTH, MESH_RANGE, both_ratios
 from sims.contact.library.smooth_press import POISSON_RATIOS, SmoothPress, TopCurve, above_crown
 from sims.contact.library.stored_press import PressInputs
-from sims.contact.mesh import require_rim
 from sims.contact.scope import solved_depths
 from sims.press import Indentation
 
