@@ -45,8 +45,6 @@ from design.fields.base import Model
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    pass
-
 NEEDED = "a CSV table with the radius and height of a tip in mm, a row a point"
 
 
