@@ -40,9 +40,9 @@ from design.spec import SensorDesign
 from design.spec.properties import youngs_modulus_mpa
 from sims.contact.library.build import live_note, live_press, mesh_size
 from sims.contact.library.profile_library import shipped_library
+from sims.contact.library.profiles import UnitPress
 from sims.contact.library.smooth_press import SmoothPress
 from sims.contact.library.solved_press import PlacedPress, SolvedPress
-from sims.contact.library.stored_press import UnitPress
 from sims.contact.scope import (
     depth_limit_mm,
     elastic_depth_mm,

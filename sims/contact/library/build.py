@@ -44,6 +44,7 @@ from sims.contact.library.profile_library import (
     pack,
     solved_crowns,
 )
+from sims.contact.library.profiles import UnitPress
 from sims.contact.library.smooth_press import (
     LOAD_SHARES,
     POISSON_RATIOS,
@@ -56,7 +57,7 @@ from sims.contact.library.smooth_press import (
     off_crown,
     sample_arcs,
 )
-from sims.contact.library.stored_press import RECIPE, PressInputs, UnitPress, stored_press
+from sims.contact.library.stored_press import RECIPE, PressInputs, stored_press
 from sims.contact.scope import (
     DEPTH_STEP,
     FIRST_DEPTHS,

@@ -30,8 +30,8 @@ from scipy.interpolate import PchipInterpolator
 from design.arrays import FloatArray
 from design.errors import InputError, ModelScopeError
 from design.rules.shape import NEAREST_WALL
+from sims.contact.library.profiles import UnitPress
 from sims.contact.library.smooth_press import SmoothPress, TopCurve, above_crown, outward, run_out, runs_back
-from sims.contact.library.stored_press import UnitPress
 from sims.contact.scope import half_width_of
 from sims.contact.tip import HEMISPHERE
 from sims.contact.walls import Size, Surroundings, surroundings

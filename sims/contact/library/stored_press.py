@@ -1,9 +1,5 @@
 """Solved states of one layer: kept in this process and on disk, solved where they are in neither.
 
-The solver's states of one layer, as they were solved: surfaces, forces and checks at stored depths.
-
-Lengths in tip radii, forces in E R². `press_fit` makes smooth functions of depth of them.
-
 Solved presses on disk: one .npz an entry, named by a hash of everything the solution depends on.
 
 Plain arrays only: nothing in an entry is executed on reading. An entry is written whole or not at all,
@@ -17,82 +13,21 @@ import hashlib
 import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields
-from functools import cache, cached_property
+from functools import cache
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from design.arrays import FloatArray
 from design.errors import OutputError
 from design.files import whole_file
 from design.plain_arrays import plain_arrays
 from sims.cache import CACHE_VARIABLE
 from sims.cache import cache_folder as folder_of_all
+from sims.contact.library.profiles import UnitPress
 from sims.contact.scope import WALL_RADIUS
 from sims.contact.tip import HEMISPHERE, TipOutline
-
-
-@dataclass(frozen=True, kw_only=True)
-class UnitPress:
-    """Settled states of one layer under one tip; lengths in tip radii, forces in E R².
-
-    Attributes
-    ----------
-    layer_depth, wall_radius : elastic depth of the layer on the axis, radius of the bonded wall
-    mesh_size : node spacing under the tip
-    wedge_angle : opening angle of the solved wedge [rad]
-    poisson_ratio : of the layer [-]
-    tip_rows : (piece, 7) outline of the tip, see `TipOutline`
-    depths : (depth,) solved press depths, increasing, without 0
-    rest_radii : (node,) radii of the top nodes at rest, from the axis to the wall
-    radii, heights : (depth, node) deformed top; heights are above the untouched apex
-    normal_force : (depth, node) force of the tip on each top node, whole turn; positive where it presses
-    force, contact_radius : (depth,)
-    reaction : (depth,) reaction of the bonded surfaces, computed from the shape alone
-    penetration, last_step : (depth,) overlap with the tip; last motion of the solver
-    chatter : (depth,) spread of the solver's cycle, 0 where it came to rest
-    smallest_stretch : (depth,) smallest volume ratio of an element [-]
-    volume_loss : (depth,) volume lost by compression [R³]
-    energy : (depth,) elastic energy of the layer [E R³]
-    versions : names and versions of what computed it
-    crown : tip radius over the radius of the top's sphere; 0 is flat [-]
-    """
-
-    layer_depth: float
-    wall_radius: float
-    mesh_size: float
-    wedge_angle: float
-    poisson_ratio: float
-    tip_rows: FloatArray
-    depths: FloatArray
-    rest_radii: FloatArray
-    radii: FloatArray
-    heights: FloatArray
-    normal_force: FloatArray
-    force: FloatArray
-    contact_radius: FloatArray
-    reaction: FloatArray
-    penetration: FloatArray
-    last_step: FloatArray
-    chatter: FloatArray
-    smallest_stretch: FloatArray
-    volume_loss: FloatArray
-    energy: FloatArray
-    versions: tuple[str, ...]
-    crown: float = 0.0
-
-    @property
-    def deepest(self) -> float:
-        """Deepest solved press [tip radii]."""
-        return float(self.depths[-1])
-
-    @cached_property
-    def tip(self) -> TipOutline:
-        """What presses."""
-        return TipOutline.from_rows(self.tip_rows)
-
 
 RECIPE = 13
 """Version of the solver behind stored solutions. Raise it when results change."""

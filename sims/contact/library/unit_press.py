@@ -7,8 +7,8 @@ from importlib.metadata import version
 
 import numpy as np
 
+from sims.contact.library.profiles import UnitPress
 from sims.contact.library.smooth_press import contact_tolerance, surface_curve
-from sims.contact.library.stored_press import UnitPress
 from sims.contact.mesh import radial_mesh
 from sims.contact.scope import WALL_RADIUS
 from sims.contact.tip import HEMISPHERE, TipOutline

@@ -16,7 +16,8 @@ from design.preset import preset
 from design.spec import SensorDesign
 from sims.contact.indentation import solved_press
 from sims.contact.library import stored_press
-from sims.contact.library.stored_press import PressInputs, UnitPress
+from sims.contact.library.profiles import UnitPress
+from sims.contact.library.stored_press import PressInputs
 from tests.validation.contact.crown.crowned_press import CrownedPad, crowned_press
 
 COARSE_MM = 0.45

@@ -14,15 +14,9 @@ from design.spec import SensorDesign
 from sims.contact.indentation import solved_press
 from sims.contact.library import stored_press
 from sims.contact.library.build import fit_press
+from sims.contact.library.profiles import UnitPress
 from sims.contact.library.solved_press import SolvedPress
-from sims.contact.library.stored_press import (
-    UnitPress,
-    cache_folder,
-    entry_key,
-    entry_path,
-    read_entry,
-    write_entry,
-)
+from sims.contact.library.stored_press import cache_folder, entry_key, entry_path, read_entry, write_entry
 
 KEY = entry_key({"case": 1})
 

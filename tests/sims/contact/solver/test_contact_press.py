@@ -13,9 +13,9 @@ from design.errors import ModelScopeError
 from design.spec import SensorDesign
 from sims.contact.indentation import indent
 from sims.contact.library.build import fit_press
+from sims.contact.library.profiles import UnitPress
 from sims.contact.library.smooth_press import SmoothPress, TopCurve, contact_tolerance, surface_curve
 from sims.contact.library.solved_press import SolvedPress
-from sims.contact.library.stored_press import UnitPress
 from sims.contact.tip import tip_gap
 from sims.press import Indentation
 
