@@ -18,7 +18,6 @@ from design.arrays import FloatArray
 from design.circuit import pins as timing
 from design.circuit.pins import board_of
 from design.circuit.transimpedance import feedbacks_of
-from design.parts.assumptions import assumption
 from design.parts.catalog import Board
 from design.shape.cavity import plan_of, workspace_of
 from design.shape.outline import PLAIN
@@ -145,13 +144,15 @@ def _board(design: SensorDesign, board: Board) -> BoardSetup:
         title=board.title,
         clock_hz=board.clock_hz,
         adc_bits=board.adc_bits,
-        adc_reference=f"board supply, taken as {assumption('supply_v').value:g} V",
+        adc_reference=f"board supply, taken as {board.full_scale_v:g} V"
+        if board.divides_clock
+        else f"{board.full_scale_v:g} V",
         adc_clocks_per_conversion=board.adc_clocks_per_conversion,
-        adc_prescaler=use.adc_prescaler,
+        adc_prescaler=use.adc_prescaler if board.divides_clock else None,
         settle_us=use.settle_us,
         baud=use.baud,
-        made_baud=timing.made_baud(board.clock_hz, use.baud),
-        baud_error=timing.baud_error(board.clock_hz, use.baud),
+        made_baud=timing.made_baud(board.clock_hz, use.baud) if board.divides_clock else float(use.baud),
+        baud_error=timing.baud_error(board.clock_hz, use.baud) if board.divides_clock else 0.0,
         link_number=board.link_number,
         usb_ids=tuple(board.usb_ids),
         bridge_usb_ids=tuple(board.bridge_usb_ids),
@@ -187,7 +188,7 @@ def _timing(design: SensorDesign, board: Board, emitter_count: int, receiver_cou
     return TimingBudget(
         conversion_us=timing.conversion_time_ms(board, use.adc_prescaler) * timing.US_PER_MS,
         settle_us=use.settle_us,
-        link_ms=timing.link_time_ms(sent, use.baud),
+        link_ms=timing.sending_time_ms(board, use, sent),
         frame_ms=frame_ms,
         possible_hz=timing.MS_PER_S / frame_ms,
         wanted_hz=use.frame_rate_hz,

@@ -63,8 +63,8 @@ class BoardSetup:
     clock_hz: int
     adc_bits: int
     adc_reference: str
-    adc_clocks_per_conversion: int
-    adc_prescaler: int
+    adc_clocks_per_conversion: int | None = None
+    adc_prescaler: int | None = None
     settle_us: float
     baud: int
     made_baud: float

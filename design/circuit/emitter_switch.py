@@ -1,11 +1,11 @@
-"""Resistors of the emitters' switches, from the catalogue and the board's supply.
+"""Resistors of the emitters' switches, from the catalogue and the board's voltages.
 
                 supply                     Each emitter has its own NPN transistor; the pin drives the
                   |                        base. One emitter is lit at a time.
                [series]
                   |  anode                 series = (supply - forward) / max current, rounded up to E24
                [emitter]
-                  |  cathode               base = (supply - base-emitter) x forced gain / max current,
+                  |  cathode               base = (pin - base-emitter) x forced gain / max current,
     pin --[base]--|< NPN                   rounded down to E24, so that the transistor saturates
                   |
                 ground
@@ -24,6 +24,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from design.circuit.pins import board_of
 from design.fields.quantity import Quantity
 from design.parts.assumptions import assumption, standard_at_least, standard_at_most
 from design.parts.catalog import Board, Part
@@ -61,14 +62,14 @@ class EmitterSwitch:
         return self.base_current_ma > board.max_pin_current_ma.value
 
 
-def emitter_switch(part: Part) -> EmitterSwitch:
-    """Resistors for an emitter of the catalogue."""
+def emitter_switch(part: Part, board: Board) -> EmitterSwitch:
+    """Resistors for an emitter of the catalogue on a board."""
     assert part.forward_voltage_v is not None, "the catalogue gives every emitter a forward voltage"
     assert part.max_current_ma is not None, "the catalogue gives every emitter a current"
-    supply = assumption("supply_v").value
+    supply = board.emitter_v
     drop = _least_forward_v(part.forward_voltage_v)
     most_a = part.max_current_ma.value / MA_PER_A
-    base_ohm = _base_ohm(supply, most_a)
+    base_ohm = _base_ohm(board.pin_v, most_a)
     left = supply - drop.value
     series = standard_at_least(left / most_a) if left > 0 else None
     current_a = left / series if series else 0.0
@@ -80,13 +81,13 @@ def emitter_switch(part: Part) -> EmitterSwitch:
         usual_current_ma=max(supply - part.forward_voltage_v.value, 0.0) / series * MA_PER_A
         if series
         else 0.0,
-        base_current_ma=(supply - assumption("base_emitter_v").value) / base_ohm * MA_PER_A,
+        base_current_ma=(board.pin_v - assumption("base_emitter_v").value) / base_ohm * MA_PER_A,
         series_mw=current_a * max(left, 0.0) * MW_PER_W,
     )
 
 
-def _base_ohm(supply_v: float, most_a: float) -> float:
-    left = supply_v - assumption("base_emitter_v").value
+def _base_ohm(pin_v: float, most_a: float) -> float:
+    left = pin_v - assumption("base_emitter_v").value
     return standard_at_most(left * assumption("forced_gain").value / most_a)
 
 
@@ -123,8 +124,8 @@ class SupplyCurrent:
 
 def supply_current(design: SensorDesign) -> SupplyCurrent:
     """The currents of a design."""
-    cavity = cavity_of(design)
-    switches = [emitter_switch(one.part) for one in cavity.emitters]
+    cavity, board = cavity_of(design), board_of(design)
+    switches = [emitter_switch(one.part, board) for one in cavity.emitters]
     each = [switch.current_ma + switch.base_current_ma for switch in switches]
     return SupplyCurrent(
         emitter_ma=max(each, default=0.0),

@@ -4,7 +4,7 @@ The one answer that wiring, driver config, firmware and rules share. A list in t
 one entry a part, in the order of E1, E2, ... and R1, R2, ...; without a list, pins and inputs are
 dealt out in the board's recommended order.
 
-How long one full frame takes on the board, and which serial rates its clock can make.
+How long one full frame takes on the board, and which serial rates an AVR's clock can make.
 
 Model: a plain sum. Every state (each emitter alone, then all off) waits for the light to settle and
 converts every receiver once; then the packed frame goes over the line. The firmware sends one frame while
@@ -145,14 +145,14 @@ def _unknown_findings(field: str, noun: str, given: Sequence[Name], known: Seque
 
 
 def _unknown_pin_findings(pins: Sequence[int], board: Board) -> list[Finding]:
-    busy = {*board.reserved_pins, *board.uart_pins}  # these have their own finding
+    busy = {*board.reserved_pins, *(board.uart_pins or ())}  # these have their own finding
     return _unknown_findings(
         "board.emitter_pins", "pin", [pin for pin in pins if pin not in busy], board.digital_pins
     )
 
 
 def _reserved_findings(pins: Sequence[int] | None, board: Board) -> list[Finding]:
-    serial, reserved = set(board.uart_pins), set(board.reserved_pins)
+    serial, reserved = set(board.uart_pins or ()), set(board.reserved_pins)
     return [
         error(
             "board.emitter_pins",
@@ -200,7 +200,10 @@ def frame_bytes(emitter_count: int, receiver_count: int, adc_bits: int) -> int:
 
 
 def conversion_time_ms(board: Board, adc_prescaler: int) -> float:
-    """Time of one analogue conversion [ms]."""
+    """Time of one reading [ms]; the prescaler is of AVRs alone."""
+    if board.conversion_us is not None:
+        return board.conversion_us.value / US_PER_MS
+    assert board.adc_clocks_per_conversion is not None, "the entry gives one of the two"
     return board.adc_clocks_per_conversion * adc_prescaler / board.clock_hz * MS_PER_S
 
 
@@ -209,12 +212,42 @@ def link_time_ms(byte_count: int, baud: int) -> float:
     return byte_count * LINE_BITS_PER_BYTE / baud * MS_PER_S
 
 
+def sending_time_ms(board: Board, use: BoardUse, byte_count: int) -> float:
+    """Time that bytes take to the host, by native USB or by the serial line [ms]."""
+    if board.usb_bytes_per_s is not None:
+        return byte_count / board.usb_bytes_per_s * MS_PER_S
+    return link_time_ms(byte_count, use.baud)
+
+
 def frame_time_ms(board: Board, use: BoardUse, emitter_count: int, receiver_count: int) -> float:
     """Time of one full frame: all states, then the line [ms]."""
     conversions = receiver_count * conversion_time_ms(board, use.adc_prescaler)
     state = use.settle_us / US_PER_MS + conversions
     sent = frame_bytes(emitter_count, receiver_count, board.adc_bits)
-    return state_count(emitter_count) * state + link_time_ms(sent, use.baud)
+    return state_count(emitter_count) * state + sending_time_ms(board, use, sent)
+
+
+def frame_rate_hz(
+    design: SensorDesign, board: Board | None = None, adc_prescaler: int | None = None
+) -> float:
+    """Frames a second that a board can do by the plain sum; the design's own board and prescaler where left out."""
+    cavity, use = cavity_of(design), design.board
+    if adc_prescaler is not None:
+        use = use.model_copy(update={"adc_prescaler": adc_prescaler})
+    counts = len(cavity.emitters), len(cavity.receivers)
+    return MS_PER_S / frame_time_ms(board or board_of(design), use, *counts)
+
+
+def faster_boards(design: SensorDesign) -> list[tuple[str, float]]:
+    """Boards of the catalogue with pins and inputs enough that do more frames a second, the fastest first."""
+    cavity, now = cavity_of(design), frame_rate_hz(design)
+    found = [
+        (name, frame_rate_hz(design, board))
+        for name, board in entries_of(design).boards.items()
+        if len(board.digital_pins) >= len(cavity.emitters)
+        and len(board.analog_channels) >= len(cavity.receivers)
+    ]
+    return sorted((one for one in found if one[1] > now), key=lambda one: (-one[1], one[0]))
 
 
 def baud_divisor(clock_hz: int, baud: int) -> int:

@@ -2,7 +2,7 @@ r"""The receivers' amplifiers: from light to counts in ohms, the resistor that m
 
             +--[ RF ]--+        current  i = flux x power x responsivity
             +--| CF |--+        voltage  u = i x RF
-    diode --+--|-\     |        counts   n = u / supply x 2^bits
+    diode --+--|-\     |        counts   n = u / full scale x 2^bits
       |        |  >----+-- A0
     ground  ---|+/
 
@@ -30,7 +30,7 @@ from design.errors import DesignError
 from design.fields.finding import Finding, error, warning
 from design.fields.quantity import Quantity, weakest
 from design.parts.assumptions import E12, assumption, standard_at_least, standard_at_most, standard_nearest
-from design.parts.catalog import Part
+from design.parts.catalog import Board, Part
 from design.shape.cavity import cavity_of
 from design.spec import SensorDesign
 
@@ -72,9 +72,9 @@ class Feedback:
         return self.standard_ohm / self.exact_ohm
 
 
-def emitted_mw(part: Part) -> Quantity | None:
+def emitted_mw(part: Part, board: Board) -> Quantity | None:
     """Light of an emitter behind its series resistor; None where nobody knows or the supply cannot light it."""
-    full, switch = part.radiant_power_mw, emitter_switch(part)
+    full, switch = part.radiant_power_mw, emitter_switch(part, board)
     if full is None or switch.series_ohm is None:
         return None
     assert part.max_current_ma is not None
@@ -105,11 +105,11 @@ def counts_per_flux_per_ohm(design: SensorDesign) -> tuple[Quantity, ...] | None
     None where an emitter's power is not known.
     """
     cavity, board = cavity_of(design), board_of(design)
-    powers = [(emitted_mw(one.part), one.part.wavelength_nm) for one in cavity.emitters]
+    powers = [(emitted_mw(one.part, board), one.part.wavelength_nm) for one in cavity.emitters]
     lit = [(power, at.value) for power, at in powers if power is not None and at is not None]
     if not lit or len(lit) < len(powers):
         return None
-    scale = W_PER_MW * 2**board.adc_bits / assumption("supply_v").value
+    scale = W_PER_MW * 2**board.adc_bits / board.full_scale_v
     found: dict[str, Quantity] = {}
     for one in cavity.receivers:
         if one.part_id not in found:
@@ -180,7 +180,7 @@ def gain_findings(design: SensorDesign) -> Iterator[Finding]:
             way_out="give one resistance for each receiver, or one number for all",
         )
     for one in {one.part_id: one for one in cavity_of(design).emitters}.values():
-        if emitted_mw(one.part) is None:
+        if emitted_mw(one.part, board_of(design)) is None:
             yield error(
                 "gain.feedback_ohm",
                 f"ohms make a gain only with the emitters' power, which {one.part_id} does not have",

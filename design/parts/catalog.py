@@ -50,11 +50,13 @@ from design.fields.quantity import (
     RefractiveIndex,
     ResponsivityAPerW,
     Text,
+    TimeUs,
     VoltageV,
     WavelengthNm,
 )
 from design.fields.validation import PATTERN_WORDS
 from design.parts.angular import AngularTable
+from design.parts.assumptions import assumption
 from design.parts.board_firmware import BoardFirmware
 from design.parts.elastomer import (
     Cure,
@@ -241,19 +243,57 @@ class MoldMaterial(Model):
 
 
 class Board(Model):
-    """A microcontroller board: converter, pins, clock, serial line."""
+    """A microcontroller board: voltages, converter, pins, link to the host.
 
-    unsaid = ("link_number", "usb_ids", "bridge_usb_ids", "boot_s", "firmware")
+    On AVRs converter and serial line divide the processor's clock: `adc_clocks_per_conversion`, `adc_prescalers` and
+    `exact_bauds` are theirs. Every other board gives `conversion_us`.
+    """
+
+    unsaid = (
+        "supply_v",
+        "logic_v",
+        "adc_reference_v",
+        "adc_clocks_per_conversion",
+        "adc_prescalers",
+        "conversion_us",
+        "uart_pins",
+        "exact_bauds",
+        "usb_bytes_per_s",
+        "link_number",
+        "usb_ids",
+        "bridge_usb_ids",
+        "boot_s",
+        "firmware",
+        "warnings",
+    )
 
     title: Text
     source: Annotated[Text, Field(description="where the plain numbers of this entry come from")]
     confidence: Confidence
     clock_hz: Annotated[int, Field(gt=0, le=1_000_000_000)]
     adc_bits: Annotated[int, Field(ge=8, le=24)]
-    adc_clocks_per_conversion: Annotated[int, Field(ge=1, le=1000)]
+    supply_v: Annotated[
+        float | None,
+        Field(gt=0.0, le=30.0, description="of the emitters, from the board; absent: 5 assumed [V]"),
+    ] = None
+    logic_v: Annotated[
+        float | None,
+        Field(
+            gt=0.0,
+            le=6.0,
+            description="of pins and amplifiers, the most an input bears; absent: 5 assumed [V]",
+        ),
+    ] = None
+    adc_reference_v: Annotated[
+        float | None, Field(gt=0.0, le=6.0, description="full scale of the converter; absent: logic_v [V]")
+    ] = None
+    adc_clocks_per_conversion: Annotated[int | None, Field(ge=1, le=1000, description="AVR only")] = None
     adc_prescalers: Annotated[
-        tuple[int, ...], Field(min_length=1, description="ADC clock = clock / prescaler")
-    ]
+        tuple[int, ...] | None, Field(min_length=1, description="AVR only: ADC clock = clock / prescaler")
+    ] = None
+    conversion_us: Annotated[
+        TimeUs | None, Field(description="not AVR: one reading, with its call in the board's core")
+    ] = None
     analog_channels: Annotated[
         tuple[Text, ...], Field(min_length=1, description="names, in recommended order")
     ]
@@ -261,11 +301,18 @@ class Board(Model):
         tuple[Annotated[int, Field(ge=0, le=200)], ...],
         Field(min_length=1, description="pins that may switch emitters, in recommended order"),
     ]
-    reserved_pins: Annotated[tuple[int, ...], Field(description="pins with another job: the serial line")]
+    reserved_pins: Annotated[tuple[int, ...], Field(description="pins with another job")] = ()
     uart_pins: Annotated[
-        tuple[int, int], Field(description="receive, transmit of the serial line to the host")
-    ]
-    exact_bauds: Annotated[tuple[int, ...], Field(description="rates that divide the clock exactly")]
+        tuple[int, int] | None,
+        Field(description="receive, transmit of the serial line to the host; absent: on no pins"),
+    ] = None
+    exact_bauds: Annotated[
+        tuple[int, ...], Field(description="AVR only: rates that divide the clock exactly")
+    ] = ()
+    usb_bytes_per_s: Annotated[
+        int | None,
+        Field(ge=1000, description="native USB: what the link carries; absent: a serial chip at board.baud"),
+    ] = None
     max_pin_current_ma: CurrentMa
     max_total_current_ma: CurrentMa
     link_number: Annotated[
@@ -281,11 +328,59 @@ class Board(Model):
     firmware: Annotated[
         BoardFirmware | None, Field(description="what the generated program needs; absent: none is made")
     ] = None
+    warnings: Annotated[
+        tuple[Text, ...], Field(description="faults of the board that `check` repeats to whoever uses it")
+    ] = ()
     notes: tuple[Text, ...] = ()
+
+    @property
+    def divides_clock(self) -> bool:
+        """Whether converter and serial line divide the processor's clock, as on AVRs."""
+        return self.adc_prescalers is not None
+
+    @property
+    def emitter_v(self) -> float:
+        """Supply of the emitters [V]."""
+        return _assumed_v() if self.supply_v is None else self.supply_v
+
+    @property
+    def pin_v(self) -> float:
+        """Level of the pins, supply of the amplifiers [V]."""
+        return _assumed_v() if self.logic_v is None else self.logic_v
+
+    @property
+    def full_scale_v(self) -> float:
+        """Voltage that reads full scale [V]."""
+        return self.pin_v if self.adc_reference_v is None else self.adc_reference_v
+
+    @model_validator(mode="after")
+    def _has_one_timing(self) -> Self:
+        avr = (self.adc_clocks_per_conversion, self.adc_prescalers)
+        if self.conversion_us is None:
+            if None in avr:
+                raise ValueError(
+                    "conversion_us is missing; give the time of one reading, or, for an AVR, "
+                    "adc_clocks_per_conversion and adc_prescalers"
+                )
+        elif avr != (None, None) or self.exact_bauds:
+            raise ValueError(
+                "conversion_us is of boards that are no AVR, adc_clocks_per_conversion, adc_prescalers and exact_bauds "
+                "of AVRs; give one or the other"
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _inputs_bear_their_voltages(self) -> Self:
+        if self.full_scale_v > self.pin_v:
+            raise ValueError(
+                f"adc_reference_v = {self.full_scale_v:g} V is above logic_v = {self.pin_v:g} V, "
+                "the most that an input bears; lower it"
+            )
+        return self
 
     @model_validator(mode="after")
     def _pins_are_free_and_single(self) -> Self:
-        taken = set(self.digital_pins) & (set(self.reserved_pins) | set(self.uart_pins))
+        taken = set(self.digital_pins) & (set(self.reserved_pins) | set(self.uart_pins or ()))
         if taken:
             raise ValueError(f"digital_pins: {sorted(taken)} are reserved; remove them from one of the two")
         for name in ("digital_pins", "analog_channels"):
@@ -296,6 +391,11 @@ class Board(Model):
             if baud <= 0 or self.clock_hz % (8 * baud):
                 raise ValueError(f"exact_bauds: {baud} does not divide clock_hz / 8 = {self.clock_hz / 8:g}")
         return self
+
+
+def _assumed_v() -> float:
+    """Supply of a board whose entry does not say [V]."""
+    return assumption("supply_v").value
 
 
 class CatalogEntries(Model):

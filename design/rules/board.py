@@ -18,7 +18,6 @@ from design.circuit.emitter_switch import emitter_switch
 from design.circuit.pins import MS_PER_S, baud_error, frame_bytes, frame_time_ms, made_baud, pin_findings
 from design.circuit.transimpedance import gain_findings, settling_findings
 from design.fields.finding import Finding, error, warning
-from design.parts.assumptions import assumption
 from design.parts.board_firmware import BoardFirmware
 from design.parts.catalog import Board
 from design.shape.cavity import cavity_of
@@ -113,8 +112,14 @@ def board_findings(
 ) -> Iterator[Finding]:
     """Everything that the board cannot do, or only just."""
     yield from pin_findings(design, board, emitter_count, receiver_count)
-    yield from _prescaler_findings(design, board)
-    yield from _baud_findings(design, board)
+    yield from _voltage_findings(design, board)
+    if board.divides_clock:
+        yield from _prescaler_findings(design, board)
+        yield from _baud_findings(design, board)
+    for known in board.warnings:
+        yield warning(
+            "board.kind", known, value=design.board.kind, limit="none", way_out="see the board's notes"
+        )
     yield from _rate_findings(design, board, emitter_count, receiver_count)
     yield from firmware_findings(design, board, emitter_count, receiver_count)
 
@@ -122,8 +127,8 @@ def board_findings(
 def circuit_findings(design: SensorDesign, board: Board) -> Iterator[Finding]:
     """What the circuit around the board cannot do: light an emitter, switch it by a pin, settle in time."""
     for placed in {one.part_id: one for one in cavity_of(design).emitters}.values():
-        switch = emitter_switch(placed.part)
-        supply_v, most = assumption("supply_v").value, board.max_pin_current_ma.value
+        switch = emitter_switch(placed.part, board)
+        supply_v, most = board.emitter_v, board.max_pin_current_ma.value
         if switch.series_ohm is None:
             yield warning(
                 placed.origin,
@@ -144,8 +149,21 @@ def circuit_findings(design: SensorDesign, board: Board) -> Iterator[Finding]:
     yield from errors or settling_findings(design)
 
 
+def _voltage_findings(design: SensorDesign, board: Board) -> Iterator[Finding]:
+    """A board of one's own without voltages is taken for one of 5 V, which a 3.3 V board does not survive."""
+    if board.supply_v is None or board.logic_v is None:
+        yield warning(
+            "board.kind",
+            "the board's entry does not give its voltages, so circuit and amplifiers are for 5 V",
+            value=design.board.kind,
+            limit="an entry with supply_v and logic_v",
+            way_out="add both to the entry; 5 V on an input of a 3.3 V board destroys it",
+        )
+
+
 def _prescaler_findings(design: SensorDesign, board: Board) -> Iterator[Finding]:
     prescaler = design.board.adc_prescaler
+    assert board.adc_prescalers is not None
     if prescaler not in board.adc_prescalers:
         yield error(
             "board.adc_prescaler",
@@ -176,7 +194,7 @@ def _baud_findings(design: SensorDesign, board: Board) -> Iterator[Finding]:
 def _rate_findings(
     design: SensorDesign, board: Board, emitter_count: int, receiver_count: int
 ) -> Iterator[Finding]:
-    if design.board.adc_prescaler <= 0:
+    if board.divides_clock and design.board.adc_prescaler <= 0:
         return  # has its own finding
     takes = frame_time_ms(board, design.board, emitter_count, receiver_count)
     budget = MS_PER_S / design.board.frame_rate_hz
@@ -186,5 +204,7 @@ def _rate_findings(
             f"a frame takes {takes:.2f} ms, which allows {MS_PER_S / takes:.1f} frames a second",
             value=f"{design.board.frame_rate_hz:g} Hz",
             limit=f"a frame within {budget:.2f} ms",
-            way_out="lower it, board.adc_prescaler or board.settle_us, or raise board.baud",
+            way_out="lower it, board.adc_prescaler or board.settle_us, or raise board.baud"
+            if board.divides_clock
+            else "lower it or board.settle_us, or name a faster board",
         )

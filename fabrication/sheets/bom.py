@@ -123,7 +123,7 @@ def _part_rows(placed: Sequence[PlacedPart]) -> Iterator[BomRow]:
 
 def _switch_rows(emitters: Sequence[PlacedPart], board: Board) -> Iterator[BomRow]:
     for part, names in _by_entry(emitters):
-        switch = emitter_switch(part.part)
+        switch = emitter_switch(part.part, board)
         yield BomRow(
             item="NPN transistor",
             quantity=len(names),
@@ -143,7 +143,7 @@ def _switch_rows(emitters: Sequence[PlacedPart], board: Board) -> Iterator[BomRo
             quantity=len(names),
             references=_marked(names, "RS"),
             value="none fits" if switch.series_ohm is None else ohm_text(switch.series_ohm),
-            note=_series_note(switch, part.part),
+            note=_series_note(switch, part.part, board),
         )
 
 
@@ -155,7 +155,7 @@ def _amplifier_rows(
         item="transimpedance amplifier",
         quantity=len(names),
         references=_marked(names, "A"),
-        value="single supply, inputs and output down to ground",
+        value=f"single supply of {board_of(design).pin_v:g} V, inputs and output down to ground",
         note=f"output to the receiver's channel; {_bandwidth_note()}",
     )
     yield BomRow(
@@ -316,9 +316,9 @@ def _base_note(switch: EmitterSwitch, board: Board) -> str:
     return note
 
 
-def _series_note(switch: EmitterSwitch, part: Part) -> str:
-    forward, supply = switch.forward_v, assumption("supply_v").value
-    rests = f"at {forward.value:g} V forward voltage ({forward.confidence}) and {supply:g} V supply (assumed)"
+def _series_note(switch: EmitterSwitch, part: Part, board: Board) -> str:
+    forward, supply = switch.forward_v, board.emitter_v
+    rests = f"at {forward.value:g} V forward voltage ({forward.confidence}) and {supply:g} V supply"
     if switch.series_ohm is None:
         return f"{rests} the supply cannot light it: use a higher supply for the emitters"
     return (

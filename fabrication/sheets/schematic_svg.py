@@ -19,14 +19,14 @@ from collections.abc import Iterator, Sequence
 from design.circuit.emitter_switch import emitter_switch, supply_current
 from design.circuit.pins import board_of
 from design.circuit.transimpedance import Feedback
-from design.parts.assumptions import assumption, ohm_text
+from design.parts.assumptions import ohm_text
+from design.parts.catalog import Board
 from design.shape.cavity import cavity_of
 from design.spec import SensorDesign
 from fabrication.connections import Connection, connections_of
 from fabrication.gain import SimulatedGain, feedbacks_for
 from fabrication.sheets import svg
 from fabrication.sheets.svg import Element, Point
-from fabrication.sheets.table import number
 
 
 def circuit_lines(design: SensorDesign) -> Iterator[str]:
@@ -40,14 +40,13 @@ def circuit_lines(design: SensorDesign) -> Iterator[str]:
     yield "| emitter | series resistor | base resistor | through the emitter mA | out of the pin mA |"
     yield "|---|---|---|---|---|"
     for part_id, part in kinds.items():
-        switch = emitter_switch(part)
+        switch = emitter_switch(part, board)
         series = "none fits: a higher supply" if switch.series_ohm is None else ohm_text(switch.series_ohm)
         pin = f"{switch.base_current_ma:.1f}" + (" TOO MUCH" if switch.overloads_pin(board) else "")
         lit = f"{switch.usual_current_ma:.1f} usual, {switch.current_ma:.1f} at most"
         yield f"| {part_id} | {series} | {ohm_text(switch.base_ohm)} | {lit} | {pin} |"
     yield ""
-    supply = number(assumption("supply_v").value)
-    yield f"The supply, {supply}* V, gives {current.full_power_ma:.0f}* mA at full power: one emitter"
+    yield f"The supply, {_supply_text(board)}, gives {current.full_power_ma:.0f}* mA at full power: one emitter"
     yield f"lit with its base current ({current.emitter_ma:.0f}), the amplifiers ({current.amplifiers_ma:.0f}*) and the"
     yield f"board ({current.board_ma:.0f}*). With all emitters lit by a fault it would be {current.fault_ma:.0f}*."
     yield ""
@@ -92,7 +91,7 @@ def schematic_svg(design: SensorDesign, gain: SimulatedGain | None = None) -> st
     root.append(svg.text((MARGIN, MARGIN + HEADING_PX), design.name, HEADING_PX, font_weight="bold"))
     root.append(svg.text((MARGIN, MARGIN + HEADING_PX + NOTE_LINE), subtitle, TEXT_PX, fill=QUIET))
     for place, one in enumerate(connections.emitters):
-        root.append(_switch(one, _corner(place, across, MARGIN + HEAD)))
+        root.append(_switch(one, board_of(design), _corner(place, across, MARGIN + HEAD)))
     top = MARGIN + HEAD + rows_lit * CELL_Y
     for place, one in enumerate(connections.receivers):
         feedback = None if feedbacks is None else feedbacks[place]
@@ -106,14 +105,14 @@ def _corner(place: int, across: int, top: float) -> Point:
     return MARGIN + (place % across) * CELL_X, top + (place // across) * CELL_Y
 
 
-def _switch(one: Connection, corner: Point) -> Element:
+def _switch(one: Connection, board: Board, corner: Point) -> Element:
     """One emitter's cell."""
     x, y = corner[0] + 150, corner[1]
-    switch = emitter_switch(one.part.part)
+    switch = emitter_switch(one.part.part, board)
     series = "none fits" if switch.series_ohm is None else ohm_text(switch.series_ohm)
     name = one.part.name
     cell = svg.group(f"{name}: {one.polarity}")
-    cell.append(svg.text((x - 8, y + 16), f"+{assumption('supply_v').value:g} V", VALUE_PX, anchor="end"))
+    cell.append(svg.text((x - 8, y + 16), f"+{board.emitter_v:g} V", VALUE_PX, anchor="end"))
     cell.extend([svg.wire((x - 9, y + 10), (x + 9, y + 10)), svg.wire((x, y + 10), (x, y + 26))])
     cell.append(svg.resistor((x, y + 43), upright=True))
     cell.extend(_labels((x + 11, y + 40), f"{name}-RS", series))
@@ -171,6 +170,14 @@ def _amplifier(one: Connection, feedback: Feedback | None, corner: Point) -> Ele
     return cell
 
 
+def _supply_text(board: Board) -> str:
+    """Supply of the emitters and, where it is another, of the amplifiers."""
+    emitters = f"{board.emitter_v:g} V"
+    if board.pin_v == board.emitter_v:
+        return emitters
+    return f"{emitters} for the emitters, {board.pin_v:g} V for the amplifiers"
+
+
 def _labels(at: Point, name: str, value: str) -> Iterator[Element]:
     yield svg.text(at, name, VALUE_PX)
     yield svg.text((at[0], at[1] + 14), value, VALUE_PX, fill=QUIET)
@@ -178,9 +185,8 @@ def _labels(at: Point, name: str, value: str) -> Iterator[Element]:
 
 def _notes(design: SensorDesign) -> Sequence[str]:
     current, board = supply_current(design), board_of(design)
-    supply = number(assumption("supply_v").value)
     return (
-        f"Supply {supply} V (assumed), ground common with the {board.title}. One emitter is lit at a time.",
+        f"Supply {_supply_text(board)}, ground common with the {board.title}. One emitter is lit at a time.",
         f"At full power {current.full_power_ma:.0f} mA: "
         f"{current.emitter_ma:.0f} mA for emitter and base, {current.amplifiers_ma:.0f} for the amplifiers (assumed), "
         f"{current.board_ma:.0f} for the board (assumed);",

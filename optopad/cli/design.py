@@ -79,7 +79,7 @@ def check(
     from design.rules.check import check as findings_of
     from design.rules.check import notes
     from optopad.screen.answer import counted
-    from optopad.screen.verdict import as_typed, findings_screen
+    from optopad.screen.verdict import as_typed, findings_screen, rate_words
 
     read = read_design(design, set_)
     findings = findings_of(read)
@@ -92,7 +92,12 @@ def check(
         lambda: (
             [*map(str, findings), total]
             if details
-            else findings_screen(read.name, findings, command=f"score {as_typed(design, set_)}")
+            else findings_screen(
+                read.name,
+                findings,
+                command=f"score {as_typed(design, set_)}",
+                rate="" if errors else rate_words(read),
+            )
         ),
     )
     if errors:

@@ -11,6 +11,7 @@ from pathlib import Path
 from textwrap import shorten, wrap
 from typing import TYPE_CHECKING, Any
 
+from design.circuit.pins import board_of, faster_boards, frame_rate_hz
 from design.spec import SensorDesign
 from optopad.prediction_cost import STEM, quick_prediction_s
 from optopad.screen.answer import (
@@ -40,6 +41,8 @@ LABEL = 12
 FIRST = ("full scale", "do not settle", "cannot light", "too much current", "stay tacky")
 """Words of warnings that come first: with such a fault the pad would not work."""
 FINDING_LINES = 4
+EIGHT_BIT_PRESCALER = 16
+"""At 16 MHz an AVR's converter runs at 1 MHz then, where about 8 of its bits are exact (data sheet)."""
 """Lines of a finding at most."""
 
 
@@ -78,17 +81,31 @@ def verdict_screen(
     return [*head, *_warnings(_to_show(score), room), *foot]
 
 
-def findings_screen(name: str, findings: Sequence[Finding], *, command: str) -> list[str]:
+def rate_words(design: SensorDesign) -> str:
+    """Frames a second that the board can do, the rate wanted, and what would make it faster."""
+    use, board = design.board, board_of(design)
+    ways = []
+    if board.divides_clock and use.adc_prescaler > EIGHT_BIT_PRESCALER:
+        faster = frame_rate_hz(design, adc_prescaler=EIGHT_BIT_PRESCALER)
+        ways.append(f"{faster:.0f} with board.adc_prescaler = {EIGHT_BIT_PRESCALER}, at about 8 bits")
+    if boards := faster_boards(design):
+        ways.append(f'{boards[0][1]:.0f} with board.kind = "{boards[0][0]}"')
+    can = f"{frame_rate_hz(design):.0f} frames a second by the timing model, {use.frame_rate_hz:g} required"
+    return "; ".join([can, *ways])
+
+
+def findings_screen(name: str, findings: Sequence[Finding], *, command: str, rate: str = "") -> list[str]:
     """Findings of the rules, errors first and notes last, as many whole ones as there is room for; the next command.
 
     command : verb and design, as `score pad.toml`
+    rate : what `rate_words` says of the board; shown where there is no error
     """
     errors = [one for one in findings if one.severity == "error"]
     notes = [one for one in findings if one.severity == "note"]
     warnings = [one for one in findings if one.severity == "warning"]
     ordered = [*errors, *warnings, *notes]
     total = f"{counted(len(errors), 'error')}, {counted(len(warnings), 'warning')}"
-    foot = [] if errors else row("next", f"optopad {command}", 2)
+    foot = [] if errors else [*row("rate", rate, 2), *row("next", f"optopad {command}", 2)]
     room = LINES - len(foot) - 2
     lines: list[str] = []
     shown = 0

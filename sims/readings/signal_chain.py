@@ -63,7 +63,6 @@ from design.arrays import BoolArray, FloatArray
 from design.circuit.pins import MS_PER_S, US_PER_S, board_of, conversion_time_ms
 from design.circuit.transimpedance import emitted_mw, feedbacks_of, responsivity_at
 from design.errors import ModelScopeError
-from design.parts.assumptions import assumption
 from design.shape.cavity import cavity_of
 from design.spec import SensorDesign
 from design.spec.sensor import PURE, Noise
@@ -164,7 +163,7 @@ def shot_variance_per_count(design: SensorDesign, readout: Readout) -> FloatArra
     capacitors = (
         [UNKNOWN_FEEDBACK_PF] * count if feedbacks is None else [one.capacitor_pf for one in feedbacks]
     )
-    step_v = assumption("supply_v").value / 2 ** board_of(design).adc_bits
+    step_v = board_of(design).full_scale_v / 2 ** board_of(design).adc_bits
     return np.asarray(ELECTRON_C / (2.0 * np.array(capacitors) * F_PER_PF * step_v))
 
 
@@ -175,7 +174,7 @@ def relative_power(design: SensorDesign) -> FloatArray:
     mean emitter.
     """
     cavity = cavity_of(design)
-    powers = [emitted_mw(one.part) for one in cavity.emitters]
+    powers = [emitted_mw(one.part, board_of(design)) for one in cavity.emitters]
     colours = [one.part.wavelength_nm for one in cavity.emitters]
     shape = (len(cavity.emitters), len(cavity.receivers))
     if len({one.part_id for one in cavity.emitters}) == 1 or any(one is None for one in (*powers, *colours)):

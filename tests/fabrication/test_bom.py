@@ -76,7 +76,7 @@ def test_a_standard_value_stays_itself() -> None:
 
 
 def test_the_pad_s_series_resistor_is_computed_at_the_lowest_forward_voltage() -> None:
-    switch = emitter_switch(part_of(PAD, "sunled-xscwd23mb", "emitter"))
+    switch = emitter_switch(part_of(PAD, "sunled-xscwd23mb", "emitter"), board_of(PAD))
     assert switch.series_ohm == 120.0  # the next above (5.0 - 2.7) V / 20 mA = 115 ohm
     assert switch.current_ma == pytest.approx(2.3 / 120 * 1e3)
     assert switch.series_mw == pytest.approx(2.3**2 / 120 * 1e3)
@@ -88,7 +88,7 @@ def test_no_emitter_gets_more_than_its_current(forward: float, most: float) -> N
     part = led(
         forward_voltage_v={"value": forward, "low": forward, "high": None}, max_current_ma={"value": most}
     )
-    switch = emitter_switch(part)
+    switch = emitter_switch(part, board_of(PAD))
     assert switch.series_ohm is not None
     assert switch.current_ma <= most * (1 + 1e-9)
     supply, base = assumption("supply_v").value, assumption("base_emitter_v").value
@@ -97,15 +97,15 @@ def test_no_emitter_gets_more_than_its_current(forward: float, most: float) -> N
 
 
 def test_an_emitter_beyond_the_supply_has_no_resistor() -> None:
-    switch = emitter_switch(led(forward_voltage_v={"value": 6.0, "low": 5.5, "high": 7.0}))
+    switch = emitter_switch(led(forward_voltage_v={"value": 6.0, "low": 5.5, "high": 7.0}), board_of(PAD))
     assert switch.series_ohm is None
     assert switch.current_ma == 0.0
 
 
 def test_a_base_current_that_a_pin_cannot_give_is_noticed() -> None:
     board = board_of(PAD)
-    assert not emitter_switch(led(max_current_ma={"value": 150.0})).overloads_pin(board)
-    assert emitter_switch(led(max_current_ma={"value": 300.0})).overloads_pin(board)
+    assert not emitter_switch(led(max_current_ma={"value": 150.0}), board).overloads_pin(board)
+    assert emitter_switch(led(max_current_ma={"value": 300.0}), board).overloads_pin(board)
 
 
 @pytest.mark.parametrize(("ohm", "text"), [(120.0, "120 ohm"), (2200.0, "2.2 kohm"), (1e6, "1 Mohm")])

@@ -7,7 +7,7 @@ from xml.etree import ElementTree
 import pytest
 
 from design.circuit.emitter_switch import emitter_switch, supply_current
-from design.circuit.pins import assigned_pins
+from design.circuit.pins import assigned_pins, board_of
 from design.parts.assumptions import assumption, ohm_text
 from design.preset import PRESETS, preset
 from design.shape.cavity import cavity_of
@@ -57,7 +57,7 @@ def test_nothing_on_a_drawing_lies_outside_of_it() -> None:
 
 
 def test_the_supply_gives_one_lit_emitter_its_base_the_amplifiers_and_the_board() -> None:
-    switch = emitter_switch(part_of(PAD, "sunled-xscwd23mb", "emitter"))
+    switch = emitter_switch(part_of(PAD, "sunled-xscwd23mb", "emitter"), board_of(PAD))
     current = supply_current(PAD)
     assert current.emitter_ma == pytest.approx(2.3 / 120 * 1e3 + (5.0 - 0.7) / 2000 * 1e3)
     assert ohm_text(switch.base_ohm) == "2 kohm"

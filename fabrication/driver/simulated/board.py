@@ -189,7 +189,7 @@ class FakeBoard:
             emitters=frame.states - 1,
             receivers=frame.receivers,
             bits=frame.bits_per_reading,
-            prescaler_exponent=board.adc_prescaler.bit_length() - 1,
+            prescaler_exponent=0 if board.adc_prescaler is None else board.adc_prescaler.bit_length() - 1,
             settle_us=math.ceil(board.settle_us),
             baud=board.baud,
             interval_us=self._interval_us,

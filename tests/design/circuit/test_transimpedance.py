@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from design.circuit.pins import board_of
 from design.circuit.transimpedance import (
     counts_per_flux_per_ohm,
     emitted_mw,
@@ -34,7 +35,7 @@ def measured(**values: float):
 
 def test_light_follows_the_current_behind_the_series_resistor() -> None:
     # 120 ohm at 5 V and 3.0 V forward: 16.7 of the 20 mA at which the power holds
-    power = emitted_mw(part_of(PAD, "sunled-xscwd23mb", "emitter"))
+    power = emitted_mw(part_of(PAD, "sunled-xscwd23mb", "emitter"), board_of(PAD))
     assert power is not None
     assert power.value == pytest.approx(10.0 * (2.0 / 120) / 0.020)
     assert power.confidence == "unverified"

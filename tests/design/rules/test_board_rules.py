@@ -2,26 +2,33 @@
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from design.circuit.emitter_switch import emitter_switch
 from design.circuit.pins import (
     assigned_pins,
     baud_error,
     board_of,
+    faster_boards,
     frame_bytes,
+    frame_rate_hz,
     frame_time_ms,
     link_time_ms,
     made_baud,
     state_count,
 )
+from design.circuit.transimpedance import counts_per_flux_per_ohm
 from design.errors import DesignError
 from design.parts.catalog import find_board, packaged
 from design.rules.check import check
+from design.shape.cavity import cavity_of
 from design.spec import BoardUse
+from fabrication.sheets.schematic_svg import schematic_svg
 from tests.design.rules.rule_cases import only
 from tests.design.spec.spec_fields import good, with_layout
 
@@ -175,3 +182,60 @@ def test_a_prescaler_that_the_board_lacks_is_an_error_with_those_that_it_has() -
         "63",
         "one of 2, 4, 8, 16, 32, 64, 128",
     )
+
+
+def test_a_board_of_3_3_volts_gets_a_circuit_that_its_pins_bear() -> None:
+    pad = good(**{"board.kind": "teensy-40", "board.frame_rate_hz": 1000.0})
+    assert not [one for one in check(pad) if one.severity == "error"]
+    board, led = board_of(pad), cavity_of(pad).emitters[0].part
+    assert (board.emitter_v, board.pin_v, board.full_scale_v) == (5.0, 3.3, 3.3)
+    mega, teensy = emitter_switch(led, MEGA), emitter_switch(led, board)
+    assert teensy.series_ohm == mega.series_ohm
+    assert teensy.base_ohm < mega.base_ohm
+    assert teensy.base_current_ma == pytest.approx((3.3 - 0.7) / teensy.base_ohm * 1e3)
+    assert not teensy.overloads_pin(board)
+    assert "3.3 V for the amplifiers" in schematic_svg(pad)
+    per_ohm, of_mega = counts_per_flux_per_ohm(pad), counts_per_flux_per_ohm(good())
+    assert per_ohm is not None
+    assert of_mega is not None
+    assert per_ohm[0].value / of_mega[0].value == pytest.approx(4096 / 3.3 / (1024 / 5.0))
+
+
+def test_every_packaged_board_says_its_voltages_and_which_readings_it_is_slow_for() -> None:
+    for name, board in packaged().boards.items():
+        assert board.supply_v is not None, name
+        assert board.logic_v is not None, name
+        assert board.divides_clock == (board.firmware is not None), name
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"adc_reference_v": 5.0}, "adc_reference_v = 5 V is above logic_v = 3.3 V"),
+        ({"conversion_us": None}, "conversion_us is missing"),
+        ({"adc_prescalers": [16]}, "adc_clocks_per_conversion, adc_prescalers and exact_bauds of AVRs"),
+        ({"digital_pins": [2, 2]}, "each may be listed once"),
+    ],
+)
+def test_an_entry_of_ones_own_is_refused_with_the_way_out(changes: dict[str, Any], words: str) -> None:
+    table = packaged().boards["teensy-40"].model_dump(mode="json", exclude_none=True)
+    table = {key: one for key, one in (table | changes).items() if one is not None}
+    with pytest.raises(DesignError, match=re.escape(words)):
+        good(catalog={"boards": {"mine": table}})
+
+
+def test_a_board_without_voltages_is_warned_of() -> None:
+    table = packaged().boards["teensy-40"].model_dump(mode="json", exclude_none=True)
+    del table["supply_v"], table["logic_v"]
+    found = [str(one) for one in check(good(catalog={"boards": {"mine": table}}, **{"board.kind": "mine"}))]
+    assert any("does not give its voltages" in one for one in found)
+
+
+def test_the_timing_model_gives_a_teensy_a_thousand_frames_a_second() -> None:
+    pad = good(**{"board.kind": "teensy-40"})
+    assert frame_rate_hz(pad) > 1000.0
+    by_hand = 9 * (0.020 + 8 * 5.2e-3) + frame_bytes(8, 8, 12) / 5e6 * 1e3
+    assert 1e3 / frame_rate_hz(pad) == pytest.approx(by_hand)
+    names = [name for name, _ in faster_boards(good())]
+    assert names[0] == "teensy-40"
+    assert "raspberry-pi-pico" not in names
