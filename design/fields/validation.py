@@ -17,8 +17,8 @@ WORDED_FINDINGS = 100
 
 _WAY_OUT = {
     "missing": "is missing; add it (see `optopad schema`, or start from `optopad new`)",
-    "union_tag_not_found": "lacks `pattern`; use one of alternating_ring, facing_rows, per_side, single, on a disc "
-    "disc_ring, at_angles",
+    "union_tag_not_found": "lacks `pattern`; use one of ring, alternating_ring, facing_rows, per_side, single, "
+    "on a disc disc_ring, at_angles",
 }
 
 
@@ -39,6 +39,7 @@ PATTERN_WORDS = {
     r"^[0-9a-f]{6}$": "six hexadecimal digits in small letters, as 1e9801",
     r"^[A-L][0-7]$": "a port letter and a bit, as B7",
     r"^[A-Z][A-Z0-9_]*_vect$": "an interrupt vector as avr-libc names it, as USART0_RX_vect",
+    r"^[ER]{2,32}$": "E for an emitter and R for a receiver, 2 to 32 letters, as ERR",
     r"^[A-Z]{3}$": "an ISO 4217 code in capital letters, as EUR",
     r"^\d{4}-(0[1-9]|1[0-2])(-(0[1-9]|[12]\d|3[01]))?$": "a date as 2026-05 or 2026-05-04",
 }
@@ -120,6 +121,7 @@ def _is_marker(key: str) -> bool:
         "single",
         "disc_ring",
         "at_angles",
+        "ring",
     }
 
 

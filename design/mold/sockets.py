@@ -50,7 +50,7 @@ from design.shape.cavity import PlacedPart
 from design.shape.outline import Line
 from design.spec import Mold
 from design.spec.fits import clearance_mm, fit
-from design.spec.layout import WALLS
+from design.spec.pad import WALLS
 
 NECK_MM = 1.5
 """Length of a wire slot's neck, if the slot is at least twice as long."""

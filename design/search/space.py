@@ -46,7 +46,7 @@ from design.io import load_design, read_toml
 from design.preset import PRESETS, preset
 from design.search.figures import FIGURES, NO_OBJECTIVE_ALONE, Direction
 from design.spec import SensorDesign, canonical_json
-from design.spec.layout import AlternatingRing, AtAngles, DiscRing, FacingRows, PerSide, Single
+from design.spec.layout import AlternatingRing, AtAngles, DiscRing, FacingRows, PerSide, Ring, Single
 
 Sampler = Literal["tpe", "nsga2", "gp", "grid", "qmc", "random"]
 Value = bool | int | float | str
@@ -63,6 +63,7 @@ _PATTERNS = {
     "single": tuple(Single.model_fields),
     "disc_ring": tuple(DiscRing.model_fields),
     "at_angles": tuple(AtAngles.model_fields),
+    "ring": tuple(Ring.model_fields),
 }
 _FIXED = frozenset({"schema_version", "name", "description", "measured", "catalog", "part_measurements"})
 

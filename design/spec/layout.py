@@ -19,11 +19,10 @@ from typing import Annotated, Literal, Self
 from pydantic import Field, model_validator
 
 from design.fields.base import Model, PartId
-from design.spec.pad import Cavity, Wall
+from design.spec.pad import WALLS, Cavity, Wall
 
 Kind = Literal["emitter", "receiver"]
 
-WALLS: tuple[Wall, ...] = ("south", "east", "north", "west")
 OPPOSITE: dict[Wall, Wall] = {"south": "north", "north": "south", "east": "west", "west": "east"}
 MAX_PER_KIND = 64
 
@@ -32,6 +31,7 @@ HeightMm = Annotated[float, Field(gt=0.0, le=50.0)]
 AlongMm = Annotated[float, Field(gt=0.0, lt=300.0)]
 PitchMm = Annotated[float, Field(ge=0.5, le=100.0)]
 AngleDeg = Annotated[float, Field(ge=-360.0, le=360.0)]
+TURN_DEG = 360.0
 PartName = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_-]{0,15}$")]
 
 
@@ -71,7 +71,7 @@ class FacingRows(Model):
 
 
 class PerSide(Model):
-    """A number of parts of one kind on each wall, evenly spaced."""
+    """A number of parts of one kind on each wall, evenly spaced; two kinds in one wall take turns."""
 
     pattern: Literal["per_side"]
     kind: Kind
@@ -110,6 +110,45 @@ class DiscRing(Model):
     )
 
 
+class Ring(Model):
+    """Any numbers of emitters and receivers around any outline, evenly spaced on each of its walls."""
+
+    pattern: Literal["ring"]
+    emitters: Annotated[int, Field(ge=1, le=64)]
+    receivers: Annotated[int, Field(ge=1, le=64)]
+    sequence: Annotated[
+        str | None,
+        Field(
+            pattern=r"^[ER]{2,32}$",
+            description="kinds in turn, as 'ERR', repeated; default: spread evenly, an emitter first",
+        ),
+    ] = None
+    first_angle_deg: Annotated[AngleDeg, Field(description="direction of the first part from the centre")] = (
+        0.0
+    )
+
+    @model_validator(mode="after")
+    def _sequence_makes_these_numbers(self) -> Self:
+        if self.sequence is not None:
+            lit, read = self.sequence.count("E"), self.sequence.count("R")
+            turns, rest = divmod(self.emitters + self.receivers, lit + read)
+            if rest or (lit * turns, read * turns) != (self.emitters, self.receivers):
+                raise ValueError(
+                    f"sequence = '{self.sequence}' makes {lit} emitters and {read} receivers a turn, "
+                    f"which no number of turns makes {self.emitters} and {self.receivers}; "
+                    "correct emitters, receivers or the sequence"
+                )
+        return self
+
+    @property
+    def kinds(self) -> tuple[Kind, ...]:
+        """Kinds of the parts in their order."""
+        if self.sequence is not None:
+            turns = (self.emitters + self.receivers) // len(self.sequence)
+            return tuple("emitter" if letter == "E" else "receiver" for letter in self.sequence * turns)
+        return interleaved(self.emitters, self.receivers)
+
+
 class AtAngles(Model):
     """Parts of one kind on a disc, in given directions from its centre."""
 
@@ -123,11 +162,12 @@ class AtAngles(Model):
 
 
 Pattern = Annotated[
-    AlternatingRing | FacingRows | PerSide | Single | DiscRing | AtAngles, Field(discriminator="pattern")
+    AlternatingRing | FacingRows | PerSide | Single | DiscRing | AtAngles | Ring,
+    Field(discriminator="pattern"),
 ]
-BY_ANGLE = ("disc_ring", "at_angles")
+BY_ANGLE = ("ring", "disc_ring", "at_angles")
 """Patterns for round walls."""
-BY_WALL = ("alternating_ring", "facing_rows", "per_side", "single")
+BY_WALL = ("ring", "alternating_ring", "facing_rows", "per_side", "single")
 """Patterns for straight walls."""
 
 
@@ -163,6 +203,7 @@ def expand(layout: tuple[Pattern, ...], cavity: Cavity) -> tuple[Placement, ...]
     bare: list[Placement] = []
     for index, pattern in enumerate(layout):
         bare += _expand_one(pattern, f"layout.{index}", cavity)
+    bare = _with_rows_in_turn(layout, bare, cavity)
     counters = {"emitter": 0, "receiver": 0}
     named = []
     for place in bare:
@@ -181,6 +222,8 @@ def _expand_one(pattern: Pattern, origin: str, cavity: Cavity) -> list[Placement
             return _per_side(pattern, origin, cavity)
         case DiscRing():
             return _disc_ring(pattern, origin)
+        case Ring():
+            return _even_ring(pattern, origin, cavity)
         case AtAngles():
             return [
                 _at_angle(pattern.kind, angle, origin, pattern.height_mm, pattern.part)
@@ -252,6 +295,71 @@ def _disc_ring(pattern: DiscRing, origin: str) -> list[Placement]:
         for k in range(2 * pattern.count)
         for angle in [pattern.first_angle_deg + k * step]
     ]
+
+
+def interleaved(emitters: int, receivers: int) -> tuple[Kind, ...]:
+    """Kinds of so many parts in a row, each kind spread as evenly as can be; an emitter first."""
+    total = emitters + receivers
+    return tuple("emitter" if k * emitters % total < emitters else "receiver" for k in range(total))
+
+
+def _even_ring(pattern: Ring, origin: str, cavity: Cavity) -> list[Placement]:
+    kinds = pattern.kinds
+    places: list[Placement] = []
+    for stretch, count in zip(cavity.border, _shared(len(kinds), cavity), strict=True):
+        mine = kinds[len(places) : len(places) + count]
+        if stretch.wall is None:
+            is_whole = stretch.turn_deg == TURN_DEG
+            first = (
+                pattern.first_angle_deg
+                if is_whole
+                else stretch.start_deg + stretch.turn_deg / (2 * count or 1)
+            )
+            step = stretch.turn_deg / (count or 1)
+            places += [_at_angle(kind, (first + k * step) % TURN_DEG, origin) for k, kind in enumerate(mine)]
+            continue
+        row = _row(count, stretch.length_mm, None)
+        walk = row if stretch.wall in ("south", "east") else row[::-1]  # counter-clockwise
+        places += [_plain(kind, stretch.wall, along, origin) for kind, along in zip(mine, walk, strict=True)]
+    return places
+
+
+def _shared(count: int, cavity: Cavity) -> list[int]:
+    """Parts of each wall of a border by its length, by largest remainders."""
+    lengths = [stretch.length_mm for stretch in cavity.border]
+    exact = [count * length / sum(lengths) for length in lengths]
+    shares = [int(one) for one in exact]
+    by_rest = sorted(range(len(exact)), key=lambda k: (shares[k] - exact[k], k))
+    for k in by_rest[: count - sum(shares)]:
+        shares[k] += 1
+    return shares
+
+
+def _with_rows_in_turn(
+    layout: tuple[Pattern, ...], places: list[Placement], cavity: Cavity
+) -> list[Placement]:
+    """Evenly spaced rows of emitters and of receivers in one wall take turns, where each alone would be at its middle.
+
+    Rows with a pitch, a shift or a height of their own stay where they are.
+    """
+    plain = {
+        f"layout.{number}"
+        for number, pattern in enumerate(layout)
+        if isinstance(pattern, PerSide)
+        and (pattern.pitch_mm, pattern.shift_mm, pattern.height_mm) == (None, 0.0, None)
+    }
+    for wall in WALLS:
+        mine = [k for k, one in enumerate(places) if one.wall == wall and one.origin in plain]
+        emitters = [k for k in mine if places[k].kind == "emitter"]
+        receivers = [k for k in mine if places[k].kind == "receiver"]
+        if not emitters or not receivers:
+            continue
+        row = _row(len(mine), cavity.wall_length_mm(wall), None)
+        queues = {"emitter": iter(emitters), "receiver": iter(receivers)}
+        for along, kind in zip(row, interleaved(len(emitters), len(receivers)), strict=True):
+            k = next(queues[kind])
+            places[k] = replace(places[k], along_mm=along)
+    return places
 
 
 def _facing(pattern: FacingRows, origin: str, cavity: Cavity) -> list[Placement]:

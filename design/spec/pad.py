@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from dataclasses import dataclass
 from typing import Annotated, Any, Literal, Self
 
 from pydantic import Field, model_validator
@@ -9,6 +11,17 @@ from pydantic import Field, model_validator
 from design.fields.base import Model
 
 Wall = Literal["south", "east", "north", "west"]
+WALLS: tuple[Wall, ...] = ("south", "east", "north", "west")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Stretch:
+    """A wall in plan: a straight one by its name, or a round one by directions from its centre."""
+
+    length_mm: float
+    wall: Wall | None = None
+    start_deg: float = 0.0
+    turn_deg: float = 0.0
 
 
 class Cavity(Model):
@@ -75,6 +88,19 @@ class Cavity(Model):
     def has_round_walls(self) -> bool:
         """Whether parts may sit in facets of their own, by angle."""
         return self.outline != "rectangle"
+
+    @property
+    def border(self) -> tuple[Stretch, ...]:
+        """Straight and round walls, counter-clockwise; a rectangle's and a stadium's from the south or east on."""
+        straight = [Stretch(wall=wall, length_mm=self.walls[wall]) for wall in WALLS if wall in self.walls]
+        if not self.has_round_walls:
+            return tuple(straight)
+        if not straight:
+            return (Stretch(length_mm=math.pi * self.width_mm, turn_deg=360.0),)
+        half = math.pi / 2 * min(self.length_mm, self.width_mm)
+        first_deg = -90.0 if self.length_mm > self.width_mm else 0.0
+        ends = [Stretch(length_mm=half, start_deg=first_deg + 180.0 * k, turn_deg=180.0) for k in (0, 1)]
+        return straight[0], ends[0], straight[1], ends[1]
 
     @property
     def size_fields(self) -> tuple[str, str]:

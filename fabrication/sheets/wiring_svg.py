@@ -25,8 +25,7 @@ from design.mold.sockets import Socket
 from design.shape.cavity import TURN_RAD, PlacedPart, Plan, workspace_of
 from design.shape.outline import Outline, X
 from design.spec import SensorDesign
-from design.spec.layout import WALLS
-from design.spec.pad import Wall
+from design.spec.pad import WALLS, Wall
 from fabrication.connections import Connection, connections_of
 from fabrication.sheets import svg
 from fabrication.sheets.svg import Element, Point

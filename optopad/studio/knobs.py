@@ -12,19 +12,20 @@ from design.shape.cavity import plan_of
 from design.spec import SensorDesign
 from design.spec.layout import (
     OPPOSITE,
-    WALLS,
     AlternatingRing,
     DiscRing,
     FacingRows,
     PerSide,
+    Ring,
     expand,
 )
+from design.spec.pad import WALLS
 from design.spec.properties import entries_of
 from optopad.screen.answer import unit_of
 
 Kind = Literal["number", "whole", "choice"]
 BY_HAND = "by hand"
-MOST_ON_A_WALL = 32
+MOST_ON_A_WALL, MOST_IN_A_RING = 32, 64
 SIZES = ("cavity.length_mm", "cavity.width_mm", "cavity.diameter_mm")
 ANGLES_DEG = (-360.0, 360.0)
 PATTERNS = ("alternating ring", "facing rows", "by side")
@@ -124,6 +125,10 @@ def relaid(design: SensorDesign, pattern: str) -> list[dict[str, Any]]:
     emitters, walls = _count(design, "emitter"), _walls(design)
     if pattern == "disc ring":
         return [_disc_ring(design)]
+    if pattern == "ring":
+        return [
+            {"pattern": "ring", "emitters": max(emitters, 1), "receivers": max(_count(design, "receiver"), 1)}
+        ]
     if pattern == "alternating ring":
         share = max(round(_count(design) / max(len(walls), 1)), 1)
         counts = [share if wall in walls else 0 for wall in WALLS]
@@ -146,6 +151,8 @@ def pattern_of(design: SensorDesign) -> str:
     kinds: set[type] = {type(one) for one in design.layout}
     if len(design.layout) == 1 and kinds == {DiscRing}:
         return "disc ring"
+    if len(design.layout) == 1 and kinds == {Ring}:
+        return "ring"
     if len(design.layout) == 1 and kinds == {AlternatingRing}:
         return "alternating ring"
     if len(design.layout) == 1 and kinds == {FacingRows}:
@@ -227,7 +234,7 @@ def _choices(design: SensorDesign) -> Iterator[Knob]:
         yield choice("Signal", "gain.feedback_ohm", "gain", rule, ("each", "common"), tells)
     tells = "Where parts sit. By hand: every part by itself, as dragging one makes it."
     bare = plan_of(design).outline
-    patterns = (*(PATTERNS if bare.lines else ()), *(ROUND_PATTERNS if bare.arcs else ()), BY_HAND)
+    patterns = ("ring", *(PATTERNS if bare.lines else ()), *(ROUND_PATTERNS if bare.arcs else ()), BY_HAND)
     yield choice("Layout", "layout", "pattern", pattern_of(design), patterns, tells)
 
 
@@ -241,6 +248,11 @@ def _layout(design: SensorDesign) -> Iterator[Knob]:
                 tells = "Emitters, and as many receivers, in turn."
                 yield _whole(at, "count", "pairs", pattern.count, MOST_ON_A_WALL, tells)
                 yield _first_angle(at, pattern.first_angle_deg)
+            case Ring():
+                for kind in ("emitters", "receivers"):
+                    yield _whole(at, kind, kind, getattr(pattern, kind), MOST_IN_A_RING, "Spread evenly.")
+                if not design.cavity.walls:
+                    yield _first_angle(at, pattern.first_angle_deg)
             case FacingRows():
                 yield _whole(
                     at,

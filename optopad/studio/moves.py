@@ -17,7 +17,7 @@ from typing import Any
 from design.errors import InputError
 from design.shape.cavity import PlacedPart, cavity_of
 from design.spec import SensorDesign
-from design.spec.layout import AtAngles, DiscRing, FacingRows, PerSide, Single, expand
+from design.spec.layout import AtAngles, DiscRing, FacingRows, PerSide, Ring, Single, expand
 
 STEP_MM = 0.05
 """What a dragged place is rounded to [mm]: finer than any mold is printed."""
@@ -97,10 +97,10 @@ def placed_singles(design: SensorDesign, numbers: Iterable[int]) -> list[dict[st
         if number not in apart or pattern["pattern"] in ("single", "at_angles"):
             found.append(pattern)
             continue
-        if pattern["pattern"] == "disc_ring":
-            found += _angles_of(design, number)
-            continue
+        found += _angles_of(design, number)
         for place in expand((design.layout[number],), design.cavity):
+            if place.angle_deg is not None:
+                continue
             single = {
                 "pattern": "single",
                 "kind": place.kind,
@@ -112,8 +112,8 @@ def placed_singles(design: SensorDesign, numbers: Iterable[int]) -> list[dict[st
 
 
 def _angles_of(design: SensorDesign, number: int) -> list[dict[str, Any]]:
-    """Entries by angle with the parts of a ring, emitters first."""
-    places = expand((design.layout[number],), design.cavity)
+    """Entries by angle with the parts of a ring in round walls, emitters first."""
+    places = [one for one in expand((design.layout[number],), design.cavity) if one.angle_deg is not None]
     return [
         {
             "pattern": "at_angles",
@@ -121,6 +121,7 @@ def _angles_of(design: SensorDesign, number: int) -> list[dict[str, Any]]:
             "angles_deg": [_plain(place.angle_deg or 0.0) for place in places if place.kind == kind],
         }
         for kind in ("emitter", "receiver")
+        if any(place.kind == kind for place in places)
     ]
 
 
@@ -138,15 +139,18 @@ def _turned(design: SensorDesign, part: PlacedPart, angle_deg: float, *, with_ro
         if isinstance(pattern, AtAngles):
             angles = [_direction(angle + turn) for angle in pattern.angles_deg]
             return {f"{part.origin}.angles_deg": angles}
-        assert isinstance(pattern, DiscRing)
-        return {f"{part.origin}.first_angle_deg": _direction(pattern.first_angle_deg + turn)}
+        if isinstance(pattern, DiscRing | Ring) and not design.cavity.walls:
+            return {f"{part.origin}.first_angle_deg": _direction(pattern.first_angle_deg + turn)}
     wanted = _direction(_whole_steps(angle_deg))
-    before = expand(design.layout[:number], design.cavity)
-    rank = _rank(design, part) - sum(place.kind == part.kind for place in before)
     if isinstance(pattern, AtAngles):
+        before = expand(design.layout[:number], design.cavity)
+        rank = _rank(design, part) - sum(place.kind == part.kind for place in before)
         return {f"{part.origin}.angles_deg.{rank}": wanted}
     layout = placed_singles(design, [number])
-    layout[number + (part.kind == "receiver")]["angles_deg"][rank] = wanted
+    mine = next(one for one in layout[number:] if one.get("angles_deg") and one["kind"] == part.kind)
+    angles = mine["angles_deg"]
+    nearest = min(range(len(angles)), key=lambda k: abs(_around(angles[k] - (part.angle_deg or 0.0))))
+    angles[nearest] = wanted
     return {"layout": layout}
 
 
@@ -173,14 +177,15 @@ def _along(design: SensorDesign, part: PlacedPart, along_mm: float, *, with_row:
     pattern = design.layout[number]
     if isinstance(pattern, Single):
         return {f"{part.origin}.along_mm": along_mm}
-    if with_row:
+    if with_row and not isinstance(pattern, Ring):
         return _row_moved(design, part, along_mm)
-    before = expand(design.layout[:number], design.cavity)
-    mine = expand((pattern,), design.cavity)
-    same = [k for k, place in enumerate(mine) if place.kind == part.kind]
-    rank = _rank(design, part) - sum(place.kind == part.kind for place in before)
     layout = placed_singles(design, [number])
-    at = number + same[rank]
+    mine = [
+        k
+        for k, one in enumerate(layout)
+        if k >= number and (one.get("kind"), one.get("wall")) == (part.kind, part.wall)
+    ]
+    at = min(mine, key=lambda k: abs(layout[k]["along_mm"] - part.along_mm))
     layout[at] = layout[at] | {"along_mm": along_mm}
     return {"layout": layout}
 
@@ -201,7 +206,7 @@ def _row_moved(design: SensorDesign, part: PlacedPart, along_mm: float) -> dict[
     from_middle = part.along_mm - middle
     if abs(from_middle) < LEAST_MM:
         return {}
-    assert not isinstance(pattern, Single | DiscRing | AtAngles)
+    assert not isinstance(pattern, Single | DiscRing | AtAngles | Ring)
     if pattern.pitch_mm is not None:
         pitch = pattern.pitch_mm
     else:

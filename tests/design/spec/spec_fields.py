@@ -15,13 +15,14 @@ from hypothesis import strategies as st
 from pydantic import BaseModel
 
 from design.spec import SensorDesign
-from design.spec.layout import AlternatingRing, AtAngles, DiscRing, FacingRows, PerSide, Single
+from design.spec.layout import AlternatingRing, AtAngles, DiscRing, FacingRows, PerSide, Ring, Single
 from tests.design.bad_designs import design_text
 
 PATTERNS: dict[type[BaseModel], dict[str, Any]] = {
     AlternatingRing: {"pattern": "alternating_ring", "parts_per_side": 4},
     FacingRows: {"pattern": "facing_rows", "count": 2},
     PerSide: {"pattern": "per_side", "kind": "emitter", "south": 1},
+    Ring: {"pattern": "ring", "emitters": 2, "receivers": 4},
     Single: {"pattern": "single", "kind": "emitter", "wall": "north", "along_mm": 16.0},
 }
 """Each layout pattern of a rectangle, and the least that it needs."""

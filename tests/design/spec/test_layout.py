@@ -21,8 +21,8 @@ from design.shape.cavity import (
     mask_of,
     workspace_of,
 )
-from design.spec.layout import OPPOSITE, WALLS, Pattern, Placement, expand
-from design.spec.pad import Cavity
+from design.spec.layout import OPPOSITE, Pattern, Placement, expand
+from design.spec.pad import WALLS, Cavity
 from tests.design.spec.spec_fields import good, with_layout
 
 PATTERN: TypeAdapter[Any] = TypeAdapter(Pattern)
@@ -212,3 +212,46 @@ def test_a_pair_is_pressed_at_the_middle_of_its_chord_inside_the_workspace() -> 
     assert chord_midpoint_mm(middle, (0, 0)) == (16.0, 16.0)
     corner = cavity_of(with_layout(single("emitter", "west", 4.0), single("receiver", "south", 5.0)))
     assert chord_midpoint_mm(corner, (0, 0)) == (6.0, 6.0)  # the chord's middle is (2.5, 2)
+
+
+def test_a_ring_spreads_any_numbers_around_any_outline() -> None:
+    # 40 x 20 mm: 12 parts share 120 mm of border as 4, 2, 4, 2; two receivers to an emitter
+    found = places({"pattern": "ring", "emitters": 4, "receivers": 8, "sequence": "ERR"})
+    assert [one.name for one in found[:4]] == ["E1", "R1", "R2", "E2"]
+    assert [(one.wall, one.along_mm) for one in found[:7]] == [
+        ("south", 5.0), ("south", 15.0), ("south", 25.0), ("south", 35.0), ("east", 5.0), ("east", 15.0),
+        ("north", 35.0),
+    ]  # fmt: skip
+    disc = Cavity.model_validate({"outline": "disc", "diameter_mm": 150.0, "clear_thickness_mm": 8.0})
+    light = expand((PATTERN.validate_python({"pattern": "ring", "emitters": 12, "receivers": 12}),), disc)
+    assert [one.angle_deg for one in light] == [15.0 * k for k in range(24)]
+    assert [one.kind for one in light[:4]] == ["emitter", "receiver"] * 2
+    stadium = Cavity(outline="stadium", length_mm=60.0, width_mm=26.0, clear_thickness_mm=8.0)
+    many = expand((PATTERN.validate_python({"pattern": "ring", "emitters": 30, "receivers": 32}),), stadium)
+    by_wall = [sum(one.wall == wall for one in many) for wall in ("south", "north")]
+    assert by_wall == [14, 14]  # 34 of 149.7 mm each, and 17 to either end
+    assert sum(one.kind == "emitter" for one in many) == 30
+    right = [one.angle_deg or 0.0 for one in many[14:31]]
+    assert np.allclose(
+        [(angle + 180.0) % 360.0 - 180.0 for angle in right], -90.0 + 180.0 * (np.arange(17) + 0.5) / 17
+    )
+
+
+def test_a_sequence_that_does_not_make_the_numbers_is_refused() -> None:
+    with pytest.raises(DesignError, match="sequence = 'ERR' makes 1 emitters and 2 receivers a turn"):
+        with_layout({"pattern": "ring", "emitters": 8, "receivers": 8, "sequence": "ERR"})
+
+
+def test_two_rows_in_one_wall_take_turns() -> None:
+    found = places(
+        {"pattern": "per_side", "kind": "emitter", "south": 2, "north": 1},
+        {"pattern": "per_side", "kind": "receiver", "south": 3},
+    )
+    south = sorted((one.along_mm, one.name) for one in found if one.wall == "south")
+    assert south == [(4.0, "E1"), (12.0, "R1"), (20.0, "R2"), (28.0, "E2"), (36.0, "R3")]
+    assert [one.along_mm for one in found if one.wall == "north"] == [20.0]
+    shifted = places(
+        {"pattern": "per_side", "kind": "emitter", "south": 1, "shift_mm": 5.0},
+        {"pattern": "per_side", "kind": "receiver", "south": 1},
+    )
+    assert [one.along_mm for one in shifted] == [25.0, 20.0]
