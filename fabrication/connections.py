@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from design.circuit.pins import assigned_pins, board_of
+from design.circuit.pins import assigned_pins, board_of, receiver_paths
 from design.shape.cavity import PlacedPart, cavity_of
 from design.spec import SensorDesign
 
@@ -24,8 +24,9 @@ class Connection:
     Attributes
     ----------
     part : the placed part
-    pin : the board's label, "D22" for a digital pin, "A0" for an analogue channel
+    pin : "D22" for a digital pin of the board, "A0" for an analogue channel, "M1-C3" for channel 3 of multiplexer M1
     pin_number : digital pin, or place of the channel in the board's list of channels
+    address : of a receiver behind a multiplexer
     number : state of an emitter, column of a receiver; from 0
     position_mm : centre of the active area in the cavity frame (x, y, z) [mm]
     normal : direction from the wall into the cavity (x, y, z) [-]
@@ -37,6 +38,7 @@ class Connection:
     number: int
     position_mm: tuple[float, float, float]
     normal: tuple[float, float, float]
+    address: int | None = None
 
     @property
     def polarity(self) -> str:
@@ -77,10 +79,12 @@ def connections_of(design: SensorDesign) -> Connections:
     DesignError : parts or pins that the catalogue or the board does not have.
     """
     cavity = cavity_of(design)
-    pins, channels = assigned_pins(design)
+    (pins, _), paths = assigned_pins(design), receiver_paths(design)
     known = board_of(design).analog_channels
 
-    def connection(part: PlacedPart, number: int, pin: str, pin_number: int) -> Connection:
+    def connection(
+        part: PlacedPart, number: int, pin: str, pin_number: int, address: int | None = None
+    ) -> Connection:
         return Connection(
             part=part,
             pin=pin,
@@ -88,13 +92,15 @@ def connections_of(design: SensorDesign) -> Connections:
             number=number,
             position_mm=part.position_mm,
             normal=_inward(part),
+            address=address,
         )
 
     lit = zip(cavity.emitters, pins, strict=True)
-    read = zip(cavity.receivers, channels, strict=True)
+    read = zip(cavity.receivers, paths, strict=True)
     return Connections(
         emitters=tuple(connection(part, i, f"D{pin}", pin) for i, (part, pin) in enumerate(lit)),
         receivers=tuple(
-            connection(part, j, channel, known.index(channel)) for j, (part, channel) in enumerate(read)
+            connection(part, j, path.label, known.index(path.channel), path.address)
+            for j, (part, path) in enumerate(read)
         ),
     )

@@ -108,6 +108,7 @@ def driver_config(
                 name=one.part.name,
                 channel=one.pin,
                 channel_number=one.pin_number,
+                address=one.address,
                 column=one.number,
                 **_place(one),
             )
@@ -157,6 +158,7 @@ def _board(design: SensorDesign, board: Board) -> BoardSetup:
         usb_ids=tuple(board.usb_ids),
         bridge_usb_ids=tuple(board.bridge_usb_ids),
         boot_s=board.boot_s,
+        address_pins=timing.address_pins(design) or None,
         config_crc=None if firmware_gaps(design) else firmware_settings(design).config_crc(),
     )
 
@@ -184,7 +186,7 @@ def _frame(board: Board, emitter_count: int, receiver_count: int) -> FrameLayout
 def _timing(design: SensorDesign, board: Board, emitter_count: int, receiver_count: int) -> TimingBudget:
     use = design.board
     sent = timing.frame_bytes(emitter_count, receiver_count, board.adc_bits)
-    frame_ms = timing.frame_time_ms(board, use, emitter_count, receiver_count)
+    frame_ms = timing.frame_time_ms(board, use, emitter_count, receiver_count, timing.multiplexer_of(design))
     return TimingBudget(
         conversion_us=timing.conversion_time_ms(board, use.adc_prescaler) * timing.US_PER_MS,
         settle_us=use.settle_us,

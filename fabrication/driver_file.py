@@ -55,6 +55,7 @@ class BoardSetup:
     link_number : how the firmware names this kind of board to the host; 0 is any other
     usb_ids, bridge_usb_ids : vendor:product of the maker's boards, and of serial chips that copies use
     boot_s : longest time from opening the port, which resets the board, to the sketch
+    address_pins : digital pins of the multiplexers' address, lowest bit first; None without multiplexers
     config_crc : what a self-test of this design's firmware answers for its configuration; None where none can be made
     """
 
@@ -74,6 +75,7 @@ class BoardSetup:
     bridge_usb_ids: tuple[str, ...]
     boot_s: float
     config_crc: int | None = None
+    address_pins: tuple[int, ...] | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -100,7 +102,9 @@ class EmitterEntry:
 
 @dataclass(frozen=True, kw_only=True)
 class ReceiverEntry:
-    """A receiver: its analogue channel, its column in a state's readings, its place."""
+    """A receiver: what it is soldered to, the board's input behind that and the multiplexer's address, if any; its
+    column in a state's readings, its location.
+    """
 
     name: str
     channel: str
@@ -111,6 +115,7 @@ class ReceiverEntry:
     normal: tuple[float, float, float]
     part: str
     active_mm: tuple[float, float]
+    address: int | None = None
 
 
 @dataclass(frozen=True, kw_only=True)

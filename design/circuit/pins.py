@@ -2,7 +2,8 @@
 
 The one answer that wiring, driver config, firmware and rules share. A list in the design has exactly
 one entry a part, in the order of E1, E2, ... and R1, R2, ...; without a list, pins and inputs are
-dealt out in the board's recommended order.
+dealt out in the board's recommended order. With multiplexers an input serves one of these, which serve
+receivers in their order; all of them share the address.
 
 How long one full frame takes on the board, and which serial rates an AVR's clock can make.
 
@@ -19,12 +20,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import TypeVar
 
 from design.errors import DesignError
 from design.fields.finding import Finding, error
 from design.parts import catalog
-from design.parts.catalog import Board
+from design.parts.catalog import Board, Multiplexer
 from design.shape.cavity import cavity_of
 from design.spec import BoardUse, SensorDesign
 from design.spec.properties import entries_of
@@ -37,8 +39,64 @@ def board_of(design: SensorDesign) -> Board:
     return catalog.find_board(entries_of(design), design.board.kind)
 
 
+@dataclass(frozen=True, kw_only=True)
+class ReceiverPath:
+    """What leads from a receiver's amplifier to the board.
+
+    Attributes
+    ----------
+    channel : the board's analogue input
+    multiplexer : number of the multiplexer before it, from 0; None: none
+    address : at which the multiplexer leads to this receiver
+    """
+
+    channel: str
+    multiplexer: int | None = None
+    address: int | None = None
+
+    @property
+    def label(self) -> str:
+        """What the amplifier's output is soldered to, as A0, or M1-C3: channel 3 of multiplexer M1."""
+        return self.channel if self.multiplexer is None else f"M{self.multiplexer + 1}-C{self.address}"
+
+
+def multiplexer_of(design: SensorDesign) -> Multiplexer | None:
+    """The catalogue entry of the design's multiplexers; None where each receiver has an input to itself."""
+    given = design.board.receivers
+    return None if given is None else catalog.find_multiplexer(entries_of(design), given.multiplexer)
+
+
+def address_pins(design: SensorDesign) -> tuple[int, ...]:
+    """Digital pins of the multiplexers' address, lowest bit first; none without multiplexers.
+
+    Raises
+    ------
+    DesignError : as `assigned_pins`.
+    """
+    multiplexer, given = multiplexer_of(design), design.board.receivers
+    if multiplexer is None or given is None:
+        return ()
+    pins, _ = assigned_pins(design)
+    free = [pin for pin in board_of(design).digital_pins if pin not in pins]
+    return given.address_pins or tuple(free[: multiplexer.address_bits])
+
+
+def receiver_paths(design: SensorDesign) -> tuple[ReceiverPath, ...]:
+    """From each receiver to the board, in the order of the cavity's receivers.
+
+    Raises
+    ------
+    DesignError : as `assigned_pins`.
+    """
+    multiplexer, (_, channels) = multiplexer_of(design), assigned_pins(design)
+    if multiplexer is None:
+        return tuple(ReceiverPath(channel=name) for name in channels)
+    places = (divmod(j, multiplexer.channels) for j in range(len(cavity_of(design).receivers)))
+    return tuple(ReceiverPath(channel=channels[m], multiplexer=m, address=a) for m, a in places)
+
+
 def assigned_pins(design: SensorDesign) -> tuple[tuple[int, ...], tuple[str, ...]]:
-    """Emitter pins and receiver channels, in the order of the cavity's emitters and receivers.
+    """Emitter pins in the order of the cavity's emitters, and inputs in that of its receivers or of its multiplexers.
 
     Raises
     ------
@@ -49,7 +107,8 @@ def assigned_pins(design: SensorDesign) -> tuple[tuple[int, ...], tuple[str, ...
     if findings:
         raise DesignError("\n".join(str(finding) for finding in findings))
     pins = _dealt(design.board.emitter_pins, board.digital_pins, len(cavity.emitters))
-    channels = _dealt(design.board.receiver_channels, board.analog_channels, len(cavity.receivers))
+    inputs = _input_count(design, len(cavity.receivers))
+    channels = _dealt(design.board.receiver_channels, board.analog_channels, inputs)
     return pins, channels
 
 
@@ -57,7 +116,7 @@ def pin_findings(
     design: SensorDesign, board: Board, emitter_count: int, receiver_count: int
 ) -> list[Finding]:
     """Everything wrong with the pins and channels of a design."""
-    use = design.board
+    use, multiplexer = design.board, multiplexer_of(design)
     return [
         *_list_findings(
             "board.emitter_pins", "emitter", "pin", use.emitter_pins, board.digital_pins, emitter_count
@@ -66,16 +125,87 @@ def pin_findings(
         *_reserved_findings(use.emitter_pins, board),
         *_list_findings(
             "board.receiver_channels",
-            "receiver",
+            "receiver" if multiplexer is None else "multiplexer",
             "analogue input",
             use.receiver_channels,
             board.analog_channels,
-            receiver_count,
+            _input_count(design, receiver_count),
+            _multiplexers_needed(design, board, emitter_count, receiver_count),
         ),
+        *_address_findings(design, board, emitter_count),
         *_unknown_findings(
             "board.receiver_channels", "analogue input", use.receiver_channels or (), board.analog_channels
         ),
     ]
+
+
+def _input_count(design: SensorDesign, receiver_count: int) -> int:
+    """Inputs of the board that so many receivers take."""
+    multiplexer = multiplexer_of(design)
+    return receiver_count if multiplexer is None else math.ceil(receiver_count / multiplexer.channels)
+
+
+def _multiplexers_needed(
+    design: SensorDesign, board: Board, emitter_count: int, receiver_count: int
+) -> str | None:
+    """The way out of too few inputs: the packaged multiplexer that takes the fewest, if the board has pins for it."""
+    if design.board.receivers is not None:
+        return None
+    spare = len(board.digital_pins) - emitter_count
+    for name, one in sorted(entries_of(design).multiplexers.items(), key=lambda item: -item[1].channels):
+        count = math.ceil(receiver_count / one.channels)
+        if one.address_bits <= spare and count <= len(board.analog_channels):
+            inputs = " and ".join(board.analog_channels[:count])
+            return (
+                f'set board.receivers.multiplexer = "{name}": {receiver_count} receivers need {count} of them on '
+                f"{inputs}, and {one.address_bits} pins for the address"
+            )
+    return None
+
+
+def _address_findings(design: SensorDesign, board: Board, emitter_count: int) -> list[Finding]:
+    """What is wrong with the multiplexers' supply and the pins of their address."""
+    multiplexer, given = multiplexer_of(design), design.board.receivers
+    if multiplexer is None or given is None:
+        return []
+    found = []
+    if not multiplexer.supply_low_v <= board.pin_v <= multiplexer.supply_high_v:
+        found.append(
+            error(
+                "board.receivers.multiplexer",
+                f"{multiplexer.title} does not work at the level of the board's pins",
+                value=f"{board.pin_v:g} V",
+                limit=f"{multiplexer.supply_low_v:g} to {multiplexer.supply_high_v:g} V",
+                way_out="choose another multiplexer, or another board.kind",
+            )
+        )
+    field, bits = "board.receivers.address_pins", multiplexer.address_bits
+    pins = given.address_pins
+    if pins is None:
+        if emitter_count + bits > len(board.digital_pins):
+            found.append(
+                error(
+                    field,
+                    f"the board has no pins left for the address of {multiplexer.title}",
+                    value=f"{emitter_count} emitters and {bits} address lines",
+                    limit=f"at most {len(board.digital_pins)} pins",
+                    way_out="place fewer emitters, or name another board.kind",
+                )
+            )
+        return found
+    used = design.board.emitter_pins or board.digital_pins[:emitter_count]
+    wrong = [pin for pin in pins if pin not in board.digital_pins or pin in used or pins.count(pin) > 1]
+    if len(pins) != bits or wrong:
+        found.append(
+            error(
+                field,
+                f"{multiplexer.title} needs {bits} pins of the board that no emitter has, each once",
+                value=list(pins),
+                limit=f"{bits} of {', '.join(str(pin) for pin in board.digital_pins if pin not in used)}",
+                way_out="choose among these, or leave the list out",
+            )
+        )
+    return found
 
 
 def _dealt(given: tuple[Name, ...] | None, known: tuple[Name, ...], count: int) -> tuple[Name, ...]:
@@ -89,9 +219,10 @@ def _list_findings(
     given: Sequence[Name] | None,
     known: Sequence[Name],
     count: int,
+    way_out: str | None = None,
 ) -> list[Finding]:
     if given is None:
-        return _room_findings(field, part, noun, len(known), count)
+        return _room_findings(field, part, noun, len(known), count, way_out)
     found = []
     if len(given) != count:
         found.append(
@@ -116,7 +247,9 @@ def _list_findings(
     return found
 
 
-def _room_findings(field: str, part: str, noun: str, available: int, count: int) -> list[Finding]:
+def _room_findings(
+    field: str, part: str, noun: str, available: int, count: int, way_out: str | None
+) -> list[Finding]:
     if count <= available:
         return []
     return [
@@ -125,7 +258,7 @@ def _room_findings(field: str, part: str, noun: str, available: int, count: int)
             f"the layout has {count} {part}s, more than the board has {noun}s for",
             value=count,
             limit=f"at most {available}",
-            way_out=f"place fewer {part}s, or name another board.kind",
+            way_out=way_out or f"place fewer {part}s, or name another board.kind",
         )
     ]
 
@@ -219,9 +352,18 @@ def sending_time_ms(board: Board, use: BoardUse, byte_count: int) -> float:
     return link_time_ms(byte_count, use.baud)
 
 
-def frame_time_ms(board: Board, use: BoardUse, emitter_count: int, receiver_count: int) -> float:
-    """Time of one full frame: all states, then the line [ms]."""
+def frame_time_ms(
+    board: Board,
+    use: BoardUse,
+    emitter_count: int,
+    receiver_count: int,
+    multiplexer: Multiplexer | None = None,
+) -> float:
+    """Time of one full frame: all states, then the line [ms]; with multiplexers each new address settles, too."""
     conversions = receiver_count * conversion_time_ms(board, use.adc_prescaler)
+    if multiplexer is not None:
+        addresses = min(receiver_count, multiplexer.channels)
+        conversions += addresses * multiplexer.settle_us.value / US_PER_MS
     state = use.settle_us / US_PER_MS + conversions
     sent = frame_bytes(emitter_count, receiver_count, board.adc_bits)
     return state_count(emitter_count) * state + sending_time_ms(board, use, sent)
@@ -235,7 +377,7 @@ def frame_rate_hz(
     if adc_prescaler is not None:
         use = use.model_copy(update={"adc_prescaler": adc_prescaler})
     counts = len(cavity.emitters), len(cavity.receivers)
-    return MS_PER_S / frame_time_ms(board or board_of(design), use, *counts)
+    return MS_PER_S / frame_time_ms(board or board_of(design), use, *counts, multiplexer_of(design))
 
 
 def faster_boards(design: SensorDesign) -> list[tuple[str, float]]:
@@ -245,7 +387,7 @@ def faster_boards(design: SensorDesign) -> list[tuple[str, float]]:
         (name, frame_rate_hz(design, board))
         for name, board in entries_of(design).boards.items()
         if len(board.digital_pins) >= len(cavity.emitters)
-        and len(board.analog_channels) >= len(cavity.receivers)
+        and len(board.analog_channels) >= _input_count(design, len(cavity.receivers))
     ]
     return sorted((one for one in found if one[1] > now), key=lambda one: (-one[1], one[0]))
 

@@ -48,6 +48,7 @@ from design.fields.quantity import (
     Quantity,
     Reflectance,
     RefractiveIndex,
+    ResistanceOhm,
     ResponsivityAPerW,
     Text,
     TimeUs,
@@ -80,11 +81,13 @@ __all__ = [
     "IndexTable",
     "ModulusRow",
     "MoldMaterial",
+    "Multiplexer",
     "Part",
     "Quantity",
     "find_board",
     "find_elastomer",
     "find_mold_material",
+    "find_multiplexer",
     "find_part",
     "merged",
     "packaged",
@@ -93,7 +96,7 @@ __all__ = [
     "youngs_modulus_mpa",
 ]
 
-PACKAGED_FILES = ("emitters", "receivers", "elastomers", "mold_materials", "boards")
+PACKAGED_FILES = ("emitters", "receivers", "elastomers", "mold_materials", "boards", "multiplexers")
 
 _EMITTER_ONLY = ("wavelength_nm", "forward_voltage_v", "max_current_ma")
 _RECEIVER_ONLY = ("responsivity_a_per_w", "responsivity_wavelength_nm", "dark_current_na", "capacitance_pf")
@@ -393,6 +396,25 @@ class Board(Model):
         return self
 
 
+class Multiplexer(Model):
+    """Analogue switches that lead one of several amplifiers to one input of the board, by an address of bits."""
+
+    title: Text
+    source: Annotated[Text, Field(description="where the plain numbers of this entry come from")]
+    confidence: Confidence
+    channels: Annotated[int, Field(ge=2, le=64, description="amplifiers that it chooses from")]
+    supply_low_v: Annotated[float, Field(gt=0.0, le=30.0, description="least supply [V]")]
+    supply_high_v: Annotated[float, Field(gt=0.0, le=30.0, description="most supply [V]")]
+    on_resistance_ohm: Annotated[ResistanceOhm, Field(description="of a closed switch")]
+    settle_us: Annotated[TimeUs, Field(description="wait from a new address to the next reading")]
+    notes: tuple[Text, ...] = ()
+
+    @property
+    def address_bits(self) -> int:
+        """Lines of the address."""
+        return (self.channels - 1).bit_length()
+
+
 def _assumed_v() -> float:
     """Supply of a board whose entry does not say [V]."""
     return assumption("supply_v").value
@@ -401,10 +423,13 @@ def _assumed_v() -> float:
 class CatalogEntries(Model):
     """Entries by identifier; a user's file and the packaged files have the same form."""
 
+    unsaid = ("multiplexers",)
+
     parts: dict[PartId, Part] = Field(default_factory=dict)
     elastomers: dict[PartId, Elastomer] = Field(default_factory=dict)
     mold_materials: dict[PartId, MoldMaterial] = Field(default_factory=dict)
     boards: dict[PartId, Board] = Field(default_factory=dict)
+    multiplexers: dict[PartId, Multiplexer] = Field(default_factory=dict)
 
 
 @cache
@@ -421,7 +446,7 @@ def parse_entries(mapping: Mapping[str, Any], where: str) -> CatalogEntries:
 
     Parameters
     ----------
-    mapping : tables `parts`, `elastomers`, `mold_materials`, `boards`, each {identifier: fields}
+    mapping : tables `parts`, `elastomers`, `mold_materials`, `boards`, `multiplexers`, each {identifier: fields}
     where : name of the file, for messages
 
     Raises
@@ -447,13 +472,14 @@ def identifiers(document: Mapping[str, Any]) -> tuple[str, ...]:
 
 def merged(base: CatalogEntries, extra: CatalogEntries) -> CatalogEntries:
     """Both sets of entries; where an identifier is in both, `extra` holds."""
-    if not (extra.parts or extra.elastomers or extra.mold_materials or extra.boards):
+    if extra == CatalogEntries():
         return base
     return CatalogEntries(
         parts={**base.parts, **extra.parts},
         elastomers={**base.elastomers, **extra.elastomers},
         mold_materials={**base.mold_materials, **extra.mold_materials},
         boards={**base.boards, **extra.boards},
+        multiplexers={**base.multiplexers, **extra.multiplexers},
     )
 
 
@@ -487,6 +513,11 @@ def find_mold_material(entries: CatalogEntries, material_id: str) -> MoldMateria
 def find_board(entries: CatalogEntries, board_id: str) -> Board:
     """The board of that identifier; DesignError with the nearest names when there is none."""
     return _find(entries.boards, board_id, "board", "boards")
+
+
+def find_multiplexer(entries: CatalogEntries, multiplexer_id: str) -> Multiplexer:
+    """The multiplexer of that identifier; DesignError with the nearest names when there is none."""
+    return _find(entries.multiplexers, multiplexer_id, "multiplexer", "multiplexers")
 
 
 def _find(table: Mapping[str, Entry], name: str, noun: str, section: str) -> Entry:

@@ -15,7 +15,15 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 from design.circuit.emitter_switch import emitter_switch
-from design.circuit.pins import MS_PER_S, baud_error, frame_bytes, frame_time_ms, made_baud, pin_findings
+from design.circuit.pins import (
+    MS_PER_S,
+    baud_error,
+    frame_bytes,
+    frame_time_ms,
+    made_baud,
+    multiplexer_of,
+    pin_findings,
+)
 from design.circuit.transimpedance import gain_findings, settling_findings
 from design.fields.finding import Finding, error, warning
 from design.parts.board_firmware import BoardFirmware
@@ -196,7 +204,7 @@ def _rate_findings(
 ) -> Iterator[Finding]:
     if board.divides_clock and design.board.adc_prescaler <= 0:
         return  # has its own finding
-    takes = frame_time_ms(board, design.board, emitter_count, receiver_count)
+    takes = frame_time_ms(board, design.board, emitter_count, receiver_count, multiplexer_of(design))
     budget = MS_PER_S / design.board.frame_rate_hz
     if takes > budget:
         yield error(

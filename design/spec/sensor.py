@@ -372,8 +372,20 @@ class Receivers(Model):
     ]
 
 
+class ReceiverInputs(Model):
+    """Multiplexers between the receivers' amplifiers and the board's inputs; all of them share the address."""
+
+    multiplexer: Annotated[PartId, Field(description="catalogue entry, as 74hc4067")]
+    address_pins: Annotated[
+        tuple[Annotated[int, Field(ge=0, le=200)], ...] | None,
+        Field(max_length=8, description="digital pins of the address, lowest bit first"),
+    ] = None
+
+
 class BoardUse(Model):
     """The microcontroller and how it is used; pins and channels are dealt out in order when left out."""
+
+    unsaid = ("receivers",)
 
     kind: PartId = "arduino-mega-2560"
     emitter_pins: Annotated[
@@ -382,7 +394,10 @@ class BoardUse(Model):
     ] = None
     receiver_channels: Annotated[
         tuple[Annotated[str, Field(max_length=60)], ...] | None,
-        Field(max_length=200, description="one analogue input a receiver, 'A0', 'A1' ..."),
+        Field(max_length=200, description="one analogue input a receiver, or a multiplexer: 'A0', 'A1' ..."),
+    ] = None
+    receivers: Annotated[
+        ReceiverInputs | None, Field(description="multiplexers; absent: one input a receiver")
     ] = None
     adc_prescaler: Annotated[int, Field(description="AVR boards: ADC clock = board clock / prescaler")] = 64
     settle_us: Annotated[float, Field(ge=0.0, le=10000.0, description="wait after an emitter switches")] = (
