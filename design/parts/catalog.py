@@ -405,6 +405,9 @@ class Multiplexer(Model):
     channels: Annotated[int, Field(ge=2, le=64, description="amplifiers that it chooses from")]
     supply_low_v: Annotated[float, Field(gt=0.0, le=30.0, description="least supply [V]")]
     supply_high_v: Annotated[float, Field(gt=0.0, le=30.0, description="most supply [V]")]
+    enable: Annotated[
+        Literal["ground", "supply"], Field(description="what its enable pin is wired to, so that it stays on")
+    ]
     on_resistance_ohm: Annotated[ResistanceOhm, Field(description="of a closed switch")]
     settle_us: Annotated[TimeUs, Field(description="wait from a new address to the next reading")]
     notes: tuple[Text, ...] = ()

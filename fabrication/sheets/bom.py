@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 from cad.volume import mold_volume_mm3
 from design.circuit.emitter_switch import EmitterSwitch, emitter_switch
-from design.circuit.pins import board_of
+from design.circuit.pins import board_of, multiplexer_of, receiver_paths
 from design.mold.filling import is_cast_under_lid
 from design.mold.outline import outline_of
 from design.parts.assumptions import assumption, ohm_text
@@ -79,6 +79,7 @@ def bom_rows(design: SensorDesign, gain: SimulatedGain | None = None) -> tuple[B
         BomRow(item=board.title, catalogue_id=design.board.kind, quantity=1),
         *_switch_rows(cavity.emitters, board),
         *_amplifier_rows(design, cavity.receivers, gain),
+        *_multiplexer_rows(design),
         *_silicone_rows(design),
         *_printed_rows(design),
     )
@@ -217,6 +218,33 @@ def _open_feedback_rows(design: SensorDesign, names: Sequence[str]) -> Iterator[
 
 def _bandwidth_note() -> str:
     return f"gain-bandwidth product taken as {assumption('amplifier_bandwidth_mhz').value:g} MHz (assumed)"
+
+
+def _multiplexer_rows(design: SensorDesign) -> Iterator[BomRow]:
+    entry, given = multiplexer_of(design), design.board.receivers
+    if entry is None or given is None:
+        return
+    names = tuple(
+        sorted(
+            {f"M{(path.multiplexer or 0) + 1}" for path in receiver_paths(design)},
+            key=lambda name: int(name[1:]),
+        )
+    )
+    yield BomRow(
+        item=entry.title,
+        catalogue_id=given.multiplexer,
+        quantity=len(names),
+        references=names,
+        value=f"supply {board_of(design).pin_v:g} V",
+        note=" ".join(entry.notes),
+    )
+    yield BomRow(
+        item="supply capacitor",
+        quantity=len(names),
+        references=_marked(names, "CS"),
+        value="100 nF",
+        note="ceramic, next to each multiplexer's supply pins",
+    )
 
 
 def _silicone_rows(design: SensorDesign) -> Iterator[BomRow]:

@@ -15,9 +15,10 @@ The build sheet's section on the emitters' switches: resistors, currents, what t
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 
 from design.circuit.emitter_switch import emitter_switch, supply_current
-from design.circuit.pins import board_of
+from design.circuit.pins import address_pins, board_of, multiplexer_of, receiver_paths
 from design.circuit.transimpedance import Feedback
 from design.parts.assumptions import ohm_text
 from design.parts.catalog import Board
@@ -53,11 +54,14 @@ def circuit_lines(design: SensorDesign) -> Iterator[str]:
 
 
 CELL_X, CELL_Y = 264.0, 210.0
+PIN_ROOM = 36.0
+"""Added to a cell for the longer names of a multiplexer's channels."""
 MARGIN = 24.0
 HEADING_PX, TEXT_PX, VALUE_PX = 20.0, 14.0, 12.0
 HEAD = 64.0
 NOTE_LINE = 19.0
 MOST_ACROSS = 4
+MULTIPLEXER_Y, MULTIPLEXER_LINE = 290.0, 14.0
 QUIET = "#595959"
 UNKNOWN = "set by gain"
 
@@ -74,12 +78,14 @@ def schematic_svg(design: SensorDesign, gain: SimulatedGain | None = None) -> st
     DesignError : parts or pins that the catalogue or the board does not have.
     """
     connections, feedbacks = connections_of(design), feedbacks_for(design, gain)
-    notes = _notes(design)
+    notes, multiplexers = _notes(design), _multiplexers(design)
+    cell_x = CELL_X + (PIN_ROOM if multiplexers else 0.0)
     across = min(MOST_ACROSS, max(len(connections.emitters), len(connections.receivers)))
     rows_lit = -(-len(connections.emitters) // across)
     rows_read = -(-len(connections.receivers) // across)
-    width = max(2 * MARGIN + across * CELL_X, 3.3 * CELL_X)
-    notes_top = MARGIN + HEAD + (rows_lit + rows_read) * CELL_Y
+    width = max(2 * MARGIN + across * cell_x, 3.3 * CELL_X)
+    rows_led = -(-len(multiplexers) // across)
+    notes_top = MARGIN + HEAD + (rows_lit + rows_read) * CELL_Y + rows_led * MULTIPLEXER_Y
     root = svg.drawing(
         width,
         notes_top + len(notes) * NOTE_LINE + MARGIN,
@@ -91,18 +97,22 @@ def schematic_svg(design: SensorDesign, gain: SimulatedGain | None = None) -> st
     root.append(svg.text((MARGIN, MARGIN + HEADING_PX), design.name, HEADING_PX, font_weight="bold"))
     root.append(svg.text((MARGIN, MARGIN + HEADING_PX + NOTE_LINE), subtitle, TEXT_PX, fill=QUIET))
     for place, one in enumerate(connections.emitters):
-        root.append(_switch(one, board_of(design), _corner(place, across, MARGIN + HEAD)))
+        root.append(_switch(one, board_of(design), _corner(place, across, cell_x, MARGIN + HEAD)))
     top = MARGIN + HEAD + rows_lit * CELL_Y
     for place, one in enumerate(connections.receivers):
         feedback = None if feedbacks is None else feedbacks[place]
-        root.append(_amplifier(one, feedback, _corner(place, across, top)))
+        root.append(_amplifier(one, feedback, _corner(place, across, cell_x, top)))
+    top += rows_read * CELL_Y
+    for place, block in enumerate(multiplexers):
+        corner = MARGIN + (place % across) * cell_x, top + (place // across) * MULTIPLEXER_Y
+        root.append(block.drawn(corner))
     for place, line in enumerate(notes):
         root.append(svg.text((MARGIN, notes_top + (place + 1) * NOTE_LINE), line, TEXT_PX))
     return svg.to_text(root)
 
 
-def _corner(place: int, across: int, top: float) -> Point:
-    return MARGIN + (place % across) * CELL_X, top + (place // across) * CELL_Y
+def _corner(place: int, across: int, cell_x: float, top: float) -> Point:
+    return MARGIN + (place % across) * cell_x, top + (place // across) * CELL_Y
 
 
 def _switch(one: Connection, board: Board, corner: Point) -> Element:
@@ -178,6 +188,71 @@ def _supply_text(board: Board) -> str:
     return f"{emitters} for the emitters, {board.pin_v:g} V for the amplifiers"
 
 
+@dataclass(frozen=True, kw_only=True)
+class _Multiplexer:
+    """One multiplexer of the schematic: receivers by channel, the board's input and address pins."""
+
+    name: str
+    title: str
+    receivers: Sequence[Connection]
+    channels: int
+    channel: str
+    address: Sequence[int]
+    supply_v: float
+    enable: str
+
+    def drawn(self, corner: Point) -> Element:
+        """Its cell: amplifiers' outputs on the left, the board on the right."""
+        x, y = corner[0] + 84, corner[1] + 26
+        bottom = y + MULTIPLEXER_LINE * self.channels + 8
+        cell = svg.group(f"{self.name}: {self.title}")
+        cell.append(
+            svg.text((x, y - 8), f"{self.name} {self.title.split(',')[0]}", TEXT_PX, font_weight="bold")
+        )
+        cell.append(svg.rectangle((x, y), (x + 84, bottom), fill="none", stroke="#000000"))
+        by_address = {one.address: one.part.name for one in self.receivers}
+        for k in range(self.channels):
+            level = y + 14 + k * MULTIPLEXER_LINE
+            cell.append(svg.wire((x - 14, level - 4), (x, level - 4)))
+            cell.append(svg.text((x + 4, level), f"C{k}", VALUE_PX))
+            name = by_address.get(k)
+            label = "ground" if name is None else f"{name}-A"
+            cell.append(svg.text((x - 18, level), label, VALUE_PX, anchor="end"))
+        right = [("SIG", self.channel), *((f"S{k}", f"D{pin}") for k, pin in enumerate(self.address))]
+        right += [
+            ("VCC", f"+{self.supply_v:g} V"),
+            ("GND", "ground"),
+            ("EN", "ground" if self.enable == "ground" else f"+{self.supply_v:g} V"),
+        ]
+        for k, (inner, outer) in enumerate(right):
+            level = y + 14 + k * MULTIPLEXER_LINE
+            cell.append(svg.wire((x + 84, level - 4), (x + 98, level - 4)))
+            cell.append(svg.text((x + 80, level), inner, VALUE_PX, anchor="end"))
+            cell.append(svg.text((x + 102, level), outer, VALUE_PX, font_weight="bold"))
+        return cell
+
+
+def _multiplexers(design: SensorDesign) -> list[_Multiplexer]:
+    entry = multiplexer_of(design)
+    if entry is None:
+        return []
+    paths, read = receiver_paths(design), connections_of(design).receivers
+    count = 1 + max(path.multiplexer or 0 for path in paths)
+    return [
+        _Multiplexer(
+            name=f"M{number + 1}",
+            title=entry.title,
+            receivers=[one for one, path in zip(read, paths, strict=True) if path.multiplexer == number],
+            channels=entry.channels,
+            channel=next(path.channel for path in paths if path.multiplexer == number),
+            address=address_pins(design),
+            supply_v=board_of(design).pin_v,
+            enable=entry.enable,
+        )
+        for number in range(count)
+    ]
+
+
 def _labels(at: Point, name: str, value: str) -> Iterator[Element]:
     yield svg.text(at, name, VALUE_PX)
     yield svg.text((at[0], at[1] + 14), value, VALUE_PX, fill=QUIET)
@@ -191,6 +266,7 @@ def _notes(design: SensorDesign) -> Sequence[str]:
         f"{current.emitter_ma:.0f} mA for emitter and base, {current.amplifiers_ma:.0f} for the amplifiers (assumed), "
         f"{current.board_ma:.0f} for the board (assumed);",
         f"{current.fault_ma:.0f} mA with all emitters lit by a fault.",
-        "D: digital pin, A: analogue input. Amplifiers: single supply, inputs and outputs down to ground; 100 nF at",
+        "D: digital pin, A: analogue input, M1-C0: channel 0 of multiplexer M1. Amplifiers: single supply, inputs and "
+        "outputs down to ground; 100 nF at",
         "each package between supply and ground. Which lead is anode or cathode: the part's data sheet.",
     )

@@ -1,0 +1,112 @@
+"""Multiplexers: from each receiver through its channel and address to its reading, on every sheet alike."""
+
+from __future__ import annotations
+
+import csv
+import io
+import re
+import tomllib
+
+import pytest
+
+from design.circuit.pins import address_pins, board_of, frame_time_ms, multiplexer_of, receiver_paths
+from design.errors import DesignError
+from design.rules.check import check
+from design.spec import SensorDesign
+from fabrication.connections import connections_of
+from fabrication.driver_config import driver_config, dump_driver_config
+from fabrication.driver_file import config_from_document
+from fabrication.sheets.all_sheets import wiring_csv
+from fabrication.sheets.bom import bom_rows
+from fabrication.sheets.schematic_svg import schematic_svg
+
+RING = {"pattern": "ring", "emitters": 12, "receivers": 24, "sequence": "ERR"}
+
+
+def disc(**changes: object) -> SensorDesign:
+    """12 emitters and 24 receivers around a disc of 150 mm, on a Teensy with two multiplexers."""
+    document = {
+        "schema_version": 1,
+        "name": "disc",
+        "cavity": {"outline": "disc", "diameter_mm": 150.0, "clear_thickness_mm": 10.0},
+        "mold": {"outer_diameter_mm": 176.0},
+        "elastomer": {"mixing_ratio": 20.0},
+        "emitters": {"part": "kingbright-apt2012zgc", "height_mm": 5.0},
+        "receivers": {"part": "osram-sfh2400", "height_mm": 5.0},
+        "board": {"kind": "teensy-41", "receivers": {"multiplexer": "74hc4067"}},
+        "layout": [RING],
+    }
+    return SensorDesign.from_document(document, where="disc").with_(**changes)
+
+
+def errors(design: SensorDesign) -> list[str]:
+    return [str(one) for one in check(design) if one.severity == "error"]
+
+
+def test_every_receiver_is_followed_to_its_reading() -> None:
+    design = disc()
+    assert not errors(design)
+    config = config_from_document(tomllib.loads(dump_driver_config(design)), where="driver.toml")
+    assert config == driver_config(design)
+    wiring = {row["reference"]: row for row in csv.DictReader(io.StringIO(wiring_csv(design)))}
+    drawing = schematic_svg(design)
+    assert config.board.address_pins == address_pins(design) == (29, 30, 31, 32)
+    for column, entry in enumerate(config.receivers):
+        multiplexer, channel = divmod(column, 16)
+        label = f"M{multiplexer + 1}-C{channel}"
+        assert entry.column == column
+        assert (entry.channel, entry.channel_number, entry.address) == (label, multiplexer, channel)
+        assert wiring[entry.name]["pin"] == label
+        block = drawing[drawing.index(f"M{multiplexer + 1}: 74HC4067") :]
+        names = re.findall(r">(R\d+)-A<", block)
+        assert names[channel] == entry.name
+    assert len({entry.channel for entry in config.receivers}) == 24
+    pins = {one.pin_number for one in connections_of(design).emitters}
+    assert not pins & set(address_pins(design))
+    assert [row.references for row in bom_rows(design) if row.catalogue_id == "74hc4067"] == [("M1", "M2")]
+
+
+def test_an_address_settles_before_it_is_read() -> None:
+    design = disc()
+    entry = multiplexer_of(design)
+    without = frame_time_ms(board_of(design), design.board, 12, 24)
+    with_them = frame_time_ms(board_of(design), design.board, 12, 24, entry)
+    assert with_them - without == pytest.approx(13 * 16 * 1.0e-3)  # 13 states of 16 addresses of 1 us
+
+
+def test_without_multiplexers_check_proposes_them() -> None:
+    found = errors(disc(**{"board.receivers": None}))
+    assert any(
+        'set board.receivers.multiplexer = "74hc4067": 24 receivers need 2 of them on A0 and A1, and 4 pins'
+        in one
+        for one in found
+    )
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"board.receivers.address_pins": [2, 29, 30, 31]}, "needs 4 pins of the board that no emitter has"),
+        ({"board.receivers.address_pins": [29, 29, 30, 31]}, "needs 4 pins of the board that no emitter has"),
+        ({"board.receivers.address_pins": [29, 30]}, "needs 4 pins of the board that no emitter has"),
+        ({"board.receiver_channels": ["A0"]}, "the layout has 2 multiplexers, the list is for 1"),
+        ({"board.kind": "teensy-40"}, "no pins left for the address"),
+    ],
+)
+def test_wrong_pins_are_refused_with_the_way_out(changes: dict[str, object], words: str) -> None:
+    assert any(words in one for one in errors(disc(**changes)))
+
+
+def test_an_unknown_multiplexer_and_a_wrong_supply_are_refused() -> None:
+    with pytest.raises(DesignError, match="multiplexer 'cd4097' is not in the catalogue"):
+        receiver_paths(disc(**{"board.receivers.multiplexer": "cd4097"}))
+    mine = {
+        "title": "of 12 V", "source": "made up", "confidence": "unverified", "channels": 16, "supply_low_v": 9.0,
+        "supply_high_v": 15.0, "enable": "ground",
+        "on_resistance_ohm": {"value": 100.0, "unit": "ohm", "source": "made up", "confidence": "unverified"},
+        "settle_us": {"value": 1.0, "unit": "us", "source": "made up", "confidence": "unverified"},
+    }  # fmt: skip
+    design = disc(**{"catalog.multiplexers": {"mine": mine}, "board.receivers.multiplexer": "mine"})
+    assert any(
+        "of 12 V does not work at the level of the board's pins (3.3 V" in one for one in errors(design)
+    )
