@@ -360,7 +360,7 @@ def frame_time_ms(
     multiplexer: Multiplexer | None = None,
 ) -> float:
     """Time of one full frame: all states, then the line [ms]; with multiplexers each new address settles, too."""
-    conversions = receiver_count * conversion_time_ms(board, use.adc_prescaler)
+    conversions = receiver_count * use.averages * conversion_time_ms(board, use.adc_prescaler)
     if multiplexer is not None:
         addresses = min(receiver_count, multiplexer.channels)
         conversions += addresses * multiplexer.settle_us.value / US_PER_MS

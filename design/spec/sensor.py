@@ -22,6 +22,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 from functools import cached_property
 from typing import Annotated, Any, Literal, Self
 
@@ -385,7 +386,7 @@ class ReceiverInputs(Model):
 class BoardUse(Model):
     """The microcontroller and how it is used; pins and channels are dealt out in order when left out."""
 
-    unsaid = ("receivers",)
+    unsaid = ("receivers", "averages")
 
     kind: PartId = "arduino-mega-2560"
     emitter_pins: Annotated[
@@ -403,6 +404,9 @@ class BoardUse(Model):
     settle_us: Annotated[float, Field(ge=0.0, le=10000.0, description="wait after an emitter switches")] = (
         20.0
     )
+    averages: Annotated[
+        int, Field(ge=1, le=256, description="readings of which the board sends the mean as one value")
+    ] = 1
     baud: Annotated[int, Field(ge=1200, le=4_000_000)] = 1_000_000
     frame_rate_hz: Annotated[float, Field(ge=0.001, le=1e5, description="full frames a second wanted")] = 60.0
 
@@ -537,6 +541,11 @@ class SensorDesign(Model):
                 have = f"wall '{place.wall}', only {_or_of(tuple(walls))}" if walls else "walls"
                 return f"a {outline} has no straight {have}; use {_or_of(BY_ANGLE)}"
         return None
+
+    @property
+    def value_noise_counts(self) -> float:
+        """Read noise of a value of a frame, the mean of `board.averages` readings [counts]."""
+        return self.noise.read_noise_counts / math.sqrt(self.board.averages)
 
     @cached_property
     def digest(self) -> str:

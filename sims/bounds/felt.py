@@ -79,7 +79,7 @@ def felt_force(
     threshold : change that counts as felt [noise units]
     """
     noise = {
-        "read_noise_counts": design.noise.read_noise_counts,
+        "read_noise_counts": design.value_noise_counts,
         "relative_noise": design.noise.relative_noise,
     }
     gains = readout.of_all_pairs(flux.shape[-1])

@@ -243,7 +243,7 @@ def _weights(
     design: SensorDesign, readings: FloatArray, errors: FloatArray, spike: float, readout: Readout
 ) -> FloatArray:
     """(voxel, pair) 1/variance of the mean reading [1/counts²]; 0 where a press is above full scale or badly traced."""
-    sigma = sigma_counts(readings.mean(axis=1), design.noise.read_noise_counts, design.noise.relative_noise)
+    sigma = sigma_counts(readings.mean(axis=1), design.value_noise_counts, design.noise.relative_noise)
     is_lost = (readings.max(axis=1) >= readout.full_scale_counts) | (errors.max(axis=1) > spike * sigma)
     return np.where(is_lost, 0.0, sigma**-2.0)
 

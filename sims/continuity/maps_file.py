@@ -80,7 +80,7 @@ def maps_dataset(design: SensorDesign, score: ContinuityScore) -> xr.Dataset:
     dataset.attrs |= {"title": "optopad maps of the pad", **provenance(design, score.seed)}
     dataset.attrs |= {
         "counts_per_flux": score.readout.counts_per_flux,
-        "noise": f"variance = 1/12 + {design.noise.read_noise_counts:g}^2 + ({design.noise.relative_noise:g} counts)^2",
+        "noise": f"variance = 1/12 + {design.value_noise_counts:g}^2 + ({design.noise.relative_noise:g} counts)^2",
     }
     return dataset
 

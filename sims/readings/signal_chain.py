@@ -42,7 +42,8 @@ Of emitter e, receiver r, in a frame that begins at t, with flux F (share of the
     drifted  = lit x (1 + a_e)(1 + b_r)                  a, b: drawn for a set, and steady within it by the hour
     now      = drifted x (1 + c_e)                       c: drawn for a frame, one for all receivers of an emitter
     ambient  = A (1 + m cos(2 pi f t_er + phase))        in all states, the off state too, each at its own time t_er
-    reading  = now + ambient + dark + noise              noise: normal, variance = read^2 + shot x (now + ambient)
+    reading  = now + ambient + dark + noise              noise: normal, variance = read^2 + shot x (now + ambient),
+                                                         over the board's averages
     counts   = whole number within 0 and full scale
 
 States follow one another as on the board: every emitter alone, then all off; in each, receiver after receiver
@@ -60,7 +61,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from design.arrays import BoolArray, FloatArray
-from design.circuit.pins import MS_PER_S, US_PER_S, board_of, conversion_time_ms
+from design.circuit.pins import (
+    MS_PER_S,
+    US_PER_S,
+    board_of,
+    conversion_time_ms,
+    multiplexer_of,
+    receiver_paths,
+)
 from design.circuit.transimpedance import emitted_mw, feedbacks_of, responsivity_at
 from design.errors import ModelScopeError
 from design.shape.cavity import cavity_of
@@ -155,16 +163,17 @@ UNKNOWN_FEEDBACK_PF = 22.0
 
 
 def shot_variance_per_count(design: SensorDesign, readout: Readout) -> FloatArray:
-    """(receiver,) variance of a reading over its counts, or the design's own value for all [counts]."""
+    """(receiver,) variance of a value over its counts, from the design's own for all if it has one [counts]."""
     count = len(cavity_of(design).receivers)
     if design.noise.shot_variance_per_count is not None:
-        return np.full(count, design.noise.shot_variance_per_count)
+        return np.full(count, design.noise.shot_variance_per_count / design.board.averages)
     feedbacks = feedbacks_of(design, readout.of_each(count))
     capacitors = (
         [UNKNOWN_FEEDBACK_PF] * count if feedbacks is None else [one.capacitor_pf for one in feedbacks]
     )
     step_v = board_of(design).full_scale_v / 2 ** board_of(design).adc_bits
-    return np.asarray(ELECTRON_C / (2.0 * np.array(capacitors) * F_PER_PF * step_v))
+    of_reading = ELECTRON_C / (2.0 * np.array(capacitors) * F_PER_PF * step_v)
+    return np.asarray(of_reading / design.board.averages)
 
 
 def relative_power(design: SensorDesign) -> FloatArray:
@@ -338,20 +347,28 @@ def chain_of(design: SensorDesign, readout: Readout) -> SignalChain:
     return SignalChain(
         gains=gains,
         full_scale_counts=readout.full_scale_counts,
-        noise=design.noise,
+        noise=design.noise.model_copy(update={"read_noise_counts": design.value_noise_counts}),
         shot_variance_per_count=shot_variance_per_count(design, readout),
         read_at_s=reading_times_s(design),
     )
 
 
 def reading_times_s(design: SensorDesign) -> FloatArray:
-    """(state, receiver) begin of each conversion, from the frame's begin: every emitter alone, then all off [s]."""
-    cavity = cavity_of(design)
-    states, receivers = len(cavity.emitters) + 1, len(cavity.receivers)
-    conversion_s = conversion_time_ms(board_of(design), design.board.adc_prescaler) / MS_PER_S
+    """(state, receiver) begin of each value's first reading, from the frame's begin: every emitter alone, then off [s].
+
+    Multiplexers are read address by address, all of them at one address in turn.
+    """
+    states = len(cavity_of(design).emitters) + 1
+    addresses = np.array([path.address or 0 for path in receiver_paths(design)])
+    multiplexer = multiplexer_of(design)
+    wait_s = 0.0 if multiplexer is None else multiplexer.settle_us.value / US_PER_S
+    conversion_ms = conversion_time_ms(board_of(design), design.board.adc_prescaler)
+    value_s = design.board.averages * conversion_ms / MS_PER_S
+    rank = np.argsort(np.argsort(addresses, kind="stable"), kind="stable")
+    within_s = rank * value_s + (addresses + 1) * wait_s
     settle_s = design.board.settle_us / US_PER_S
-    begins = np.arange(states) * (settle_s + receivers * conversion_s) + settle_s
-    return np.asarray(begins[:, None] + np.arange(receivers) * conversion_s)
+    state_s = settle_s + len(addresses) * value_s + (addresses.max() + 1) * wait_s
+    return np.asarray((np.arange(states) * state_s + settle_s)[:, None] + within_s)
 
 
 def without_noise(design: SensorDesign) -> SensorDesign:

@@ -317,7 +317,7 @@ def _ratio_to_argument(function: np.ufunc, x: FloatArray) -> FloatArray:
 def noise_of(design: SensorDesign) -> dict[str, float]:
     """The design's noise model, as keywords of the verdict's functions."""
     return {
-        "read_noise_counts": design.noise.read_noise_counts,
+        "read_noise_counts": design.value_noise_counts,
         "relative_noise": design.noise.relative_noise,
     }
 

@@ -19,6 +19,7 @@ from sims.readings.signal_chain import (
     shot_variance_per_count,
     without_noise,
 )
+from sims.verdict.depth_curve import noise_of
 
 DESIGN = preset("piacenza2017-pad")
 READOUT = Readout(counts_per_flux=54_500.0, full_scale_counts=1023.0)
@@ -149,6 +150,16 @@ def test_readings_follow_one_another_as_the_frame_does() -> None:
 
     frame_s = frame_time_ms(board_of(DESIGN), DESIGN.board, 8, 8) / 1e3
     assert at[-1, -1] < frame_s  # then one conversion and the line
+
+
+def test_averages_divide_read_and_shot_noise_and_take_their_time() -> None:
+    sixteen = DESIGN.with_(**{"board.averages": 16, "board.frame_rate_hz": 10.0})
+    one, many = chain_of(DESIGN, READOUT), chain_of(sixteen, READOUT)
+    assert many.noise.read_noise_counts == one.noise.read_noise_counts / 4
+    np.testing.assert_allclose(many.shot_variance_per_count, one.shot_variance_per_count / 16)
+    between = np.diff(one.read_at_s[0])
+    np.testing.assert_allclose(np.diff(many.read_at_s[0]), 16 * between)
+    assert noise_of(sixteen)["read_noise_counts"] == noise_of(DESIGN)["read_noise_counts"] / 4
 
 
 def test_shot_noise_follows_the_capacitor_and_stays_below_the_reading_noise() -> None:
