@@ -12,7 +12,7 @@ CODE = re.compile(r"`[^`]+`")
 IMAGE = re.compile(r"!\[([^\]]*)\]\([^)]*\)")
 LINK = re.compile(r"\[([^\]]*)\]\([^)]*\)")
 NEW_BLOCK = re.compile(r"^\s*(?:[-*] |\d+\. |#|\||>|\*\*[^*]+\*\*$)")
-END = re.compile(r"(?<=[.!?])[\"')*]*\s+(?=[\"'(*]*(?:[A-Z0-9§]|code\b))")
+END = re.compile(r"(?<=[.!?])[\"')*]*\s+(?=[\"'(*]*(?:[A-Z0-9§]|code\b|optopad\b))")
 ABBREVIATIONS = re.compile(r"\b(?:e\.g|i\.e|eq|no|No|vs|et al)\.$")
 
 
