@@ -9,26 +9,20 @@ FENCE = re.compile(r"^( *)(`{3,}|:{3,})[^\n]*\n.*?^\1\2\s*$", flags=re.MULTILINE
 FRONT = re.compile(r"\A---\n.*?\n---\n", flags=re.DOTALL)
 COMMENT = re.compile(r"<!--.*?-->", flags=re.DOTALL)
 CODE = re.compile(r"`[^`]+`")
+INDENTED = re.compile(r"(?<=\n\n)(?: {4,}(?![-*] |\d+\. ).*\n)+")
 IMAGE = re.compile(r"!\[([^\]]*)\]\([^)]*\)")
 LINK = re.compile(r"\[([^\]]*)\]\([^)]*\)")
 NEW_BLOCK = re.compile(r"^\s*(?:[-*] |\d+\. |#|\||>|\*\*[^*]+\*\*$)")
 END = re.compile(r"(?<=[.!?])[\"')*]*\s+(?=[\"'(*]*(?:[A-Z0-9§]|code\b|optopad\b))")
-ABBREVIATIONS = re.compile(r"\b(?:e\.g|i\.e|eq|no|No|vs|et al)\.$")
 
 
 def without_code(text: str) -> str:
     """The text of a page without front matter, code, comments and targets of links; line numbers stay."""
     for pattern in (FRONT, FENCE, COMMENT):
         text = pattern.sub(lambda found: "\n" * found.group().count("\n"), text)
-    text = re.sub(r"^(?: {4,}|\t)(?! *[-*]| *\d+\.).*$", _indented, text, flags=re.MULTILINE)
+    text = INDENTED.sub(lambda found: "\n" * found.group().count("\n"), text)
     text = CODE.sub("code", text)
     return LINK.sub(r"\1", IMAGE.sub(r"\1", text))
-
-
-def _indented(found: re.Match[str]) -> str:
-    """A line of an indented code block, which begins after an empty line; a list item's further lines stay."""
-    before = found.string[: found.start()].rstrip(" ")
-    return "" if before.endswith("\n\n") or before.endswith("\n\n\n") else found.group()
 
 
 def sentences(text: str) -> Iterator[str]:

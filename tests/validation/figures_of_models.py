@@ -136,7 +136,7 @@ def contact() -> Iterator[Figure]:
     yield made(
         page,
         "beside.force",
-        "error of force beside the apex, largest",
+        "error of force away from the apex, largest",
         max(map(abs, column(beside, "force %"))),
         ".1f",
         "%",

@@ -146,7 +146,7 @@ def told_loop(harness: Path) -> tuple[str, bool]:
         counts = freely_run(harness, PAD, table_mv, change, duration_us).frames.counts[:1000]
         wrong[change] = int((counts != quantised(table_mv)).sum()), counts.size, len(counts)
     right, short = wrong.values()
-    text = f"""The paper's pad, pressed 2 mm deep beside the centre: light at draft accuracy, the design's gain, 20 mV
+    text = f"""The paper's pad, pressed 2 mm deep next to the centre: light at draft accuracy, the design's gain, 20 mV
 of ambient light. LEDs follow their pins with {LIGHT_TAU_US:g} us, amplifiers the light with {AMPLIFIER_TAU_US:g} us.
 
 | settle time us | frames | readings | other than the quantised voltage |

@@ -82,8 +82,8 @@ Back after unplugging: {median:.2f} s in the median, at most {back:.2f} s.
 ## What it means
 
 - A delivered frame is reliable. A corrupted one can pass with a chance of 2^-32 for each beginning that is tried.
-- The few intact frames that are missed follow one whose very last byte was lost: when that byte equals the next
-  frame's first, the damaged frame is whole again and the intact one lacks its beginning.
+- The few intact frames that are missed follow a frame whose last byte was lost. If that byte equals the next frame's
+  first, the damaged frame is complete again and the intact one lacks its beginning.
 - Waking the process costs more than decoding: take frames in batches where processor time is scarce.
 - A real Arduino resets when its port is opened, and its boot loader takes a second or two before the firmware runs.
   That time comes on top, and nothing on the host can shorten it.

@@ -83,7 +83,7 @@ def _second(at: dict[float, SweepRow]) -> Finding:
     return Finding(
         paper="8 mm: good continuity, slightly stronger signal; chosen",
         ours=f"at 8 mm {'a' if _dead(at[8.0]) else 'no'} deadband, gap {_gap(at[8.0])} mm, and an untouched signal "
-        f"{ratio - 1:+.0%} beside that at 7 mm",
+        f"{ratio - 1:+.0%} compared with that at 7 mm",
         answer="agrees" if good else "MISS",
     )
 
