@@ -260,7 +260,7 @@ def section(rows: list[dict[str, Any]], pads: list[dict[str, Any]]) -> str:
         "",
         *summary(rows, pads),
         "",
-        "| design | before | offered: usable mm, margin | robust | as score says | best of the grid | grid better |",
+        "| design | before | offered: usable mm, margin | robust | confirmed | best of the grid | grid better |",
         "|---|---|---|---|---|---|---|",
         *(table_row(one) for one in (*rows, *pads)),
         "",
