@@ -71,8 +71,14 @@ def quoting() -> list[Path]:
 
 
 def quoted_anew(text: str, values: dict[str, str]) -> str:
-    """A page with every quoted number as its figure says."""
-    return QUOTED.sub(lambda found: f"{values[found['name']]}<!--{found['name']}-->", text)
+    """A page with every quoted number as its figure says; a plus sign before a number without a sign stays."""
+
+    def anew(found: re.Match[str]) -> str:
+        value = values[found["name"]]
+        sign = "+" if found["number"].startswith("+") and value[0].isdigit() else ""
+        return f"{sign}{value}<!--{found['name']}-->"
+
+    return QUOTED.sub(anew, text)
 
 
 def main() -> None:
