@@ -93,6 +93,8 @@ validate: setup ## the figures of docs/validation, made anew (hours; interrupted
 	$(BIN)/python -m tests.validation.learning.reality_check
 	$(BIN)/python -m tests.validation.learning.true_touch
 	$(BIN)/python -m tests.validation.verdict.heights
+	$(BIN)/python -m tests.validation.verdict.presets_table
+	$(BIN)/python -m tests.validation.figures
 
 pins: ## renew constraints.txt from a fresh environment (oldest supported Python: its versions serve the newer ones)
 	@$(call find_python,$(if $(PYTHON),$(PYTHON),python3.11)); \

@@ -1,4 +1,4 @@
-"""Settings of the site that `make docs` builds: Markdown pages, a page of each verb and field, the Python reference."""
+"""Settings of the site that `make docs` builds: Markdown pages and the Python reference."""
 
 import sys
 from pathlib import Path
@@ -12,7 +12,7 @@ html_show_sphinx = False
 html_copy_source = False
 html_show_sourcelink = False
 
-extensions = ["myst_nb", "sphinx.ext.autodoc", "docstring_sections", "generated_pages", "offline_check"]
+extensions = ["myst_nb", "sphinx.ext.autodoc", "docstring_sections", "offline_check"]
 exclude_patterns = ["_ext"]
 
 # Markdown. Anchors for headings, so that a link to a part of a page is checked; no formulas in dollars: they would need

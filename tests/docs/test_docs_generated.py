@@ -1,4 +1,4 @@
-"""Pages that are filled from the program: every verb with its options, every field with its meaning."""
+"""Pages that are made from the program: every verb with its options, every field with its meaning."""
 
 import re
 from collections.abc import Iterator
@@ -6,17 +6,16 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from command_text import every_verb
 from docstring_sections import with_lists
-from field_text import MEANINGS, QUANTITY, Field, design_schema, every_field, sections
-from generated_pages import FILLED, filled
 
 from design.fields.base import known_values
 from design.preset import preset
 from design.spec import SensorDesign
 from optopad.cli.commands import whole_command
-
-DOCS = Path(__file__).parents[2] / "docs"
+from tests.docs import reference_pages
+from tests.docs.command_text import every_verb
+from tests.docs.field_text import MEANINGS, QUANTITY, Field, design_schema, every_field, sections
+from tests.docs.reference_pages import FOLDER, MADE, PAGES, page_text
 
 
 def leaves(group: Any, before: str = "optopad") -> Iterator[tuple[str, Any]]:
@@ -54,7 +53,7 @@ def test_every_option_of_every_verb_stands_under_it_with_its_help() -> None:
                 assert len(row.split("|")[2].strip()) > 3, f"{name} {one.opts[-1]} has no help"
 
 
-def test_an_option_tells_default_and_limits() -> None:
+def test_an_option_has_default_and_limits() -> None:
     part = parts_of(every_verb())["optopad driver collect"]
     assert "| `--settle S` | Rest at each position before frames are taken. At least 0.0. | `0.3` |" in part
     assert re.search(r"^\| `--out FILE` \|.*\| needed \|$", part, flags=re.MULTILINE)
@@ -110,8 +109,8 @@ def test_a_field_has_unit_range_default_and_meaning() -> None:
 
 def test_defaults_of_the_page_are_those_of_a_design() -> None:
     document = preset("piacenza2017-pad").model_dump(mode="json")
-    told = {field.path: field.default for field in all_fields()}
-    assert told["operating.workspace_margin_mm"] == f"`{document['operating']['workspace_margin_mm']}`"
+    defaults = {field.path: field.default for field in all_fields()}
+    assert defaults["operating.workspace_margin_mm"] == f"`{document['operating']['workspace_margin_mm']}`"
 
 
 def test_a_table_row_has_five_cells() -> None:
@@ -119,16 +118,19 @@ def test_a_table_row_has_five_cells() -> None:
     assert {line.replace("\\|", "").count("|") for line in rows} == {6}
 
 
-@pytest.mark.parametrize("page", FILLED)
-def test_the_page_has_its_placeholder_and_is_filled(page: str) -> None:
-    text = (DOCS / f"{page}.md").read_text(encoding="utf-8")
-    assert len(filled(page, text)) > 10 * len(text)
+@pytest.mark.parametrize("name", PAGES)
+def test_the_page_in_the_repository_is_current(name: str) -> None:
+    is_current = (FOLDER / name).read_text(encoding="utf-8") == page_text(name)
+    assert is_current, f"docs/reference/{name} is out of date; renew it: python -m tests.docs.reference_pages"
+
+
+def test_a_page_without_its_line_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "commands.md").write_text("# Commands", encoding="utf-8")
+    monkeypatch.setattr(reference_pages, "FOLDER", tmp_path)
     with pytest.raises(ValueError, match="has no line"):
-        filled(page, "# Another page")
-
-
-def test_other_pages_are_left_as_they_are() -> None:
-    assert filled("index", "<!-- every verb -->") == "<!-- every verb -->"
+        page_text("commands.md")
+    (tmp_path / "commands.md").write_text(f"# Commands\n\n{MADE}\n\nold", encoding="utf-8")
+    assert page_text("commands.md").startswith(f"# Commands\n\n{MADE}\n\n## optopad ")
 
 
 def test_a_docstring_s_sections_become_lists() -> None:

@@ -124,8 +124,8 @@ Under a crown, force by {crowned_force:.2f} % at most, the surface by {crowned_r
 
 ## Method
 
-- Four layers, from thin to thick, halfway between two entries in 1/layer, where interpolation is weakest. Seven depths
-  of each.
+- Four layers, from thin to thick, halfway between two entries in 1/layer, where interpolation is least accurate. Each
+  has seven depths.
 - Each is solved on the library's own mesh and compared with what the library interpolates. So the figures hold the
   interpolation and the jitter of two solves, not the error of the solver.
 - These are in a round pad with its wall at 16/3 tip radii.
@@ -149,9 +149,9 @@ Crowned pads; the crown is the tip's radius over the crown's.
 ## What it means
 
 - A layer between two entries is about as good as an entry: no need to choose a thickness that the library holds.
-- The contact's edge is the least sure, where it nears the shank of the tip, from about one tip radius of depth.
-- What another wall changes is interpolated between four layers only and is not measured here;
-  [the model's page](../understand/model.md) says what is known of it.
+- The contact's edge is the least accurate near the shank of the tip, from about one tip radius of depth on.
+- The effect of another wall is interpolated between four layers only and is not measured here;
+  [the model's page](../understand/model.md) has what is known of it.
 
 ## Made by
 

@@ -146,7 +146,7 @@ def told_loop(harness: Path) -> tuple[str, bool]:
         counts = freely_run(harness, PAD, table_mv, change, duration_us).frames.counts[:1000]
         wrong[change] = int((counts != quantised(table_mv)).sum()), counts.size, len(counts)
     right, short = wrong.values()
-    text = f"""The paper's pad, pressed 2 mm deep beside the centre: light at draft accuracy, the design's gain, 20 mV
+    text = f"""The paper's pad, pressed 2 mm deep next to the centre: light at draft accuracy, the design's gain, 20 mV
 of ambient light. LEDs follow their pins with {LIGHT_TAU_US:g} us, amplifiers the light with {AMPLIFIER_TAU_US:g} us.
 
 | settle time us | frames | readings | other than the quantised voltage |
@@ -232,11 +232,11 @@ Of `oblong-60x40` {not_by_the_simulator(firmware_settings(preset("oblong-60x40")
 
 {memory_table()}
 
-RAM without the stack; a self-test tells what was left free at the deepest call.
+RAM is without the stack; a self-test reports how much was left free at the deepest call.
 
 ## What it means
 
-- Count on the *sum*: rules and driver promise that rate, and every rate measured is above it.
+- Plan with the *sum*: rules and driver promise that rate, and every rate measured is above it.
 - 10 bits need a converter's clock of 50 to 200 kHz, prescaler 128 (the data sheet). At 64 and below the last bits are
   worse, which the simulator does not show.
 - `SWITCH_EARLY` is faster and not the default: the step of the LED's current falls into a conversion whose reference is

@@ -43,8 +43,8 @@ RECONNECTS = 10
 HEAD = """\
 # The link under damage, and what it costs the host
 
-**Question.** Does a damaged serial line bring wrong frames, or lose good ones? What does reading cost the computer, and
-how fast is the driver back after the board was unplugged?
+**Question.** Does a damaged serial line deliver wrong frames, or lose intact ones? How much processor time does reading
+take, and how fast does the driver recover after the board was unplugged?
 
 **Answer.** {sent:,} frames were sent through damaged lines: {wrong} corrupted frames were accepted, and {least:.3f} %
 or more of the intact ones arrived. Reading {rate:.0f} frames a second takes {share:.1%} of a core. After plugging in
@@ -81,10 +81,10 @@ Back after unplugging: {median:.2f} s in the median, at most {back:.2f} s.
 
 ## What it means
 
-- Trust a frame that is delivered. A corrupted one can pass with a chance of 2^-32 for each beginning that is tried.
-- The few intact frames that are missed follow one whose very last byte was lost: when that byte equals the next
-  frame's first, the damaged frame is whole again and the intact one lacks its beginning.
-- The waking costs, not the decoding: hand frames on in batches where a core is dear.
+- A delivered frame is reliable. A corrupted one can pass with a chance of 2^-32 for each beginning that is tried.
+- The few intact frames that are missed follow a frame whose last byte was lost. If that byte equals the next frame's
+  first, the damaged frame is complete again and the intact one lacks its beginning.
+- Waking the process costs more than decoding: take frames in batches where processor time is scarce.
 - A real Arduino resets when its port is opened, and its boot loader takes a second or two before the firmware runs.
   That time comes on top, and nothing on the host can shorten it.
 - Sequence numbers and device time hold for 24 hours at 400 Hz, across the wrap of both counters

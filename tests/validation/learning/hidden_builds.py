@@ -238,11 +238,11 @@ def finished(builds: int = 10_000) -> list[dict[str, Any]]:
 NAMES = {
     "nominal": "map of the design as drawn, not calibrated",
     "calibrated": "map of the calibrated twin, 30 presses",
-    "ridge_real": "kernel ridge, the build's own four grid sets (484 presses)",
+    "ridge_real": "kernel ridge, the unit's own four grid sets (484 presses)",
     "ridge_twin": "kernel ridge, the same sets simulated on the calibrated twin",
     "bound": "Cramér-Rao bound, the stage's errors included",
 }
-TIP_BOUND = "Cramér-Rao bound of where the tip is, without the stage's errors"
+TIP_BOUND = "Cramér-Rao bound of the tip's position, without the stage's errors"
 
 
 def error_table(builds: list[dict[str, Any]], what: str) -> str:
@@ -290,7 +290,7 @@ def parameter_table(builds: list[dict[str, Any]]) -> str:
         rms = [float(np.sqrt((values**2).mean())) for values in (before, off, said)]
         rows.append([f"`{one['path']}`", *(f"{value:.3g}" for value in rms)])
     return markdown_table(
-        ["parameter", "off before (rms)", "off after (rms)", "said to be off by (rms)"], rows
+        ["parameter", "off before (rms)", "off after (rms)", "stated deviation (rms)"], rows
     )
 
 
@@ -305,16 +305,16 @@ def write_page(builds: list[dict[str, Any]]) -> None:
     seconds = [one["seconds"] for one in builds]
     text = "\n\n".join(
         [
-            f"{len(builds)} of {BUILDS} builds done; {min(seconds):.0f} to {max(seconds):.0f} s each, one thread on a "
+            f"{len(builds)} of {BUILDS} units done; {min(seconds):.0f} to {max(seconds):.0f} s each, one thread on a "
             "shared machine. "
-            "Median over builds, lowest and highest in brackets.",
+            "Median over units, lowest and highest in brackets.",
             "Location error [mm]:",
             error_table(builds, "location_mm"),
             "Depth error [mm]:",
             error_table(builds, "depth_mm"),
             ratio_table(builds),
             parameter_table(builds),
-            f"Errors over said deviations, root mean square over parameters and builds: {optimism(builds):.2f}.",
+            f"Errors over stated deviations, root mean square over parameters and units: {optimism(builds):.2f}.",
         ]
     )
     write_text_atomically(PAGE, with_table(PAGE.read_text(encoding="utf-8"), text, MARKS))

@@ -194,18 +194,18 @@ def words_of(case: Case) -> str:
 
 
 PAGE_TEXT = """\
-# What kernel ridge costs, and what its methods are off
+# Cost of kernel ridge, and the errors of its methods
 
-**Question.** What do time and memory allow when the paper's learner, kernel ridge, is trained on many presses, and what
-do the cheaper methods cost in accuracy?
+**Question.** How much time and memory does the paper's learner, kernel ridge, take on many presses? How much accuracy
+do the cheaper methods cost?
 
 **Answer.** {exact.samples:,} samples take {exact_s:.0f} s of processor time and {exact_gb:.1f} GB exactly,
-{rough_s:.0f} s and {rough_gb:.1f} GB by the approximation. Single precision, refined once, says the same
+{rough_s:.0f} s and {rough_gb:.1f} GB by the approximation. Single precision, refined once, gives the same
 press to {worst:.1g} mm.
 
 ## Method
 
-- The final fit alone: kernel matrix, factor, weights, and the residual that is checked afterwards.
+- The final fit alone is measured: kernel matrix, factor, weights, and the residual that is checked afterwards.
 - Each fit runs in a process of its own; memory is its largest, data and libraries (0.2 GB) included.
 - {machine}. So time is longer than processor time; the fit itself
   uses both cores.
@@ -226,15 +226,16 @@ Largest difference to double precision [mm]:
 
 ## What it means
 
-- `optopad train` fits in double precision where its matrix fits into memory (5 GB: 25,000 samples), in refined single
-  precision up to 35,000, and by the approximation beyond. The model's header and the command's lines name the method.
-- What refined single precision is off is far below the errors of the learner itself ([reality.md](reality.md)). Without
+- `optopad train` fits in double precision where its matrix fits into memory (5 GB: 25,000 samples). Up to 35,000 it
+  fits in refined single precision, and beyond by the approximation. The model's header and the command's
+  lines name the method.
+- The error of refined single precision is far below that of the learner itself ([reality.md](reality.md)). Without
   refinement it is off by up to {plain:.1g} mm, at a small lambda.
-- What the approximation is off is not measured here.
+- The error of the approximation is not measured here.
 
 ## Made by
 
-`python -m tests.validation.learning.learning_speed`; fits that are done are kept, and an interrupted run goes on.
+`python -m tests.validation.learning.learning_speed`; fits that are done are kept, and an interrupted run continues.
 """
 
 

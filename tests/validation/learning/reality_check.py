@@ -200,7 +200,7 @@ def touch_misses(
             if right is None or paper is None:
                 continue
             if row.depth_mm < 0.0 and right < UNTOUCHED_LIMIT:
-                misses.append(f"{where}: {right:.3f} told rightly, asked {UNTOUCHED_LIMIT:g}")
+                misses.append(f"{where}: {right:.3f} classified correctly, required {UNTOUCHED_LIMIT:g}")
             elif row.depth_mm == 0.0 and right > ZERO_LIMIT:
                 misses.append(f"{where}: {right:.2f} found, asked at most {ZERO_LIMIT:g}")
             elif row.depth_mm > 0.0 and abs(right - paper) > NEAR_PAPER:
@@ -229,7 +229,7 @@ def error_table(found: Mapping[tuple[str, str], ModelAccuracy]) -> str:
                 ]
             )  # fmt: skip
     head = [
-        "learner", "depth mm", "place: median", "rms", "depth: median", "rms", "depth within 0.5 mm", "found",
+        "learner", "depth mm", "location: median", "rms", "depth: median", "rms", "depth within 0.5 mm", "found",
     ]  # fmt: skip
     return markdown_table(head, rows)
 
@@ -249,7 +249,7 @@ def paper_table(found: Mapping[tuple[str, str], ModelAccuracy], kind: str) -> st
             ]
         rows.append(cells)
     head = ["depth mm"] + [
-        f"{words}: {light}" for light in ("ambient", "dark") for words in ("paper", "blind", "today")
+        f"{words}: {light}" for light in ("ambient", "dark") for words in ("paper", "before", "today")
     ]
     return markdown_table(head, rows)
 
@@ -282,8 +282,8 @@ def headline(found: Mapping[tuple[str, str], ModelAccuracy]) -> list[str]:
         )
         deep = sorted({row.depth_mm for row in rows if row.depth_mm >= 0.5 and row.within < DEPTH_SHARE})
         lines.append(
-            f"- {name}: median place below 1 mm from 1 mm on: {_holds(bad)}; depth within 0.5 mm at 95 % from 0.5 mm "
-            f"on: {_holds(deep)}."
+            f"- {name}: median location error below 1 mm from 1 mm on: {_holds(bad)}; depth within 0.5 mm at 95 % "
+            f"from 0.5 mm on: {_holds(deep)}."
         )
     return lines
 
@@ -311,23 +311,23 @@ def markdown(
         [
             f"Protocol {PROTOCOL}; draws: {', '.join(f'{name} {count}' for name, count in draws.items())}. "
             f"scikit-learn {version('scikit-learn')}, numpy {version('numpy')}.",
-            "### Touch: share told rightly, ambient / dark",
+            "### Touch: share classified correctly, ambient / dark",
             touch_table(found, published, learners),
             f"Rows more than {NEAR_PAPER:g} from the paper, untouched ones below {UNTOUCHED_LIMIT:g}, found at 0 mm "
             f"above {ZERO_LIMIT:g}:",
             "\n".join(touches),
-            "### Place and depth beside the paper's tables: median errors [mm] of kernel ridge, and their ratio",
-            "Place:",
+            "### Location and depth, and the paper's tables: median errors [mm] of kernel ridge, and their ratio",
+            "Location:",
             paper_table(found, "place"),
             "Depth:",
             paper_table(found, "depth"),
-            "### Place and depth: errors [mm], ambient / dark",
+            "### Location and depth: errors [mm], ambient / dark",
             "\n".join(headline(found)),
             error_table(found),
-            "### Cramér-Rao bound under the same chain, median over nine places",
-            "Least root mean square of an unbiased estimate from one frame; open: the light's own error hides it.",
+            "### Cramér-Rao bound under the same chain, median over nine locations",
+            "Least rms error of an unbiased estimate from one frame. *open*: hidden by the light model's error.",
             markdown_table(
-                ["depth mm", "place mm", "of the depth mm"],
+                ["depth mm", "location mm", "of the depth mm"],
                 [
                     [f"{depth:g}", bound_text(place), bound_text(of_depth)]
                     for depth, (place, of_depth) in bound_mm.items()

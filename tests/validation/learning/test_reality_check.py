@@ -80,7 +80,7 @@ def test_an_interrupted_check_trains_nothing_twice(made):
 def test_the_page_has_both_test_sets_beside_the_paper_and_the_bound(made):
     found = pooled(made[2])
     text = markdown(found, {"kernel-ridge": 2}, BOUND_MM)
-    assert "share told rightly, ambient / dark" in text
+    assert "share classified correctly, ambient / dark" in text
     assert "| 0.6 | 0.76 / 0.90 | " in text  # the paper's row, ambient / dark
     assert "| 1 | 0.020 | 0.010 |" in text
     assert len(headline(found)) == 1

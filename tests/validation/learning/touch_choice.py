@@ -115,23 +115,24 @@ def published_rows(published: PublishedTouch) -> np.ndarray:
 
 
 PAGE_TEXT = """\
-# What the touch table owes to one constant
+# How one constant changes the touch table
 
-**Question.** How much does the share of touches found depend on how the linear classifier is set up, which the paper
-does not say?
+**Question.** How much does the share of touches found depend on the settings of the linear classifier? The paper does
+not state them.
 
 **Answer.** Much, from 0.2 to 0.6 mm: at 0.4 mm, in ambient light, one choice finds {one} of the touches, another
-{other}, the paper's sensor {paper}. From 0.8 mm on, and untouched, the choices agree to {agree}.
+{other}, the paper's sensor {paper}. From 0.8 mm on, and without contact, the choices agree to {agree}.
 
 ## Method
 
 - The paper's pad and protocol, simulated; {draws} draws through the default signal chain.
-- The classifier is a linear support vector machine with one constant, C: the larger it is, the less the plane may leave
-  a training sample on its wrong side.
-- The same readings, four ways: `kernel-ridge` is what `optopad train --learner kernel-ridge` does (scikit-learn's
-  default, C = 1, on readings over their median untouched one); standardised readings at two values of C; and C chosen
-  by held-out locations, as the other learners do.
-- Each cell: share told rightly at that depth [mm], ambient / dark. Untouched below 0 mm, touched from 0 mm on.
+- The classifier is a linear support vector machine with one constant, C: with a larger C, fewer
+  training samples may be on the wrong side of the plane.
+- The same readings are classified in four ways. `kernel-ridge` is the classifier of `optopad train --learner
+  kernel-ridge`: scikit-learn's default, C = 1, on readings over their median without contact. Two others take
+  standardised readings at two values of C. The last chooses C by held-out locations, as the other learners do.
+- Each cell has the share classified correctly at that depth [mm], ambient / dark. Samples below 0 mm are without
+  contact, those from 0 mm on are touched.
 
 ## Figures
 
@@ -144,9 +145,9 @@ does not say?
 - Do not read the agreement of the `kernel-ridge` row with the paper's as a prediction. The paper states neither its C
   nor the scale of its readings, and the choice was made with the paper's table in view. No row is tuned by itself, and
   no number was searched for.
-- Chosen for right answers at held-out locations, C goes up until it no longer matters. Touches of 0.2 to 0.6 mm are
+- A C chosen for correct results at held-out locations grows until it no longer matters. Touches of 0.2 to 0.6 mm are
   then found more often at the same share of false alarms.
-- So, in this simulation, more can be had from the readings than the paper's sensor gave, or than its classifier took.
+- So in this simulation the readings contain more than the paper's sensor gave, or than its classifier used.
 
 ## Made by
 

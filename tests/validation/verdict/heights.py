@@ -114,7 +114,7 @@ def markdown(found: dict[Combination, dict[str, Any]]) -> str:
         "emitting area mm",
         "the pad",
         "usable depth mm",
-        "margin at the weakest place, noise units",
+        "least margin, sigma",
         f"median depth error at {DEEP_MM:g} mm",
     ]
     return "\n\n".join(

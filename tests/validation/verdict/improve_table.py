@@ -260,12 +260,13 @@ def section(rows: list[dict[str, Any]], pads: list[dict[str, Any]]) -> str:
         "",
         *summary(rows, pads),
         "",
-        "| design | before | offered: usable mm, margin | robust | as score says | best of the grid | grid better |",
+        "| design | before | offered: usable mm, margin | robust | confirmed | best of the grid | grid better |",
         "|---|---|---|---|---|---|---|",
         *(table_row(one) for one in (*rows, *pads)),
         "",
-        "Seeds are fixed, designs with a deadband by `score` taken in order. Ranges of the grid are those that improve",
-        "varies. Margins are in noise units. `python -m tests.validation.verdict.improve_table`.",
+        "Seeds are fixed, and designs with a deadband by `score` are taken in order. The grid has the ranges of "
+        "improve.",
+        "Margins are in noise units. `python -m tests.validation.verdict.improve_table`.",
         "",
         END,
     ]
@@ -280,11 +281,12 @@ def summary(rows: list[dict[str, Any]], pads: list[dict[str, Any]]) -> list[str]
     loose = sum(is_better(one["grid"], one["offered"], firm=False) for one in rows)
     none = sum(not one["offered"] for one in both)
     text = (
-        f"{len(rows)} random facing rows of one to four pairs and {len(pads)} small pads, all with a deadband by "
-        f"`score`: {kept} of {len(offered)} designs that improve proposes are by `score` what it says; it proposes "
-        f"none for {none} of {len(both)}. A grid of up to {GRID**3} designs over both heights and the thickness finds "
-        f"a better one, whose verdict is as robust, for {firm} of {len(rows)} rows. Robust aside, for {loose}: these "
-        "have more depth, and an unmeasured height of a part can give them a deadband."
+        f"The test has {len(rows)} random facing rows of one to four pairs and {len(pads)} small pads, all with a "
+        f"deadband by `score`. `score` confirms the stated result of {kept} of {len(offered)} designs that improve "
+        f"proposes; it proposes none for {none} of {len(both)}. A grid of up to {GRID**3} designs over both heights "
+        f"and the thickness finds a better one, whose verdict is as robust, for {firm} of {len(rows)} rows. Without "
+        f"regard to robustness it does for {loose}. These have more depth, and an unmeasured height of a component "
+        "can give them a deadband."
     )
     return textwrap.wrap(text, WIDTH, break_on_hyphens=False)
 

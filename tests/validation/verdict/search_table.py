@@ -46,23 +46,23 @@ PAIR_SAMPLE = 4
 
 
 METHOD = """\
-- `optopad explore` proposes designs, judges each cheapest step first, stops early what is out of the limits, and keeps
-  what no other design beats in every figure.
-- *Search accuracy*: draft light, depths of pairs every 0.2 mm, map and bounds at 3 x 3 places, bounds at 0.7 and 2.5 mm
-  and the end. *Score accuracy*: the settings of `optopad score` (5 x 5 places, standard light).
-- The base design and the best of the pad's front are judged again at score accuracy; of the pair, a few designs evenly
-  from all that were judged to the end.
+- `optopad explore` proposes designs, judges each by its cheapest step first, and stops early where a design is out of
+  the limits. It keeps the designs that no other design beats in every figure.
+- *Search accuracy*: draft light, depths of pairs every 0.2 mm, map and bounds at 3 x 3 locations, bounds at 0.7 and
+  2.5 mm and the end. *Score accuracy*: the settings of `optopad score` (5 x 5 locations, standard light).
+- The base design and the best of the pad's front are judged again at score accuracy. So are a few designs of the pair,
+  taken evenly from all that were judged to the end.
 """
 MEANING = """\
 - A search finds better pads than the paper's, at a price: four parts more, and `optopad check` names the receivers'
-  bodies that then stand above the rim. With the paper's 16 parts it found designs that gain less; they are in the
+  bodies that are then above the rim. With the paper's 16 parts it found designs that gain less; they are in the
   picture, at search accuracy.
-- Why, as far as the table shows: five parts a side make 100 pairs in place of 64, and parts nearer to the surface let
+- The table suggests two reasons: five parts a side make 100 pairs in place of 64, and parts nearer to the surface let
   mode 2 begin sooner after mode 1. The two were not tried apart.
-- **Score what a search has found before it is built.** The depth bound of the pad is its least sure figure: the median
-  over 3 x 3 places and three depths is not that of 5 x 5 and five, and the order of near designs may turn. These are
-  few designs: ratios, not a distribution.
-- Not covered: tolerance of the heights (`optopad score --tolerance`), and what a learner makes of the signals.
+- **Score what a search has found before it is built.** The depth bound of the pad is its least certain figure: the
+  median over 3 x 3 locations and three depths is not that of 5 x 5 and five. The order of similar designs may change.
+  These are few designs: ratios, not a distribution.
+- Not covered: tolerance of the heights (`optopad score --tolerance`), and the accuracy of a learner.
 """
 
 
@@ -168,7 +168,7 @@ def page(
             "",
             "## Made by",
             "",
-            "`python -m tests.validation.verdict.search_table`: ten minutes of two cores; interrupted, it goes on.",
+            "`python -m tests.validation.verdict.search_table`: ten minutes of two cores, resumable.",
             "",
         ]
     )

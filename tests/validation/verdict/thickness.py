@@ -83,7 +83,7 @@ def _second(at: dict[float, SweepRow]) -> Finding:
     return Finding(
         paper="8 mm: good continuity, slightly stronger signal; chosen",
         ours=f"at 8 mm {'a' if _dead(at[8.0]) else 'no'} deadband, gap {_gap(at[8.0])} mm, and an untouched signal "
-        f"{ratio - 1:+.0%} beside that at 7 mm",
+        f"{ratio - 1:+.0%} compared with that at 7 mm",
         answer="agrees" if good else "MISS",
     )
 
@@ -185,13 +185,12 @@ HEAD = (
     "",
     _paragraph(
         """**Question.** Piacenza et al. (ICRA 2017) cast blocks with clear layers of different thickness, pressed
-        them, and told which have a deadband between the modes. Does the model say the same?"""
+        them, and reported which have a deadband between the modes. Does the model agree?"""
     ),
     "",
     _paragraph(
         """**Answer.** On 7 mm, 8 mm and over 10 mm of clear layer, yes. Between, no: the model has a deadband from
-        8.5 mm on, the paper from 10 mm. And 7 mm is not the most even thickness here: 6.5 mm is. Two findings
-        agree, two miss, one is open."""
+        8.5 mm on, the paper from 10 mm. Three findings agree, one misses, one is open."""
     ),
     "",
     "![Signal against depth at clear layers of 6 to 12 mm: the gap between the modes widens with thickness, and a "
@@ -201,14 +200,14 @@ HEAD = (
     "",
     "- `piacenza2017-pair`: 3 LEDs facing 3 photodiodes over 20 mm. Only the thickness changes; the gain is set anew",
     "  for each, as on the bench.",
-    "- The middle pair is pressed at the middle of its chord. The outer two are pressed 2.35 mm beside their chords,",
+    "- The middle pair is pressed at the middle of its chord. The outer two are pressed 2.35 mm from their chords,",
     "  because the tip keeps its margin to the wall.",
     "- A deadband: at least 0.3 mm of depth over which the signal changes by less than 3 noise units. The paper judges",
     "  its curves by eye and gives no noise.",
     "- Depth steps twice as long move mode boundaries by up to 0.04 mm, another seed by up to 0.01 mm.",
-    "- `pytest -m slow tests/optopad/jobs/test_paper.py` sweeps a reduced copy and holds this table against it.",
+    "- `pytest -m slow tests/optopad/jobs/test_paper.py` sweeps a reduced copy and compares it with this table.",
     "",
-    "## Beside the paper",
+    "## Compared with the paper",
     "",
     "| the paper | ours | |",
     "|---|---|---|",
@@ -222,18 +221,18 @@ MIDDLE = (
 TAIL = (
     "## What it means",
     "",
-    "- Trust the direction: thicker layers open a deadband, and each 0.5 mm of layer adds 0.55 to 0.8 mm to it.",
+    "- The direction is reliable: thicker layers open a deadband, and each 0.5 mm of layer adds 0.55 to 0.8 mm to it.",
     "- The thickness at which it opens is off by 1.5 mm or more against the paper, to the safe side: the model warns",
     "  earlier.",
     "- This is no independent proof. The heights of LED and photodiode matter most and are not in the paper: 5.0 and",
-    "  6.0 mm are **inferred from these findings**. That one set of heights gives 7, 8 and over 10 mm at once is all",
-    "  that agrees.",
-    "- At 8 mm, 0.3 mm of photodiode height either way turns the verdict",
+    "  6.0 mm are **inferred from these findings**. The only agreement is that one set of heights gives 7, 8 and over",
+    "  10 mm at once.",
+    "- At 8 mm, 0.3 mm of photodiode height either way changes the verdict",
     "  (`optopad score piacenza2017-pair --tolerance`).",
-    "- At 6 mm the outer pairs are blind late in the press; the verdict there is DEADBAND and names them. At 6.5 mm",
-    "  theirs is at the limit of 0.3 mm, and the settings of the light trace decide. The paper says nothing of its",
-    "  outer pairs.",
-    "- Evenness does not single out 7 mm as the best: thinner layers are more even.",
+    "- At 6 mm the outer pairs have a deadband late in the press; the verdict is DEADBAND and names them. At 6.5 mm",
+    "  their deadband is near the limit of 0.3 mm, and the settings of the light trace decide. The paper does not",
+    "  mention its outer pairs.",
+    "- Evenness alone does not single out 7 mm: thinner layers are more even, but their outer pairs have a deadband.",
     "",
     "## Made by",
     "",
