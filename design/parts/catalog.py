@@ -277,14 +277,16 @@ class Board(Model):
     adc_bits: Annotated[int, Field(ge=8, le=24)]
     supply_v: Annotated[
         float | None,
-        Field(gt=0.0, le=30.0, description="of the emitters, from the board; absent: 5 assumed [V]"),
+        Field(
+            gt=0.0, le=30.0, description="supply that the board gives the emitters; absent: 5 is assumed [V]"
+        ),
     ] = None
     logic_v: Annotated[
         float | None,
         Field(
             gt=0.0,
             le=6.0,
-            description="of pins and amplifiers, the most an input bears; absent: 5 assumed [V]",
+            description="level of the pins and supply of the amplifiers; absent: 5 is assumed [V]",
         ),
     ] = None
     adc_reference_v: Annotated[

@@ -114,8 +114,8 @@ class Ring(Model):
     """Any numbers of emitters and receivers around any outline, evenly spaced on each of its walls."""
 
     pattern: Literal["ring"]
-    emitters: Annotated[int, Field(ge=1, le=64)]
-    receivers: Annotated[int, Field(ge=1, le=64)]
+    emitters: Annotated[int, Field(ge=1, le=64, description="number of emitters")]
+    receivers: Annotated[int, Field(ge=1, le=64, description="number of receivers")]
     sequence: Annotated[
         str | None,
         Field(

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 UNITS = {
+    "_bytes_per_s": "bytes/s",
     "_g_per_cm3": "g/cm³",
     "_db_per_cm": "dB/cm",
     "_per_hour": "1/h",

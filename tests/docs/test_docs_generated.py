@@ -71,8 +71,6 @@ def test_every_name_of_the_schema_stands_in_the_tables() -> None:
         "mold",
         "elastomer",
         "surfaces",
-        "emitters",
-        "receivers",
         "layout",
         "indenter",
         "board",
