@@ -238,7 +238,7 @@ SKETCH = "optopad"
 
 IMAGE = f"{SKETCH}.hex"
 CONFIG = "config.h"
-FIXED_FILES = ("optopad.ino", "core.c", "core.h", "clock.h", "crc.h", "line.h")
+FIXED_FILES = ("optopad.ino", "core.c", "core.h", "clock.h", "crc.h", "line.h", "session.h")
 """The same for every design."""
 
 MAIN = "main.c"
