@@ -55,7 +55,7 @@ from design.fields.quantity import (
 )
 from design.fields.validation import PATTERN_WORDS
 from design.parts.angular import AngularTable
-from design.parts.board_firmware import BoardFirmware
+from design.parts.board_firmware import ArduinoProgram, BoardFirmware
 from design.parts.elastomer import (
     Cure,
     Elastomer,
@@ -243,7 +243,7 @@ class MoldMaterial(Model):
 class Board(Model):
     """A microcontroller board: converter, pins, clock, serial line."""
 
-    unsaid = ("link_number", "usb_ids", "bridge_usb_ids", "boot_s", "firmware")
+    unsaid = ("link_number", "usb_ids", "bridge_usb_ids", "boot_s", "firmware", "arduino")
 
     title: Text
     source: Annotated[Text, Field(description="where the plain numbers of this entry come from")]
@@ -279,9 +279,19 @@ class Board(Model):
         float, Field(ge=0.0, le=60.0, description="longest time from the port's opening to the sketch")
     ] = DEFAULT_BOOT_S
     firmware: Annotated[
-        BoardFirmware | None, Field(description="what the generated program needs; absent: none is made")
+        BoardFirmware | None, Field(description="of an AVR chip: what the generated program needs")
+    ] = None
+    arduino: Annotated[
+        ArduinoProgram | None,
+        Field(description="of another chip with an Arduino core: what the program needs"),
     ] = None
     notes: tuple[Text, ...] = ()
+
+    @model_validator(mode="after")
+    def _has_one_program(self) -> Self:
+        if self.firmware and self.arduino:
+            raise ValueError("firmware, arduino: a board has one of them; remove the other")
+        return self
 
     @model_validator(mode="after")
     def _pins_are_free_and_single(self) -> Self:
