@@ -285,6 +285,12 @@ def native_program(design: SensorDesign, folder: Path, changes: Sequence[str] = 
     return program
 
 
+def harness_name(design: SensorDesign) -> str:
+    """The fixture with the simulator of a design's board; it skips where a tool is missing."""
+    is_avr = isinstance(firmware_settings(design).chip, BoardFirmware)
+    return "board_harness" if is_avr else "native_harness"
+
+
 def program_of(
     harness: Path | None, design: SensorDesign, folder: Path, changes: Sequence[str] = ()
 ) -> list[str]:

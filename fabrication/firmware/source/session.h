@@ -215,6 +215,7 @@ static void listen(void) {
 }
 
 static void step(void) {
+    if (!can_fill()) return; /* a frame whose buffer has just become free begins after the next command, not before */
     listen();
     if (!can_fill()) return;
     if (is_running) {
