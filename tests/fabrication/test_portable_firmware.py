@@ -38,6 +38,7 @@ from tests.fabrication.simulated_board import (
     random_table,
     simulate,
 )
+from tests.validation.driver.portable_soak import soak
 
 AVR_PAD = preset("piacenza2017-pad")
 PAD = portable_pad(AVR_PAD)
@@ -101,6 +102,13 @@ def test_a_self_test_tells_configuration_and_late_frames_alone(loop):
     (found,) = loop(said=[(10_000.0, pack_command(Command.SELF_TEST))]).self_tests
     assert found.config_crc == SETTINGS.config_crc()
     assert (found.reference_counts, found.late_frames, found.least_free_ram_bytes) == (0, 0, 0)
+
+
+@pytest.mark.slow
+def test_the_driver_takes_and_records_a_thousand_frames_a_second_of_it(native_harness):
+    found = soak(3.0)
+    assert (found.lost, found.damaged, found.overrun, found.wrong) == (0, 0, 0, 0)
+    assert found.recorded >= found.frames > 2_500
 
 
 # config.h and the sketch folder

@@ -198,7 +198,7 @@ static void look_further(void) {
 }
 
 /* Takes at most what the ring can hold, so that a host that never stops talking stops no frame. */
-static void listen(void) {
+static void take_commands(void) {
     for (uint8_t left = HEARD_BYTES; left && can_fill() && has_heard(); left--) {
         command[command_length++] = next_heard();
         if (command[0] != COMMAND_MAGIC_1) {
@@ -216,7 +216,7 @@ static void listen(void) {
 
 static void step(void) {
     if (!can_fill()) return; /* a frame whose buffer has just become free begins after the next command, not before */
-    listen();
+    take_commands();
     if (!can_fill()) return;
     if (is_running) {
         if (frame_is_due()) read_frame();
