@@ -90,19 +90,38 @@ def compile_elf(design: SensorDesign, folder: Path, changes: Sequence[str] = ())
     DesignError, DeviceError : as `compiled_image`.
     """
     settings = firmware_settings(design)
+    chip = avr_chip(settings)
     if not has_compiler():
         raise DeviceError(f"{COMPILER} is not installed here; {GET_COMPILER}")
     for name, text in {**sketch_texts(design), MAIN: source_text(MAIN)}.items():
         (folder / name).write_text(text, encoding="utf-8")
     elf = folder / "image.elf"
     _run(
-        [*_command(settings), *(f"-D{change}" for change in changes), "-o", str(elf), "core.c", MAIN], folder
+        [
+            *_command(chip, settings.clock_hz),
+            *(f"-D{change}" for change in changes),
+            "-o",
+            str(elf),
+            "core.c",
+            MAIN,
+        ],
+        folder,
     )
     return elf
 
 
-def _command(settings: FirmwareSettings) -> list[str]:
-    return [COMPILER, *OPTIONS, f"-mmcu={settings.chip.mcu}", f"-DF_CPU={settings.clock_hz}UL"]
+def _command(chip: BoardFirmware, clock_hz: int) -> list[str]:
+    return [COMPILER, *OPTIONS, f"-mmcu={chip.mcu}", f"-DF_CPU={clock_hz}UL"]
+
+
+def avr_chip(settings: FirmwareSettings) -> BoardFirmware:
+    """The chip of a board that is compiled and uploaded here; DeviceError for one that the Arduino IDE is for."""
+    if not isinstance(settings.chip, BoardFirmware):
+        raise DeviceError(
+            f"{settings.board_title} is programmed by the Arduino IDE: open the sketch folder there and choose the "
+            f"board {settings.chip.arduino_board}"
+        )
+    return settings.chip
 
 
 def _sizes(elf: Path) -> tuple[int, int, int]:

@@ -1,10 +1,10 @@
-"""The sketch folder, which the Arduino IDE opens as it is, and which the compiler takes with `main.c` beside it.
+"""The sketch folder, which the Arduino IDE opens as it is. For AVR chips the compiler takes it with `main.c` beside it.
 
 What the firmware is told about one design: every number by construction from the wiring's own connections.
 
 `fabrication.connections` says which pin lights which emitter and which input reads which receiver, for the
 wiring table, `driver.toml` and the firmware alike; the board's entry says which port and multiplexer setting
-that is. Nothing is typed twice.
+that is, or how the board's Arduino core names it. Nothing is typed twice.
 
 `config.h`: a design's firmware settings as C.
 """
@@ -19,35 +19,34 @@ from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
 
-from design.circuit.pins import US_PER_S, baud_divisor, board_of
+from design.circuit.pins import US_PER_S, address_pins, baud_divisor, board_of, multiplexer_of
 from design.errors import DesignError
 from design.io import write_text_atomically
-from design.parts.board_firmware import MUX5, BoardFirmware
+from design.parts.board_firmware import MUX5, ArduinoProgram, BoardFirmware
 from design.rules.board import firmware_findings
 from design.rules.check import require_valid
 from design.shape.cavity import cavity_of
 from design.spec import SensorDesign
-from fabrication.connections import Connection, connections_of
+from fabrication.connections import connections_of
 
 
 @dataclass(frozen=True, kw_only=True)
 class EmitterPin:
-    """An emitter's name, its pin's number on the board, and the port's letter and bit of that pin."""
+    """An emitter's name, and its pin's number on the board."""
 
     name: str
     number: int
-    port: str
-    bit: int
 
 
 @dataclass(frozen=True, kw_only=True)
 class ReceiverInput:
-    """A receiver's name, its input's name and place among the board's inputs, and the multiplexer's setting."""
+    """A receiver's name, what it is soldered to, its input's name and place among the board's inputs, its address."""
 
     name: str
+    label: str
     channel: str
     number: int
-    mux: int
+    address: int
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -66,7 +65,7 @@ class FirmwareSettings:
     digest: bytes
     board_number: int
     board_title: str
-    chip: BoardFirmware
+    chip: BoardFirmware | ArduinoProgram
     clock_hz: int
     adc_bits: int
     prescaler_exponent: int
@@ -76,6 +75,9 @@ class FirmwareSettings:
     frame_interval_us: int
     emitters: tuple[EmitterPin, ...]
     receivers: tuple[ReceiverInput, ...]
+    averages: int = 1
+    address_pins: tuple[int, ...] = ()
+    address_settle_us: int = 0
 
     def config_block(self) -> bytes:
         """The bytes that the program holds about itself, and whose CRC-32 a self-test answers with."""
@@ -90,7 +92,14 @@ class FirmwareSettings:
         interval = self.frame_interval_us.to_bytes(4, "little")
         pins = [emitter.number for emitter in self.emitters]
         inputs = [receiver.number for receiver in self.receivers]
-        return bytes(head) + times + interval + self.digest + bytes(pins) + bytes(inputs)
+        return bytes(head) + times + interval + self.digest + bytes(pins) + bytes(inputs) + self._more()
+
+    def _more(self) -> bytes:
+        """What the block has besides where values are means or come through multiplexers."""
+        if self.averages == 1 and not self.address_pins:
+            return b""
+        addresses = bytes(receiver.address for receiver in self.receivers)
+        return self.averages.to_bytes(2, "little") + bytes(self.address_pins) + addresses
 
     def config_crc(self) -> int:
         """CRC-32 of the config block."""
@@ -107,10 +116,10 @@ def firmware_settings(design: SensorDesign) -> FirmwareSettings:
     require_valid(design)
     gaps = firmware_gaps(design)
     board, use = board_of(design), design.board
-    if gaps or board.firmware is None:
+    chip = board.firmware or board.arduino
+    if gaps or chip is None:
         raise DesignError(f"{design.name}: no firmware can be made\n" + "\n".join(f"  {gap}" for gap in gaps))
-    chip = board.firmware
-    connections = connections_of(design)
+    connections, multiplexer = connections_of(design), multiplexer_of(design)
     return FirmwareSettings(
         design=design.name,
         digest=bytes.fromhex(design.digest),
@@ -119,13 +128,25 @@ def firmware_settings(design: SensorDesign) -> FirmwareSettings:
         chip=chip,
         clock_hz=board.clock_hz,
         adc_bits=board.adc_bits,
-        prescaler_exponent=use.adc_prescaler.bit_length() - 1,
+        prescaler_exponent=use.adc_prescaler.bit_length() - 1 if board.divides_clock else 0,
         settle_us=math.ceil(use.settle_us),
         baud=use.baud,
         baud_divisor=baud_divisor(board.clock_hz, use.baud),
         frame_interval_us=math.ceil(US_PER_S / use.frame_rate_hz),
-        emitters=tuple(_emitter_pin(one, chip) for one in connections.emitters),
-        receivers=tuple(_receiver_input(one, chip) for one in connections.receivers),
+        emitters=tuple(EmitterPin(name=one.part.name, number=one.pin_number) for one in connections.emitters),
+        receivers=tuple(
+            ReceiverInput(
+                name=one.part.name,
+                label=one.pin,
+                channel=board.analog_channels[one.pin_number],
+                number=one.pin_number,
+                address=one.address or 0,
+            )
+            for one in connections.receivers
+        ),
+        averages=use.averages,
+        address_pins=address_pins(design),
+        address_settle_us=0 if multiplexer is None else math.ceil(multiplexer.settle_us.value),
     )
 
 
@@ -136,17 +157,6 @@ def firmware_gaps(design: SensorDesign) -> tuple[str, ...]:
     return tuple(str(finding) for finding in found)
 
 
-def _emitter_pin(one: Connection, chip: BoardFirmware) -> EmitterPin:
-    port_bit = chip.pin_ports[one.pin_number]
-    return EmitterPin(name=one.part.name, number=one.pin_number, port=port_bit[0], bit=int(port_bit[1]))
-
-
-def _receiver_input(one: Connection, chip: BoardFirmware) -> ReceiverInput:
-    return ReceiverInput(
-        name=one.part.name, channel=one.pin, number=one.pin_number, mux=chip.channel_mux[one.pin]
-    )
-
-
 def plain(text: str) -> str:
     """A text that can stand in a comment or a string of C and end neither; other signs become spaces."""
     return re.sub(r"[^A-Za-z0-9 ._+():-]", " ", text)
@@ -155,47 +165,89 @@ def plain(text: str) -> str:
 def config_header(settings: FirmwareSettings) -> str:
     """Text of `config.h`."""
     chip = settings.chip
+    own = _avr_lines(settings, chip) if isinstance(chip, BoardFirmware) else _arduino_lines(settings, chip)
     lines = [
         *_heading(settings),
         "#ifndef OPTOPAD_CONFIG_H",
         "#define OPTOPAD_CONFIG_H",
-        f"#ifndef {_chip_macro(chip.mcu)}",
-        f'#error "this program is for {chip.mcu}: choose the board {plain(chip.arduino_board)}"',
-        "#endif",
         "#define U16(n) (n) & 255, (n) >> 8 & 255",
         "#define U32(n) U16((n) & 65535), U16((n) >> 16)",
         "",
         f"#define BOARD_NUMBER {settings.board_number}",
-        f"#define CLOCK_HZ {settings.clock_hz}UL",
         f"#define ADC_BITS {settings.adc_bits}",
         *_tunable(
             "PRESCALER_EXPONENT", f"{settings.prescaler_exponent}", "ADC clock = clock / 2 to this power"
         ),
         *_tunable("SETTLE_US", f"{settings.settle_us}UL", "wait after an emitter switches"),
-        *_tunable("SWITCH_EARLY", "0", "1: switch during a state's last conversion, once its input is held"),
         *_tunable("FRAME_INTERVAL_US", f"{settings.frame_interval_us}UL", "0: as fast as it can"),
         f"#define BAUD {settings.baud}UL",
-        f"#define BAUD_DIVISOR {settings.baud_divisor} /* of an eighth of the clock */",
-        f"#define RECEIVE_VECTOR {chip.receive_vector}",
-        f"#define TRANSMIT_VECTOR {chip.transmit_vector}",
-        f"#define REFERENCE_MUX {chip.reference_mux}",
-        f"#define ANY_MUX5 {int(any(one.mux & MUX5 for one in settings.receivers))}",
-        "",
         f"#define N_EMITTERS {len(settings.emitters)}",
-        *_commented_list(
-            "EMITTERS",
-            (f"LED({e.port}, {e.bit}) /* {plain(e.name)}, pin {e.number} */" for e in settings.emitters),
-        ),
-        *_list("EMITTER_PINS", (str(e.number) for e in settings.emitters)),
+        *_commented_list("EMITTER_PINS", (f"{e.number} /* {plain(e.name)} */" for e in settings.emitters)),
         f"#define N_RECEIVERS {len(settings.receivers)}",
-        *_commented_list(
-            "CHANNEL_MUX", (f"{r.mux} /* {plain(r.name)}, {plain(r.channel)} */" for r in settings.receivers)
-        ),
         *_list("CHANNEL_NUMBERS", (str(r.number) for r in settings.receivers)),
+        *_tunable("AVERAGES", f"{settings.averages}", "readings a value"),
+        f"#define ADDRESS_BITS {len(settings.address_pins)} /* of the multiplexers; 0: none */",
+        *_addresses(settings),
         *_list("DESIGN_DIGEST", (f"0x{byte:02x}" for byte in settings.digest)),
+        "",
+        *own,
         "#endif",
     ]
     return "\n".join(lines) + "\n"
+
+
+def _addresses(settings: FirmwareSettings) -> Iterable[str]:
+    more = []
+    if settings.address_pins:
+        yield f"#define ADDRESS_SETTLE_US {settings.address_settle_us}UL"
+        yield from _list("ADDRESS_PINS", map(str, settings.address_pins))
+        yield from _list("CHANNEL_ADDRESSES", (str(one.address) for one in settings.receivers))
+        more = ["ADDRESS_PINS", "CHANNEL_ADDRESSES"]
+    if settings.address_pins or settings.averages > 1:
+        more = [f"U16({settings.averages})", *more]
+    yield f"#define MORE_CONFIG {''.join(f', {one}' for one in more)}".rstrip()
+
+
+def _avr_lines(settings: FirmwareSettings, chip: BoardFirmware) -> Iterable[str]:
+    muxes = [chip.channel_mux[one.channel] for one in settings.receivers]
+    yield from _only_for(_chip_macro(chip.mcu), chip.mcu, chip)
+    yield f"#define CLOCK_HZ {settings.clock_hz}UL"
+    yield from _tunable(
+        "SWITCH_EARLY", "0", "1: switch during a state's last conversion, once its input is held"
+    )
+    yield f"#define BAUD_DIVISOR {settings.baud_divisor} /* of an eighth of the clock */"
+    yield f"#define RECEIVE_VECTOR {chip.receive_vector}"
+    yield f"#define TRANSMIT_VECTOR {chip.transmit_vector}"
+    yield f"#define REFERENCE_MUX {chip.reference_mux}"
+    yield f"#define ANY_MUX5 {int(any(mux & MUX5 for mux in muxes))}"
+    ports = [(*chip.pin_ports[one.number], one) for one in settings.emitters]
+    yield from _commented_list(
+        "EMITTERS", (f"LED({port}, {bit}) /* {plain(e.name)}, pin {e.number} */" for port, bit, e in ports)
+    )
+    inputs = zip(muxes, settings.receivers, strict=True)
+    yield from _commented_list(
+        "CHANNEL_MUX", (f"{mux} /* {plain(r.name)}, {plain(r.label)} */" for mux, r in inputs)
+    )
+    lines = [chip.pin_ports[pin] for pin in settings.address_pins]
+    if lines:
+        yield from _list("ADDRESSES", (f"LED({line[0]}, {line[1:]})" for line in lines))
+
+
+def _arduino_lines(settings: FirmwareSettings, chip: ArduinoProgram) -> Iterable[str]:
+    yield from _only_for(chip.core_macro, settings.board_title, chip)
+    yield from _commented_list(
+        "CHANNEL_PINS",
+        (
+            f"{chip.analog_pins[r.channel]} /* {plain(r.name)}, {plain(r.label)} */"
+            for r in settings.receivers
+        ),
+    )
+
+
+def _only_for(macro: str, name: str, chip: BoardFirmware | ArduinoProgram) -> Iterable[str]:
+    yield f"#ifndef {macro}"
+    yield f'#error "this program is for {plain(name)}: choose the board {plain(chip.arduino_board)}"'
+    yield "#endif"
 
 
 def _heading(settings: FirmwareSettings) -> Iterable[str]:
@@ -238,8 +290,10 @@ SKETCH = "optopad"
 
 IMAGE = f"{SKETCH}.hex"
 CONFIG = "config.h"
-FIXED_FILES = ("optopad.ino", "core.c", "core.h", "clock.h", "crc.h", "line.h")
-"""The same for every design."""
+SHARED_FILES = ("optopad.ino", "core.h", "crc.h", "session.h")
+AVR_FILES = ("core.c", "clock.h", "line.h")
+PORTABLE_FILES = ("core.cpp",)
+"""The same for every design: of all boards, of AVR chips, of boards with another Arduino core."""
 
 MAIN = "main.c"
 """What the Arduino core would bring; not in the sketch folder, where there would then be two."""
@@ -257,12 +311,14 @@ def sketch_texts(design: SensorDesign) -> dict[str, str]:
     ------
     DesignError : the design breaks a rule, or its board's entry does not say enough to program it.
     """
-    fixed = {name: source_text(name) for name in FIXED_FILES}
-    return {**fixed, CONFIG: config_header(firmware_settings(design))}
+    settings = firmware_settings(design)
+    is_avr = isinstance(settings.chip, BoardFirmware)
+    fixed = {name: source_text(name) for name in SHARED_FILES + (AVR_FILES if is_avr else PORTABLE_FILES)}
+    return {**fixed, CONFIG: config_header(settings)}
 
 
 def write_sketch(design: SensorDesign, folder: Path) -> Path:
-    """Write the sketch folder into a folder; an image of a former text beside it is removed.
+    """Write the sketch folder into a folder; another board's files and an image of a former text are removed.
 
     Returns
     -------
@@ -277,6 +333,8 @@ def write_sketch(design: SensorDesign, folder: Path) -> Path:
     sketch.mkdir(parents=True, exist_ok=True)
     if any(_is_other(sketch / name, text) for name, text in texts.items()):
         (folder / IMAGE).unlink(missing_ok=True)
+    for name in {*AVR_FILES, *PORTABLE_FILES} - set(texts):
+        (sketch / name).unlink(missing_ok=True)
     for name, text in texts.items():
         write_text_atomically(sketch / name, text)
     return sketch

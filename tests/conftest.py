@@ -69,3 +69,12 @@ def board_harness(tmp_path_factory: pytest.TempPathFactory) -> Path:
     if missing := missing_tools():
         pytest.skip(missing)
     return build_harness(tmp_path_factory.mktemp("harness"))
+
+
+@pytest.fixture(scope="session")
+def native_harness() -> None:
+    """The portable firmware brings its simulated board along; tests that need it skip where a tool is missing."""
+    from tests.fabrication.simulated_board import missing_native_tools
+
+    if missing := missing_native_tools():
+        pytest.skip(missing)

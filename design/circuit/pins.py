@@ -2,8 +2,8 @@
 
 The one answer that wiring, driver config, firmware and rules share. A list in the design has exactly
 one entry a part, in the order of E1, E2, ... and R1, R2, ...; without a list, pins and inputs are
-dealt out in the board's recommended order. With multiplexers an input serves one of these, which serve
-receivers in their order; all of them share the address.
+dealt out in the board's recommended order. With multiplexers an input serves one of these. They take
+receivers in turn and share the address, so that a new address comes before as many readings as there are multiplexers.
 
 How long one full frame takes on the board, and which serial rates an AVR's clock can make.
 
@@ -91,8 +91,8 @@ def receiver_paths(design: SensorDesign) -> tuple[ReceiverPath, ...]:
     multiplexer, (_, channels) = multiplexer_of(design), assigned_pins(design)
     if multiplexer is None:
         return tuple(ReceiverPath(channel=name) for name in channels)
-    places = (divmod(j, multiplexer.channels) for j in range(len(cavity_of(design).receivers)))
-    return tuple(ReceiverPath(channel=channels[m], multiplexer=m, address=a) for m, a in places)
+    places = (divmod(j, len(channels)) for j in range(len(cavity_of(design).receivers)))
+    return tuple(ReceiverPath(channel=channels[m], multiplexer=m, address=a) for a, m in places)
 
 
 def assigned_pins(design: SensorDesign) -> tuple[tuple[int, ...], tuple[str, ...]]:
@@ -362,7 +362,7 @@ def frame_time_ms(
     """Time of one full frame: all states, then the line [ms]; with multiplexers each new address settles, too."""
     conversions = receiver_count * use.averages * conversion_time_ms(board, use.adc_prescaler)
     if multiplexer is not None:
-        addresses = min(receiver_count, multiplexer.channels)
+        addresses = math.ceil(receiver_count / math.ceil(receiver_count / multiplexer.channels))
         conversions += addresses * multiplexer.settle_us.value / US_PER_MS
     state = use.settle_us / US_PER_MS + conversions
     sent = frame_bytes(emitter_count, receiver_count, board.adc_bits)

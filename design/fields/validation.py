@@ -40,6 +40,10 @@ PATTERN_WORDS = {
     r"^[A-L][0-7]$": "a port letter and a bit, as B7",
     r"^[A-Z][A-Z0-9_]*_vect$": "an interrupt vector as avr-libc names it, as USART0_RX_vect",
     r"^[ER]{2,32}$": "E for an emitter and R for a receiver, 2 to 32 letters, as ERR",
+    r"^[A-Za-z0-9_.-]+(:[A-Za-z0-9_.-]+){2}(:[A-Za-z0-9_.,=-]+)?$": "a board as arduino-cli names it, as "
+    "teensy:avr:teensy40",
+    r"^[A-Z_][A-Za-z0-9_]*$": "a macro of C, as ARDUINO_TEENSY40",
+    r"^A?[0-9]{1,3}$": "an input as the Arduino core names it, as A0 or 26",
     r"^[A-Z]{3}$": "an ISO 4217 code in capital letters, as EUR",
     r"^\d{4}-(0[1-9]|1[0-2])(-(0[1-9]|[12]\d|3[01]))?$": "a date as 2026-05 or 2026-05-04",
 }

@@ -1,12 +1,13 @@
-"""What the generated firmware needs to know of a board's AVR chip, and what it takes to upload it.
+"""What the generated firmware needs to know of a board, and what it takes to upload it.
 
-Ports and multiplexer settings of pins and inputs live here and nowhere else, so that an index map is
-never written by hand. Left out: boards whose chip is no AVR with the ATmega's converter and timer.
+An AVR chip with the ATmega's converter and timer has a program of its own (`BoardFirmware`). Ports and multiplexer
+settings of pins and inputs live there and nowhere else, so that an index map is never written by hand. Every other
+board with an Arduino core has the portable program, which names pins as the core does (`ArduinoProgram`).
 """
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Literal
 
 from pydantic import Field
 
@@ -17,6 +18,9 @@ PortBit = Annotated[str, Field(pattern=r"^[A-L][0-7]$")]
 """Letter of a port and number of a bit, as H3."""
 
 VectorName = Annotated[str, Field(pattern=r"^[A-Z][A-Z0-9_]*_vect$")]
+
+AnalogPin = Annotated[str, Field(pattern=r"^A?[0-9]{1,3}$")]
+"""An analogue input as an Arduino core names it, A0 or 26."""
 
 MUX5 = 32
 """The multiplexer's sixth bit, which lies in another register than the rest."""
@@ -41,3 +45,35 @@ class BoardFirmware(Model):
     reference_mux: Annotated[int, Field(ge=0, le=31, description="setting of the internal 1.1 V reference")]
     receive_vector: Annotated[VectorName, Field(description="interrupt: the serial line has a byte for us")]
     transmit_vector: Annotated[VectorName, Field(description="interrupt: the serial line takes a byte")]
+
+
+class ArduinoProgram(Model):
+    """Arduino core, pins and memory of a board that runs the portable program."""
+
+    source: Annotated[Text, Field(description="where the entry's values come from")]
+    confidence: Confidence
+    fqbn: Annotated[
+        str,
+        Field(
+            pattern=r"^[A-Za-z0-9_.-]+(:[A-Za-z0-9_.-]+){2}(:[A-Za-z0-9_.,=-]+)?$",
+            description="core and board as arduino-cli names them, such as teensy:avr:teensy40",
+        ),
+    ]
+    core_macro: Annotated[
+        str,
+        Field(
+            pattern=r"^[A-Z_][A-Za-z0-9_]*$", description="macro that the core defines for this board alone"
+        ),
+    ]
+    serial: Annotated[
+        Literal["usb", "uart"], Field(description="what the core's `Serial` is: USB has no baud rate")
+    ]
+    analog_pins: Annotated[dict[str, AnalogPin], Field(description="the core's name of each input")]
+    flash_bytes: Annotated[int, Field(gt=0, description="left for the program by the boot loader")]
+    ram_bytes: Annotated[int, Field(gt=0, description="memory of the chip")]
+    notes: tuple[Text, ...] = ()
+
+    @property
+    def arduino_board(self) -> str:
+        """As the Arduino IDE names the board."""
+        return self.fqbn

@@ -58,7 +58,7 @@ from design.fields.quantity import (
 from design.fields.validation import PATTERN_WORDS
 from design.parts.angular import AngularTable
 from design.parts.assumptions import assumption
-from design.parts.board_firmware import BoardFirmware
+from design.parts.board_firmware import ArduinoProgram, BoardFirmware
 from design.parts.elastomer import (
     Cure,
     Elastomer,
@@ -267,6 +267,7 @@ class Board(Model):
         "bridge_usb_ids",
         "boot_s",
         "firmware",
+        "arduino",
         "warnings",
     )
 
@@ -331,7 +332,11 @@ class Board(Model):
         float, Field(ge=0.0, le=60.0, description="longest time from the port's opening to the sketch")
     ] = DEFAULT_BOOT_S
     firmware: Annotated[
-        BoardFirmware | None, Field(description="what the generated program needs; absent: none is made")
+        BoardFirmware | None, Field(description="of an AVR chip: what the generated program needs")
+    ] = None
+    arduino: Annotated[
+        ArduinoProgram | None,
+        Field(description="of another chip with an Arduino core: what the program needs"),
     ] = None
     warnings: Annotated[
         tuple[Text, ...], Field(description="faults of the board that `check` repeats to whoever uses it")
@@ -381,6 +386,12 @@ class Board(Model):
                 f"adc_reference_v = {self.full_scale_v:g} V is above logic_v = {self.pin_v:g} V, "
                 "the most that an input bears; lower it"
             )
+        return self
+
+    @model_validator(mode="after")
+    def _has_one_program(self) -> Self:
+        if self.firmware and self.arduino:
+            raise ValueError("firmware, arduino: a board has one of them; remove the other")
         return self
 
     @model_validator(mode="after")

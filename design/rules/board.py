@@ -26,12 +26,15 @@ from design.circuit.pins import (
 )
 from design.circuit.transimpedance import gain_findings, settling_findings
 from design.fields.finding import Finding, error, warning
-from design.parts.board_firmware import BoardFirmware
+from design.parts.board_firmware import ArduinoProgram, BoardFirmware
 from design.parts.catalog import Board
 from design.shape.cavity import cavity_of
 from design.spec import SensorDesign
 
 FIRMWARE_ADC_BITS = 10
+PORTABLE_ADC_BITS = range(8, 17)
+"""Readings that the program for boards with another Arduino core packs."""
+
 TICK_HZ = 8_000_000
 """The firmware's clock counts eighths of the processor's, a whole number a microsecond."""
 
@@ -48,17 +51,38 @@ def firmware_findings(
 ) -> Iterator[Finding]:
     """Everything that keeps the firmware from running on the board."""
     chip = board.firmware
+    if board.arduino is not None:
+        yield from _portable_findings(design, board, board.arduino, emitter_count, receiver_count)
+        return
     if chip is None:
         yield warning(
             "board.kind",
             "no firmware is made for this board: its entry does not say which chip it has",
             value=design.board.kind,
-            limit="an entry with a table `firmware`",
+            limit="an entry with a table `firmware` or `arduino`",
             way_out="add one in your catalogue, or name another board",
         )
         return
     yield from _converter_findings(board)
     yield from _pin_findings(design, board, chip, emitter_count, receiver_count)
+    yield from _memory_findings(board, chip, emitter_count, receiver_count)
+
+
+def _portable_findings(
+    design: SensorDesign, board: Board, chip: ArduinoProgram, emitter_count: int, receiver_count: int
+) -> Iterator[Finding]:
+    bits = PORTABLE_ADC_BITS
+    if board.adc_bits not in bits:
+        yield warning(
+            "board.kind",
+            "no firmware is made for this board: its readings are too long or too short",
+            value=f"{board.adc_bits} bits",
+            limit=f"{bits[0]} to {bits[-1]} bits",
+            way_out="set adc_bits of the board's entry to what its core's analogReadResolution takes",
+        )
+    channels = design.board.receiver_channels or board.analog_channels[:receiver_count]
+    unnamed = [name for name in channels if name in board.analog_channels and name not in chip.analog_pins]
+    yield from _unknown("board.receiver_channels", "arduino", "analog_pins", unnamed)
     yield from _memory_findings(board, chip, emitter_count, receiver_count)
 
 
@@ -78,33 +102,35 @@ def _pin_findings(
 ) -> Iterator[Finding]:
     use = design.board
     pins = use.emitter_pins or board.digital_pins[:emitter_count]
+    if use.receivers is not None:
+        pins = (*pins, *(use.receivers.address_pins or ()))
     channels = use.receiver_channels or board.analog_channels[:receiver_count]
     unported = [pin for pin in pins if pin in board.digital_pins and pin >= len(chip.pin_ports)]
     unset = [name for name in channels if name in board.analog_channels and name not in chip.channel_mux]
-    yield from _unknown("board.emitter_pins", "pin_ports", unported)
-    yield from _unknown("board.receiver_channels", "channel_mux", unset)
+    yield from _unknown("board.emitter_pins", "firmware", "pin_ports", unported)
+    yield from _unknown("board.receiver_channels", "firmware", "channel_mux", unset)
 
 
-def _unknown(field: str, table: str, names: Sequence[object]) -> Iterator[Finding]:
+def _unknown(field: str, program: str, table: str, names: Sequence[object]) -> Iterator[Finding]:
     if names:
         yield warning(
             field,
             f"no firmware is made: the board's entry does not say in {table} where they are",
             value=", ".join(map(str, names)),
             limit=f"names that {table} has",
-            way_out=f"add them to firmware.{table} of the board's entry, or choose others",
+            way_out=f"add them to {program}.{table} of the board's entry, or choose others",
         )
 
 
 def _memory_findings(
-    board: Board, chip: BoardFirmware, emitter_count: int, receiver_count: int
+    board: Board, chip: BoardFirmware | ArduinoProgram, emitter_count: int, receiver_count: int
 ) -> Iterator[Finding]:
     frame = max(frame_bytes(emitter_count, receiver_count, board.adc_bits), HELLO_BYTES)
     needed = FRAME_BUFFERS * frame + PROGRAM_RAM_BYTES
     if needed > chip.ram_bytes:
         yield error(
             "board.kind",
-            f"two frames of {frame} bytes and the program's variables do not fit the memory of the {chip.mcu}",
+            f"two frames of {frame} bytes and the program's variables do not fit the memory of the {board.title}",
             value=f"{needed} bytes",
             limit=f"at most {chip.ram_bytes} bytes",
             way_out="place fewer parts, or name a board with more memory",

@@ -81,12 +81,12 @@ def flash(
     """Upload the firmware of a design to its board, with avrdude. A printer is listened for first, and refused."""
     from fabrication.driver.link.printers import require_no_printer
     from fabrication.driver.sensor import PATIENCE_S
-    from fabrication.flash import require_uploader, upload, upload_command
+    from fabrication.flash import avr_chip, require_uploader, upload, upload_command
     from fabrication.sketch import firmware_settings
     from optopad.sensor.firmware import board_setup, given_image, image_to_upload
 
     read = read_design(design, set_)
-    chip = firmware_settings(read).chip
+    chip = avr_chip(firmware_settings(read))
     file = image_to_upload(read, out, seed=seed) if image is None else given_image(image)
     board = board_setup(read)
     found = _found_port(board, is_agreed=yes or dry_run, may_ask=not as_json) if port is None else port

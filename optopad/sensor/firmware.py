@@ -11,7 +11,7 @@ from design.io import write_text_atomically
 from design.rules.check import require_valid
 from design.spec import SensorDesign
 from fabrication.bundle import bundle, bundle_name
-from fabrication.flash import Image, compiled_image, has_compiler
+from fabrication.flash import Image, compiled_image
 from fabrication.sketch import IMAGE, SKETCH, write_sketch
 
 if TYPE_CHECKING:
@@ -103,8 +103,6 @@ def given_image(file: Path) -> Path:
 
 
 def _image(design: SensorDesign) -> tuple[Image | None, str]:
-    if not has_compiler():
-        return None, "avr-gcc is not installed here (Debian and Ubuntu: gcc-avr and avr-libc)"
     try:
         return compiled_image(design), ""
     except DeviceError as err:

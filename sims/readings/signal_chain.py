@@ -356,7 +356,7 @@ def chain_of(design: SensorDesign, readout: Readout) -> SignalChain:
 def reading_times_s(design: SensorDesign) -> FloatArray:
     """(state, receiver) begin of each value's first reading, from the frame's begin: every emitter alone, then off [s].
 
-    Multiplexers are read address by address, all of them at one address in turn.
+    Before the first reading at an address of the multiplexers this settles.
     """
     states = len(cavity_of(design).emitters) + 1
     addresses = np.array([path.address or 0 for path in receiver_paths(design)])
@@ -364,8 +364,7 @@ def reading_times_s(design: SensorDesign) -> FloatArray:
     wait_s = 0.0 if multiplexer is None else multiplexer.settle_us.value / US_PER_S
     conversion_ms = conversion_time_ms(board_of(design), design.board.adc_prescaler)
     value_s = design.board.averages * conversion_ms / MS_PER_S
-    rank = np.argsort(np.argsort(addresses, kind="stable"), kind="stable")
-    within_s = rank * value_s + (addresses + 1) * wait_s
+    within_s = np.arange(len(addresses)) * value_s + (addresses + 1) * wait_s
     settle_s = design.board.settle_us / US_PER_S
     state_s = settle_s + len(addresses) * value_s + (addresses.max() + 1) * wait_s
     return np.asarray((np.arange(states) * state_s + settle_s)[:, None] + within_s)

@@ -1,7 +1,10 @@
-"""The compiled firmware on a simulated board: scene out, log in. The simulator is `loop/simulated_board.c`.
+"""The compiled firmware on a simulated board: scene out, log in.
 
-The simulator has inputs A0 to A7; those above are converted by the harness around it, by the same rule, and
-`not_by_the_simulator` names them.
+An AVR board is simulated by `loop/simulated_board.c`, which runs the image of the chip. The simulator has inputs A0 to
+A7; those above are converted by the harness around it, by the same rule, and `not_by_the_simulator` names them.
+
+The program for a board with another Arduino core is compiled for this machine, with `loop/arduino/board.cpp` around it.
+`portable_pad` puts a design on such a board.
 """
 
 from __future__ import annotations
@@ -21,7 +24,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from design.arrays import FloatArray, IntArray
+from design.parts.board_firmware import BoardFirmware
+from design.parts.catalog import find_board
 from design.spec import SensorDesign
+from design.spec.properties import entries_of
 from fabrication.driver.link.protocol import (
     FrameFormat,
     Hello,
@@ -35,13 +41,19 @@ from fabrication.driver.link.protocol import (
 )
 from fabrication.driver.link.scanner import Scanner
 from fabrication.flash import COMPILER, compile_elf, has_compiler
-from fabrication.sketch import FirmwareSettings, firmware_settings
+from fabrication.sketch import FirmwareSettings, ReceiverInput, firmware_settings, write_sketch
 
-HARNESS = Path(__file__).parent / "loop" / "simulated_board.c"
+LOOP = Path(__file__).parent / "loop"
+HARNESS = LOOP / "simulated_board.c"
+LAYER = LOOP / "arduino"
+PORTABLE_OPTIONS = ("-std=c++17", "-Wall", "-Wextra", "-Werror", "-fno-exceptions", "-fno-rtti")
 LIBRARIES = ("-lsimavr", "-lelf", "-lm", "-lutil")
 SIMULATED_INPUTS = 8
 SUPPLY_MV = 5000
 FULL_SCALE = 1023
+NATIVE_HZ = 1e9
+"""The log of a program that was compiled for this machine is in nanoseconds."""
+
 US_PER_S = 1e6
 LONGEST_US = 120e6
 """A board on a port ends by itself after so long."""
@@ -62,6 +74,7 @@ class Run:
 
     Attributes
     ----------
+    first_input : of the first receiver, as the log names it
     messages : kind, time at which its first byte left [us], and bytes, in order
     skipped_bytes : bytes between them
     log : every byte, conversion and switch by clock cycle
@@ -69,6 +82,7 @@ class Run:
 
     layout: FrameFormat
     clock_hz: float
+    first_input: int
     messages: list[tuple[Kind, float, bytes]]
     skipped_bytes: int
     log: NDArray[Any]
@@ -96,9 +110,9 @@ class Run:
         """When the messages of one kind began to leave, since the reset [us]."""
         return np.array([at for one, at, _ in self.messages if one is kind])
 
-    def first_conversions_us(self, mux: int) -> FloatArray:
-        """When the first emitter's reading of one input was held, since the reset [us]."""
-        held = self.log[(self.log["kind"] == INPUT_HELD) & (self.log["number"] == mux)]
+    def first_conversions_us(self) -> FloatArray:
+        """When the first emitter's reading of the first receiver was held, since the reset [us]."""
+        held = self.log[(self.log["kind"] == INPUT_HELD) & (self.log["number"] == self.first_input)]
         return np.asarray(held["cycle"] / self.clock_hz * US_PER_S)
 
 
@@ -111,8 +125,15 @@ def missing_compiler() -> str:
     return "" if found else "avr-libc is not installed"
 
 
+def missing_native_tools() -> str:
+    """What a program for this machine needs and this machine lacks; "" when nothing."""
+    if sys.platform != "linux":
+        return "the simulated board needs Linux"
+    return "" if shutil.which("g++") else "g++ is not installed"
+
+
 def missing_tools() -> str:
-    """What the loop needs and this machine lacks; "" when nothing."""
+    """What the loop of an AVR board needs and this machine lacks; "" when nothing."""
     if sys.platform != "linux":
         return "the simulated board needs Linux"
     if missing := missing_compiler():
@@ -131,14 +152,51 @@ def build_harness(folder: Path) -> Path:
 
 def not_by_the_simulator(settings: FirmwareSettings) -> str:
     """A sentence on the receivers whose inputs the simulator lacks; "" when it has all."""
-    others = [one for one in settings.receivers if one.mux >= SIMULATED_INPUTS]
+    others = [one for one in settings.receivers if input_of(settings, one) >= SIMULATED_INPUTS]
     names = ", ".join(f"{one.name} on {one.channel}" for one in others)
     return f"the simulator converts A0 to A7, and the harness around it {names}" if others else ""
 
 
-def quantised(table_mv: IntArray) -> IntArray:
+def input_of(settings: FirmwareSettings, receiver: ReceiverInput) -> int:
+    """An input as the simulated board knows it: the multiplexer's setting, or the pin's number."""
+    chip = settings.chip
+    if isinstance(chip, BoardFirmware):
+        return chip.channel_mux[receiver.channel]
+    return FIRST_ANALOG_PIN + int(chip.analog_pins[receiver.channel].removeprefix("A"))
+
+
+FIRST_ANALOG_PIN = 54
+"""A0 of the simulated Arduino core."""
+
+
+def quantised(table_mv: IntArray, bits: int = 10) -> IntArray:
     """Counts of whole millivolts, as the simulated converter makes them."""
-    return table_mv * FULL_SCALE // SUPPLY_MV
+    return table_mv * ((1 << bits) - 1) // SUPPLY_MV
+
+
+def portable_pad(design: SensorDesign, bits: int = 12) -> SensorDesign:
+    """A design on a made-up board with an Arduino core that is no AVR's."""
+    mega = find_board(entries_of(design), "arduino-mega-2560").model_dump(mode="json", exclude={"firmware"})
+    board = mega | {
+        "title": "Test board",
+        "clock_hz": 64_000_000,
+        "adc_bits": bits,
+        "adc_clocks_per_conversion": 128,
+        "adc_prescalers": [1],
+        "link_number": 77,
+        "arduino": {
+            "source": "made up",
+            "confidence": "unverified",
+            "fqbn": "optopad:test:board",
+            "core_macro": "ARDUINO_OPTOPAD_TEST",
+            "serial": "usb",
+            "analog_pins": {name: name for name in mega["analog_channels"]},
+            "flash_bytes": 1_000_000,
+            "ram_bytes": 100_000,
+        },
+    }
+    chosen = {"board.kind": "my-board", "board.adc_prescaler": 1}
+    return design.with_(catalog={"boards": {"my-board": board}}, **chosen)
 
 
 def random_table(settings: FirmwareSettings, seed: int = 0) -> IntArray:
@@ -180,8 +238,10 @@ def scene_text(
         own converter decides, which starts at once
     """
     lit, dark = table_mv[:-1], table_mv[-1]
+    chip = settings.chip
+    ports = chip.pin_ports if isinstance(chip, BoardFirmware) else [f"D{pin}" for pin in range(256)]
     lines = [
-        f"mcu {settings.chip.mcu}",
+        *([f"mcu {chip.mcu}"] if isinstance(chip, BoardFirmware) else []),
         f"clock {settings.clock_hz}",
         f"supply {SUPPLY_MV}",
         f"baud {settings.baud}",
@@ -189,11 +249,12 @@ def scene_text(
         f"amplifier_tau_us {AMPLIFIER_TAU_US}",
         f"hold_adc_clocks {hold_adc_clocks}",
         f"edges {int(edges)}",
-        *(f"receiver {one.mux}" for one in settings.receivers),
+        *(f"receiver {input_of(settings, one)}" for one in settings.receivers),
         "dark " + " ".join(map(str, dark)),
     ]
     for pin, row in zip(settings.emitters, lit, strict=True):
-        lines.append(f"emitter {pin.port} {pin.bit} " + " ".join(map(str, row)))
+        port = ports[pin.number]
+        lines.append(f"emitter {port[0]} {port[1:]} " + " ".join(map(str, row)))
     return "\n".join([*lines, *(f"say {at_us} {what.hex()}" for at_us, what in said)]) + "\n"
 
 
@@ -209,8 +270,43 @@ def elf_of(design: SensorDesign, folder: Path, changes: Sequence[str] = ()) -> P
     return elf
 
 
+def native_program(design: SensorDesign, folder: Path, changes: Sequence[str] = ()) -> Path:
+    """The portable program with the simulated board around it, for this machine; each is compiled once."""
+    key, program = (design.digest, tuple(changes)), folder / "board"
+    if key not in _COMPILED:
+        sketch = write_sketch(design, folder)
+        command = ["g++", "-O1", *PORTABLE_OPTIONS, f"-I{LAYER}", f"-I{sketch}", "-include", "Arduino.h"]
+        command += [f"-D{name}" for name in (firmware_settings(design).chip.core_macro, *changes)]
+        sources = [sketch / "core.cpp", "-xc++", sketch / "optopad.ino", LAYER / "board.cpp"]
+        subprocess.run([*command, *map(str, sources), "-o", str(program), "-lutil"], check=True)
+        _COMPILED[key] = program.read_bytes()
+    program.write_bytes(_COMPILED[key])
+    program.chmod(0o755)
+    return program
+
+
+def harness_name(design: SensorDesign) -> str:
+    """The fixture with the simulator of a design's board; it skips where a tool is missing."""
+    is_avr = isinstance(firmware_settings(design).chip, BoardFirmware)
+    return "board_harness" if is_avr else "native_harness"
+
+
+def program_of(
+    harness: Path | None, design: SensorDesign, folder: Path, changes: Sequence[str] = ()
+) -> list[str]:
+    """What is run for the board of a design.
+
+    Parameters
+    ----------
+    harness : the simulator of AVR boards; None for another
+    """
+    if harness is None:
+        return [str(native_program(design, folder, changes))]
+    return [str(harness), str(elf_of(design, folder, changes))]
+
+
 def simulate(
-    harness: Path,
+    harness: Path | None,
     folder: Path,
     design: SensorDesign,
     table_mv: IntArray,
@@ -227,10 +323,8 @@ def simulate(
     ----------
     changes : definitions in place of those in config.h
     """
-    elf = elf_of(design, folder, changes)
-    return simulate_elf(
-        harness,
-        elf,
+    return run_program(
+        program_of(harness, design, folder, changes),
         folder,
         firmware_settings(design),
         table_mv,
@@ -241,9 +335,8 @@ def simulate(
     )
 
 
-def simulate_elf(
-    harness: Path,
-    elf: Path,
+def run_program(
+    program: Sequence[str],
     folder: Path,
     settings: FirmwareSettings,
     table_mv: IntArray,
@@ -257,17 +350,19 @@ def simulate_elf(
     scene, log = folder / "scene", folder / "log"
     text = scene_text(settings, table_mv, said, hold_adc_clocks=hold_adc_clocks, edges=edges)
     scene.write_text(text, encoding="ascii")
-    command = [str(harness), str(elf), str(scene), str(log), str(duration_us)]
+    command = [*program, str(scene), str(log), str(duration_us)]
     subprocess.run(command, check=True, capture_output=True, timeout=120)
     return read_log(settings, np.fromfile(log, RECORD))
 
 
 @contextmanager
-def board_on_a_port(harness: Path, folder: Path, design: SensorDesign, table_mv: IntArray) -> Iterator[str]:
+def board_on_a_port(
+    harness: Path | None, folder: Path, design: SensorDesign, table_mv: IntArray
+) -> Iterator[str]:
     """A simulated board on a pseudo-terminal, no faster than real time; the name of the port."""
-    elf, scene = elf_of(design, folder), folder / "scene"
+    program, scene = program_of(harness, design, folder), folder / "scene"
     scene.write_text(scene_text(firmware_settings(design), table_mv), encoding="ascii")
-    command = [str(harness), str(elf), str(scene), str(folder / "log"), str(LONGEST_US), "pty"]
+    command = [*program, str(scene), os.devnull, str(LONGEST_US), "pty"]
     with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as board:
         assert board.stdout is not None
         lines = iter(board.stdout.readline, "")  # the simulator says first what it loads
@@ -283,16 +378,18 @@ def read_log(settings: FirmwareSettings, log: NDArray[Any]) -> Run:
     layout = FrameFormat(states=states, receivers=receivers, bits=settings.adc_bits)
     sent = log[log["kind"] == BYTE_SENT]
     stream = sent["number"].astype(np.uint8).tobytes()
+    clock_hz = settings.clock_hz if isinstance(settings.chip, BoardFirmware) else NATIVE_HZ
     scanner = Scanner(message_lengths(layout))
     at, messages = 0, []
     for version_and_kind, message in scanner.feed(stream):
         at = stream.index(message, at)
-        left_us = sent["cycle"][at] / settings.clock_hz * US_PER_S
+        left_us = sent["cycle"][at] / clock_hz * US_PER_S
         messages.append((Kind(version_and_kind & 0x0F), float(left_us), message))
         at += len(message)
     return Run(
         layout=layout,
-        clock_hz=settings.clock_hz,
+        clock_hz=clock_hz,
+        first_input=input_of(settings, settings.receivers[0]),
         messages=messages,
         skipped_bytes=scanner.skipped_bytes,
         log=log,

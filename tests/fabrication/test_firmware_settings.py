@@ -21,9 +21,10 @@ from fabrication.driver_config import dump_driver_config
 from fabrication.driver_file import config_from_document
 from fabrication.flash import compiled_image
 from fabrication.sketch import (
+    AVR_FILES,
     CONFIG,
-    FIXED_FILES,
     IMAGE,
+    SHARED_FILES,
     config_header,
     firmware_gaps,
     firmware_settings,
@@ -31,7 +32,7 @@ from fabrication.sketch import (
     source_text,
     write_sketch,
 )
-from tests.fabrication.simulated_board import missing_compiler, quantised, random_table, simulate_elf
+from tests.fabrication.simulated_board import missing_compiler, quantised, random_table, run_program
 
 PAD = preset("piacenza2017-pad")
 BOARDS = packaged().boards
@@ -152,7 +153,7 @@ def test_a_board_of_ones_own_without_firmware_keeps_its_digest_form():
 def test_the_sketch_folder_has_what_the_arduino_ide_opens(tmp_path):
     sketch = write_sketch(PAD, tmp_path)
     assert sketch.name == "optopad"
-    assert sorted(file.name for file in sketch.iterdir()) == sorted([*FIXED_FILES, CONFIG])
+    assert sorted(file.name for file in sketch.iterdir()) == sorted([*SHARED_FILES, *AVR_FILES, CONFIG])
     assert (sketch / "optopad.ino").read_text(encoding="utf-8").count("\n") == 3
     assert not (sketch / "main.c").exists()  # the Arduino core has a main of its own
     assert (sketch / CONFIG).read_text(encoding="utf-8") == sketch_texts(PAD)[CONFIG]
@@ -216,9 +217,8 @@ def test_the_sketch_compiles_as_the_arduino_ide_compiles_it(tmp_path, board_harn
     subprocess.run(link, cwd=tmp_path, check=True)
     settings, table = firmware_settings(PAD), random_table(firmware_settings(PAD))
     said = [(10_000.0, pack_command(Command.RATE, 0)), (11_000.0, pack_command(Command.START))]
-    run = simulate_elf(
-        board_harness, tmp_path / "image.elf", tmp_path, settings, table, said, duration_us=60_000
-    )
+    program = [str(board_harness), str(tmp_path / "image.elf")]
+    run = run_program(program, tmp_path, settings, table, said, duration_us=60_000)
     assert len(run.frames.counts) >= 10
     assert (run.frames.counts == quantised(table)).all()
 

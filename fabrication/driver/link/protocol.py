@@ -13,7 +13,7 @@ magic included. Byte 2 holds the protocol's version in its high and the kind or 
 Readings go state by state and within a state receiver by receiver, the least significant bit first: reading k
 takes bits k x bits to (k + 1) x bits - 1 of the byte string. Both counters wrap at 2^32.
 
-Nothing here reads a port or a clock; the C side of the same layout is the firmware's `core.c`.
+Nothing here reads a port or a clock; the C side of the same layout is the firmware's `session.h`.
 """
 
 from __future__ import annotations

@@ -2,8 +2,17 @@
    make all of it; it lies in the program's memory. */
 #ifndef OPTOPAD_CRC_H
 #define OPTOPAD_CRC_H
-#include <avr/pgmspace.h>
 #include <stdint.h>
+#ifdef __AVR__ /* whose program memory is read by instructions of its own */
+#include <avr/pgmspace.h>
+#define IN_PROGRAM PROGMEM
+#define program_byte(at) pgm_read_byte(at)
+#define program_number(at) pgm_read_dword(at)
+#else
+#define IN_PROGRAM
+#define program_byte(at) (*(at))
+#define program_number(at) (*(at))
+#endif
 
 #define CRC_BIT(i, bit, value) ((i) & (1 << (bit)) ? value : 0)
 #define CRC_1(i)                                                                                                       \
@@ -13,10 +22,10 @@
 #define CRC_4(i) CRC_1(i), CRC_1((i) + 1), CRC_1((i) + 2), CRC_1((i) + 3)
 #define CRC_16(i) CRC_4(i), CRC_4((i) + 4), CRC_4((i) + 8), CRC_4((i) + 12)
 #define CRC_64(i) CRC_16(i), CRC_16((i) + 16), CRC_16((i) + 32), CRC_16((i) + 48)
-static const uint32_t crc_table[256] PROGMEM = {CRC_64(0), CRC_64(64), CRC_64(128), CRC_64(192)};
+static const uint32_t crc_table[256] IN_PROGRAM = {CRC_64(0), CRC_64(64), CRC_64(128), CRC_64(192)};
 
 static inline uint32_t crc_after(uint32_t crc, uint8_t byte) {
-    return pgm_read_dword(&crc_table[(uint8_t)crc ^ byte]) ^ (crc >> 8);
+    return program_number(&crc_table[(uint8_t)crc ^ byte]) ^ (crc >> 8);
 }
 
 static uint32_t crc_of(const uint8_t *bytes, uint8_t count) {

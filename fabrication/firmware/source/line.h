@@ -2,14 +2,10 @@
 #ifndef OPTOPAD_LINE_H
 #define OPTOPAD_LINE_H
 #include "clock.h"
+#include "session.h"
 
 #include <avr/interrupt.h>
-#include <stdbool.h>
 
-#define HEARD_BYTES 64 /* a power of two: a burst of five commands */
-
-static uint8_t buffers[2][BUFFER_BYTES];
-static uint8_t filling;
 static uint8_t *volatile sending;
 static uint8_t *volatile sending_end;
 
@@ -72,6 +68,8 @@ static void send_filled(uint8_t *end) {
     UCSR0B |= _BV(UDRIE0);
     filling ^= 1;
 }
+
+static inline bool can_fill(void) { return true; } /* send_filled waits for the line */
 
 static inline bool has_heard(void) { return heard_start != heard_end; }
 

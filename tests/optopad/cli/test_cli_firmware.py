@@ -108,7 +108,6 @@ def test_without_a_compiler_the_sketch_is_written_and_the_reason_said(monkeypatc
 
 def test_a_broken_compiler_is_said_and_leaves_the_sketch(monkeypatch, capsys):
     monkeypatch.setattr(image, "has_compiler", lambda: True)
-    monkeypatch.setattr("optopad.sensor.firmware.has_compiler", lambda: True)
     monkeypatch.setattr(image, "OPTIONS", ("--no-such-option",))
     monkeypatch.setattr(image, "COMPILER", "false")
     assert main(["driver", "firmware", DESIGN]) == 0

@@ -1,0 +1,140 @@
+/* Firmware of an optopad sensor on a board with an Arduino core other than the AVR's: the same frames and messages as
+   core.c, by nothing but micros, analogRead, digitalWrite and Serial. Everything that belongs to one design is in
+   config.h, the messages are in session.h.
+
+   A state is read no sooner than SETTLE_US after its emitter was switched; a value is the mean of AVERAGES readings. A
+   message that Serial has no room for waits in its buffer, and is handed over while emitters settle. While both buffers
+   wait for the host, no frame begins and no emitter is lit.
+
+   Not measured, and sent as 0: the reading of a reference, and the free RAM. */
+#include <Arduino.h>
+
+#include "config.h"
+#include "core.h"
+#include "session.h"
+
+#if ADC_BITS < 8 || ADC_BITS > 16
+#error "readings are packed for a converter of 8 to 16 bits"
+#endif
+#define FULL_SCALE ((1UL << ADC_BITS) - 1)
+
+static const uint8_t emitter_pins[N_EMITTERS] = {EMITTER_PINS};
+static const uint16_t channel_pins[N_RECEIVERS] = {CHANNEL_PINS};
+#if ADDRESS_BITS
+static const uint8_t address_pins[ADDRESS_BITS] = {ADDRESS_PINS};
+static const uint8_t channel_addresses[N_RECEIVERS] = {CHANNEL_ADDRESSES};
+#endif
+
+static const uint8_t *sending, *sending_end;
+static uint8_t *filled_end; /* of the buffer that waits for the one that is sent */
+static bool tells_room;
+
+static uint32_t clock_us(void) { return micros(); }
+
+/* ---- the line */
+
+/* Hands over what Serial has room for. A core that never tells of any is handed all, and may wait for the host. */
+static void pump(void) {
+    for (size_t taken = 1; taken;) {
+        if (sending == sending_end) {
+            if (!filled_end) return;
+            sending = buffers[filling];
+            sending_end = filled_end;
+            filled_end = nullptr;
+            filling ^= 1;
+        }
+        int room = Serial.availableForWrite(), left = sending_end - sending;
+        tells_room |= room > 0;
+        if (!tells_room || room > left) room = left;
+        taken = room ? Serial.write(sending, room) : 0;
+        sending += taken;
+    }
+}
+
+static void send_filled(uint8_t *end) {
+    filled_end = end;
+    pump();
+}
+
+static bool can_fill(void) {
+    pump();
+    return !filled_end;
+}
+
+static bool has_heard(void) { return Serial.available() > 0; }
+
+static uint8_t next_heard(void) { return Serial.read(); }
+
+/* ---- a frame */
+
+static void drop_frame(void) {} /* none is under way between frames */
+
+static void settle_for(uint32_t wait_us) {
+    uint32_t switched_us = clock_us();
+    do pump();
+    while (clock_us() - switched_us <= wait_us);
+}
+
+/* Receivers of one address follow one another: a new one waits for the multiplexers. */
+static void select(uint8_t receiver) {
+#if ADDRESS_BITS
+    static uint8_t selected = 255;
+    if (channel_addresses[receiver] == selected) return;
+    selected = channel_addresses[receiver];
+    for (uint8_t bit = 0; bit < ADDRESS_BITS; bit++) digitalWrite(address_pins[bit], selected >> bit & 1);
+    settle_for(ADDRESS_SETTLE_US);
+#else
+    (void)receiver;
+#endif
+}
+
+/* A core's error, -1, becomes a reading at full scale. */
+static uint16_t value_of(uint16_t pin) {
+    uint32_t sum = AVERAGES / 2;
+    for (uint16_t i = 0; i < AVERAGES; i++) sum += analogRead(pin) & FULL_SCALE;
+    return sum / AVERAGES;
+}
+
+static void read_frame(void) {
+    message frame;
+    uint32_t held = 0;
+    uint8_t held_bits = 0;
+    for (uint8_t state = 0; state < N_STATES; state++) {
+        if (state) digitalWrite(emitter_pins[state - 1], LOW);
+        if (state < N_EMITTERS) digitalWrite(emitter_pins[state], HIGH);
+        settle_for(SETTLE_US);
+        if (!state) open_frame(&frame, clock_us());
+        for (uint8_t j = 0; j < N_RECEIVERS; j++) {
+            select(j);
+            held |= (uint32_t)value_of(channel_pins[j]) << held_bits;
+            for (held_bits += ADC_BITS; held_bits >= 8; held_bits -= 8, held >>= 8) pack_byte(&frame, held);
+        }
+    }
+    if (held_bits) pack_byte(&frame, held);
+    close_frame(&frame);
+}
+
+static uint16_t reference_reading(void) { return 0; }
+
+static uint16_t least_free_ram(void) { return 0; }
+
+/* ---- the two calls */
+
+void core_init(void) {
+    for (uint8_t pin : emitter_pins) {
+        pinMode(pin, OUTPUT);
+        digitalWrite(pin, LOW);
+    }
+#if ADDRESS_BITS
+    for (uint8_t pin : address_pins) pinMode(pin, OUTPUT);
+#endif
+    Serial.begin(BAUD);
+    analogReadResolution(ADC_BITS);
+#ifdef CORE_TEENSY
+    analogReadAveraging(1); /* its core takes the mean of four readings otherwise */
+#endif
+    analogRead(channel_pins[0]); /* the first one may be longer than the others */
+    say_hello();
+}
+
+void core_step(void) { step(); }
