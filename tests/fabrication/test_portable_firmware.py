@@ -178,7 +178,9 @@ def test_a_board_has_one_program():
 # compiled for the boards' chips
 
 COMPILER = "arm-none-eabi-g++"
-CORES = {"cortex-m7": "Teensy 4", "cortex-m4": "Uno R4, Nucleo-L432KC", "cortex-m0plus": "Pico"}
+CORES = {"cortex-m7": "-O2", "cortex-m4": "-Os", "cortex-m0plus": "-Os"}
+"""Chips of Teensy 4, of Uno R4 and Nucleo-L432KC, and of the Pico; how their Arduino cores optimise."""
+
 OF_THE_CORE = {
     *("micros", "pinMode", "digitalWrite", "analogRead", "analogReadResolution", "Serial"),
     *("SerialLine::begin", "SerialLine::available", "SerialLine::read", "SerialLine::write"),
@@ -190,7 +192,15 @@ OF_THE_CORE = {
 def compiled(folder: Path, core: str, *changes: str) -> Path:
     """The program's object for a chip."""
     sketch, target = write_sketch(PAD, folder), folder / "core.o"
-    command = [COMPILER, f"-mcpu={core}", "-mthumb", "-Os", "-ffreestanding", *PORTABLE_OPTIONS, f"-I{LAYER}"]
+    command = [
+        COMPILER,
+        f"-mcpu={core}",
+        "-mthumb",
+        CORES[core],
+        "-ffreestanding",
+        *PORTABLE_OPTIONS,
+        f"-I{LAYER}",
+    ]
     command += [*(f"-D{one}" for one in changes), "-c", str(sketch / "core.cpp"), "-o", str(target)]
     subprocess.run(command, check=True, capture_output=True, text=True)
     return target

@@ -96,7 +96,7 @@ static uint16_t value_of(uint16_t pin) {
 }
 
 static void read_frame(void) {
-    message frame;
+    message frame{};
     uint32_t held = 0;
     uint8_t held_bits = 0;
     for (uint8_t state = 0; state < N_STATES; state++) {
