@@ -249,7 +249,8 @@ def scene_text(
         f"amplifier_tau_us {AMPLIFIER_TAU_US}",
         f"hold_adc_clocks {hold_adc_clocks}",
         f"edges {int(edges)}",
-        *(f"receiver {input_of(settings, one)}" for one in settings.receivers),
+        *(f"receiver {input_of(settings, one)} {one.address}" for one in settings.receivers),
+        *(f"address {ports[pin][0]} {ports[pin][1:]}" for pin in settings.address_pins),
         "dark " + " ".join(map(str, dark)),
     ]
     for pin, row in zip(settings.emitters, lit, strict=True):

@@ -6,6 +6,7 @@ import csv
 import io
 import re
 import tomllib
+from pathlib import Path
 
 import pytest
 
@@ -14,11 +15,14 @@ from design.errors import DesignError
 from design.rules.check import check
 from design.spec import SensorDesign
 from fabrication.connections import connections_of
+from fabrication.driver.link.protocol import Command, pack_command
 from fabrication.driver_config import driver_config, dump_driver_config
 from fabrication.driver_file import config_from_document
 from fabrication.sheets.all_sheets import wiring_csv
 from fabrication.sheets.bom import bom_rows
 from fabrication.sheets.schematic_svg import schematic_svg
+from fabrication.sketch import firmware_settings
+from tests.fabrication.simulated_board import portable_pad, quantised, random_table, simulate
 
 RING = {"pattern": "ring", "emitters": 12, "receivers": 24, "sequence": "ERR"}
 
@@ -52,7 +56,7 @@ def test_every_receiver_is_followed_to_its_reading() -> None:
     drawing = schematic_svg(design)
     assert config.board.address_pins == address_pins(design) == (29, 30, 31, 32)
     for column, entry in enumerate(config.receivers):
-        multiplexer, channel = divmod(column, 16)
+        channel, multiplexer = divmod(column, 2)
         label = f"M{multiplexer + 1}-C{channel}"
         assert entry.column == column
         assert (entry.channel, entry.channel_number, entry.address) == (label, multiplexer, channel)
@@ -71,7 +75,33 @@ def test_an_address_settles_before_it_is_read() -> None:
     entry = multiplexer_of(design)
     without = frame_time_ms(board_of(design), design.board, 12, 24)
     with_them = frame_time_ms(board_of(design), design.board, 12, 24, entry)
-    assert with_them - without == pytest.approx(13 * 16 * 1.0e-3)  # 13 states of 16 addresses of 1 us
+    assert with_them - without == pytest.approx(13 * 12 * 1.0e-3)  # 13 states of 12 addresses of 1 us
+
+
+@pytest.mark.parametrize("board", ["arduino-mega-2560", "my-board"])
+@pytest.mark.parametrize("averages", [1, 3])
+def test_the_firmware_reads_every_receiver_through_its_multiplexer(
+    board: str, averages: int, board_harness: Path, native_harness: None, tmp_path: Path
+) -> None:
+    design = disc(
+        **{"board.kind": "arduino-mega-2560", "board.frame_rate_hz": 5.0, "board.averages": averages}
+    )
+    if board == "my-board":
+        design = portable_pad(design)
+    settings = firmware_settings(design)
+    table = random_table(settings)
+    said = [(7_000.0, pack_command(Command.RATE, 0)), (8_000.0, pack_command(Command.START))]
+    run = simulate(
+        board_harness if board != "my-board" else None,
+        tmp_path,
+        design,
+        table,
+        said,
+        duration_us=400_000 * averages,
+    )
+    frames = run.frames.counts
+    assert len(frames) >= 3
+    assert (frames == quantised(table, settings.adc_bits)).all()
 
 
 def test_without_multiplexers_check_proposes_them() -> None:

@@ -81,7 +81,7 @@ static void select(uint8_t receiver) {
     static uint8_t selected = 255;
     if (channel_addresses[receiver] == selected) return;
     selected = channel_addresses[receiver];
-    for (uint8_t bit = 0; bit < ADDRESS_BITS; bit++) digitalWrite(address_pins[bit], selected >> bit & 1);
+    for (uint8_t bit = 0; bit < ADDRESS_BITS; bit++) digitalWrite(address_pins[bit], selected >> bit & 1 ? HIGH : LOW);
     settle_for(ADDRESS_SETTLE_US);
 #else
     (void)receiver;

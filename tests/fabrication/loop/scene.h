@@ -2,10 +2,11 @@
 
    Every emitter's light follows its pin with one time constant, and the amplifiers follow the light with another; a
    receiver's voltage is its dark one plus, for each emitter, that emitter's share of light times what the table says.
+   An input has the voltage of its receiver at the address of the multiplexers, and 0 while a new address settles.
 
    Scene, one item a line: mcu NAME | clock HZ | supply MV | baud N | light_tau_us T | amplifier_tau_us T |
-   edges 0|1 | hold_adc_clocks N | emitter PORT BIT MV ... (one a receiver) | dark MV ... | receiver INPUT |
-   say AT_US HEX
+   edges 0|1 | hold_adc_clocks N | emitter PORT BIT MV ... (one a receiver) | dark MV ... | receiver INPUT ADDRESS |
+   address PORT BIT (of the multiplexers, lowest first) | say AT_US HEX
    Log: 16-byte records, little-endian: cycle u64, kind u16 (0 byte sent, 1 input held, 2 emitter switched), number u16
    (byte; INPUT + 256 x lowest lit emitter, or their count if none is; 2 x emitter + on), millivolts i32.
 
@@ -27,6 +28,7 @@
 #define MOST 64
 #define MOST_SAID 256
 #define BITS_PER_BYTE 10
+#define ADDRESS_SETTLES_US 0.5
 
 enum record_kind { BYTE_SENT, INPUT_HELD, EMITTER_SWITCHED };
 
@@ -45,7 +47,10 @@ typedef struct {
 static emitter emitters[MOST];
 static speech speeches[MOST_SAID];
 static int emitter_count, receiver_count, dark_count, speech_count, current_speech, terminal = -1;
-static int receiver_input[MOST], waits_for_edges;
+static int receiver_input[MOST], receiver_address[MOST], waits_for_edges;
+static int address_bit[8], address_count, selected_address;
+static char address_port[8];
+static double selected_us;
 static double dark_mv[MOST], light_tau_us, amplifier_tau_us, hold_adc_clocks = 1.5, followed_us;
 static double clock_hz, supply_mv, baud;
 static char mcu[32];
@@ -90,11 +95,19 @@ static int voltage_of(int input, double now_us) {
     follow(now_us);
     for (int r = 0; r < receiver_count; r++) {
         double sum = dark_mv[r];
-        if (receiver_input[r] != input) continue;
+        if (receiver_input[r] != input || receiver_address[r] != selected_address) continue;
+        if (address_count && now_us - selected_us < ADDRESS_SETTLES_US) continue;
         for (int i = 0; i < emitter_count; i++) sum += emitters[i].amplified * (emitters[i].millivolts[r] - dark_mv[r]);
         found = (int)lround(fmax(sum, 0.0));
     }
     return found;
+}
+
+/* One line of the multiplexers' address has another level. */
+static void select_address(int line, int level, double now_us) {
+    int address = level ? selected_address | 1 << line : selected_address & ~(1 << line);
+    if (address != selected_address) selected_us = now_us;
+    selected_address = address;
 }
 
 static int numbers(char *text, double *into) {
@@ -131,7 +144,10 @@ static void take_line(char *line) {
     else if (!strcmp(line, "edges")) waits_for_edges = atoi(rest);
     else if (!strcmp(line, "hold_adc_clocks")) hold_adc_clocks = atof(rest);
     else if (!strcmp(line, "dark")) dark_count = numbers(rest, dark_mv);
-    else if (!strcmp(line, "receiver") && receiver_count < MOST) receiver_input[receiver_count++] = atoi(rest);
+    else if (!strcmp(line, "receiver") && receiver_count < MOST)
+        sscanf(rest, "%d %d", &receiver_input[receiver_count], &receiver_address[receiver_count]), receiver_count++;
+    else if (!strcmp(line, "address") && address_count < 8)
+        sscanf(rest, "%c %d", &address_port[address_count], &address_bit[address_count]), address_count++;
     else if (!strcmp(line, "say")) take_speech(rest);
     else if (!strcmp(line, "emitter") && emitter_count < MOST) take_emitter(rest);
     else refuse("unknown line", line);

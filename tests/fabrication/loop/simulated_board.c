@@ -38,6 +38,11 @@ static result_reader low_result, high_result;
 
 static double us_of(avr_cycle_count_t cycles) { return cycles / clock_hz * 1e6; }
 
+static void address_switched(struct avr_irq_t *irq, uint32_t value, void *line) {
+    (void)irq;
+    select_address((int)((char *)line - address_port), value != 0, avr->cycle / clock_hz * 1e6);
+}
+
 static void emitter_switched(struct avr_irq_t *irq, uint32_t value, void *which) {
     emitter *e = which;
     (void)irq;
@@ -149,6 +154,10 @@ static void load(const char *name) {
 static void connect_parts(void) {
     uint32_t flags = 0; /* no echo on standard output, no sleeping while the program polls */
     avr_ioctl(avr, AVR_IOCTL_UART_SET_FLAGS('0'), &flags);
+    for (int i = 0; i < address_count; i++) {
+        avr_irq_t *pin = avr_io_getirq(avr, AVR_IOCTL_IOPORT_GETIRQ(address_port[i]), address_bit[i]);
+        avr_irq_register_notify(pin, address_switched, &address_port[i]);
+    }
     for (int i = 0; i < emitter_count; i++) {
         emitter *e = &emitters[i];
         avr_irq_register_notify(avr_io_getirq(avr, AVR_IOCTL_IOPORT_GETIRQ(e->port), e->bit), emitter_switched, e);

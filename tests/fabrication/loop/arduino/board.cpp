@@ -53,6 +53,8 @@ void pinMode(uint8_t pin, PinMode mode) { is_output[pin] = mode == OUTPUT; }
 void digitalWrite(uint8_t pin, PinStatus level) {
     now_ns += CALL_NS;
     if (!is_output[pin]) refuse("no output", "digitalWrite");
+    for (int i = 0; i < address_count; i++)
+        if (address_bit[i] == pin) select_address(i, level, now_ns / 1e3);
     for (int i = 0; i < emitter_count; i++) {
         emitter *e = &emitters[i];
         if (e->bit != pin || e->on == level) continue;
