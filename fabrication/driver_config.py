@@ -145,9 +145,7 @@ def _board(design: SensorDesign, board: Board) -> BoardSetup:
         title=board.title,
         clock_hz=board.clock_hz,
         adc_bits=board.adc_bits,
-        adc_reference=f"board supply, taken as {board.full_scale_v:g} V"
-        if board.divides_clock
-        else f"{board.full_scale_v:g} V",
+        adc_reference=_reference_words(design, board),
         adc_clocks_per_conversion=board.adc_clocks_per_conversion,
         adc_prescaler=use.adc_prescaler if board.divides_clock else None,
         settle_us=use.settle_us,
@@ -161,6 +159,13 @@ def _board(design: SensorDesign, board: Board) -> BoardSetup:
         address_pins=timing.address_pins(design) or None,
         config_crc=None if firmware_gaps(design) else firmware_settings(design).config_crc(),
     )
+
+
+def _reference_words(design: SensorDesign, board: Board) -> str:
+    volts = timing.full_scale_v(design)
+    if design.board.reference == "internal":
+        return f"internal reference, {volts:g} V"
+    return f"board supply, taken as {volts:g} V" if board.divides_clock else f"{volts:g} V"
 
 
 def _frame(board: Board, emitter_count: int, receiver_count: int) -> FrameLayout:

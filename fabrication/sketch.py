@@ -22,7 +22,7 @@ from pathlib import Path
 from design.circuit.pins import US_PER_S, address_pins, baud_divisor, board_of, multiplexer_of
 from design.errors import DesignError
 from design.io import write_text_atomically
-from design.parts.board_firmware import MUX5, ArduinoProgram, BoardFirmware
+from design.parts.board_firmware import MUX5, SUPPLY_BITS, ArduinoProgram, BoardFirmware
 from design.rules.board import firmware_findings
 from design.rules.check import require_valid
 from design.shape.cavity import cavity_of
@@ -59,6 +59,7 @@ class FirmwareSettings:
     settle_us : whole microseconds, rounded up from the design's
     frame_interval_us : 1 over the design's frame rate, rounded up, so that it is never exceeded
     digest : of the design, 32 bytes
+    is_internal : whether full scale is the internal reference and not the supply
     """
 
     design: str
@@ -76,6 +77,7 @@ class FirmwareSettings:
     emitters: tuple[EmitterPin, ...]
     receivers: tuple[ReceiverInput, ...]
     averages: int = 1
+    is_internal: bool = False
     address_pins: tuple[int, ...] = ()
     address_settle_us: int = 0
 
@@ -95,11 +97,13 @@ class FirmwareSettings:
         return bytes(head) + times + interval + self.digest + bytes(pins) + bytes(inputs) + self._more()
 
     def _more(self) -> bytes:
-        """What the block has besides where values are means or come through multiplexers."""
-        if self.averages == 1 and not self.address_pins:
+        """What the block has besides where values are means, of the internal reference, or through multiplexers."""
+        if self.averages == 1 and not self.is_internal and not self.address_pins:
             return b""
         addresses = bytes(receiver.address for receiver in self.receivers)
-        return self.averages.to_bytes(2, "little") + bytes(self.address_pins) + addresses
+        if not self.address_pins:
+            addresses = b""
+        return self.averages.to_bytes(2, "little") + bytes([self.is_internal, *self.address_pins]) + addresses
 
     def config_crc(self) -> int:
         """CRC-32 of the config block."""
@@ -145,6 +149,7 @@ def firmware_settings(design: SensorDesign) -> FirmwareSettings:
             for one in connections.receivers
         ),
         averages=use.averages,
+        is_internal=use.reference == "internal",
         address_pins=address_pins(design),
         address_settle_us=0 if multiplexer is None else math.ceil(multiplexer.settle_us.value),
     )
@@ -203,8 +208,8 @@ def _addresses(settings: FirmwareSettings) -> Iterable[str]:
         yield from _list("ADDRESS_PINS", map(str, settings.address_pins))
         yield from _list("CHANNEL_ADDRESSES", (str(one.address) for one in settings.receivers))
         more = ["ADDRESS_PINS", "CHANNEL_ADDRESSES"]
-    if settings.address_pins or settings.averages > 1:
-        more = [f"U16({settings.averages})", *more]
+    if settings.address_pins or settings.averages > 1 or settings.is_internal:
+        more = [f"U16({settings.averages})", str(int(settings.is_internal)), *more]
     yield f"#define MORE_CONFIG {''.join(f', {one}' for one in more)}".rstrip()
 
 
@@ -219,6 +224,7 @@ def _avr_lines(settings: FirmwareSettings, chip: BoardFirmware) -> Iterable[str]
     yield f"#define RECEIVE_VECTOR {chip.receive_vector}"
     yield f"#define TRANSMIT_VECTOR {chip.transmit_vector}"
     yield f"#define REFERENCE_MUX {chip.reference_mux}"
+    yield f"#define FULL_SCALE_BITS {chip.internal_reference_bits if settings.is_internal else SUPPLY_BITS}"
     yield f"#define ANY_MUX5 {int(any(mux & MUX5 for mux in muxes))}"
     ports = [(*chip.pin_ports[one.number], one) for one in settings.emitters]
     yield from _commented_list(

@@ -39,6 +39,14 @@ def board_of(design: SensorDesign) -> Board:
     return catalog.find_board(entries_of(design), design.board.kind)
 
 
+def full_scale_v(design: SensorDesign) -> float:
+    """Voltage at an input that reads full scale [V]."""
+    board = board_of(design)
+    if design.board.reference == "internal" and board.internal_reference_v is not None:
+        return board.internal_reference_v
+    return board.full_scale_v
+
+
 @dataclass(frozen=True, kw_only=True)
 class ReceiverPath:
     """What leads from a receiver's amplifier to the board.

@@ -25,7 +25,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from design.circuit.emitter_switch import emitter_switch
-from design.circuit.pins import board_of
+from design.circuit.pins import board_of, full_scale_v
 from design.errors import DesignError
 from design.fields.finding import Finding, error, warning
 from design.fields.quantity import Quantity, weakest
@@ -109,7 +109,7 @@ def counts_per_flux_per_ohm(design: SensorDesign) -> tuple[Quantity, ...] | None
     lit = [(power, at.value) for power, at in powers if power is not None and at is not None]
     if not lit or len(lit) < len(powers):
         return None
-    scale = W_PER_MW * 2**board.adc_bits / board.full_scale_v
+    scale = W_PER_MW * 2**board.adc_bits / full_scale_v(design)
     found: dict[str, Quantity] = {}
     for one in cavity.receivers:
         if one.part_id not in found:

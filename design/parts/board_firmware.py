@@ -22,6 +22,9 @@ VectorName = Annotated[str, Field(pattern=r"^[A-Z][A-Z0-9_]*_vect$")]
 AnalogPin = Annotated[str, Field(pattern=r"^A?[0-9]{1,3}$")]
 """An analogue input as an Arduino core names it, A0 or 26."""
 
+SUPPLY_BITS = 64
+"""Of the multiplexer's register: full scale is the supply."""
+
 MUX5 = 32
 """The multiplexer's sixth bit, which lies in another register than the rest."""
 
@@ -43,6 +46,9 @@ class BoardFirmware(Model):
         dict[str, Annotated[int, Field(ge=0, le=63)]], Field(description="multiplexer setting by input")
     ]
     reference_mux: Annotated[int, Field(ge=0, le=31, description="setting of the internal 1.1 V reference")]
+    internal_reference_bits: Annotated[
+        int, Field(ge=0, le=255, description="of the multiplexer's register, for the reference at full scale")
+    ] = 128
     receive_vector: Annotated[VectorName, Field(description="interrupt: the serial line has a byte for us")]
     transmit_vector: Annotated[VectorName, Field(description="interrupt: the serial line takes a byte")]
 

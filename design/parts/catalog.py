@@ -256,6 +256,7 @@ class Board(Model):
         "supply_v",
         "logic_v",
         "adc_reference_v",
+        "internal_reference_v",
         "adc_clocks_per_conversion",
         "adc_prescalers",
         "conversion_us",
@@ -292,6 +293,12 @@ class Board(Model):
     ] = None
     adc_reference_v: Annotated[
         float | None, Field(gt=0.0, le=6.0, description="full scale of the converter; absent: logic_v [V]")
+    ] = None
+    internal_reference_v: Annotated[
+        float | None,
+        Field(
+            gt=0.0, le=6.0, description="of the converter, for board.reference = 'internal'; absent: none [V]"
+        ),
     ] = None
     adc_clocks_per_conversion: Annotated[int | None, Field(ge=1, le=1000, description="AVR only")] = None
     adc_prescalers: Annotated[

@@ -147,6 +147,7 @@ def board_findings(
     """Everything that the board cannot do, or only just."""
     yield from pin_findings(design, board, emitter_count, receiver_count)
     yield from _voltage_findings(design, board)
+    yield from _reference_findings(design, board)
     if board.divides_clock:
         yield from _prescaler_findings(design, board)
         yield from _baud_findings(design, board)
@@ -181,6 +182,17 @@ def circuit_findings(design: SensorDesign, board: Board) -> Iterator[Finding]:
             )
     errors = list(gain_findings(design))
     yield from errors or settling_findings(design)
+
+
+def _reference_findings(design: SensorDesign, board: Board) -> Iterator[Finding]:
+    if design.board.reference == "internal" and board.internal_reference_v is None:
+        yield error(
+            "board.reference",
+            f"{board.title} has no internal reference that the program can select",
+            value="internal",
+            limit="supply",
+            way_out="leave it out, or name another board.kind",
+        )
 
 
 def _voltage_findings(design: SensorDesign, board: Board) -> Iterator[Finding]:

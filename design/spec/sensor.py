@@ -386,7 +386,7 @@ class ReceiverInputs(Model):
 class BoardUse(Model):
     """The microcontroller and how it is used; pins and channels are dealt out in order when left out."""
 
-    unsaid = ("receivers", "averages")
+    unsaid = ("receivers", "averages", "reference")
 
     kind: PartId = "arduino-mega-2560"
     emitter_pins: Annotated[
@@ -404,6 +404,10 @@ class BoardUse(Model):
     settle_us: Annotated[float, Field(ge=0.0, le=10000.0, description="wait after an emitter switches")] = (
         20.0
     )
+    reference: Annotated[
+        Literal["supply", "internal"],
+        Field(description="full scale of the converter: its supply, or the board's internal reference"),
+    ] = "supply"
     averages: Annotated[
         int, Field(ge=1, le=256, description="readings of which the board sends the mean as one value")
     ] = 1

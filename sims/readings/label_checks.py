@@ -97,7 +97,9 @@ def counts_factor(found: xr.Dataset, design: SensorDesign | None) -> float:
                 "converter of the design: name the design, with --design on the command line"
             )
         return factor * _counts_per_volt(design)
-    highest = HIGHEST_V if design is None else _full_scale_v(design)
+    from design.circuit.pins import full_scale_v
+
+    highest = HIGHEST_V if design is None else full_scale_v(design)
     if array.dtype.kind == "f" and array.size:
         low, high = float(array.min()), float(array.max())
         values = array.values.reshape(-1)[:: max(array.size // MOST_SAMPLES, 1)]
@@ -231,14 +233,8 @@ def _require_in_the_cavity(location_mm: FloatArray, design: SensorDesign | None)
         )
 
 
-def _full_scale_v(design: SensorDesign) -> float:
-    from design.circuit.pins import board_of
-
-    return board_of(design).full_scale_v
-
-
 def _counts_per_volt(design: SensorDesign) -> float:
     """Of the board's converter [counts/V]."""
-    from design.circuit.pins import board_of
+    from design.circuit.pins import board_of, full_scale_v
 
-    return float(2 ** board_of(design).adc_bits / _full_scale_v(design))
+    return float(2 ** board_of(design).adc_bits / full_scale_v(design))

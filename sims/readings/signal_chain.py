@@ -66,6 +66,7 @@ from design.circuit.pins import (
     US_PER_S,
     board_of,
     conversion_time_ms,
+    full_scale_v,
     multiplexer_of,
     receiver_paths,
 )
@@ -171,7 +172,7 @@ def shot_variance_per_count(design: SensorDesign, readout: Readout) -> FloatArra
     capacitors = (
         [UNKNOWN_FEEDBACK_PF] * count if feedbacks is None else [one.capacitor_pf for one in feedbacks]
     )
-    step_v = board_of(design).full_scale_v / 2 ** board_of(design).adc_bits
+    step_v = full_scale_v(design) / 2 ** board_of(design).adc_bits
     of_reading = ELECTRON_C / (2.0 * np.array(capacitors) * F_PER_PF * step_v)
     return np.asarray(of_reading / design.board.averages)
 

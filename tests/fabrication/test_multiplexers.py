@@ -10,7 +10,15 @@ from pathlib import Path
 
 import pytest
 
-from design.circuit.pins import address_pins, board_of, frame_time_ms, multiplexer_of, receiver_paths
+from design.circuit.pins import (
+    address_pins,
+    board_of,
+    frame_time_ms,
+    full_scale_v,
+    multiplexer_of,
+    receiver_paths,
+)
+from design.circuit.transimpedance import counts_per_flux_per_ohm
 from design.errors import DesignError
 from design.rules.check import check
 from design.spec import SensorDesign
@@ -140,3 +148,29 @@ def test_an_unknown_multiplexer_and_a_wrong_supply_are_refused() -> None:
     assert any(
         "of 12 V does not work at the level of the board's pins (3.3 V" in one for one in errors(design)
     )
+
+
+def test_the_internal_reference_is_full_scale_everywhere(board_harness: Path, tmp_path: Path) -> None:
+    design = disc(
+        **{
+            "board.kind": "arduino-mega-2560",
+            "board.frame_rate_hz": 5.0,
+            "board.reference": "internal",
+            "board.receivers": {"multiplexer": "74hc4067"},
+        }
+    )
+    assert full_scale_v(design) == 1.1
+    assert driver_config(design).board.adc_reference == "internal reference, 1.1 V"
+    by_supply = counts_per_flux_per_ohm(design.with_(**{"board.reference": "supply"}))
+    per_ohm = counts_per_flux_per_ohm(design)
+    assert per_ohm is not None
+    assert by_supply is not None
+    assert per_ohm[0].value / by_supply[0].value == pytest.approx(5.0 / 1.1)
+    settings = firmware_settings(design)
+    table = random_table(settings) * 1100 // 5000
+    said = [(7_000.0, pack_command(Command.RATE, 0)), (8_000.0, pack_command(Command.START))]
+    run = simulate(board_harness, tmp_path, design, table, said, duration_us=300_000)
+    assert len(run.frames.counts) >= 3
+    assert (run.frames.counts == table * 1023 // 1100).all()
+    teensy = errors(disc(**{"board.reference": "internal"}))
+    assert any("has no internal reference that the program can select" in one for one in teensy)

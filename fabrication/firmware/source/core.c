@@ -82,7 +82,7 @@ static inline void make(change now) {
 }
 
 static inline void select_input(uint8_t mux) {
-    ADMUX = _BV(REFS0) | (mux & 31); /* full scale is the supply */
+    ADMUX = FULL_SCALE_BITS | (mux & 31);
 #if ANY_MUX5
     ADCSRB = mux & 32 ? _BV(MUX5) : 0;
 #endif
@@ -222,6 +222,7 @@ static void read_frame(void) {
 static uint16_t reference_reading(void) {
     uint32_t since_us = clock_us();
     uint16_t reading;
+    if (FULL_SCALE_BITS != _BV(REFS0)) return 0; /* the reference itself is full scale */
     ADCSRB = 0;
     ADMUX = _BV(REFS0) | REFERENCE_MUX;
     do {
