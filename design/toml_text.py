@@ -73,7 +73,7 @@ def explained(message: str, text: str) -> str:
 
 def _way_out(message: str, line: str) -> str:
     if message.startswith(_TWICE):
-        return f"{line.partition('=')[0].strip()} stands twice in its table; keep one"
+        return f"{line.partition('=')[0].strip()} is given twice in its table; keep one"
     return next((way_out for pattern, way_out in _PATTERNS if pattern.match(line)), "")
 
 

@@ -125,7 +125,7 @@ def _room_findings(field: str, part: str, noun: str, available: int, count: int)
             f"the layout has {count} {part}s, more than the board has {noun}s for",
             value=count,
             limit=f"at most {available}",
-            way_out=f"place fewer {part}s, or name another board.kind",
+            way_out=f"use fewer {part}s, or name another board.kind",
         )
     ]
 

@@ -100,7 +100,7 @@ def _memory_findings(
             f"two frames of {frame} bytes and the program's variables do not fit the memory of the {chip.mcu}",
             value=f"{needed} bytes",
             limit=f"at most {chip.ram_bytes} bytes",
-            way_out="place fewer parts, or name a board with more memory",
+            way_out="use fewer parts, or name a board with more memory",
         )
 
 
@@ -138,7 +138,7 @@ def circuit_findings(design: SensorDesign, board: Board) -> Iterator[Finding]:
                 f"a pin gives too much current to switch {placed.part_id} by a bipolar transistor",
                 value=f"{switch.base_current_ma:.1f} mA",
                 limit=f"at most {most:g} mA",
-                way_out="use a logic-level MOSFET or a driver in its place, or a part with less max_current_ma",
+                way_out="use a logic-level MOSFET or a driver instead, or a part with less max_current_ma",
             )
     errors = list(gain_findings(design))
     yield from errors or settling_findings(design)

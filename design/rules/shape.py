@@ -203,7 +203,7 @@ def _lid_findings(design: SensorDesign) -> Iterator[Finding]:
         names = " ".join(part.name for part in high)
         yield error(
             worst.height_field,
-            f"the lid that shapes the crown would lie on the bodies of {names}",
+            f"the lid that shapes the crown would rest on the bodies of {names}",
             value=f"{mm(worst.body_top_mm - outline.top_mm)} above the rim",
             limit=f"at most {mm(outline.top_mm)}, the rim of the mold",
             way_out="lower it, raise mold.rim_mm, or use a part with less body_height_mm",

@@ -117,7 +117,7 @@ def storage_errors(url: str) -> Iterator[None]:
         reason = str(getattr(root, "orig", None) or root).strip().splitlines()[0]
         raise InputError(
             f"--storage: {shown_url(url)} cannot be reached: {reason}; check address, server and rights "
-            "(finished designs are kept; the same command goes on)"
+            "(finished designs are kept; the same command continues the search)"
         ) from err
 
 

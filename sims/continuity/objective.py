@@ -219,7 +219,7 @@ class _Search:
         for limit in self.limits:
             if (limit.violation(so_far) or 0.0) > 0.0:
                 value = self.verdict if limit.equals else f"{self.figures[limit.figure]:.4g}"
-                raise _HopelessError(f"{limit.figure} {value}, wanted {limit}")
+                raise _HopelessError(f"{limit.figure} {value}, required {limit}")
 
     def _count(self, cavity: CavityGeometry) -> None:
         self.figures["part_count"] = float(len(cavity.parts))

@@ -251,8 +251,8 @@ class DataWriter:
         except BlockingIOError:
             stream.close()
             raise InputError(
-                f"{self.file.name}: another process makes it now ({self.journal}); wait for it, or choose another "
-                "folder with --out"
+                f"{self.file.name}: another process is writing it ({self.journal}); wait for it, or "
+                "choose another folder with --out"
             ) from None
         except OSError:  # a file system without locks
             pass
@@ -373,7 +373,7 @@ def _columns(header: PressData) -> dict[str, tuple[str, int | None, str, dict[st
         "place": ("place", None, "i4", {"long_name": "number of the press within its set, from 0"}),
     }
     if header.true_press_mm is not None:
-        truth = {"units": "mm", "long_name": "where the tip really was; known to the simulation only"}
+        truth = {"units": "mm", "long_name": "true position of the tip; known to the simulation only"}
         for index, axis in enumerate(("x", "y", "depth")):
             columns[f"true_{axis}"] = ("true", index, "f8", truth)
     return columns

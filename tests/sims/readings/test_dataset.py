@@ -217,7 +217,7 @@ def test_a_journal_has_one_writer_at_a_time(tmp_path: Path) -> None:
     data = made_up()
     with DataWriter(tmp_path / "set.nc", header_of(data)) as writer:
         writer.add(one_press(data, 0, 0))
-        with pytest.raises(InputError, match=r"another process makes it now .* wait for it"):
+        with pytest.raises(InputError, match=r"another process is writing it .* wait for it"):
             DataWriter(tmp_path / "set.nc", header_of(data))
         for press in ((0, 1), (1, 0), (1, 1)):
             writer.add(one_press(data, *press))

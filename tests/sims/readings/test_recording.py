@@ -78,8 +78,8 @@ def test_readings_apart_by_a_hundredth_are_told_so(simulated, tmp_path):
     signal = 1000.0 * (ratio_at(DEPTH_MM) + np.where(DEPTH_MM > 0, 0.01, 0.0))
     found = recorded_press(PAIR, read_recording(csv_of(tmp_path, {"depth_mm": DEPTH_MM, "signal": signal})))
     assert found.pairs[0].worst == pytest.approx(0.01, abs=1e-6)
-    assert any("does not say which design" in note for note in found.notes)
-    assert any("does not say where" in note for note in found.notes)
+    assert any("names no design" in note for note in found.notes)
+    assert any("has no location of the press" in note for note in found.notes)
 
 
 def test_only_the_press_is_compared_and_the_retraction_is_kept(simulated, tmp_path):
@@ -159,7 +159,7 @@ def test_several_places_need_one_that_is_named(simulated, tmp_path):
     }
     recording = read_recording(csv_of(tmp_path, columns))
     with pytest.raises(
-        InputError, match=r"2 places, one is shown at a time; name it with --at X,Y, as --at 10,10"
+        InputError, match=r"2 locations, one is shown at a time; name it with --at X,Y, as --at 10,10"
     ):
         recorded_press(PAIR, recording)
     assert len(recorded_press(PAIR, recording, at_mm=(12.0, 10.0)).pairs[0].ratio) == len(DEPTH_MM)
