@@ -160,7 +160,7 @@ def config_header(settings: FirmwareSettings) -> str:
         "#ifndef OPTOPAD_CONFIG_H",
         "#define OPTOPAD_CONFIG_H",
         f"#ifndef {_chip_macro(chip.mcu)}",
-        f'#error "this program is for {chip.mcu}: choose the board {plain(chip.arduino_board)}"',
+        f'#error "this program is for {chip.mcu}: select the board {plain(chip.arduino_board)}"',
         "#endif",
         "#define U16(n) (n) & 255, (n) >> 8 & 255",
         "#define U32(n) U16((n) & 65535), U16((n) >> 16)",
@@ -172,8 +172,10 @@ def config_header(settings: FirmwareSettings) -> str:
             "PRESCALER_EXPONENT", f"{settings.prescaler_exponent}", "ADC clock = clock / 2 to this power"
         ),
         *_tunable("SETTLE_US", f"{settings.settle_us}UL", "wait after an emitter switches"),
-        *_tunable("SWITCH_EARLY", "0", "1: switch during a state's last conversion, once its input is held"),
-        *_tunable("FRAME_INTERVAL_US", f"{settings.frame_interval_us}UL", "0: as fast as it can"),
+        *_tunable(
+            "SWITCH_EARLY", "0", "1: switch during a state's last conversion, once its input is sampled"
+        ),
+        *_tunable("FRAME_INTERVAL_US", f"{settings.frame_interval_us}UL", "0: as fast as possible"),
         f"#define BAUD {settings.baud}UL",
         f"#define BAUD_DIVISOR {settings.baud_divisor} /* of an eighth of the clock */",
         f"#define RECEIVE_VECTOR {chip.receive_vector}",
@@ -201,7 +203,7 @@ def config_header(settings: FirmwareSettings) -> str:
 def _heading(settings: FirmwareSettings) -> Iterable[str]:
     yield f"/* Written by optopad for the design {plain(settings.design)} (digest {settings.digest.hex()[:8]})"
     yield f"   on the board {plain(settings.board_title)}."
-    yield "   Change the design and write it anew: the host refuses a program that is not its design's. */"
+    yield "   Change the design and write it again: the host refuses a program of another design. */"
 
 
 def _chip_macro(mcu: str) -> str:

@@ -69,7 +69,7 @@ CHIP_MAKERS = frozenset({"0403", "067b", "10c4", "1a86"})
 """USB vendors of serial chips that any device may have: FTDI, Prolific, Silicon Labs, QinHeng (CH340)."""
 
 
-GUESSED = "Only a serial chip speaks for this port, which printers and other devices have, too."
+GUESSED = "Only the serial chip identifies this port, and printers and other devices have the same chip."
 
 
 def is_guess(port: FoundPort, board: BoardSetup) -> bool:
@@ -227,7 +227,7 @@ def _why_not(name: str, err: Exception, baud: int) -> str:
     if code in (errno.ENOTTY, errno.EINVAL, errno.EISDIR) or "Could not configure" in text:
         return f"is no serial port that does {baud} baud; ports here: {_listed(ports_here())}"
     if name.startswith(SOCKET):
-        return f"nobody answers there ({text}); start `optopad driver fake` first"
+        return f"no reply there ({text}); start `optopad driver fake` first"
     return f"cannot be opened: {text}"
 
 

@@ -299,7 +299,7 @@ def _unwritable(file: Path, err: OSError) -> str:
         return f"{file}: exists already, and a recording is never overwritten; choose another name"
     if err.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG):
         return (
-            f"{file}: the disk is full ({err.strerror}); the recording stopped, every frame written before is whole "
-            "in it: free some room, then record into a new file"
+            f"{file}: the disk is full ({err.strerror}); the recording stopped, it holds every frame up "
+            "to then: free some room, then record into a new file"
         )
     return f"{file}: cannot be written: {err.strerror or err}; choose another folder"

@@ -182,7 +182,7 @@ def test_a_disk_that_fills_up_keeps_the_frames_before_and_no_piece_of_the_next(
     for number, message in enumerate(FRAMES[:20]):
         recorder.frame(message, float(number))
     recorder.flush()
-    with pytest.raises(OutputError, match=r"disk is full.*every frame written before is whole"):
+    with pytest.raises(OutputError, match=r"disk is full.*it holds every frame up to then"):
         recorder.close()
     assert not recorder.is_open
     assert frames_of(file) == FRAMES[: spare // 122]
