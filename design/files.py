@@ -75,7 +75,7 @@ def require_suffix(file: Path, suffixes: tuple[str, ...], option: str = "") -> N
     """
     require_file_name(file, option)
     if file.suffix.lower() not in suffixes:
-        say = f"; say {file.with_name((file.stem or 'file') + suffixes[0])}" if file.name else ""
+        say = f"; use {file.with_name((file.stem or 'file') + suffixes[0])}" if file.name else ""
         raise InputError(f"{option}{file}: what is written here ends in {' or '.join(suffixes)}{say}")
 
 
@@ -91,7 +91,7 @@ def require_folder_name(folder: Path, option: str = "") -> None:
     require_file_name(folder, option)
     if has_file_suffix(folder):
         raise InputError(
-            f"{option}{folder}: a folder is written here, and the name is that of a {folder.suffix} file; say "
+            f"{option}{folder}: a folder is written here, and the name is that of a {folder.suffix} file; use "
             f"{folder.with_suffix('')}"
         )
 

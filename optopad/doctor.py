@@ -173,7 +173,9 @@ def cpu_finding() -> Finding:
     """How many processors; the light kernels use them all."""
     count = cpu_count()
     if count == 1:
-        return Finding("processors", "warning", "1", "runs take about twice the times given for 2 processors")
+        return Finding(
+            "processors", "warning", "1", "runs take about twice the times stated for 2 processors"
+        )
     return Finding("processors", "ok", str(count))
 
 
@@ -324,7 +326,7 @@ def folder_finding(name: str, folder: Path, way_out: str, *, state: State = "mis
 
 def kept_finding(name: str, folder: Path, lost: str) -> Finding:
     """Whether a folder keeps what later runs need; a run goes on without."""
-    way_out = f"set {CACHE_VARIABLE} to a folder you can write to; else {lost}"
+    way_out = f"set {CACHE_VARIABLE} to a folder you can write to; otherwise {lost}"
     if folder.is_relative_to(NO_HOME):
         return Finding(name, "warning", "none: this user has no home folder", f"set HOME, or {way_out}")
     return folder_finding(name, folder, way_out, state="warning")

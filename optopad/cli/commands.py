@@ -20,7 +20,7 @@ from optopad.work import read_design
 
 
 def doctor(as_json: options.Json = False) -> None:
-    """What this machine can and cannot do."""
+    """Report what this machine can and cannot do."""
     from dataclasses import asdict
 
     from optopad.doctor import examine
@@ -50,7 +50,7 @@ def config(
     seed: options.Seed = 0,
     as_json: options.Json = False,
 ) -> None:
-    """driver.toml, wiring table and bill of materials for exactly this geometry."""
+    """Write driver.toml, wiring table and bill of materials of a design."""
     from optopad.jobs.pipeline import write_driver_config
 
     folder = write_driver_config(read_design(design, set_), out, seed=seed) / "fabrication"
@@ -84,7 +84,7 @@ GROUPS: dict[str, dict[Verb, str]] = {
         design.new: "Write a commented design file to start from.",
         design.check: "List everything in a design that cannot work.",
         design.schema: "Print the JSON Schema of design files, for editors.",
-        design.migrate: "Lift a design file to the present schema version.",
+        design.migrate: "Convert a design file to the present schema version.",
     },
     "Mold": {
         design.build: "Write the mold and its tools as STL, STEP and 3MF.",

@@ -163,7 +163,7 @@ def _learners(learner: str, design: SensorDesign | None, effort: str, seed: int)
             f"--learner: {learner!r} is refused: give {', '.join(LEARNERS)}, {SIGNAL_MAP}, or {ALL}"
         )
     if design is None:
-        raise InputError(f"--learner: {SIGNAL_MAP} is made of a design's light; name it with --design")
+        raise InputError(f"--learner: {SIGNAL_MAP} is computed from a design; name it with --design")
     from sims.learning.map_learner import signal_map_learner
 
     return {SIGNAL_MAP: signal_map_learner(design, quick=effort == "quick", seed=seed)}

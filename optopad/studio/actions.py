@@ -124,7 +124,7 @@ class Errand:
         holder: tempfile.TemporaryDirectory[str],
         finish: Callable[[], None],
     ) -> None:
-        self._tell(Said(text=f"{verb}: begins"))
+        self._tell(Said(text=f"{verb}: started"))
         last = ""
         assert process.stderr is not None
         with holder, process.stderr:
@@ -134,7 +134,7 @@ class Errand:
                     self._tell(Said(text=f"{verb}: {last.removeprefix('optopad: ')}"))
             code = process.wait()
         if self._is_ended:
-            self._tell(Said(text=f"{verb}: ended; what was finished is found again"))
+            self._tell(Said(text=f"{verb}: ended; finished parts are reused"))
         elif code != 0:
             self._tell(
                 Said(text=f"{verb}: {last.removeprefix('optopad: ') or f'ended with {code}'}", is_bad=True)
@@ -153,7 +153,7 @@ class Errand:
 
 def _found(count: int, folder: Path) -> str:
     if count == 0:
-        return f"improve: nothing better that holds at score accuracy; see {folder}"
+        return f"improve: no better design at score accuracy; see {folder}"
     return f"improve: {count} verified alternative{'s' if count > 1 else ''}, in {folder}"
 
 

@@ -62,7 +62,8 @@ class Knob:
 
 
 _FIXED = (
-    ("Pad", "cavity.clear_thickness_mm", "clear layer", 0.25, "Layer that light uses: the main lever."),
+    ("Pad", "cavity.clear_thickness_mm", "clear layer", 0.25, ("Optical layer; the parameter with the largest "
+                                                              "effect.")),
     ("Pad", "cavity.length_mm", "length", 1.0, "Inner length along x; the mold grows with it."),
     ("Pad", "cavity.width_mm", "width", 1.0, "Inner width along y; the mold grows with it."),
     ("Pad", "cavity.diameter_mm", "diameter", 1.0, "Inner diameter; the mold grows with it."),
@@ -70,13 +71,15 @@ _FIXED = (
     ("Pad", "cavity.black_thickness_mm", "black layer", 0.25, "Absorbing layer below the clear one."),
     ("Parts", "emitters.height_mm", "emitters' height", 0.1, "Centre of the emitting area over the layer's bottom."),
     ("Parts", "receivers.height_mm", "receivers' height", 0.1, "Centre of the chip over the clear layer's bottom."),
-    ("Press", "indenter.tip_radius_mm", "tip radius", 0.25, "Of the tip that stands for a finger, and its shank."),
-    ("Press", "operating.max_depth_mm", "deepest press", 0.25, "The range of use that the verdict is about."),
+    ("Press", "indenter.tip_radius_mm", "tip radius", 0.25, "Radius of the tip and its shank."),
+    ("Press", "operating.max_depth_mm", "deepest press", 0.25, "Largest depth that the verdict covers."),
     ("Press", "operating.workspace_margin_mm", "margin", 0.5, "Tip's edge to the wall at the workspace's border."),
-    ("Material", "elastomer.mixing_ratio", "mixing ratio", 1.0, "Base over curing agent by weight: softness, index."),
-    ("Signal", "gain.target_counts", "target reading", 10.0, "What the gain brings the median judged pair to."),
-    ("Signal", "noise.read_noise_counts", "read noise", 0.1, "Of one reading in the dark."),
-    ("Signal", "noise.relative_noise", "relative noise", 0.001, "All noise in proportion to the signal."),
+    ("Material", "elastomer.mixing_ratio", "mixing ratio", 1.0, ("Base over curing agent by weight; sets modulus "
+                                                                "and index.")),
+    ("Signal", "gain.target_counts", "target reading", 10.0, ("Reading of the median judged pair, which sets the "
+                                                             "gain.")),
+    ("Signal", "noise.read_noise_counts", "read noise", 0.1, "Noise of one reading in the dark."),
+    ("Signal", "noise.relative_noise", "relative noise", 0.001, "Total noise in proportion to the signal."),
 )  # fmt: skip
 
 
@@ -223,9 +226,9 @@ def _choices(design: SensorDesign) -> Iterator[Knob]:
     )
     if isinstance(design.gain.feedback_ohm, str):
         rule = design.gain.feedback_ohm
-        tells = "each: every receiver has its own gain; common: one gain for all."
+        tells = "each: one gain per receiver; common: one gain for all."
         yield choice("Signal", "gain.feedback_ohm", "gain", rule, ("each", "common"), tells)
-    tells = "Where parts sit. By hand: every part by itself, as dragging one makes it."
+    tells = "Positions of the parts. By hand: each part on its own; dragging one part selects it."
     bare = plan_of(design).outline
     patterns = (*(PATTERNS if bare.lines else ()), *(ROUND_PATTERNS if bare.arcs else ()), BY_HAND)
     yield choice("Layout", "layout", "pattern", pattern_of(design), patterns, tells)
@@ -238,7 +241,7 @@ def _layout(design: SensorDesign) -> Iterator[Knob]:
             case AlternatingRing():
                 yield from _ring(design, pattern, at)
             case DiscRing():
-                tells = "Emitters, and as many receivers, in turn."
+                tells = "Number of emitters, and of receivers, alternating."
                 yield _whole(at, "count", "pairs", pattern.count, MOST_ON_A_WALL, tells)
                 yield _first_angle(at, pattern.first_angle_deg)
             case FacingRows():
@@ -248,7 +251,7 @@ def _layout(design: SensorDesign) -> Iterator[Knob]:
                     "pairs",
                     pattern.count,
                     MOST_ON_A_WALL,
-                    "Emitters in the row, and as many receivers.",
+                    "Number of emitters in the row, and of receivers.",
                 )
                 span = design.cavity.wall_length_mm(pattern.emitter_wall)
                 yield _pitch(at, pattern.pitch_mm, span / pattern.count)
@@ -277,7 +280,7 @@ def _ring(design: SensorDesign, pattern: AlternatingRing, at: str) -> Iterator[K
             "parts a side",
             counts,
             MOST_ON_A_WALL,
-            "Emitters and receivers in turn, on each wall.",
+            "Emitters and receivers alternate on each wall.",
         )
         even = min(_walls(design).values()) / counts
         yield _pitch(at, pattern.pitch_mm, even)
@@ -292,7 +295,7 @@ def _ring(design: SensorDesign, pattern: AlternatingRing, at: str) -> Iterator[K
                 f"parts {wall}",
                 count,
                 MOST_ON_A_WALL,
-                "The sum is even: an odd step takes the opposite wall along.",
+                "The sum is even: an odd step also changes the opposite wall.",
             )
 
 
@@ -324,7 +327,7 @@ def _first_angle(at: str, value: float) -> Knob:
         low=low,
         high=high,
         step=1.0,
-        tells="Direction of the first part from the centre, 0 along x, 90 along y: turns the whole ring.",
+        tells="Direction of the first part from the centre, 0 along x, 90 along y: rotates the whole ring.",
     )
 
 

@@ -72,7 +72,7 @@ class Doing:
     def end(self) -> None:
         """End what is under way."""
         if not self._errand.is_running:
-            self._session.say("nothing runs")
+            self._session.say("no running job")
         self._errand.end()
         self._changed()
 
@@ -80,7 +80,7 @@ class Doing:
         """Open the page of the design's bundle in the browser of this machine."""
         report = self._errand.out / bundle_name(self._session.design) / "report.html"
         if not report.is_file():
-            self._session.say("no report of this design yet: build the bundle first", is_bad=True)
+            self._session.say("no report of this design yet: make the bundle first", is_bad=True)
             return
         webbrowser.open(report.absolute().as_uri())
         self._session.say(f"opened: {report}")
@@ -89,7 +89,7 @@ class Doing:
         """What the browser shows of the scene, as a PNG among the bundles."""
         clients = list(self._server.get_clients().values())
         if not clients:
-            self._session.say("no page is open to take a picture of", is_bad=True)
+            self._session.say("no open page to take a picture of", is_bad=True)
             return
         camera = clients[-1].camera
         try:
@@ -118,9 +118,9 @@ class Doing:
 
     def _begin(self, start: Callable[[], bool]) -> None:
         if self._session.now.errors:
-            self._session.say(f"not begun: {self._session.now.errors[0]}", is_bad=True)
+            self._session.say(f"not started: {self._session.now.errors[0]}", is_bad=True)
         elif not start():
-            self._session.say("one thing at a time: end what runs first", is_bad=True)
+            self._session.say("one job at a time: end the running job first", is_bad=True)
         self._changed()
 
 
@@ -156,17 +156,20 @@ class AnswersPanel:
         self._said, self._verdict = gui.add_html(""), gui.add_html("")
         self._add_sensor(gui, live)
         self._choose = gui.add_dropdown(
-            "alternatives", (NO_GHOST,), visible=False, hint="Verified by improve: one of them on the table."
+            "alternatives", (NO_GHOST,), visible=False, hint="Verified designs of improve: load one."
         )
         self._choose.on_update(lambda _event: later("ghost", self._take_chosen, 0.0))
         self._curves_title, self._curves = gui.add_html(""), gui.add_html("")
         self._quantity = gui.add_dropdown(
-            "map of", QUANTITIES, initial_value=QUANTITIES[0], hint="What each place of the pad says."
+            "map of",
+            QUANTITIES,
+            initial_value=QUANTITIES[0],
+            hint="Quantity shown at each location of the pad.",
         )
         self._quantity.on_update(lambda _event: redraw_map())
         self._map, self._pins = gui.add_html(""), gui.add_html("")
         self._back = gui.add_dropdown(
-            "go back to", (NO_PIN,), visible=False, hint="A pinned design on the table again."
+            "go back to", (NO_PIN,), visible=False, hint="Load a pinned design again."
         )
         self._back.on_update(lambda _event: later("pin", self._take_pin, 0.0))
 
@@ -177,10 +180,10 @@ class AnswersPanel:
             "tip follows touch",
             True,
             visible=live is not None,
-            hint="The press is where the sensor feels one.",
+            hint="The press follows the touch that the sensor detects.",
         )
         if live is not None:
-            rebase = gui.add_button("New baseline: leave the pad alone")
+            rebase = gui.add_button("New baseline: do not touch the pad")
             rebase.on_click(lambda _event: live.rebase())
 
     @property
@@ -438,7 +441,7 @@ class Controls:
             )
             self._rays.on_update(lambda _event: self._redraw())
             self._row = gui.add_checkbox(
-                "move whole rows", False, hint="A dragged part takes its row along: pitch or shift."
+                "move whole rows", False, hint="A dragged part moves its row: pitch or shift."
             )
 
     def _slider(self, label: str, low: float, high: float, value: float, name: str, hint: str) -> Any:
@@ -507,10 +510,10 @@ class Controls:
         with self._gui.add_folder("Do"):
             for label, name, do in (
                 ("Improve", "improve", buttons.improve),
-                ("Build the bundle", "build", buttons.build),
+                ("Make the bundle", "build", buttons.build),
                 ("Open the report", "report", buttons.open_report),
                 ("Export picture", "picture", buttons.export_picture),
-                ("End what runs", "end", buttons.end),
+                ("End the job", "end", buttons.end),
             ):
                 self._button(label, name, do)
 
@@ -525,7 +528,7 @@ class Controls:
     def _add_picture(self) -> None:
         with self._gui.add_folder("Picture", expand_by_default=False):
             self._mold = self._gui.add_dropdown(
-                "mold", MOLDS, initial_value="hidden", hint="As it is printed."
+                "mold", MOLDS, initial_value="hidden", hint="The mold as printed."
             )
             self._mold.on_update(lambda _event: self._redraw())
             self._dark = self._gui.add_checkbox("dark page", False)

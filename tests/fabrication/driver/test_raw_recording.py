@@ -101,7 +101,7 @@ def test_frames_that_a_recording_holds_twice_are_read_once_and_counted(tmp_path:
 
 @pytest.mark.parametrize("name", ["data.csv", "data.nc", "data", "data.optorec.gz"])
 def test_a_recording_s_name_promises_no_other_content(name: str, tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"what is written here ends in \.optorec; say .*data.*\.optorec"):
+    with pytest.raises(InputError, match=r"what is written here ends in \.optorec; use .*data.*\.optorec"):
         Recorder(tmp_path / name, CONFIG)
     recorded = Path(tmp_path / "a.optorec")
     written(recorded, 3)

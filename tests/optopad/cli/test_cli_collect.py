@@ -80,7 +80,7 @@ def test_collect_presses_by_a_table_and_goes_on_with_the_rest(
 @pytest.mark.parametrize(
     ("options", "told"),
     [
-        (["--tip-at", "1,1,0", "--origin", "1,1,0"], "two ways to say where the pad is"),
+        (["--tip-at", "1,1,0", "--origin", "1,1,0"], "both give the position of the pad"),
         (["--tip-at", "here"], "--tip-at: 'here' is refused: write X,Y,DEPTH"),
         (["--protocol", "far.csv"], "press 0 of set 'collected': stage: x 90 mm is outside"),
         (["--protocol", "none.csv"], "none.csv: no such file"),

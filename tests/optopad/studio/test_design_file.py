@@ -377,7 +377,7 @@ PATHS = ("../out.toml", "/out.toml", "in/out.toml", "..\\out.toml", "C:\\out.tom
     [
         *[(name, InputError, "is refused: .* give a name alone.* saved in ") for name in DEVICES + PATHS],
         *[
-            (f"a{sign}b.toml", InputError, "it is no plain name of a file; give")
+            (f"a{sign}b.toml", InputError, "it is not a plain file name; give")
             for sign in '<>:"|?*\0\n\x7f'
         ],
         *[(name, InputError, "ends in .toml") for name in ("pad", "pad.json", ".toml")],
@@ -468,7 +468,7 @@ def test_a_preset_or_bundle_is_saved_under_a_new_name_only(
     assert file.path is None
     assert file.default_name == "piacenza2017-pad.toml"
     for target in (None, "", "  "):
-        with pytest.raises(InputError, match=r"this design has no file yet; give a name, as my-pad\.toml"):
+        with pytest.raises(InputError, match=r"this design has no file yet; give a name, such as my-pad\.toml"):
             file.save(file.saved, target)
     new = Path("mine.toml")
     assert file.save(file.saved, "mine.toml") == new

@@ -318,9 +318,9 @@ def test_a_verdict_of_the_design_before_says_so_until_there_is_one() -> None:
     design = preset(PAD)
     judged = Judged(digest="0" * 64, level="draft", score=DEAD)
     assert "of the design before: DEADBAND" in Words(verdict_html(version(design), judged, "", None)).text
-    assert Words(verdict_html(version(design), None, "", None)).text == "working at the first answer"
+    assert Words(verdict_html(version(design), None, "", None)).text == "computing the first result"
     told = Words(verdict_html(version(design), judged, "too deep", None)).text
-    assert told == "no answertoo deep"
+    assert told == "no resulttoo deep"
 
 
 def test_a_press_without_an_answer_leaves_the_verdict_standing() -> None:
@@ -329,7 +329,7 @@ def test_a_press_without_an_answer_leaves_the_verdict_standing() -> None:
     told = Words(verdict_html(version(design), judged, "too near the wall", None)).text
     assert "DEADBAND: at 10 of 25 locations" in told
     assert "of this press: too near the wall" in told
-    assert "no answer" not in told
+    assert "no result" not in told
 
 
 def test_errors_are_in_the_words_of_check_and_count_as_many_as_there_are() -> None:
