@@ -286,6 +286,8 @@ def _plain(text: str) -> str:
 Tile = tuple[str, str, str]
 MICROMETRES_BELOW_MM = 0.1
 """The headline gives smaller bounds in micrometres [mm]."""
+ORIGINS = {"open value": "unmeasured parameter"}
+"""Origins of a tolerance that are named otherwise in the table."""
 MOST_NAMED = 3
 """Values named in the words; the plot and the table have all."""
 SYMBOLS: dict[Verdict, str] = {
@@ -663,7 +665,13 @@ def builds_table(study: BuildStudy) -> Html:
         one, (rank, low, high) = study.tolerances[number], found[number]
         band = f"{one.low:.4g} to {one.high:.4g} {one.unit}"
         rows.append(
-            (one.path, band, one.distribution, one.origin, f"{rank:+.2f} ({low:+.2f} to {high:+.2f})")
+            (
+                one.path,
+                band,
+                one.distribution,
+                ORIGINS.get(one.origin, one.origin),
+                f"{rank:+.2f} ({low:+.2f} to {high:+.2f})",
+            )
         )
     heads = ("value", "band", "distribution", "origin", "rank correlation (95 %)")
     return element(

@@ -96,7 +96,7 @@ def _notes(design: SensorDesign, force: ForceCurve, young: Quantity) -> list[str
     )
     if protocol.deepest_mm.value > force.depth_mm[-1]:
         notes.append(
-            f"The protocol goes to {protocol.deepest_mm.value:g} mm, deeper than operating.max_depth_mm: not drawn."
+            f"The protocol reaches {protocol.deepest_mm.value:g} mm, deeper than operating.max_depth_mm: not drawn."
         )
     return notes
 

@@ -45,7 +45,13 @@ CURVES = (
     ("top", "mirrored by the top (mode 1)"),
     ("other", "other, scattered"),
 )
-LACKS = {"apart": "modes apart", "slight": "changes too little", "cancel": "modes cancel"}
+LACKS = {
+    "apart": "modes apart",
+    "slight": "changes too little",
+    "cancel": "modes cancel",
+    "used up": "saturated",
+    "dim": "too little light",
+}
 """What a pair lacks, in words, where the name alone would not do."""
 CAUSE_HEADS = (
     "pair",
@@ -87,7 +93,8 @@ def causes_section(score: ContinuityScore, drawings: Drawings) -> Html:
     for number, cause in enumerate(causes, 1):
         x_mm, y_mm = cause.place_mm
         words = cause_sentence(cause)
-        said = f"{cause.kind.capitalize()} from {spans([cause.depth_mm])} mm at x = {x_mm:g}, y = {y_mm:g} mm: {words}."
+        kind = "Deadband" if cause.kind == "deadband" else "Saturated"
+        said = f"{kind} from {spans([cause.depth_mm])} mm at x = {x_mm:g}, y = {y_mm:g} mm: {words}."
         drawn = drawings.get(f"cause-{number}")
         parts.append(element("p", said) if drawn is None else figure_of(drawn, said))
     witnesses = causes[0].witnesses

@@ -263,7 +263,7 @@ def test_no_verb_takes_a_name_that_promises_another_content(
         for name in ("x.pdf", "deep/x.pkl", "x.CSV" if ".csv" not in words else "x.NPZ"):
             _, err = refused([*path, *dummies, "--out", name], capsys)
             assert err.startswith(f"optopad: --out {name}: "), path
-            assert words.replace("say x", "say deep/x" if "/" in name else "say x") in err, path
+            assert words.replace("use x", "use deep/x" if "/" in name else "use x") in err, path
     assert set(WRITTEN) < found
     assert everything_under(folder) == []
     with pytest.raises(InputError, match=r"x\.json: what is written here ends in \.toml; use x\.toml"):

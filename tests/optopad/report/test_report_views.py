@@ -180,7 +180,9 @@ def test_the_bounds_are_told_with_their_limits_and_ends() -> None:
     said = Page(f"<main>{''.join(bounds_words(score))}{losses_table(score)}</main>").text
     assert "At x 6, y 6 mm, 4.9 mm deep it is not resolved." in said
     assert "Covered, to 1 mm in location and 0.5 mm in depth" in said
-    assert "Contact is detected at every location from 0.02 N (0.013 to 0.03 N over the modulus's band)" in said
+    assert (
+        "Contact is detected at every location from 0.02 N (0.013 to 0.03 N over the modulus's band)" in said
+    )
     assert "E3 costs most, 90% (85% to 95%) of the volume stays covered" in said
     tile = bounds_tile(score)
     assert tile is not None

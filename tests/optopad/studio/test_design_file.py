@@ -376,10 +376,7 @@ PATHS = ("../out.toml", "/out.toml", "in/out.toml", "..\\out.toml", "C:\\out.tom
     ("name", "error", "words"),
     [
         *[(name, InputError, "is refused: .* give a name alone.* saved in ") for name in DEVICES + PATHS],
-        *[
-            (f"a{sign}b.toml", InputError, "it is not a plain file name; give")
-            for sign in '<>:"|?*\0\n\x7f'
-        ],
+        *[(f"a{sign}b.toml", InputError, "it is not a plain file name; give") for sign in '<>:"|?*\0\n\x7f'],
         *[(name, InputError, "ends in .toml") for name in ("pad", "pad.json", ".toml")],
         *[(name, InputError, "drops a dot or a blank at the end") for name in (".", "..", "pad.toml.")],
         ("x" * 300 + ".toml", OutputError, "cannot be written: File name too long"),
@@ -468,7 +465,9 @@ def test_a_preset_or_bundle_is_saved_under_a_new_name_only(
     assert file.path is None
     assert file.default_name == "piacenza2017-pad.toml"
     for target in (None, "", "  "):
-        with pytest.raises(InputError, match=r"this design has no file yet; give a name, such as my-pad\.toml"):
+        with pytest.raises(
+            InputError, match=r"this design has no file yet; give a name, such as my-pad\.toml"
+        ):
             file.save(file.saved, target)
     new = Path("mine.toml")
     assert file.save(file.saved, "mine.toml") == new

@@ -162,7 +162,9 @@ def test_a_viser_whose_requests_cannot_be_checked_serves_nothing(monkeypatch: py
 
     monkeypatch.setattr(LocalServer, "_checked", lambda _: contextlib.nullcontext())
     monkeypatch.setattr(LocalServer, "stop", stopped)
-    with pytest.raises(InputError, match=r"viser .* is refused: the studio cannot check the origin of requests; install"):
+    with pytest.raises(
+        InputError, match=r"viser .* is refused: the studio cannot check the origin of requests; install"
+    ):
         local_server(0)
     with pytest.raises(ConnectionRefusedError):
         socket.create_connection(("127.0.0.1", ports[0]), timeout=10)
