@@ -264,7 +264,7 @@ def _fit(design: SensorDesign, cavity: CavityGeometry) -> Iterator[str]:
         "Positions and pins: `wiring.svg`, `wiring.csv`; parts in sockets: `orientation.svg`; circuit: "
         "`schematic.svg`."
     )
-    yield "Every part goes in from above, active face inward."
+    yield "Insert every part from above, active face inward."
     yield ""
     yield "| part | references | base above black layer | fit, gap at each side | leads | polarity |"
     yield "|---|---|---|---|---|---|"
