@@ -132,7 +132,9 @@ SHOWN_LINES = 3
 
 CAUSES: Mapping[str, str] = MappingProxyType(
     {
-        "permission denied": "you may not use the port: join its group (Debian and Ubuntu: dialout), then log in anew",
+        "permission denied": (
+            "you may not use the port: join its group (Debian and Ubuntu: dialout), then log in again"
+        ),
         "busy": (
             "another program has the port open: end it (a serial monitor, `driver read`), then try again"
         ),
@@ -198,6 +200,6 @@ def upload(chip: BoardFirmware, image: Path, port: str) -> None:
 
 def _explained(said: str) -> str:
     lines = [line.strip() for line in said.splitlines() if line.strip()]
-    shown = " | ".join(lines[-SHOWN_LINES:]) or f"{UPLOADER} said nothing"
+    shown = " | ".join(lines[-SHOWN_LINES:]) or f"{UPLOADER} printed no message"
     help_ = next((way_out for words, way_out in CAUSES.items() if words in said.lower()), "")
     return f"{shown}; {help_}" if help_ else shown

@@ -246,7 +246,7 @@ def import_failure(*modules: str) -> Failure | None:
     try:
         probe = subprocess.run(command, capture_output=True, text=True, timeout=PROBE_LIMIT_S, check=False)
     except subprocess.TimeoutExpired:
-        return Failure(f"its import takes longer than {PROBE_LIMIT_S} s", "try again: the disk may be busy")
+        return Failure(f"its import takes longer than {PROBE_LIMIT_S} s", "try again; the disk may be busy")
     if probe.returncode == 0:
         return None
     marked = [line for line in probe.stdout.splitlines() if line.startswith(PROBE_MARK)]

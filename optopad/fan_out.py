@@ -37,7 +37,7 @@ def on_cluster(address: str) -> Iterator[FanOut]:
     except (OSError, ValueError, TimeoutError) as err:
         reason = str(err).splitlines()[0] if str(err) else type(err).__name__
         raise InputError(
-            f"--scheduler: no scheduler answers at {address!r}: {reason}; start one with `dask scheduler`"
+            f"--scheduler: no scheduler replies at {address!r}: {reason}; start one with `dask scheduler`"
         ) from None
     with client:
         if not client.scheduler_info()["workers"]:

@@ -190,7 +190,7 @@ class Spectrum(Model):
         if any(later <= earlier for earlier, later in pairwise(self.wavelength_nm)):
             raise ValueError("wavelength_nm must rise from entry to entry")
         if not any(self.weight):
-            raise ValueError("weight is 0 at every wavelength; give what the sheet shows")
+            raise ValueError("weight is 0 at every wavelength; give the values of the data sheet")
         return self
 
     def samples(self) -> tuple[tuple[float, float], ...]:

@@ -44,7 +44,7 @@ def firmware_findings(
     if chip is None:
         yield warning(
             "board.kind",
-            "no firmware is made for this board: its entry does not say which chip it has",
+            "no firmware is made for this board: its entry does not name its chip",
             value=design.board.kind,
             limit="an entry with a table `firmware`",
             way_out="add one in your catalogue, or name another board",
@@ -82,7 +82,7 @@ def _unknown(field: str, table: str, names: Sequence[object]) -> Iterator[Findin
     if names:
         yield warning(
             field,
-            f"no firmware is made: the board's entry does not say in {table} where they are",
+            f"no firmware is made: the board's entry does not list them in {table}",
             value=", ".join(map(str, names)),
             limit=f"names that {table} has",
             way_out=f"add them to firmware.{table} of the board's entry, or choose others",

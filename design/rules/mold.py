@@ -84,7 +84,7 @@ WORDS = {
         message="the floor below the socket of {where} is too thin", way_out="raise mold.floor_mm or {field}"
     ),
     "pocket below fill level": Words(
-        message="the socket of {where} hardly reaches below the top of the clear layer",
+        message="the socket of {where} is too shallow below the top of the clear layer",
         way_out="lower {field} or raise cavity.clear_thickness_mm",
     ),
     "pocket to fixing hole": Words(
@@ -252,7 +252,7 @@ def _piece_findings(design: SensorDesign) -> Iterator[Finding]:
     if design.mold.pieces == "frame_and_base" and design.mold.fixing_hole_diameter_mm == 0:
         yield error(
             "mold.pieces",
-            "nothing holds frame and base together",
+            "frame and base have no fixing",
             value="no fixing holes",
             limit="mold.fixing_hole_diameter_mm above 0",
             way_out="give fixing holes for screws, or set mold.pieces = 'one'",

@@ -86,7 +86,7 @@ class SpaceField(Model):
                 raise ValueError(f"{self.path}: has choices and a range; keep one of the two")
             labels = [canonical_json(choice) for choice in self.choices]
             if len(set(labels)) < len(labels):
-                raise ValueError(f"{self.path}: choices holds a value twice; remove one")
+                raise ValueError(f"{self.path}: choices has a value twice; remove one")
             return self
         if self.low is None or self.high is None:
             raise ValueError(f"{self.path}: needs low and high, or choices")

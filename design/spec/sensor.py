@@ -120,7 +120,8 @@ class Noise(Model):
     led_fluctuation: Annotated[
         Share,
         Field(
-            description="standard deviation of an emitter's power from frame to frame, all receivers alike; bounded"
+            description="standard deviation of an emitter's power from frame to frame, equal for all "
+            "receivers; bounded"
         ),
     ] = 0.002
     gain_drift: Annotated[
@@ -510,8 +511,8 @@ class SensorDesign(Model):
                     "outer_width_mm"
                 )
                 if self.cavity.outline == "disc"
-                else "mold.outer_diameter_mm: is of a disc; give outer_length_mm and outer_width_mm, or set "
-                "cavity.outline = 'disc'"
+                else "mold.outer_diameter_mm: belongs to a disc; give outer_length_mm and "
+                "outer_width_mm, or set cavity.outline = 'disc'"
             )
         size, mold = self.cavity, self.mold
         if size.outline == "stadium":

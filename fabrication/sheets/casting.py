@@ -434,7 +434,10 @@ def _cure(design: SensorDesign) -> Iterator[str]:
         "The lowest temperature is safe: higher ones must stay below the limit of the printed mold "
         "(see its notes)."
     )
-    yield "Both layers cure alike; the black one only until it no longer sticks. A surface that stays tacky was"
+    yield (
+        "Both layers cure in the same way; the black one only until it no longer sticks. A surface "
+        "that stays tacky was"
+    )
     yield "inhibited: by uncured resin, sulfur (latex gloves, some clays), tin or amines (some epoxies and solder"
     yield "fluxes). Clean the soldered joints, and wear nitrile gloves."
     yield ""

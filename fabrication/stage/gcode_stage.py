@@ -143,7 +143,7 @@ class GcodeLine:
         while self._owed > 0 and not is_over:
             if time.monotonic() > end:
                 raise DeviceError(
-                    f"{self._port.name}: no answer to {command} for {self._answer_s + takes_s:.1f} s"
+                    f"{self._port.name}: no reply to {command} for {self._answer_s + takes_s:.1f} s"
                 )
             self._kept += self._read()
             *lines, self._kept = self._kept.split(b"\n")
@@ -166,7 +166,7 @@ class GcodeLine:
             return  # RepRapFirmware calls it an error; whether the command is needed is the caller's
         if lowered.startswith(("error", "!!")) or ("home" in lowered and "first" in lowered):
             self._owed = 0
-            raise DeviceError(f"{self._port.name}: the printer says {line!r} to {command}")
+            raise DeviceError(f"{self._port.name}: the printer replied {line!r} to {command}")
         if line == "start":
             self._owed = 0
             self.has_begun_anew = True

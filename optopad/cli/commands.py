@@ -78,7 +78,7 @@ GROUPS: dict[str, dict[Verb, str]] = {
         job.run: "Make mold, verdict, driver configuration and report of a design.",
         job.report: "Find the report of a bundle, and check the bundle's files.",
         design.studio: "Edit and press a design in a browser, with live signals.",
-        doctor: "Show what this machine can do, and what is missing.",
+        doctor: "Show the capabilities of this machine and missing packages.",
     },
     "Design": {
         design.new: "Write a commented design file to start from.",

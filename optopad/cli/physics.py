@@ -378,7 +378,7 @@ def rays(
     receiver: Annotated[
         str | None,
         typer.Option(
-            metavar="R1", help="One receiver, likewise. With --emitter: a pair, cut along its chord."
+            metavar="R1", help="One receiver, by its name. With --emitter: a pair, cut along its chord."
         ),
     ] = None,
     press: Annotated[

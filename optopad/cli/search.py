@@ -36,7 +36,7 @@ def improve(
     ] = None,
     keep: Annotated[
         list[str] | None,
-        typer.Option("--keep", metavar="FIELD", help="Leave this field as it is. Repeatable."),
+        typer.Option("--keep", metavar="FIELD", help="Keep the value of this field. Repeatable."),
     ] = None,
     more_parts: Annotated[bool, typer.Option("--more-parts", help="Also try more parts per side.")] = False,
     budget: Annotated[
@@ -238,6 +238,9 @@ def _say(result: Search) -> None:
         told = "".join(f"{'-' if value is None else f'{value:.4g}':>20}" for value in values)
         say(f"{label:<28}{told}  {words}")
     if not found.front:
-        say("front     empty: no design was judged to the end within all limits; designs.csv says why")
+        say(
+            "front     empty: no design was judged to the end within all limits; designs.csv lists the "
+            "reasons"
+        )
     say(f"files     {result.folder}")
     say(f"report    {result.folder / 'report.html'}")

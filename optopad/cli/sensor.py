@@ -162,7 +162,7 @@ def record(
                     is_over=lambda: recorder.frames >= (frames or math.inf),
                 )
         except DeviceError as err:
-            raise DeviceError(f"{err}; {file} holds the {recorder.frames} frames before") from err
+            raise DeviceError(f"{err}; {file} has the {recorder.frames} frames before") from err
         recorder.close()
         link, line = link_json(sensor), link_line(sensor)
     made = _netcdf_beside(file) if netcdf else None

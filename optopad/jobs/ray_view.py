@@ -293,9 +293,10 @@ def caption(view: RayView) -> str:
     )
     of = "the light that arrived while the pad was untouched" if view.is_aimed else "the emitted light"
     return (
-        "Lines are random sample paths of the ray tracer, each as likely as the power that it carries; a kind with "
-        f"more power has more lines, but weak kinds have more than their share. {lost} Percentages are of {of}, from "
-        f"the light model, not from counts of lines. The section shows paths projected from the side. Seed {view.seed}."
+        "Lines are random sample paths of the ray tracer, drawn with a probability proportional to their "
+        f"power; kinds with more power have more lines, but weak kinds are overrepresented. {lost} "
+        f"Percentages are of {of}, from the light model, not from counts of lines. The section shows "
+        f"paths projected from the side. Seed {view.seed}."
     )
 
 

@@ -177,8 +177,8 @@ def recorded_lines(found: ComparedRecording) -> list[str]:
     for pair in found.press.pairs:
         modes = pair.simulated.score.modes
         lines.append(
-            f"{pair.simulated.name:<9} measured and simulated are {pair.rms:.1%} of the untouched signal "
-            f"apart (rms; {pair.worst:.1%} at most); untouched {pair.untouched_counts:.0f}; mode 1 to "
+            f"{pair.simulated.name:<9} measured and simulated differ by {pair.rms:.1%} of the untouched "
+            f"signal (rms; {pair.worst:.1%} at most); untouched {pair.untouched_counts:.0f}; mode 1 to "
             f"{modes.mode1_mm[1]:.2f} mm, mode 2 "
             + ("never" if modes.mode2_mm[0] is None else f"from {modes.mode2_mm[0]:.2f} mm")
         )

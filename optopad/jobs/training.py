@@ -192,7 +192,7 @@ def _training_data(files: Sequence[Path], design: SensorDesign | None) -> tuple[
     train = data.role("train")
     if not len(train):
         raise InputError(
-            "data: hold no set for training, all have the role test; name a data set with training sets"
+            "data: no set for training, all have the role test; name a data set with training sets"
         )
     return train, (*notes, *data_notes(train))
 

@@ -93,7 +93,7 @@ def before_and_after(made: Improvement) -> Html:
     designs = [made.design, *(one.design for one in made.alternatives)]
     scores = [made.before.found, *(one.score for one in made.alternatives)]
     figures = [made.figures, *(one.figures for one in made.alternatives)]
-    changes = ["as it is", *(changes_words(made.design, one.changes) for one in made.alternatives)]
+    changes = ["unchanged", *(changes_words(made.design, one.changes) for one in made.alternatives)]
     files = [
         "",
         *(
@@ -102,7 +102,7 @@ def before_and_after(made: Improvement) -> Html:
         ),
     ]
     rows = [
-        ["what changes", *changes],
+        ["changes", *changes],
         ["verdict", *(answer_of(*both).verdict for both in zip(designs, scores, strict=True))],
         ["confidence", *(answer_of(*both).sure for both in zip(designs, scores, strict=True))],
         ["usable depth [mm]", *(_number(score.usable_depth_mm) for score in scores)],

@@ -298,7 +298,7 @@ class DesignFile:
             return None
         self._seen, self.is_in_step = state, False
         if state is None:
-            raise DesignError(f"{self.path}: is gone; your edits are kept, Save writes it again")
+            raise DesignError(f"{self.path}: was deleted; your edits are kept, Save writes it again")
         found = load_design(self.path)
         text = _read(self.path)
         former, self.saved, self._text, self.is_in_step = self.saved, found, text, True

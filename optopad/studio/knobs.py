@@ -64,9 +64,9 @@ class Knob:
 _FIXED = (
     ("Pad", "cavity.clear_thickness_mm", "clear layer", 0.25, ("Optical layer; the parameter with the largest "
                                                               "effect.")),
-    ("Pad", "cavity.length_mm", "length", 1.0, "Inner length along x; the mold grows with it."),
-    ("Pad", "cavity.width_mm", "width", 1.0, "Inner width along y; the mold grows with it."),
-    ("Pad", "cavity.diameter_mm", "diameter", 1.0, "Inner diameter; the mold grows with it."),
+    ("Pad", "cavity.length_mm", "length", 1.0, "Inner length along x; the mold changes with it."),
+    ("Pad", "cavity.width_mm", "width", 1.0, "Inner width along y; the mold changes with it."),
+    ("Pad", "cavity.diameter_mm", "diameter", 1.0, "Inner diameter; the mold changes with it."),
     ("Pad", "crown.radius_mm", "crown radius", 1.0, "Radius of curvature of the top: smaller is rounder."),
     ("Pad", "cavity.black_thickness_mm", "black layer", 0.25, "Absorbing layer below the clear one."),
     ("Parts", "emitters.height_mm", "emitters' height", 0.1, "Centre of the emitting area over the layer's bottom."),

@@ -128,7 +128,7 @@ def _chosen(design: SensorDesign, recording: Recording, names: tuple[str, ...]) 
     judged = {pair_name(cavity, pair): pair for pair in judged_pairs(cavity)}
     if list(recording.counts) == [SIGNAL]:
         if len(names) > 1:
-            raise InputError(f"{recording.file}: holds one signal; name one pair with --pair")
+            raise InputError(f"{recording.file}: has one signal; name one pair with --pair")
         name = names[0] if names else next(iter(judged))
         _require_known([name], judged, "the design judges")
         return {SIGNAL: judged[name]}

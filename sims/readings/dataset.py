@@ -108,8 +108,8 @@ def require_design(data: PressData, design: SensorDesign, *, what: str = "data")
 
     if data.design_digest is not None and data.design_digest != design.digest:
         raise InputError(
-            f"{what}: of design {data.design_digest[:8]}, needs {design.digest[:8]} ({design.name}); "
-            "give the design that was built, or record anew"
+            f"{what}: of design {data.design_digest[:8]}, needs {design.digest[:8]} ({design.name}); give "
+            "the design that was built, or record again"
         )
     cavity = cavity_of(design)
     for kind, had, needed in (

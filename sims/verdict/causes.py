@@ -81,7 +81,7 @@ class Rise:
         why = (
             "the press tilts the top towards the receiver, which mirrors more light"
             if self.part != "other light"
-            else "other than mirrored light grows"
+            else "light other than the mirrored one increases"
         )
         return (
             f"{self.pairs} of {self.judged} pairs read more than untouched under some press; the largest "

@@ -187,7 +187,7 @@ def test_a_cover_lies_at_the_undisturbed_top_and_the_cavity_stays():
         ),
         (
             PAD.with_(**{"mold.pieces": "frame_and_base", "mold.fixing_hole_diameter_mm": 0.0}),
-            r"mold\.pieces: nothing holds frame and base together",
+            r"mold\.pieces: frame and base have no fixing",
         ),
     ],
 )

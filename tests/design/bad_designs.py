@@ -132,7 +132,7 @@ _FILES = (
         for line, way_out in (
             ('a = "D:\\parts\\x.toml"', "write / for"),
             ("a = \u201cpad\u201d", "straight quotes"),
-            ("a =\u00a032", "a blank that is not ordinary"),
+            ("a =\u00a032", "a special blank"),
             ("a: 32.0", "write = between"),
             ("a 32.0", "write = between"),
             ("a = .5", "write a 0 before"),

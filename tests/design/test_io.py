@@ -336,7 +336,7 @@ def test_a_curve_that_is_none_is_refused_with_its_file(tmp_path: Path) -> None:
         ("angular_pattern", "0,1\n120,0.7\n", "reaches 120; needs angles to the axis"),
         ("angular_pattern", "0,1\n45,-0.1\n", "at most 2% of the largest below"),
         ("angular_pattern", "0,31;0,99\n45,1;0,7\n", "decimal comma"),
-        ("angular_pattern", "0,1\n", "holds 1 points"),
+        ("angular_pattern", "0,1\n", "has 1 points"),
         ("angular_pattern", "0,0\n1,0\n", "correct the axis"),
         ("spectrum", "0.52,1\n0.56,0.7\n", "in nm, not in µm"),
     ):

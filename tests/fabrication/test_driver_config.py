@@ -184,7 +184,7 @@ def test_the_configuration_of_another_design_is_refused(tmp_path: Path) -> None:
 
 
 def test_a_missing_file_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"no such file; needed is a driver\.toml"):
+    with pytest.raises(InputError, match=r"no such file; needs a driver\.toml"):
         load_driver_config(tmp_path / "driver.toml")
 
 

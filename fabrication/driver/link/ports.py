@@ -196,7 +196,7 @@ class Port:
         return first + rest
 
     def _lost(self, err: Exception) -> PortLostError:
-        return PortLostError(f"{self.name}: the port is gone: {err}; plug the board in again")
+        return PortLostError(f"{self.name}: the port was lost: {err}; plug the board in again")
 
 
 def _opened(name: str, baud: int) -> Any:
@@ -217,8 +217,8 @@ def _why_not(name: str, err: Exception, baud: int) -> str:
     text = str(err)
     if code == errno.EACCES or "PermissionError" in text or "Access is denied" in text:
         return (
-            "no permission to open it; on Linux `sudo usermod -a -G dialout $USER`, then log in anew; "
-            "elsewhere close the program that holds it"
+            "no permission to open it; on Linux `sudo usermod -a -G dialout $USER`, then log in again; "
+            "elsewhere close the program that uses it"
         )
     if code == errno.ENOENT or "FileNotFoundError" in text:
         return f"no such port; ports here: {_listed(ports_here())}"

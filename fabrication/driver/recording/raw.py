@@ -252,7 +252,7 @@ def _header(file: Path, content: bytes) -> tuple[dict[str, Any], int]:
     if not is_ours or not isinstance(header, dict) or not isinstance(header.get("config"), dict):
         kind = kind_of(content[:BYTES_FOR_KIND])
         was = "its header is damaged" if kind.startswith("a recording") else kind
-        raise InputError(f"{file}: {was}; needed is {NEEDED}")
+        raise InputError(f"{file}: {was}; needs {NEEDED}")
     if header.get("version") != VERSION:
         raise InputError(f"{file}: version {header.get('version')!r}, this optopad reads {VERSION}")
     return header, end + 1

@@ -281,7 +281,7 @@ def load_map(design: SensorDesign, pad_map: PadMap, depth_mm: FloatArray) -> Dep
         depth_mm=depths,
         values=loads[..., 0],
         is_hatched=np.tile([not is_there for _, is_there in curves], (len(depths), 1)),
-        hatched="so near to a wall that the load is that of the centred press",
+        hatched="too near to a wall: load of the centred press",
         absent="not computed",
         colours=LOAD,
         low=0.0,

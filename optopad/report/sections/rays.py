@@ -32,10 +32,10 @@ BUTTONS = (
     ("reset", "reset", "Back to the first view"),
 )
 CAPTION = (
-    "Lines are random sample paths of the ray tracer, each as likely as the power that it carries; of "
-    "each pair, strong kinds have more lines, weak ones more than their share. Dotted: rays that arrived "
-    "while the pad was untouched, followed under the press to their ends (crosses). Percentages are from "
-    "the light model, not from counts of lines."
+    "Lines are random sample paths of the ray tracer, drawn with a probability proportional to their "
+    "power; of each pair, strong kinds have more lines, but weak ones are overrepresented. Dotted: rays "
+    "that arrived while the pad was untouched, followed under the press to their ends (crosses). "
+    "Percentages are from the light model, not from counts of lines."
 )
 
 

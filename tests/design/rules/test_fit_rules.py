@@ -185,8 +185,8 @@ def test_a_socket_that_starts_at_the_surface_is_an_error() -> None:
     # emitter of a measured base 0.5 below its centre, clearance 0.15; surface at 8
     base = {"part_measurements.generic-emitter.active_height_in_body_mm": 0.5}
     assert check(with_layout(facing(), **BENCHMARK, **base, **{"emitters.height_mm": 7.0})) == ()
-    finding = about(with_layout(facing(), **BENCHMARK, **base, **{"emitters.height_mm": 7.95}), "hardly")
-    assert finding.message.startswith("the socket of E1 on the west wall hardly reaches below the top")
+    finding = about(with_layout(facing(), **BENCHMARK, **base, **{"emitters.height_mm": 7.95}), "too shallow")
+    assert finding.message.startswith("the socket of E1 on the west wall is too shallow below the top")
     assert (finding.severity, finding.field, finding.value) == ("error", "emitters.height_mm", "0.70 mm")
 
 

@@ -143,7 +143,7 @@ def test_half_frames_for_ever_end_in_an_error_that_counts_them() -> None:
     said = iter([HELLO])
     with talking(lambda: next(said, frame[:60])) as port, opened(port, patience_s=1.0) as sensor:
         with pytest.raises(
-            DeviceError, match=r"no whole frame for 1 s \(\d+ bytes that are none, \d+ damaged"
+            DeviceError, match=r"no whole frame for 1 s \(\d+ bytes outside frames, \d+ damaged"
         ):
             sensor.read()
         assert sensor.counts.frames == 0

@@ -273,7 +273,7 @@ def test_clocks_of_other_programs_are_read(heading, times, time_s, tmp_path):
 
 
 def test_a_log_that_is_not_there_is_named(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"none\.csv: no such file; needed is a CSV table"):
+    with pytest.raises(InputError, match=r"none\.csv: no such file; needs a CSV table"):
         read_position_log(tmp_path / "none.csv")
 
 

@@ -280,9 +280,9 @@ def test_a_position_outside_of_the_limits_is_refused_before_anything_moves() -> 
     ("fault", "told"),
     [
         pytest.param(
-            "silent", "no answer to .* tip may still touch the pad: lift it by hand", marks=pytest.mark.slow
+            "silent", "no reply to .* tip may still touch the pad: lift it by hand", marks=pytest.mark.slow
         ),
-        ("error", r"the printer says 'Error:Printer halted.*lift it by hand"),
+        ("error", r"the printer replied 'Error:Printer halted.*lift it by hand"),
         ("shifted", r"is at x, y, depth .* was sent to .* home it"),
         pytest.param("restarted", "restarted during .* its position is lost", marks=pytest.mark.slow),
     ],
@@ -339,7 +339,7 @@ def test_a_printer_that_is_unplugged_is_told_with_what_to_do_by_hand() -> None:
             made.stage_port.unplug()
             stage.move_to(16.0, 16.0, 2.0)
 
-    with bench() as made, pytest.raises(DeviceError, match=r"the port is gone.* lift it by hand"):
+    with bench() as made, pytest.raises(DeviceError, match=r"the port was lost.* lift it by hand"):
         press(made)
 
 

@@ -95,7 +95,7 @@ def test_a_protocol_without_relaxation_is_elastic_and_says_how_to_turn_it_on(sho
     assert HOW_TO_RELAX in text
     assert found["is_elastic"]
     assert found["load_n"] == found["elastic_n"]
-    assert "the paper does not state how fast" in text
+    assert "the paper does not state the speed" in text
 
 
 def test_a_protocol_with_relaxation_has_hysteresis(shown):

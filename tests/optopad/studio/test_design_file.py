@@ -496,7 +496,7 @@ def test_what_is_no_design_is_refused_when_it_is_opened(tmp_path: Path) -> None:
         DesignFile(str(tmp_path / "gone.toml"))
     with pytest.raises(DesignError, match="not valid TOML"):
         DesignFile(str(copy_of(PAD, tmp_path, "[cavity")))
-    with pytest.raises(DesignError, match="a folder; needed is a design"):
+    with pytest.raises(DesignError, match="a folder; needs a design"):
         DesignFile(str(tmp_path))
 
 

@@ -212,7 +212,7 @@ def test_a_round_mold_follows_the_disc_in_it(name: str) -> None:
     ("where", "path", "words"),
     [
         (DISC, "cavity.length_mm", "a disc has diameter_mm, no length_mm"),
-        (PAD, "cavity.diameter_mm", "diameter_mm is of a disc"),
+        (PAD, "cavity.diameter_mm", "diameter_mm belongs to a disc"),
         (DISC, "layout.0.pitch_mm", "layout.0.pitch_mm: is not a field"),
         (PAD, "crown.radius_mm", "crown.shape: is missing"),
     ],

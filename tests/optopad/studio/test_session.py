@@ -393,7 +393,7 @@ def test_a_deleted_file_is_said_once_and_saved_again(session: Session, file: Pat
     session.look_at_file()
     session.look_at_file()
     assert len(told) == 1
-    assert told[0].startswith(f"{file}: is gone; your edits are kept, Save writes it again")
+    assert told[0].startswith(f"{file}: was deleted; your edits are kept, Save writes it again")
     assert session.is_saved is False
     assert session.save()
     assert file.read_bytes() == before

@@ -205,7 +205,7 @@ def test_a_netcdf_without_a_part_is_refused_by_its_name(tmp_path, name):
 
 def test_a_file_that_is_no_netcdf_is_refused(tmp_path):
     (tmp_path / "press.nc").write_bytes(b"no\x00")
-    with pytest.raises(InputError, match="binary data of an unknown kind; needed is a recording: netCDF"):
+    with pytest.raises(InputError, match="binary data of an unknown kind; needs a recording: netCDF"):
         read_recording(tmp_path / "press.nc")
 
 
