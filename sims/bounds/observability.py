@@ -41,7 +41,7 @@ from sims.bounds.fisher import (
     Sensitivity,
     Steps,
     bounds_of,
-    pad_answers,
+    sensitivities,
 )
 from sims.optics.accuracy import MIRRORED_FINER, Accuracy
 from sims.readings.readout import Readout, readout_of
@@ -399,7 +399,7 @@ def pad_bounds(
     readout = readout or own_readout(design, seed=seed)
     max_depth_mm = design.operating.max_depth_mm
     depth_mm = bound_depths_mm(depths_mm, max_depth_mm, steps.depth_mm)
-    answers = pad_answers(
+    answers = sensitivities(
         design,
         grid_places_mm(cavity.workspace, x_mm, y_mm),
         depth_mm,
