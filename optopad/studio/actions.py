@@ -34,13 +34,13 @@ class Ghost:
     design: SensorDesign
 
 
-class Errand:
+class Task:
     """One program at a time: `improve`, `run`, or what else has files for its result.
 
     Parameters
     ----------
     out : folder that holds the bundles
-    tell : is told how far it is, on a thread of the errand
+    tell : is told how far it is, on a thread of the task
     """
 
     def __init__(self, out: Path, tell: Tell) -> None:
@@ -55,7 +55,7 @@ class Errand:
         return self._process is not None and self._process.poll() is None
 
     def improve(self, design: SensorDesign, done: Callable[[tuple[Ghost, ...]], None]) -> bool:
-        """Search around a design; `done` gets what it found. False: another errand is under way."""
+        """Search around a design; `done` gets what it found. False: another task is under way."""
 
         began = time.time()
 
@@ -72,14 +72,14 @@ class Errand:
         return self._start("improve", design, finish)
 
     def _made_since(self, began: float, pattern: str) -> Path:
-        """The file that an errand has just written."""
+        """The file that a task has just written."""
         found = sorted(self.out.glob(pattern), key=lambda file: file.stat().st_mtime)
         if not found or found[-1].stat().st_mtime < began - 2.0:  # file systems' clocks are coarse
             raise FileNotFoundError(f"{self.out / pattern}")
         return found[-1]
 
     def build(self, design: SensorDesign, done: Callable[[Path], None]) -> bool:
-        """Make the whole bundle; `done` gets its folder. False: another errand is under way."""
+        """Make the whole bundle; `done` gets its folder. False: another task is under way."""
         folder = self.out / bundle_name(design)
 
         def finish() -> None:

@@ -20,7 +20,7 @@ from cad.mesh import png_bytes
 from design.errors import OptopadError
 from design.shape.cavity import cavity_of
 from fabrication.bundle import bundle_name
-from optopad.studio.actions import Errand, Ghost
+from optopad.studio.actions import Ghost, Task
 from optopad.studio.answers import Answer, Curves, Failed, Judged, Look, Readings
 from optopad.studio.answers import Doing as Working
 from optopad.studio.drawings import QUANTITIES, curves_svg, map_svg, quantity, readings_svg
@@ -39,8 +39,8 @@ class Doing:
     Parameters
     ----------
     server : of the page
-    session, errand : what is on the table, what is under way
-    changed : is called when an errand begins or ends
+    session, task : what is on the table, what is under way
+    changed : is called when a task begins or ends
     found : gets the alternatives of improve
     """
 
@@ -48,12 +48,12 @@ class Doing:
         self,
         server: viser.ViserServer,
         session: Session,
-        errand: Errand,
+        task: Task,
         *,
         changed: Callable[[], None],
         found: Callable[[tuple[Ghost, ...]], None],
     ) -> None:
-        self._server, self._session, self._errand = server, session, errand
+        self._server, self._session, self._task = server, session, task
         self._changed, self._found = changed, found
 
     def improve(self) -> None:
@@ -63,22 +63,22 @@ class Doing:
             self._found(ghosts)
             self._changed()
 
-        self._begin(lambda: self._errand.improve(self._session.design, done))
+        self._begin(lambda: self._task.improve(self._session.design, done))
 
     def build(self) -> None:
         """Make the whole bundle."""
-        self._begin(lambda: self._errand.build(self._session.design, lambda _folder: self._changed()))
+        self._begin(lambda: self._task.build(self._session.design, lambda _folder: self._changed()))
 
     def end(self) -> None:
         """End what is under way."""
-        if not self._errand.is_running:
+        if not self._task.is_running:
             self._session.say("no running job")
-        self._errand.end()
+        self._task.end()
         self._changed()
 
     def open_report(self) -> None:
         """Open the page of the design's bundle in the browser of this machine."""
-        report = self._errand.out / bundle_name(self._session.design) / "report.html"
+        report = self._task.out / bundle_name(self._session.design) / "report.html"
         if not report.is_file():
             self._session.say("no report of this design yet: make the bundle first", is_bad=True)
             return
@@ -104,7 +104,7 @@ class Doing:
                 f"no picture: {err} Bring the page to the front, then export again", is_bad=True
             )
             return
-        target = self._errand.out / f"{self._session.design.name}-{time.strftime('%Y%m%d-%H%M%S')}.png"
+        target = self._task.out / f"{self._session.design.name}-{time.strftime('%Y%m%d-%H%M%S')}.png"
         self._write(target, png_bytes(image))
 
     def _write(self, target: Path, content: bytes) -> None:

@@ -19,7 +19,7 @@ from cad.mesh import Mesh
 from design.errors import OptopadError
 from design.shape.cavity import cavity_of
 from optopad.studio import answers as found_by_work
-from optopad.studio.actions import Errand, Ghost, MoldShop
+from optopad.studio.actions import Ghost, MoldShop, Task
 from optopad.studio.answers import Answer, Failed, Judged, Look, Rays, Readings
 from optopad.studio.live import LiveSensor, LiveView
 from optopad.studio.sentences import bad_parts
@@ -85,7 +85,7 @@ class Page:
         self._faulty: tuple[str, ...] = ()
         self.live_updates = 0
         self.workshop = Workshop(self._post, seed=seed)
-        self._errand = Errand(out, self._tell)
+        self._task = Task(out, self._tell)
         self._molds = MoldShop(self._take_mold)
         self.server = local_server(port)
         self._build()
@@ -106,10 +106,10 @@ class Page:
         self._changed()
 
     def close(self) -> None:
-        """End the work, the errands, the sensor and the server."""
+        """End the work, the tasks, the sensor and the server."""
         self._is_closing = True
         self._wake.set()
-        self._errand.end()
+        self._task.end()
         self._molds.end()
         self.workshop.close(2.0)
         if self._live is not None:
@@ -127,9 +127,7 @@ class Page:
         self._panel = AnswersPanel(
             gui, self.session, self._live, later=self._later, redraw_map=lambda: self._mark("map")
         )
-        buttons = Doing(
-            self.server, self.session, self._errand, changed=self._changed, found=self._take_ghosts
-        )
+        buttons = Doing(self.server, self.session, self._task, changed=self._changed, found=self._take_ghosts)
         self._left = gui.add_panel()
         with self._left.add_tab("Design"):
             self._controls = Controls(
@@ -182,7 +180,7 @@ class Page:
             press=self.session.press,
             with_rays=self._controls.shows_rays,
             with_readings=self._live is not None,
-            is_thorough=not self._errand.is_running,
+            is_thorough=not self._task.is_running,
         )
 
     def _changed(self) -> None:

@@ -443,7 +443,7 @@ def test_a_picture_that_does_not_come_is_told_in_the_page(
     with line_to(page) as line:
         sent(line, "ViewerCameraMessage", rightly(page)["ViewerCameraMessage"])
         heard(page, line)
-        buttons = Doing(page.server, page.session, page._errand, changed=lambda: None, found=lambda _: None)
+        buttons = Doing(page.server, page.session, page._task, changed=lambda: None, found=lambda _: None)
         buttons.export_picture()
     assert page.session.said.is_bad
     assert page.session.said.text.startswith("no picture: Render request timed out")
