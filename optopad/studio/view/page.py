@@ -27,7 +27,7 @@ from optopad.studio.session import Said, Session
 from optopad.studio.view.controls import AnswersPanel, Controls, Doing
 from optopad.studio.view.local_server import local_server
 from optopad.studio.view.scene import Scene
-from optopad.studio.workshop import Wish, Workshop
+from optopad.studio.workshop import Request, Workshop
 
 FRAME_S = 1.0 / 30.0
 IDLE_S = 0.1
@@ -170,12 +170,12 @@ class Page:
             self._dirty |= set(what)
         self._wake.set()
 
-    def _wish(self) -> Wish | None:
+    def _request(self) -> Request | None:
         """What is to be worked at; nothing for a design that breaks a rule."""
         now = self.session.now
         if now.errors:
             return None
-        return Wish(
+        return Request(
             design=now.design,
             press=self.session.press,
             with_rays=self._controls.shows_rays,
@@ -184,7 +184,7 @@ class Page:
         )
 
     def _changed(self) -> None:
-        self.workshop.want(self._wish())
+        self.workshop.want(self._request())
         self._mark(*OF_SESSION)
 
     def _post(self, answer: Answer) -> None:
@@ -303,7 +303,7 @@ class Page:
             rays if shown and fits and isinstance(rays, Rays) else None, is_dark=self._controls.is_dark
         )
         if shown and not fits:
-            self.workshop.want(self._wish())
+            self.workshop.want(self._request())
 
     def _draw_mold(self) -> None:
         now, shown = self.session.now, self._controls.mold
