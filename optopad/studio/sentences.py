@@ -10,7 +10,7 @@ from design.shape.cavity import PlacedPart
 from optopad.screen.answer import answer_of, verdict_words
 from optopad.screen.stages import STAGE_TITLES
 from optopad.sensor.touch_view import touch_line
-from optopad.studio.answers import Doing, Judged
+from optopad.studio.answers import Judged, Progress
 from optopad.studio.live import LiveView
 from optopad.studio.session import Said, Version
 
@@ -22,7 +22,7 @@ LEVELS = {
 }
 
 
-def verdict_html(now: Version, judged: Judged | None, failed: str, doing: Doing | None) -> str:
+def verdict_html(now: Version, judged: Judged | None, failed: str, progress: Progress | None) -> str:
     """The answer to the design on the table, or why there is none; and what is being worked at."""
     parts = [errors_html(now)] if now.errors else []
     if not now.errors:
@@ -33,9 +33,9 @@ def verdict_html(now: Version, judged: Judged | None, failed: str, doing: Doing 
             parts.append(_block(RED, "no result", [failed]))
         else:
             parts.append(_line("computing the first result", GREY))
-    if doing is not None and doing.stage:
-        title = STAGE_TITLES.get(doing.stage, doing.stage)
-        parts.append(_line(f"{title}: {doing.share:.0%}", GREY))
+    if progress is not None and progress.stage:
+        title = STAGE_TITLES.get(progress.stage, progress.stage)
+        parts.append(_line(f"{title}: {progress.share:.0%}", GREY))
     return _wrapped("".join(parts))
 
 

@@ -23,7 +23,7 @@ from design.arrays import FloatArray
 from design.errors import DesignError, OptopadError
 from design.shape.cavity import cavity_of, pair_name
 from design.spec import SensorDesign
-from optopad.studio.answers import Answer, Curves, Doing, Failed, Judged, Look, Ray, Rays, Readings
+from optopad.studio.answers import Answer, Curves, Failed, Judged, Look, Progress, Ray, Rays, Readings
 from optopad.studio.session import Press
 
 Post = Callable[[Answer], None]
@@ -120,7 +120,7 @@ class Workshop:
     def _rest(self) -> None:
         """Wait for another request."""
         self._under_way = ""
-        self._post(Doing(stage="", share=1.0))
+        self._post(Progress(stage="", share=1.0))
         with self._changed:
             self._changed.wait_for(lambda: self._is_closing or self._next(self._request) is not None)
 
@@ -245,7 +245,7 @@ class Workshop:
         now = time.monotonic()
         if not self._is_nested and (now - self._told_at > TOLD_EVERY_S or stage == "kernels"):
             self._told_at = now
-            self._post(Doing(stage=stage, share=share))
+            self._post(Progress(stage=stage, share=share))
 
     def _look(self, request: Request) -> Look:
         from optopad.studio.surface_mesh import pressed_top

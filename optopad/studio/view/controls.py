@@ -21,8 +21,7 @@ from design.errors import OptopadError
 from design.shape.cavity import cavity_of
 from fabrication.bundle import bundle_name
 from optopad.studio.actions import Ghost, Task
-from optopad.studio.answers import Answer, Curves, Failed, Judged, Look, Readings
-from optopad.studio.answers import Doing as Working
+from optopad.studio.answers import Answer, Curves, Failed, Judged, Look, Progress, Readings
 from optopad.studio.drawings import QUANTITIES, curves_svg, map_svg, quantity, readings_svg
 from optopad.studio.knobs import Knob, knobs_of
 from optopad.studio.live import LiveSensor, LiveView
@@ -33,7 +32,7 @@ PICTURE_S = 20.0
 LEAST_PX = (800, 600)
 
 
-class Doing:
+class BackgroundJobs:
     """The buttons' work.
 
     Parameters
@@ -194,7 +193,7 @@ class AnswersPanel:
     def draw_words(self, answers: Mapping[type, Answer], judged: Mapping[str, Judged]) -> None:
         """Message, verdict, pinned designs."""
         session, now = self._session, self._session.now
-        failed, doing = answers.get(Failed), answers.get(Working)
+        failed, progress = answers.get(Failed), answers.get(Progress)
         why_not = failed.text if isinstance(failed, Failed) and failed.digest == now.design.digest else ""
         found = judged.get(now.design.digest) or answers.get(Judged)
         self._said.content = said_html(session.said, words=now.words, is_saved=session.is_saved)
@@ -202,7 +201,7 @@ class AnswersPanel:
             now,
             found if isinstance(found, Judged) else None,
             why_not,
-            doing if isinstance(doing, Working) else None,
+            progress if isinstance(progress, Progress) else None,
         )
         self._pins.content = pins_html(session.pinned, now, judged)
         self._back.visible = bool(session.pinned)
@@ -312,7 +311,7 @@ class Controls:
         *,
         later: Callable[[str, Callable[[], object], float], None],
         redraw: Callable[[], None],
-        buttons: Doing,
+        buttons: BackgroundJobs,
     ) -> None:
         self._gui, self._session, self._later, self._redraw = gui, session, later, redraw
         self._folders: dict[str, viser.GuiFolderHandle] = {}
@@ -506,7 +505,7 @@ class Controls:
         if path in self._fields:
             self._session.set_field(path, self._fields[path][1].value)
 
-    def _add_buttons(self, buttons: Doing) -> None:
+    def _add_buttons(self, buttons: BackgroundJobs) -> None:
         with self._gui.add_folder("Do"):
             for label, name, do in (
                 ("Improve", "improve", buttons.improve),

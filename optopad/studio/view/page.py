@@ -24,7 +24,7 @@ from optopad.studio.answers import Answer, Failed, Judged, Look, Rays, Readings
 from optopad.studio.live import LiveSensor, LiveView
 from optopad.studio.sentences import bad_parts
 from optopad.studio.session import Said, Session
-from optopad.studio.view.controls import AnswersPanel, Controls, Doing
+from optopad.studio.view.controls import AnswersPanel, BackgroundJobs, Controls
 from optopad.studio.view.local_server import local_server
 from optopad.studio.view.scene import Scene
 from optopad.studio.workshop import Request, Workshop
@@ -48,7 +48,7 @@ OF_ANSWER: dict[type, tuple[str, ...]] = {
     Rays: ("rays",),
     Readings: (),
     Judged: ("map", "words"),
-    found_by_work.Doing: ("words",),
+    found_by_work.Progress: ("words",),
     Failed: ("press", "words"),
 }
 """What is drawn anew when an answer comes."""
@@ -127,7 +127,9 @@ class Page:
         self._panel = AnswersPanel(
             gui, self.session, self._live, later=self._later, redraw_map=lambda: self._mark("map")
         )
-        buttons = Doing(self.server, self.session, self._task, changed=self._changed, found=self._take_ghosts)
+        buttons = BackgroundJobs(
+            self.server, self.session, self._task, changed=self._changed, found=self._take_ghosts
+        )
         self._left = gui.add_panel()
         with self._left.add_tab("Design"):
             self._controls = Controls(

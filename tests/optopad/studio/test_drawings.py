@@ -18,7 +18,7 @@ from design.rules.check import check
 from design.shape.cavity import CavityGeometry, cavity_of, workspace_of
 from design.spec import SensorDesign
 from fabrication.driver.pattern import Problem
-from optopad.studio.answers import Doing, Judged
+from optopad.studio.answers import Judged, Progress
 from optopad.studio.drawings import QUANTITIES, curves_svg, map_svg, nearest_place, quantity, readings_svg
 from optopad.studio.live import LiveView
 from optopad.studio.pad_mesh import cut_open
@@ -285,7 +285,7 @@ def sentences_of(words: str) -> Iterator[str]:
     score = replace(REFUSED, reason=words)
     judged = Judged(digest=design.digest, level="draft", score=score)
     yield verdict_html(now, None, words, None)
-    yield verdict_html(now, judged, words, Doing(stage=words, share=0.5))
+    yield verdict_html(now, judged, words, Progress(stage=words, share=0.5))
     fault = error("cavity.length_mm", words, value=words, limit=words, way_out=words)
     yield verdict_html(replace(now, findings=(fault,)), None, "", None)
     yield said_html(Said(text=words, is_bad=True), words="", is_saved=False)
@@ -335,7 +335,7 @@ def test_a_press_without_an_answer_leaves_the_verdict_standing() -> None:
 def test_errors_are_in_the_words_of_check_and_count_as_many_as_there_are() -> None:
     design = preset(PAD).with_(**{"receivers.height_mm": 8.5, "cavity.length_mm": 31.0})
     now = version(design)
-    told = Words(verdict_html(now, None, "", Doing(stage="map", share=0.25))).text
+    told = Words(verdict_html(now, None, "", Progress(stage="map", share=0.25))).text
     assert f"does not fit: {len(now.errors)} error" in told
     assert "nothing is judged or saved" in told
     assert str(now.errors[0]) in told

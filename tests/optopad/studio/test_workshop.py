@@ -15,7 +15,7 @@ import pytest
 from design.preset import preset
 from design.spec import SensorDesign
 from optopad.studio import workshop as workshop_module
-from optopad.studio.answers import Answer, Curves, Doing, Failed, Judged, Look, Rays, Readings
+from optopad.studio.answers import Answer, Curves, Failed, Judged, Look, Progress, Rays, Readings
 from optopad.studio.session import Press
 from optopad.studio.workshop import Request, Workshop
 from sims.continuity import objective as draft
@@ -58,14 +58,14 @@ class Answers:
         return number
 
     def wait_idle(self, after: int = 0) -> int:
-        return self.wait(lambda one: isinstance(one, Doing) and not one.stage, after)
+        return self.wait(lambda one: isinstance(one, Progress) and not one.stage, after)
 
     def of(self, kind: type) -> list[Any]:
         return [one for one in self.all if isinstance(one, kind)]
 
     def names(self) -> list[str]:
         """Kinds of the answers, verdicts by their level, without word of progress."""
-        told = [one for one in self.all if not isinstance(one, Doing)]
+        told = [one for one in self.all if not isinstance(one, Progress)]
         return [one.level if isinstance(one, Judged) else type(one).__name__ for one in told]
 
 
@@ -151,7 +151,7 @@ def test_answers_come_in_order_and_are_of_the_wish(slow_score: dict[str, Any]) -
     with working(request_of(is_thorough=True)) as (shop, answers):
         answers.wait_idle(answers.wait(lambda one: isinstance(one, Curves) and not one.found.is_draft))
         assert answers.names() == ["Curves", "Look", "draft", "score", "whole", "Curves"]
-        assert {one.digest for one in answers.all if not isinstance(one, Doing)} == {PAIR.digest}
+        assert {one.digest for one in answers.all if not isinstance(one, Progress)} == {PAIR.digest}
         assert [one.found.is_draft for one in answers.of(Curves)] == [True, False]
         (look,) = answers.of(Look)
         assert look.press == PRESS
@@ -234,7 +234,7 @@ def test_a_newer_design_ends_a_score_that_is_under_way(slow_score: dict[str, Any
     newer = PAIR.with_(**{CLEAR: 9.0})
     with working(request_of(is_thorough=True)) as (shop, answers):
         answers.wait(is_level("draft"))
-        answers.wait(lambda one: isinstance(one, Doing) and one.stage == "map")
+        answers.wait(lambda one: isinstance(one, Progress) and one.stage == "map")
         began = time.monotonic()
         shop.want(request_of(newer, is_thorough=False))
         answers.wait(lambda one: isinstance(one, Curves) and one.digest == newer.digest)
@@ -251,7 +251,7 @@ def test_a_score_that_is_not_wanted_any_more_is_given_up(
 ) -> None:
     with working(request_of(is_thorough=True)) as (shop, answers):
         answers.wait(
-            lambda one: isinstance(one, Doing) and one.stage == "map", answers.wait(is_level("draft"))
+            lambda one: isinstance(one, Progress) and one.stage == "map", answers.wait(is_level("draft"))
         )
         shop.want(other)
         answers.wait_idle(len(answers.all))
@@ -265,7 +265,7 @@ def test_a_score_that_is_not_wanted_any_more_is_given_up(
 def test_a_new_press_is_served_while_a_score_is_under_way(slow_score: dict[str, Any]) -> None:
     with working(request_of(is_thorough=True)) as (shop, answers):
         answers.wait(
-            lambda one: isinstance(one, Doing) and one.stage == "map", answers.wait(is_level("draft"))
+            lambda one: isinstance(one, Progress) and one.stage == "map", answers.wait(is_level("draft"))
         )
         for x_mm in (10.0, 11.0):
             before = len(answers.all)
@@ -323,7 +323,7 @@ def test_rays_of_a_press_that_has_moved_on_are_given_up(monkeypatch: pytest.Monk
 
     monkeypatch.setattr("sims.rays.ray_states", stand_in)
     with working(request_of(with_rays=True)) as (shop, answers):
-        answers.wait(lambda one: isinstance(one, Doing) and one.stage == "rays")
+        answers.wait(lambda one: isinstance(one, Progress) and one.stage == "rays")
         moved = Press(x_mm=11.0, y_mm=11.0, depth_mm=2.0)
         shop.want(request_of(press=moved))
         answers.wait(is_level("draft"))
@@ -345,7 +345,7 @@ def test_a_design_outside_the_models_is_said_with_the_reason_and_the_work_goes_o
         assert failed.digest == outside.digest
         assert {one.score.verdict for one in answers.of(Judged)} == {"OUT_OF_MODEL_SCOPE"}
         assert {one.score.reason for one in answers.of(Judged)} == {failed.text}
-        assert isinstance([one for one in answers.all if not isinstance(one, Doing)][-1], Judged)
+        assert isinstance([one for one in answers.all if not isinstance(one, Progress)][-1], Judged)
         end = len(answers.all)
         shop.want(request_of())
         answers.wait(lambda one: isinstance(one, Judged) and one.score.verdict == "CONTIGUOUS", end)
@@ -408,7 +408,7 @@ def test_a_live_solve_of_a_tip_is_given_up_with_its_design(monkeypatch: pytest.M
 
     monkeypatch.setattr("sims.contact.indentation.round_press", solve)
     with working(request_of()) as (shop, answers):
-        answers.wait(lambda one: isinstance(one, Doing) and one.stage == "contact")
+        answers.wait(lambda one: isinstance(one, Progress) and one.stage == "contact")
         monkeypatch.undo()
         shop.want(request_of(PAIR.with_(**{CLEAR: 9.0})))
         assert ended.wait(2.0)
@@ -419,7 +419,7 @@ def test_a_live_solve_of_a_tip_is_given_up_with_its_design(monkeypatch: pytest.M
 def test_closing_ends_a_score_within_two_seconds_and_twice_is_once(slow_score: dict[str, Any]) -> None:
     with working(request_of(is_thorough=True)) as (shop, answers):
         answers.wait(
-            lambda one: isinstance(one, Doing) and one.stage == "map", answers.wait(is_level("draft"))
+            lambda one: isinstance(one, Progress) and one.stage == "map", answers.wait(is_level("draft"))
         )
         began = time.monotonic()
         shop.close()
@@ -432,7 +432,9 @@ def test_closing_ends_a_score_within_two_seconds_and_twice_is_once(slow_score: d
 @pytest.mark.slow
 def test_closing_in_the_middle_of_light_takes_less_than_two_seconds() -> None:
     with working(request_of(preset("piacenza2017-pad"))) as (_, answers):
-        answers.wait(lambda one: isinstance(one, Doing) and one.stage == "map")  # `working` closes and looks
+        answers.wait(
+            lambda one: isinstance(one, Progress) and one.stage == "map"
+        )  # `working` closes and looks
 
 
 @pytest.mark.full
