@@ -23,7 +23,7 @@ from design.shape.cavity import cavity_of, workspace_of
 from design.spec import SensorDesign
 from optopad.screen.answer import changes_words
 from optopad.studio.design_file import DesignFile
-from optopad.studio.knobs import changes_of
+from optopad.studio.editable_fields import changes_of
 from optopad.studio.moves import moved, part_named
 
 MERGE_S = 1.5

@@ -23,7 +23,7 @@ from fabrication.bundle import bundle_name
 from optopad.studio.actions import Ghost, Task
 from optopad.studio.answers import Answer, Curves, Failed, Judged, Look, Progress, Readings
 from optopad.studio.drawings import QUANTITIES, curves_svg, map_svg, quantity, readings_svg
-from optopad.studio.knobs import Knob, knobs_of
+from optopad.studio.editable_fields import EditableField, editable_fields_of
 from optopad.studio.live import LiveSensor, LiveView
 from optopad.studio.sentences import bad_parts, curves_title, pins_html, said_html, sensor_html, verdict_html
 from optopad.studio.session import Session
@@ -315,7 +315,7 @@ class Controls:
     ) -> None:
         self._gui, self._session, self._later, self._redraw = gui, session, later, redraw
         self._folders: dict[str, viser.GuiFolderHandle] = {}
-        self._fields: dict[str, tuple[Knob, Any]] = {}
+        self._fields: dict[str, tuple[EditableField, Any]] = {}
         self._signature: dict[str, tuple[Any, ...]] = {}
         self._typing: set[str] = set()
         self._add_file(session.file.default_name)
@@ -354,7 +354,7 @@ class Controls:
         """Show the session's values; fields that are being typed in are left alone."""
         design, press = self._session.design, self._session.press
         for group in GROUPS:
-            self._follow_group(group, [knob for knob in knobs_of(design) if knob.group == group])
+            self._follow_group(group, [field for field in editable_fields_of(design) if field.group == group])
         space = cavity_of(design).workspace
         ends = ((space.x0_mm, space.x1_mm), (space.y0_mm, space.y1_mm), (0.0, design.operating.max_depth_mm))
         values = (press.x_mm, press.y_mm, press.depth_mm)
@@ -462,40 +462,40 @@ class Controls:
         slider.on_update(moved)
         return slider
 
-    def _follow_group(self, group: str, knobs: list[Knob]) -> None:
-        signature = tuple((knob.path, knob.kind, knob.choices) for knob in knobs)
+    def _follow_group(self, group: str, fields: list[EditableField]) -> None:
+        signature = tuple((field.path, field.kind, field.choices) for field in fields)
         if self._signature.get(group) != signature:
             self._signature[group] = signature
-            for path in [path for path, (knob, _) in self._fields.items() if knob.group == group]:
+            for path in [path for path, (field, _) in self._fields.items() if field.group == group]:
                 self._fields.pop(path)[1].remove()
             with self._folders[group]:
-                for knob in knobs:
-                    self._fields[knob.path] = (knob, self._field(knob))
+                for field in fields:
+                    self._fields[field.path] = (field, self._field(field))
             return
-        for knob in knobs:
-            _, handle = self._fields[knob.path]
-            self._fields[knob.path] = (knob, handle)
-            if knob.path not in self._typing and handle.value != knob.value:
-                handle.value = knob.value
+        for field in fields:
+            _, handle = self._fields[field.path]
+            self._fields[field.path] = (field, handle)
+            if field.path not in self._typing and handle.value != field.value:
+                handle.value = field.value
 
-    def _field(self, knob: Knob) -> Any:
-        label = f"{knob.label} [{knob.unit}]" if knob.unit else knob.label
-        hint = f"{knob.tells}{_range(knob)} ({knob.path})"
-        if knob.kind == "choice":
+    def _field(self, field: EditableField) -> Any:
+        label = f"{field.label} [{field.unit}]" if field.unit else field.label
+        hint = f"{field.tells}{_range(field)} ({field.path})"
+        if field.kind == "choice":
             handle: Any = self._gui.add_dropdown(
-                label, knob.choices, initial_value=str(knob.value), hint=hint
+                label, field.choices, initial_value=str(field.value), hint=hint
             )
-        elif knob.kind == "whole":
-            handle = self._gui.add_number(label, int(knob.value), step=1, hint=hint)
+        elif field.kind == "whole":
+            handle = self._gui.add_number(label, int(field.value), step=1, hint=hint)
         else:
-            handle = self._gui.add_number(label, float(knob.value), step=_fine(knob.step), hint=hint)
-        path = knob.path
+            handle = self._gui.add_number(label, float(field.value), step=_fine(field.step), hint=hint)
+        path = field.path
 
         def typed(event: Any) -> None:
             if event.client is None:
                 return
             self._typing.add(path)
-            self._later(f"field {path}", lambda: self._take(path), 0.0 if knob.kind == "choice" else TYPED_S)
+            self._later(f"field {path}", lambda: self._take(path), 0.0 if field.kind == "choice" else TYPED_S)
 
         handle.on_update(typed)
         return handle
@@ -534,12 +534,12 @@ class Controls:
             self._dark.on_update(lambda _event: self._redraw())
 
 
-def _range(knob: Knob) -> str:
-    if knob.low is None and knob.high is None:
+def _range(field: EditableField) -> str:
+    if field.low is None and field.high is None:
         return ""
-    low = "any" if knob.low is None else f"{knob.low:g}"
-    high = "any" if knob.high is None else f"{knob.high:g}"
-    return f" From {low} to {high}{f' {knob.unit}' if knob.unit else ''}."
+    low = "any" if field.low is None else f"{field.low:g}"
+    high = "any" if field.high is None else f"{field.high:g}"
+    return f" From {low} to {high}{f' {field.unit}' if field.unit else ''}."
 
 
 def _fine(step: float) -> float:

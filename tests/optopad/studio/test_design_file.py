@@ -20,7 +20,7 @@ from design.preset import FLAT_PRESETS, PRESETS, SHAPED_PRESETS, preset, preset_
 from design.shape.cavity import cavity_of
 from design.spec import SensorDesign
 from optopad.studio.design_file import DesignFile, comments_of, edited_text
-from optopad.studio.knobs import changes_of, knobs_of
+from optopad.studio.editable_fields import changes_of, editable_fields_of
 from optopad.studio.moves import moved
 from tests.design.parts.own_parts import own_part
 
@@ -534,15 +534,15 @@ def edited(draw: st.DrawFn, design: SensorDesign) -> SensorDesign:
             with_row=draw(st.booleans()),
         ) if draw(st.booleans()) else moved(design, part.name, along_mm=part.along_mm + 0.5)  # fmt: skip
     else:
-        knob = draw(st.sampled_from(knobs_of(design)))
+        field = draw(st.sampled_from(editable_fields_of(design)))
         value: Any
-        if knob.kind == "choice":
-            value = draw(st.sampled_from(knob.choices))
-        elif knob.kind == "whole":
-            value = draw(st.integers(int(knob.low or 0), int(knob.high or 0)))
+        if field.kind == "choice":
+            value = draw(st.sampled_from(field.choices))
+        elif field.kind == "whole":
+            value = draw(st.integers(int(field.low or 0), int(field.high or 0)))
         else:
-            value = draw(st.floats(knob.low or 0.0, 100.0 if knob.high is None else knob.high))
-        changes = changes_of(design, knob.path, value)
+            value = draw(st.floats(field.low or 0.0, 100.0 if field.high is None else field.high))
+        changes = changes_of(design, field.path, value)
     try:
         return design.with_(**changes)
     except DesignError:
@@ -608,9 +608,9 @@ def test_a_part_turned_out_of_its_ring_keeps_every_comment_and_every_other_line(
 def test_every_field_of_a_disc_or_crown_is_saved_with_its_comments(name: str, tmp_path: Path) -> None:
     path = copy_of(name, tmp_path)
     file = DesignFile(str(path))
-    for knob in knobs_of(preset(name)):
-        value = knob.choices[-1] if isinstance(knob.value, str) else knob.value + knob.step
-        design = preset(name).with_(**changes_of(preset(name), knob.path, value))
+    for field in editable_fields_of(preset(name)):
+        value = field.choices[-1] if isinstance(field.value, str) else field.value + field.step
+        design = preset(name).with_(**changes_of(preset(name), field.path, value))
         file.save(design)
         assert load_design(path).digest == design.digest
         require_kept(preset_text(name), path.read_text(encoding="utf-8"))

@@ -33,7 +33,7 @@ ROUND_PATTERNS = ("disc ring",)
 
 
 @dataclass(frozen=True, kw_only=True)
-class Knob:
+class EditableField:
     """One field.
 
     Attributes
@@ -83,11 +83,11 @@ _FIXED = (
 )  # fmt: skip
 
 
-def knobs_of(design: SensorDesign) -> tuple[Knob, ...]:
+def editable_fields_of(design: SensorDesign) -> tuple[EditableField, ...]:
     """Every field that the studio offers for a design, group by group."""
     found = [*_numbers(design), *_choices(design), *_layout(design)]
     order = ("Pad", "Layout", "Parts", "Press", "Material", "Signal")
-    return tuple(sorted(found, key=lambda knob: order.index(knob.group)))
+    return tuple(sorted(found, key=lambda field: order.index(field.group)))
 
 
 def changes_of(design: SensorDesign, path: str, value: Any) -> dict[str, Any]:
@@ -174,7 +174,7 @@ def _count(design: SensorDesign, kind: str | None = None) -> int:
     return sum(kind in (None, place.kind) for place in places)
 
 
-def _numbers(design: SensorDesign) -> Iterator[Knob]:
+def _numbers(design: SensorDesign) -> Iterator[EditableField]:
     document = design.model_dump(mode="json")
     for group, path, label, step, tells in _FIXED:
         if not is_value(document, path):  # of another outline, or of no crown
@@ -182,7 +182,7 @@ def _numbers(design: SensorDesign) -> Iterator[Knob]:
         if path == "gain.target_counts" and not isinstance(design.gain.feedback_ohm, str):
             continue
         low, high = limits_of(path)
-        yield Knob(
+        yield EditableField(
             path=path,
             group=group,
             label=label,
@@ -196,11 +196,13 @@ def _numbers(design: SensorDesign) -> Iterator[Knob]:
         )
 
 
-def _choices(design: SensorDesign) -> Iterator[Knob]:
+def _choices(design: SensorDesign) -> Iterator[EditableField]:
     entries = entries_of(design)
 
-    def choice(group: str, path: str, label: str, value: str, names: tuple[str, ...], tells: str) -> Knob:
-        return Knob(
+    def choice(
+        group: str, path: str, label: str, value: str, names: tuple[str, ...], tells: str
+    ) -> EditableField:
+        return EditableField(
             path=path,
             group=group,
             label=label,
@@ -234,7 +236,7 @@ def _choices(design: SensorDesign) -> Iterator[Knob]:
     yield choice("Layout", "layout", "pattern", pattern_of(design), patterns, tells)
 
 
-def _layout(design: SensorDesign) -> Iterator[Knob]:
+def _layout(design: SensorDesign) -> Iterator[EditableField]:
     for number, pattern in enumerate(design.layout):
         at = f"layout.{number}"
         match pattern:
@@ -271,7 +273,7 @@ def _layout(design: SensorDesign) -> Iterator[Knob]:
                 pass
 
 
-def _ring(design: SensorDesign, pattern: AlternatingRing, at: str) -> Iterator[Knob]:
+def _ring(design: SensorDesign, pattern: AlternatingRing, at: str) -> Iterator[EditableField]:
     counts = pattern.parts_per_side
     if isinstance(counts, int):
         yield _whole(
@@ -299,9 +301,9 @@ def _ring(design: SensorDesign, pattern: AlternatingRing, at: str) -> Iterator[K
             )
 
 
-def _whole(at: str, name: str, label: str, value: int, high: int, tells: str) -> Knob:
+def _whole(at: str, name: str, label: str, value: int, high: int, tells: str) -> EditableField:
     low = 0 if name in WALLS or "." in name else 1
-    return Knob(
+    return EditableField(
         path=f"{at}.{name}",
         group="Layout",
         label=label,
@@ -315,9 +317,9 @@ def _whole(at: str, name: str, label: str, value: int, high: int, tells: str) ->
     )
 
 
-def _first_angle(at: str, value: float) -> Knob:
+def _first_angle(at: str, value: float) -> EditableField:
     low, high = ANGLES_DEG
-    return Knob(
+    return EditableField(
         path=f"{at}.first_angle_deg",
         group="Layout",
         label="first part at",
@@ -331,15 +333,15 @@ def _first_angle(at: str, value: float) -> Knob:
     )
 
 
-def _pitch(at: str, given_mm: float | None, even_mm: float) -> Knob:
+def _pitch(at: str, given_mm: float | None, even_mm: float) -> EditableField:
     """The pitch, or what it is where none is given."""
     value = round(even_mm, 3) if given_mm is None else given_mm
     return _along(at, "pitch_mm", "pitch", value, "Distance between neighbours.")
 
 
-def _along(at: str, name: str, label: str, value: float, tells: str) -> Knob:
+def _along(at: str, name: str, label: str, value: float, tells: str) -> EditableField:
     low, high = (0.5, 100.0) if name == "pitch_mm" else (-100.0, 100.0)
-    return Knob(
+    return EditableField(
         path=f"{at}.{name}",
         group="Layout",
         label=label,
