@@ -22,7 +22,7 @@ from matplotlib.patches import Patch, Polygon, Rectangle
 from design.arrays import BoolArray, FloatArray
 from design.shape.cavity import TURN_RAD, CavityGeometry, PlacedPart, Plan, outline_mm
 from design.shape.outline import Outline
-from sims.bounds.felt import FeltForce
+from sims.bounds.detection_threshold import DetectionThreshold
 from sims.bounds.observability import PadBounds
 from sims.plots.style import BLUE, INK, MUTED, VERMILLION, WIDTH_IN, axes_or_new
 from sims.verdict.pad_map import PadMap, Place
@@ -127,7 +127,7 @@ def plot_usable_map(pad_map: PadMap, cavity: CavityGeometry, ax: Axes | None = N
     return _plot_map(ax, pad_map, cavity, usable, norm, "usable depth [mm]", pad_map.weakest)
 
 
-def plot_felt_map(felt: FeltForce, cavity: CavityGeometry, ax: Axes | None = None) -> Axes:
+def plot_felt_map(felt: DetectionThreshold, cavity: CavityGeometry, ax: Axes | None = None) -> Axes:
     """Lightest press that the pad answers to, place by place [N]."""
     ax = axes_or_new(ax, _height_in(cavity))
     norm = _log_scale(felt.force_n)

@@ -15,7 +15,7 @@ from optopad.report.scenes.map_scene import DepthMap, MapScene, depth_maps
 from optopad.report.sections.drawings import Drawing, figure_of
 from optopad.report.words import Html, bounds_words, data_element, element, losses_table, radios, section
 from optopad.screen.answer import counted, spans
-from sims.bounds.felt import FeltForce
+from sims.bounds.detection_threshold import DetectionThreshold
 from sims.bounds.fisher import BAND
 from sims.bounds.observability import PadBounds
 from sims.continuity.result import ContinuityScore
@@ -237,7 +237,7 @@ def _bound(
     )
 
 
-def _felt(felt: FeltForce) -> DepthMap:
+def _felt(felt: DetectionThreshold) -> DepthMap:
     inside = ~np.isnan(felt.depth_mm)
     force = felt.force_n[inside][None]
     finite = force[np.isfinite(force)]
