@@ -121,7 +121,7 @@ def test_a_port_that_another_program_holds_is_told() -> None:
 def test_a_device_that_talks_something_else_is_told_from_a_silent_one() -> None:
     with (
         talking(lambda: b"$GPGGA,1,2,3*00\r\n") as port,
-        pytest.raises(DeviceError, match="another device talks"),
+        pytest.raises(DeviceError, match="another device sends"),
     ):
         opened(port, patience_s=0.6).__enter__()
     with (

@@ -294,7 +294,7 @@ def test_export_tells_the_offset_that_it_found(
     # The log is ahead, so that it begins and ends 12.5 s late by its own clock only: all frames are known.
     assert said["left_out"] == 0
     assert main([*command, "--offset", "-12.5"]) == 0
-    assert "100% of 12 touch edges meet" in capsys.readouterr().out
+    assert "100% of 12 touch edges match" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(

@@ -177,7 +177,7 @@ def test_a_map_is_the_pad_seen_from_above() -> None:
     assert float(tip.attrib["r"]) == pytest.approx(scale * 3.0, abs=0.06)
 
 
-@pytest.mark.parametrize("name", ["usable depth", "lightest press", "margin", "deadband"])
+@pytest.mark.parametrize("name", ["usable depth", "detection threshold", "margin", "deadband"])
 def test_a_map_that_is_the_same_everywhere_is_drawn(name: str) -> None:
     score = BOUNDED
     assert score.pad_map is not None
