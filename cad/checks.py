@@ -501,7 +501,7 @@ def design_findings(design: SensorDesign) -> tuple[Finding, ...]:
         *_lid(design),
         *_lettering(design),
         _count("bodies above the rim", tall, "in the way of the leveling blade; raise mold.rim_mm"),
-        _count("pockets below the clear layer", deep, "the black layer flows against these bodies"),
+        _count("pockets below the clear layer", deep, "the black layer touches these bodies"),
     )
 
 
@@ -509,7 +509,7 @@ def _lid(design: SensorDesign) -> Iterator[Finding]:
     """What is thinnest of a lid, and how its dish becomes smooth enough for light."""
     for one in lid_clearances(design):
         state: State = "ok" if one.is_kept else "warning"
-        note = "" if one.is_kept else f"raise {one.field}; dowels in the fixing holes do a pin's work"
+        note = "" if one.is_kept else f"raise {one.field}; dowels in the fixing holes replace the pins"
         yield Finding(
             name=f"lid: {one.name}",
             value=round(one.value_mm, 4),
@@ -533,10 +533,11 @@ def _lid(design: SensorDesign) -> Iterator[Finding]:
         limit=0.0,
         unit="mm",
         state="warning",
-        note="they become haze on the crown: print it dish up in layers of 0.1 mm, then fill and wet-sand the dish, or "
-        "smooth ABS in vapour; or lay a formed film of 0.1 to 0.2 mm PET into it, which makes the layer that much "
-        f"thinner. Filled upside down: {clear:.2f} cm3 clear, then {black:.2f} cm3 black"
-        + (f". On the round mold its notches lie along {straight}" if turned else ""),
+        note="they become haze on the crown: print the lid dish up in layers of 0.1 mm, then fill and "
+        "wet-sand the dish, or smooth ABS in vapour; or lay a formed film of 0.1 to 0.2 mm PET into "
+        f"it, which makes the layer thinner by as much. Filled upside down: {clear:.2f} cm3 clear, "
+        f"then {black:.2f} cm3 black"
+        + (f". On the round mold its notches are along {straight}" if turned else ""),
     )
 
 
@@ -562,7 +563,7 @@ def _lettering(design: SensorDesign) -> Iterator[Finding]:
     yield _count("parts without their name on the mold", missing, no_room)
     radial = [s for s in outline.sockets if s.holes and s.channel is None]
     bare = tuple(s.part.name for s in radial) if design.mold.strain_relief == "pinch" else ()
-    yield _count("leads without a channel below the mold", bare, "stand the mold on feet; see mold.floor_mm")
+    yield _count("leads without a channel below the mold", bare, "put the mold on feet; see mold.floor_mm")
 
 
 def _at_least(name: str, value: float, limit: float) -> Finding:
@@ -654,7 +655,7 @@ def _printing(name: str, mesh: Mesh, bed_mm: Bed, bridged: float) -> list[Findin
             round(overhang_area_mm2(mesh), 3),
             round(OVERHANG_LIMIT_MM2 + bridged, 3),
             "mm2",
-            "faces that lean out further than 45 deg, above the bed"
+            "faces that overhang by more than 45 deg, above the bed"
             + (
                 f"; {bridged:.1f} of it are ceilings of strokes and channels, which bridge" if bridged else ""
             ),

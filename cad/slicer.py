@@ -126,7 +126,7 @@ def _gcode(program: str, part: Path, fill: float, density: float, bed_mm: Bed) -
         ]
     )
     if not target.is_file():
-        raise InputError(f"--slice: PrusaSlicer made nothing of a part: {said.strip()[-300:]}")
+        raise InputError(f"--slice: PrusaSlicer could not slice a part: {said.strip()[-300:]}")
     return target.read_text(encoding="utf-8", errors="replace")[-20_000:], said
 
 
@@ -142,6 +142,6 @@ def _field(text: str, pattern: str) -> str:
     found = re.search(pattern, text)
     if found is None:
         raise InputError(
-            f"--slice: PrusaSlicer's answer has no {pattern.split(' =')[0]!r}; use version 2.5 or newer"
+            f"--slice: PrusaSlicer's output has no {pattern.split(' =')[0]!r}; use version 2.5 or newer"
         )
     return found[1]

@@ -127,7 +127,7 @@ def read_csv(
     if len(numbered) <= fewest_rows:
         counted = "a row" if fewest_rows == 1 else f"{fewest_rows} rows"
         raise error(
-            f"{file}: {max(len(numbered) - 1, 0)} rows below the heading, needs at least {counted}; needed is {needed}"
+            f"{file}: {max(len(numbered) - 1, 0)} rows below the heading, needs at least {counted}; needs {needed}"
         )
     if doubled := sorted({name for name in heading if heading.count(name) > 1}):
         raise error(f"{file}: has the column {', '.join(map(repr, doubled))} twice; keep one")
@@ -167,7 +167,7 @@ def numbered_points(
             raise error(f"{file}: row {number}: {shown(line.strip())}: numbers must be finite")
         found.append((number, pair))
     if len(found) < 2:
-        raise error(f"{file}: holds {len(found)} points, needs at least 2; needed is {needed}")
+        raise error(f"{file}: has {len(found)} points, needs at least 2; needs {needed}")
     return found
 
 

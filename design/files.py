@@ -75,8 +75,8 @@ def require_suffix(file: Path, suffixes: tuple[str, ...], option: str = "") -> N
     """
     require_file_name(file, option)
     if file.suffix.lower() not in suffixes:
-        say = f"; say {file.with_name((file.stem or 'file') + suffixes[0])}" if file.name else ""
-        raise InputError(f"{option}{file}: what is written here ends in {' or '.join(suffixes)}{say}")
+        say = f"; use {file.with_name((file.stem or 'file') + suffixes[0])}" if file.name else ""
+        raise InputError(f"{option}{file}: output files here end in {' or '.join(suffixes)}{say}")
 
 
 def has_file_suffix(path: Path) -> bool:
@@ -91,7 +91,7 @@ def require_folder_name(folder: Path, option: str = "") -> None:
     require_file_name(folder, option)
     if has_file_suffix(folder):
         raise InputError(
-            f"{option}{folder}: a folder is written here, and the name is that of a {folder.suffix} file; say "
+            f"{option}{folder}: a folder is written here, and the name is that of a {folder.suffix} file; use "
             f"{folder.with_suffix('')}"
         )
 
@@ -262,7 +262,7 @@ def kind_of(content: bytes) -> str:
     if content.startswith(b"PK\x03\x04"):
         return next((kind for part, kind in _IN_ARCHIVES if part in content), "a zip archive")
     if _PICKLE.match(content):
-        return "a Python pickle, which is not read because it can hold a program"
+        return "a Python pickle, which is not read because it can contain a program"
     if not content.strip():
         return "an empty file"
     if b"\x00" in content:
@@ -303,15 +303,15 @@ def read_bytes(file: Path, *, needed: str, most_bytes: int, error: type[OptopadE
             size = status.st_size if stat.S_ISREG(status.st_mode) else most_bytes
             content = stream.read(min(size, most_bytes) + 1)
     except FileNotFoundError:
-        raise error(f"{file}: no such file; needed is {needed}") from None
+        raise error(f"{file}: no such file; needs {needed}") from None
     except IsADirectoryError:
-        raise error(f"{file}: a folder; needed is {needed}") from None
+        raise error(f"{file}: a folder; needs {needed}") from None
     except OSError as err:
         raise error(f"{file}: cannot be read: {err.strerror}; name the right file") from None
     except ValueError as err:  # a null byte in the name
         raise error(f"{str(file)!r}: no name of a file: {err}") from None
     if len(content) > most_bytes:
-        raise error(f"{file}: larger than {most_bytes} bytes, which is too much; needed is {needed}")
+        raise error(f"{file}: larger than {most_bytes} bytes, which is too much; needs {needed}")
     return content
 
 
@@ -330,7 +330,7 @@ def text_of(content: bytes, where: str, *, needed: str, error: type[OptopadError
     if kind == _UTF16:
         raise error(f"{where}: not UTF-8 but {kind}; save it as UTF-8")
     if kind not in TEXT_KINDS:
-        raise error(f"{where}: {kind}, not UTF-8 text; needed is {needed}")
+        raise error(f"{where}: {kind}, not UTF-8 text; needs {needed}")
     try:
         text = content.decode("utf-8-sig")
     except UnicodeDecodeError as err:

@@ -186,7 +186,8 @@ def _with_own_catalog(document: dict[str, Any], file: Path) -> dict[str, Any]:
             doubled = sorted(set(getattr(own, kind)) & set(getattr(more, kind)))
             if doubled:
                 raise DesignError(
-                    f"{beside}: {kind}.{doubled[0]}: stands in another of {CATALOG_FILES}, too; keep one of the two"
+                    f"{beside}: {kind}.{doubled[0]}: is in another of {CATALOG_FILES}, too; keep one of "
+                    "the two"
                 )
         own = catalog.merged(own, more)
     given = document.get("catalog", {})
@@ -214,7 +215,7 @@ def _with_own_profile(document: dict[str, Any], file: Path) -> dict[str, Any]:
         return document
     key, name = f"indenter.{PROFILE_FILE}", indenter[PROFILE_FILE]
     if "profile_mm" in indenter:
-        raise DesignError(f"{file}: {key}: stands beside indenter.profile_mm; keep one of the two")
+        raise DesignError(f"{file}: {key}: is given together with indenter.profile_mm; keep one of the two")
     given = {field: value for field, value in indenter.items() if field != PROFILE_FILE}
     return document | {"indenter": given | {"profile_mm": read_profile(_named_beside(file, name, key))}}
 
@@ -236,13 +237,15 @@ def _beside(file: Path, name: str, key: str) -> Path:
         raise DesignError(f"{file}: {key}: {shown(name)}: {err.strerror}; correct the name") from None
     if not target.is_relative_to(folder):
         raise DesignError(
-            f"{file}: {key}: {shown(name)} leaves the design's folder; put it beside the design"
+            f"{file}: {key}: {shown(name)} leaves the design's folder; put the file next to the design"
         )
     if not is_file:
         way_out = "correct its name or remove it"
         if "\\" in name or not name.isprintable():
-            way_out = "write / between folders, because \\ in double quotes begins a sign as \\t for a tab"
-        raise DesignError(f"{file}: {key}: {shown(name)} is no file beside the design; {way_out}")
+            way_out = (
+                "write / between folders, because \\ in double quotes starts an escape such as \\t for a tab"
+            )
+        raise DesignError(f"{file}: {key}: {shown(name)} is no file next to the design; {way_out}")
     return target
 
 
@@ -253,17 +256,20 @@ def file_schema() -> dict[str, Any]:
     schema["properties"][CATALOG_FILES] = {
         "type": "array",
         "items": {"type": "string"},
-        "description": "files beside the design with parts and materials of your own",
+        "description": "files next to the design that define your own parts and materials",
     }
     schema["$defs"]["Indenter"]["properties"][PROFILE_FILE] = {
         "type": "string",
-        "description": "file beside the design with the points of profile_mm, one a row",
+        "description": "file next to the design that holds the points of profile_mm, one per row",
     }
     for kind, lists in (("AngularTable", CURVES["angular_pattern"]), ("Spectrum", CURVES["spectrum"])):
         table = schema["$defs"][kind]
         table["required"] = [name for name in table["required"] if name not in lists]
         table["properties"][CURVE_FILE] = {
             "type": "string",
-            "description": f"file beside this one with {' and '.join(lists)}, a point a row, as a digitiser writes it",
+            "description": (
+                f"file next to this one with {' and '.join(lists)}, one point per row, as a "
+                "digitiser writes it"
+            ),
         }
     return schema

@@ -92,7 +92,7 @@ def _require_fitting(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> None:
         kind, shape, _ = _header(stream, member.filename)
         length, held = math.prod(shape) * kind.itemsize, member.file_size - stream.tell()
     if held != length:
-        raise ValueError(f"{member.filename}: its header speaks of {length:.6g} bytes, it has {held}")
+        raise ValueError(f"{member.filename}: its header states {length:.6g} bytes, it has {held}")
 
 
 def _array(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> NDArray[Any]:
@@ -123,4 +123,6 @@ def _header(stream: IO[bytes], name: str) -> tuple[np.dtype[Any], tuple[int, ...
         ) and all(type(one) is int and 0 <= one < 2**40 for one in shape):
             if (found := np.dtype(kind)).itemsize:  # texts of no length take no bytes, however many there are
                 return found, shape, order
-    raise ValueError(f"{name}: its header is none of an array of numbers or texts; objects are not loaded")
+    raise ValueError(
+        f"{name}: its header is not that of an array of numbers or texts; objects are not loaded"
+    )

@@ -48,9 +48,7 @@ def new_text(name: str, preset_name: str) -> str:
     ------
     InputError : no such preset.
     """
-    text = re.sub(
-        r"\A#.*", f"# This design was begun from the preset {preset_name}.", preset_text(preset_name)
-    )
+    text = re.sub(r"\A#.*", f"# This design is based on the preset {preset_name}.", preset_text(preset_name))
     text = re.sub(r"(?m)^description = .*\n", "", text, count=1)
     return re.sub(r'(?m)^name = ".*"$', lambda _: f'name = "{name}"', text, count=1)
 

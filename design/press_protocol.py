@@ -131,10 +131,12 @@ class PressSet(Model):
     is_ambient: bool
     grid_mm: Annotated[float | None, Field(gt=0.0, le=200.0, description="spacing of a grid")] = None
     random_places: Annotated[
-        int | None, Field(ge=1, le=MOST_PLACES, description="how many random places, uniform")
+        int | None,
+        Field(ge=1, le=MOST_PLACES, description="number of random locations, uniformly distributed"),
     ] = None
     place_seed: Annotated[
-        int, Field(ge=0, lt=2**31, description="of the random places; equal seeds, equal places")
+        int,
+        Field(ge=0, lt=2**31, description="seed of the random locations; equal seeds give equal locations"),
     ] = 0
 
     @model_validator(mode="after")
@@ -160,8 +162,8 @@ def _require_apart(sets: tuple[PressSet, ...]) -> None:
     for one in sets:
         if one.random_places and one.role == "test" and one.place_seed in trained:
             raise ValueError(
-                f"sets: {one.name} tests at places of {trained[one.place_seed]}, which is trained on; give it another "
-                "place_seed"
+                f"sets: {one.name} tests at the locations of {trained[one.place_seed]}, which is trained "
+                "on; give it another place_seed"
             )
 
 
@@ -172,21 +174,25 @@ class PressProtocol(Model):
     description: str = ""
     approach: Annotated[tuple[DepthSegment, ...], Field(min_length=1, max_length=64)]
     retract: Annotated[
-        Literal["mirrored", "none"], Field(description="mirrored: the same depths on the way back")
+        Literal["mirrored", "none"], Field(description="mirrored: the same depths in retraction")
     ] = "mirrored"
     turn: Annotated[
-        Literal["once", "twice"], Field(description="how often the deepest point is measured, where mirrored")
+        Literal["once", "twice"],
+        Field(description="number of measurements at the deepest point, if mirrored"),
     ] = "twice"
-    dwell_s: Annotated[float, Field(gt=0.0, le=3600.0, description="time a sample")] = 0.5
-    travel_s: Annotated[float, Field(ge=0.0, le=3600.0, description="time to the next place")] = 2.0
+    dwell_s: Annotated[float, Field(gt=0.0, le=3600.0, description="time per sample")] = 0.5
+    travel_s: Annotated[float, Field(ge=0.0, le=3600.0, description="time to the next location")] = 2.0
     workspace_mm: Annotated[
         tuple[float, float, float, float] | None,
-        Field(description="x0, y0, x1, y1 of the places; the design's workspace if left out"),
+        Field(description="x0, y0, x1, y1 of the locations; the design's workspace if left out"),
     ] = None
     curves: Annotated[
         Literal["fine", "coarse"],
         Field(
-            description="how many depths a simulation traces: coarse is two thirds of the light, for a first look"
+            description=(
+                "number of depths that a simulation traces: coarse traces two thirds of them, "
+                "for a first look"
+            )
         ),
     ] = "fine"
     sets: Annotated[tuple[PressSet, ...], Field(min_length=1, max_length=64)]
@@ -202,7 +208,7 @@ class PressProtocol(Model):
             )
         names = [one.name for one in self.sets]
         if len(set(names)) < len(names):
-            raise ValueError(f"sets: a name stands there twice: {', '.join(names)}")
+            raise ValueError(f"sets: a name is given twice: {', '.join(names)}")
         _require_apart(self.sets)
         box = self.workspace_mm
         if box is not None and not (box[0] <= box[2] and box[1] <= box[3]):
@@ -345,8 +351,8 @@ def _places_mm(one: PressSet, number: int, space: Outline) -> FloatArray:
         )
         if len(x_mm) * len(y_mm) > MOST_PLACES:
             raise InputError(
-                f"sets.{number}.grid_mm: {one.grid_mm:g} makes {len(x_mm) * len(y_mm)} places, at most {MOST_PLACES}; "
-                "widen it"
+                f"sets.{number}.grid_mm: {one.grid_mm:g} makes {len(x_mm) * len(y_mm)} locations, at most "
+                f"{MOST_PLACES}; widen it"
             )
         return np.array([(x, y) for x in x_mm for y in y_mm if space.contains(x, y, 10.0**-ROUND_DIGITS)])
     rng = np.random.default_rng(one.place_seed)

@@ -23,7 +23,7 @@ _MEANT = (
     (r"[^#]*[\u201c\u201d\u201e\u201f\u2018\u2019\u201a\u00ab\u00bb]", 'write straight quotes: "..."'),
     (
         r".*[\u00a0\u2000-\u200b\u202f\u205f\u2060\u3000\ufeff]",
-        "it has a blank that is not ordinary; type it anew",
+        "it has a special blank; type it again",
     ),
     (r'[^"]*"[^"]*\\', "write / for \\ in paths, or use single quotes: '...'"),
     (
@@ -73,7 +73,7 @@ def explained(message: str, text: str) -> str:
 
 def _way_out(message: str, line: str) -> str:
     if message.startswith(_TWICE):
-        return f"{line.partition('=')[0].strip()} stands twice in its table; keep one"
+        return f"{line.partition('=')[0].strip()} is given twice in its table; keep one"
     return next((way_out for pattern, way_out in _PATTERNS if pattern.match(line)), "")
 
 

@@ -45,23 +45,31 @@ from fabrication.record import plain_of
 from fabrication.sketch import firmware_gaps, firmware_settings
 
 HEADING = (
-    "Driver configuration of one sensor design; written by optopad, read by the PC beside the sensor.",
-    "Change the design and write it anew: the checksum refuses edits. Lengths in mm in the cavity frame:",
+    "Driver configuration of one sensor design; written by optopad, read by the computer at the sensor.",
+    "Edits fail the checksum: change the design and write this file again. Lengths in mm, cavity frame:",
     "x and y from 0 at one cavity corner, z = 0 at the bottom of the clear layer.",
 )
 
 TABLE_COMMENTS = {
     "board": "full scale of the converter is the board's supply; baud_error is made_baud / baud - 1",
     "frame": "readings are packed bit by bit, state by state and within a state receiver by receiver",
-    "timing": "a plain sum: settle and convert state by state, then send",
-    "workspace": "press centres that the verdict is about, in plan; outline disc: within the four sides",
-    "surface": "the untouched top, by its highest place; a press goes against its normal",
+    "timing": "sum of all states' settling and conversion times and of the sending",
+    "workspace": (
+        "press centres that the verdict covers, seen from above; outline disc: within the four sides"
+    ),
+    "surface": "the untouched top, by its highest point; a press moves against its normal",
     "ambient": "subtract this state's readings from those of every other state",
-    "gain": "counts for all of an emitter's power on one receiver (median; each); absent if not simulated",
+    "gain": (
+        "counts if one receiver received an emitter's total power (median; each); absent if not simulated"
+    ),
     "states": "in order: each emitter alone, then all off",
     "emitters": "active_mm: emitting area along the wall and upward; normal points into the cavity",
-    "expected": "untouched pad by simulation: a row an emitter, a column a receiver; absent if not simulated",
-    "receivers": "column: place within a state's readings; channel_number: place among the board's channels",
+    "expected": (
+        "simulated untouched pad: one row per emitter, one column per receiver; absent if not simulated"
+    ),
+    "receivers": (
+        "column: index within a state's readings; channel_number: index among the board's channels"
+    ),
 }
 
 

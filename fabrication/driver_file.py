@@ -31,7 +31,7 @@ CHECKSUM = "content_sha256"
 DESIGN_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,62}")
 """As `design.fields.base.FileName`; recordings are named after it."""
 Point = tuple[float, float, float]
-WAY_OUT = "write it anew with `optopad driver config DESIGN`"
+WAY_OUT = "write it again with `optopad driver config DESIGN`"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -314,8 +314,8 @@ def config_from_document(document: dict[str, Any], *, where: str) -> DriverConfi
     _check_consistent(config, where)
     if config.content_sha256 != content_sha256(document):
         raise InputError(
-            f"{where}: its content differs from its checksum: damaged or changed by hand; "
-            f"change the design instead and {WAY_OUT}"
+            f"{where}: its content does not match its checksum: damaged or changed by hand; change the "
+            f"design instead and {WAY_OUT}"
         )
     return config
 
@@ -370,9 +370,9 @@ def _claims(config: DriverConfig) -> dict[str, bool]:
         == list(range(len(lit))),
         "receivers must be in the order of columns": [r.column for r in config.receivers]
         == list(range(frame.receivers)),
-        "names must be single": len(set(names)) == len(names),
-        "pins must be single": len({e.pin for e in config.emitters}) == len(lit),
-        "channels must be single": len({r.channel for r in config.receivers}) == frame.receivers,
+        "names must be unique": len(set(names)) == len(names),
+        "pins must be unique": len({e.pin for e in config.emitters}) == len(lit),
+        "channels must be unique": len({r.channel for r in config.receivers}) == frame.receivers,
         "readings must be states x receivers": frame.readings == frame.states * frame.receivers,
         "readings must fit their bytes": frame.reading_bytes
         == -(-frame.readings * frame.bits_per_reading // 8),

@@ -151,12 +151,24 @@ SHOWN_LINES = 3
 
 CAUSES: Mapping[str, str] = MappingProxyType(
     {
-        "permission denied": "you may not use the port: join its group (Debian and Ubuntu: dialout), then log in anew",
-        "busy": "something else has the port open: end it (a serial monitor, `driver read`), then try again",
-        "not in sync": "no boot loader answers: is it this board and its port? Press its reset button just before",
-        "timeout": "no boot loader answers: is it this board and its port? Press its reset button just before",
-        "signature": "the chip is another one than the design's board has: correct board.kind or take the other board",
-        "verification error": "what was written reads back differently: try again, with another cable",
+        "permission denied": (
+            "you may not use the port: join its group (Debian and Ubuntu: dialout), then log in again"
+        ),
+        "busy": (
+            "another program has the port open: end it (a serial monitor, `driver read`), then try again"
+        ),
+        "not in sync": (
+            "no reply of a boot loader: are board and port right? Press the reset button just "
+            "before the upload"
+        ),
+        "timeout": (
+            "no reply of a boot loader: are board and port right? Press the reset button just "
+            "before the upload"
+        ),
+        "signature": (
+            "the chip is not that of the design's board: correct board.kind or use the right board"
+        ),
+        "verification error": "verification failed: try again with another cable",
     }
 )
 """What avrdude says, in lower case, and what helps."""
@@ -196,7 +208,8 @@ def upload(chip: BoardFirmware, image: Path, port: str) -> None:
         done = subprocess.run(command, capture_output=True, text=True, timeout=UPLOAD_LIMIT_S, check=False)
     except subprocess.TimeoutExpired:
         raise DeviceError(
-            f"{port}: {UPLOADER} had not finished after {UPLOAD_LIMIT_S:g} s; unplug the board, plug it in, try again"
+            f"{port}: {UPLOADER} did not finish within {UPLOAD_LIMIT_S:g} s; unplug the board, plug it "
+            "in, try again"
         ) from None
     except OSError as err:
         raise DeviceError(f"{UPLOADER} cannot be started: {err.strerror or err}") from err
@@ -206,6 +219,6 @@ def upload(chip: BoardFirmware, image: Path, port: str) -> None:
 
 def _explained(said: str) -> str:
     lines = [line.strip() for line in said.splitlines() if line.strip()]
-    shown = " | ".join(lines[-SHOWN_LINES:]) or f"{UPLOADER} said nothing"
+    shown = " | ".join(lines[-SHOWN_LINES:]) or f"{UPLOADER} printed no message"
     help_ = next((way_out for words, way_out in CAUSES.items() if words in said.lower()), "")
     return f"{shown}; {help_}" if help_ else shown

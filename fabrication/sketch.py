@@ -184,7 +184,7 @@ def config_header(settings: FirmwareSettings) -> str:
             "PRESCALER_EXPONENT", f"{settings.prescaler_exponent}", "ADC clock = clock / 2 to this power"
         ),
         *_tunable("SETTLE_US", f"{settings.settle_us}UL", "wait after an emitter switches"),
-        *_tunable("FRAME_INTERVAL_US", f"{settings.frame_interval_us}UL", "0: as fast as it can"),
+        *_tunable("FRAME_INTERVAL_US", f"{settings.frame_interval_us}UL", "0: as fast as possible"),
         f"#define BAUD {settings.baud}UL",
         f"#define N_EMITTERS {len(settings.emitters)}",
         *_commented_list("EMITTER_PINS", (f"{e.number} /* {plain(e.name)} */" for e in settings.emitters)),
@@ -218,7 +218,7 @@ def _avr_lines(settings: FirmwareSettings, chip: BoardFirmware) -> Iterable[str]
     yield from _only_for(_chip_macro(chip.mcu), chip.mcu, chip)
     yield f"#define CLOCK_HZ {settings.clock_hz}UL"
     yield from _tunable(
-        "SWITCH_EARLY", "0", "1: switch during a state's last conversion, once its input is held"
+        "SWITCH_EARLY", "0", "1: switch during a state's last conversion, once its input is sampled"
     )
     yield f"#define BAUD_DIVISOR {settings.baud_divisor} /* of an eighth of the clock */"
     yield f"#define RECEIVE_VECTOR {chip.receive_vector}"
@@ -252,14 +252,14 @@ def _arduino_lines(settings: FirmwareSettings, chip: ArduinoProgram) -> Iterable
 
 def _only_for(macro: str, name: str, chip: BoardFirmware | ArduinoProgram) -> Iterable[str]:
     yield f"#ifndef {macro}"
-    yield f'#error "this program is for {plain(name)}: choose the board {plain(chip.arduino_board)}"'
+    yield f'#error "this program is for {plain(name)}: select the board {plain(chip.arduino_board)}"'
     yield "#endif"
 
 
 def _heading(settings: FirmwareSettings) -> Iterable[str]:
     yield f"/* Written by optopad for the design {plain(settings.design)} (digest {settings.digest.hex()[:8]})"
     yield f"   on the board {plain(settings.board_title)}."
-    yield "   Change the design and write it anew: the host refuses a program that is not its design's. */"
+    yield "   Change the design and write it again: the host refuses a program of another design. */"
 
 
 def _chip_macro(mcu: str) -> str:

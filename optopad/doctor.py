@@ -173,7 +173,9 @@ def cpu_finding() -> Finding:
     """How many processors; the light kernels use them all."""
     count = cpu_count()
     if count == 1:
-        return Finding("processors", "warning", "1", "runs take about twice the times given for 2 processors")
+        return Finding(
+            "processors", "warning", "1", "runs take about twice the times stated for 2 processors"
+        )
     return Finding("processors", "ok", str(count))
 
 
@@ -244,7 +246,7 @@ def import_failure(*modules: str) -> Failure | None:
     try:
         probe = subprocess.run(command, capture_output=True, text=True, timeout=PROBE_LIMIT_S, check=False)
     except subprocess.TimeoutExpired:
-        return Failure(f"its import takes longer than {PROBE_LIMIT_S} s", "try again: the disk may be busy")
+        return Failure(f"its import takes longer than {PROBE_LIMIT_S} s", "try again; the disk may be busy")
     if probe.returncode == 0:
         return None
     marked = [line for line in probe.stdout.splitlines() if line.startswith(PROBE_MARK)]
@@ -324,7 +326,7 @@ def folder_finding(name: str, folder: Path, way_out: str, *, state: State = "mis
 
 def kept_finding(name: str, folder: Path, lost: str) -> Finding:
     """Whether a folder keeps what later runs need; a run goes on without."""
-    way_out = f"set {CACHE_VARIABLE} to a folder you can write to; else {lost}"
+    way_out = f"set {CACHE_VARIABLE} to a folder you can write to; otherwise {lost}"
     if folder.is_relative_to(NO_HOME):
         return Finding(name, "warning", "none: this user has no home folder", f"set HOME, or {way_out}")
     return folder_finding(name, folder, way_out, state="warning")

@@ -37,7 +37,7 @@ def on_cluster(address: str) -> Iterator[FanOut]:
     except (OSError, ValueError, TimeoutError) as err:
         reason = str(err).splitlines()[0] if str(err) else type(err).__name__
         raise InputError(
-            f"--scheduler: no scheduler answers at {address!r}: {reason}; start one with `dask scheduler`"
+            f"--scheduler: no scheduler replies at {address!r}: {reason}; start one with `dask scheduler`"
         ) from None
     with client:
         if not client.scheduler_info()["workers"]:
@@ -64,13 +64,13 @@ def _fan_out(client: Any, address: str) -> FanOut:
             raise
         except KilledWorker as err:
             raise InputError(
-                f"--scheduler: workers of {address} die over one design ({err.last_worker}); see their logs: memory is "
-                "the usual cause (finished designs are kept)"
+                f"--scheduler: workers of {address} crash on one design ({err.last_worker}); see their "
+                "logs: memory is the usual cause (finished designs are kept)"
             ) from None
         except (CancelledError, OSError, TimeoutError) as err:
             raise InputError(
-                f"--scheduler: {address} was lost: {err or type(err).__name__}; finished designs are kept: "
-                "start it again and give the same command"
+                f"--scheduler: {address} was lost: {err or type(err).__name__}; finished designs are "
+                "kept: start it again and repeat the command"
             ) from None
 
     return fan_out

@@ -266,7 +266,7 @@ def _room_findings(
             f"the layout has {count} {part}s, more than the board has {noun}s for",
             value=count,
             limit=f"at most {available}",
-            way_out=way_out or f"place fewer {part}s, or name another board.kind",
+            way_out=way_out or f"use fewer {part}s, or name another board.kind",
         )
     ]
 

@@ -93,7 +93,7 @@ def check_band(value: float, low: float | None, high: float | None) -> None:
     """
     if (low is not None and low > value) or (high is not None and high < value):
         raise ValueError(
-            f"the band {low} to {high} does not hold the value {value:g}; need low <= value <= high"
+            f"the band {low} to {high} does not include the value {value:g}; need low <= value <= high"
         )
 
 

@@ -18,7 +18,7 @@ WORDED_FINDINGS = 100
 _WAY_OUT = {
     "missing": "is missing; add it (see `optopad schema`, or start from `optopad new`)",
     "union_tag_not_found": "lacks `pattern`; use one of ring, alternating_ring, facing_rows, per_side, single, "
-    "on a disc disc_ring, at_angles",
+    "or, on a disc, disc_ring, at_angles",
 }
 
 

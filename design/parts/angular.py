@@ -56,7 +56,7 @@ class AngularTable(Model):
         if any(later <= earlier for earlier, later in pairwise(self.angle_deg)):
             raise ValueError("angle_deg must rise from entry to entry")
         if not any(self.relative):
-            raise ValueError("relative is 0 at every angle; give what the sheet shows")
+            raise ValueError("relative is 0 at every angle; give the values of the data sheet")
         return self
 
     @property

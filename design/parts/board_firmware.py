@@ -32,11 +32,11 @@ MUX5 = 32
 class BoardFirmware(Model):
     """Chip, registers, memory and upload of a board."""
 
-    source: Annotated[Text, Field(description="where the entry's values come from")]
+    source: Annotated[Text, Field(description="source of the entry's values")]
     confidence: Confidence
     mcu: Annotated[str, Field(pattern=r"^atmega[0-9a-z]+$", description="as the compiler names the chip")]
     signature: Annotated[str, Field(pattern=r"^[0-9a-f]{6}$", description="of the chip, hexadecimal")]
-    flash_bytes: Annotated[int, Field(gt=0, description="left for the program by the boot loader")]
+    flash_bytes: Annotated[int, Field(gt=0, description="program memory without the boot loader")]
     ram_bytes: Annotated[int, Field(gt=0)]
     programmer: Annotated[Text, Field(description="avrdude's name of the boot loader's protocol")]
     upload_baud: Annotated[int, Field(ge=1200)]
@@ -49,8 +49,8 @@ class BoardFirmware(Model):
     internal_reference_bits: Annotated[
         int, Field(ge=0, le=255, description="of the multiplexer's register, for the reference at full scale")
     ] = 128
-    receive_vector: Annotated[VectorName, Field(description="interrupt: the serial line has a byte for us")]
-    transmit_vector: Annotated[VectorName, Field(description="interrupt: the serial line takes a byte")]
+    receive_vector: Annotated[VectorName, Field(description="interrupt: the serial line has received a byte")]
+    transmit_vector: Annotated[VectorName, Field(description="interrupt: the serial line can send a byte")]
 
 
 class ArduinoProgram(Model):

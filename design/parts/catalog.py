@@ -149,31 +149,50 @@ class Part(Model):
     max_current_ma: Annotated[CurrentMa | None, Field(description="emitter: continuous")] = None
     responsivity_a_per_w: Annotated[ResponsivityAPerW | None, Field(description="receiver")] = None
     responsivity_wavelength_nm: Annotated[
-        WavelengthNm | None, Field(description="receiver: where the responsivity holds")
+        WavelengthNm | None, Field(description="receiver: wavelength of the responsivity")
     ] = None
     dark_current_na: Annotated[DarkCurrentNa | None, Field(description="receiver: typical")] = None
     capacitance_pf: Annotated[CapacitancePf | None, Field(description="receiver: without bias")] = None
     angular_pattern: Annotated[
         AngularTable | None,
-        Field(description="emitter: the sheet's intensity, in place of the half angle's power of the cosine"),
+        Field(
+            description=(
+                "emitter: intensity of the data sheet; replaces the power of the cosine by the half angle"
+            )
+        ),
     ] = None
     spectrum: Annotated[
-        Spectrum | None, Field(description="emitter: the index is averaged over it, not at wavelength_nm")
+        Spectrum | None,
+        Field(
+            description=(
+                "emitter: the refractive index is averaged over this spectrum "
+                "instead of taken at wavelength_nm"
+            )
+        ),
     ] = None
     radiant_power_mw: Annotated[
         PowerMw | None,
-        Field(description="emitter: all light at max_current_ma; sets resistors, not the verdict by a rule"),
+        Field(
+            description=(
+                "emitter: total light at max_current_ma; used for resistors; the verdict needs "
+                "it only if gain.feedback_ohm is given in ohms"
+            )
+        ),
     ] = None
     epoxy_index: Annotated[
         RefractiveIndex | None,
         Field(
-            description="receiver: index of what lies on the chip, behind a flat face; absent: a bare active area"
+            description=(
+                "receiver: index of the material on the chip, behind a flat face; absent: a bare active area"
+            )
         ),
     ] = None
     angular_response: Annotated[
         AngularTable | None,
         Field(
-            description="receiver: the sheet's response in air, in place of the half angle; needs epoxy_index"
+            description=(
+                "receiver: response of the data sheet in air; replaces the half angle; needs epoxy_index"
+            )
         ),
     ] = None
     cost: Cost | None = None
@@ -204,7 +223,7 @@ class Part(Model):
             )
         if response is not None and response.relative[0] <= 0.0:
             raise ValueError(
-                "angular_response.relative is 0 on the axis, where responsivity holds; correct it"
+                "angular_response.relative is 0 on the axis, where responsivity is defined; correct it"
             )
         return self
 
@@ -236,11 +255,11 @@ class MoldMaterial(Model):
     unsaid = ("refractive_index",)
 
     title: Text
-    wall_reflectance: Annotated[Reflectance, Field(description="diffuse share of the light that lands on it")]
+    wall_reflectance: Annotated[Reflectance, Field(description="diffuse share of the incident light")]
     density_g_per_cm3: DensityGPerCm3
     refractive_index: Annotated[
         RefractiveIndex | None,
-        Field(description="of the bulk, for walls with surfaces.wall_finish = 'glossy'"),
+        Field(description="of the bulk material, for walls with surfaces.wall_finish = 'glossy'"),
     ] = None
     notes: tuple[Text, ...] = ()
 
@@ -273,7 +292,7 @@ class Board(Model):
     )
 
     title: Text
-    source: Annotated[Text, Field(description="where the plain numbers of this entry come from")]
+    source: Annotated[Text, Field(description="source of the plain numbers of this entry")]
     confidence: Confidence
     clock_hz: Annotated[int, Field(gt=0, le=1_000_000_000)]
     adc_bits: Annotated[int, Field(ge=8, le=24)]
@@ -333,13 +352,13 @@ class Board(Model):
     ] = 0
     usb_ids: Annotated[tuple[UsbId, ...], Field(description="vendor:product of the maker's own boards")] = ()
     bridge_usb_ids: Annotated[
-        tuple[UsbId, ...], Field(description="serial chips of copies, which many other devices have, too")
+        tuple[UsbId, ...], Field(description="serial chips of copies; many other devices have them, too")
     ] = ()
     boot_s: Annotated[
         float, Field(ge=0.0, le=60.0, description="longest time from the port's opening to the sketch")
     ] = DEFAULT_BOOT_S
     firmware: Annotated[
-        BoardFirmware | None, Field(description="of an AVR chip: what the generated program needs")
+        BoardFirmware | None, Field(description="of an AVR chip: data for the generated program")
     ] = None
     arduino: Annotated[
         ArduinoProgram | None,

@@ -70,7 +70,7 @@ def with_curve(table: dict[str, Any], file: Path, kind: str) -> dict[str, Any]:
     across, value = CURVES[kind]
     if doubled := [name for name in (across, value) if name in table]:
         raise DesignError(f"{file}: {kind} has {doubled[0]} and {CURVE_FILE}; keep one of the two")
-    needed = f"a CSV table with {across} and {value}, a row a point"
+    needed = f"a CSV table with {across} and {value}, one point per row"
     points = np.array([point for _, point in numbered_points(file, needed=needed, error=DesignError)])
     changes: list[str] = []
     where, values = points[:, 0], points[:, 1]
@@ -78,7 +78,7 @@ def with_curve(table: dict[str, Any], file: Path, kind: str) -> dict[str, Any]:
     if across == "angle_deg":
         where, values = _folded(where, values, changes, file)
     elif where.max() < 20.0:
-        raise DesignError(f"{file}: {across} goes up to {where.max():g}; wavelengths are in nm, not in µm")
+        raise DesignError(f"{file}: {across} reaches {where.max():g}; wavelengths are in nm, not in µm")
     where, values = _sorted(where, values, changes)
     if across == "angle_deg":
         where = _from_axis(where, changes, file)
@@ -92,7 +92,7 @@ def _from_zero(values: FloatArray, changes: list[str], file: Path, name: str) ->
     largest, least = values.max(), values.min()
     if largest <= 0.0 or least < -LARGEST_BELOW_ZERO * largest:
         raise DesignError(
-            f"{file}: {name} goes from {least:g} to {largest:g}; needs values from 0, at most "
+            f"{file}: {name} ranges from {least:g} to {largest:g}; needs values from 0, at most "
             f"{LARGEST_BELOW_ZERO:.0%} of the largest below it; correct the axis of the digitised diagram"
         )
     if least < 0.0:
@@ -107,7 +107,7 @@ def _folded(
     farthest = np.abs(angles).max()
     if farthest > 90.0 + FARTHEST_BEYOND_DEG:
         raise DesignError(
-            f"{file}: angle_deg goes up to {farthest:g}; needs angles to the axis, -90 to 90 degrees"
+            f"{file}: angle_deg reaches {farthest:g}; needs angles to the axis, -90 to 90 degrees"
         )
     if farthest > 90.0:
         changes.append(f"{(np.abs(angles) > 90.0).sum()} angles up to {farthest:g} deg set to 90")
@@ -190,7 +190,7 @@ class Spectrum(Model):
         if any(later <= earlier for earlier, later in pairwise(self.wavelength_nm)):
             raise ValueError("wavelength_nm must rise from entry to entry")
         if not any(self.weight):
-            raise ValueError("weight is 0 at every wavelength; give what the sheet shows")
+            raise ValueError("weight is 0 at every wavelength; give the values of the data sheet")
         return self
 
     def samples(self) -> tuple[tuple[float, float], ...]:

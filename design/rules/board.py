@@ -57,7 +57,7 @@ def firmware_findings(
     if chip is None:
         yield warning(
             "board.kind",
-            "no firmware is made for this board: its entry does not say which chip it has",
+            "no firmware is made for this board: its entry does not name its chip",
             value=design.board.kind,
             limit="an entry with a table `firmware` or `arduino`",
             way_out="add one in your catalogue, or name another board",
@@ -115,7 +115,7 @@ def _unknown(field: str, program: str, table: str, names: Sequence[object]) -> I
     if names:
         yield warning(
             field,
-            f"no firmware is made: the board's entry does not say in {table} where they are",
+            f"no firmware is made: the board's entry does not list them in {table}",
             value=", ".join(map(str, names)),
             limit=f"names that {table} has",
             way_out=f"add them to {program}.{table} of the board's entry, or choose others",
@@ -133,7 +133,7 @@ def _memory_findings(
             f"two frames of {frame} bytes and the program's variables do not fit the memory of the {board.title}",
             value=f"{needed} bytes",
             limit=f"at most {chip.ram_bytes} bytes",
-            way_out="place fewer parts, or name a board with more memory",
+            way_out="use fewer parts, or name a board with more memory",
         )
 
 
@@ -178,7 +178,7 @@ def circuit_findings(design: SensorDesign, board: Board) -> Iterator[Finding]:
                 f"a pin gives too much current to switch {placed.part_id} by a bipolar transistor",
                 value=f"{switch.base_current_ma:.1f} mA",
                 limit=f"at most {most:g} mA",
-                way_out="use a logic-level MOSFET or a driver in its place, or a part with less max_current_ma",
+                way_out="use a logic-level MOSFET or a driver instead, or a part with less max_current_ma",
             )
     errors = list(gain_findings(design))
     yield from errors or settling_findings(design)

@@ -49,18 +49,18 @@ def count_findings(emitter_count: int, receiver_count: int) -> Iterator[Finding]
         if count == 0:
             yield error(
                 "layout",
-                f"the layout places no {kind}",
+                f"the layout has no {kind}",
                 value=0,
                 limit=f"1 to {MAX_PER_KIND} {kind}s",
-                way_out=f"add a pattern that places {kind}s",
+                way_out=f"add a pattern with {kind}s",
             )
         elif count > MAX_PER_KIND:
             yield error(
                 "layout",
-                f"the layout places too many {kind}s",
+                f"the layout has too many {kind}s",
                 value=count,
                 limit=f"1 to {MAX_PER_KIND}",
-                way_out="place fewer, or make two designs",
+                way_out="use fewer, or make two designs",
             )
 
 
@@ -97,9 +97,9 @@ def path_findings(cavity: CavityGeometry) -> Iterator[Finding]:
             "no pair has a direct path: every emitter and every receiver is in the same wall",
             value=f"all on the {walls['emitter'][0]} wall",
             limit="emitters and receivers in different walls",
-            way_out="place receivers at other angles, for example with pattern = 'disc_ring'"
+            way_out="put receivers at other angles, for example with pattern = 'disc_ring'"
             if not cavity.plan.outline.bare.lines
-            else "place receivers on another wall, for example with pattern = 'facing_rows'",
+            else "put receivers on another wall, for example with pattern = 'facing_rows'",
         )
     elif not is_facing_rows(cavity):
         for kind in KINDS:
@@ -327,7 +327,7 @@ def _middle_findings(cavity: CavityGeometry) -> Iterator[Finding]:
             "no pair looks across the middle of the pad, so a light touch there is detected late",
             value=f"the nearest line from an emitter to a receiver is {mm(nearest)} from the middle",
             limit=f"at most the tip's radius, {mm(cavity.tip_radius_mm)}",
-            way_out="use an odd count in a ring, or place a receiver opposite an emitter",
+            way_out="use an odd count in a ring, or put a receiver opposite an emitter",
         )
 
 

@@ -39,7 +39,7 @@ class Words:
     limit: str = "at least mold.min_web_mm = {needed}"
 
 
-_SPREAD = "place fewer parts, spread them, or enlarge the cavity"
+_SPREAD = "use fewer parts, spread them, or enlarge the cavity"
 _RAISE = "raise {field} by {twice} or more, or shrink the cavity"
 _HOLE = "mold.fixing_hole_diameter_mm (0 for none)"
 _THICKEN = f"{_RAISE}, or use a part with less body_depth_mm"
@@ -75,7 +75,7 @@ WORDS = {
         message="the socket of {parts} reaches into the end of the {wall} wall",
         value="{value} to the corner",
         limit="at least mold.min_web_mm = {needed} on a wall of {length}",
-        way_out="move it inward, place fewer parts, or lengthen the cavity",
+        way_out="move it inward, use fewer parts, or lengthen the cavity",
     ),
     "pocket back to outer face": Words(
         message="the wall behind the socket of {where} is too thin", way_out=_THICKEN
@@ -84,7 +84,7 @@ WORDS = {
         message="the floor below the socket of {where} is too thin", way_out="raise mold.floor_mm or {field}"
     ),
     "pocket below fill level": Words(
-        message="the socket of {where} hardly reaches below the top of the clear layer",
+        message="the socket of {where} is too shallow below the top of the clear layer",
         way_out="lower {field} or raise cavity.clear_thickness_mm",
     ),
     "pocket to fixing hole": Words(
@@ -130,7 +130,7 @@ def web_findings(design: SensorDesign) -> Iterator[Finding]:
         for group in _groups([one for one in found if not one.is_kept]):
             worst, more = min(group, key=lambda one: one.spare_mm), len(group) - 1
             said, fill = WORDS[worst.name], _filling(worst, design)
-            others = f" (and {more} more place{'s' if more > 1 else ''})" if more else ""
+            others = f" (and {more} more position{'s' if more > 1 else ''})" if more else ""
             yield finding(
                 worst.field,
                 said.message.format(**fill) + others,
@@ -241,7 +241,7 @@ def _cover_findings(design: SensorDesign, outline: MoldOutline) -> Iterator[Find
         names = " ".join(part.name for part in high)
         yield error(
             "mold.cover_ledge_mm",
-            f"a cover at the fill level would lie on the bodies of {names}",
+            f"a cover at the fill level would rest on the bodies of {names}",
             value=f"{mm(worst.body_top_mm - outline.fill_mm)} above it",
             limit="bodies below the clear layer's top",
             way_out=f"lower {worst.height_field}, use a part with less body_height_mm, or set it to 0",
@@ -252,7 +252,7 @@ def _piece_findings(design: SensorDesign) -> Iterator[Finding]:
     if design.mold.pieces == "frame_and_base" and design.mold.fixing_hole_diameter_mm == 0:
         yield error(
             "mold.pieces",
-            "nothing holds frame and base together",
+            "frame and base have no fixing",
             value="no fixing holes",
             limit="mold.fixing_hole_diameter_mm above 0",
             way_out="give fixing holes for screws, or set mold.pieces = 'one'",

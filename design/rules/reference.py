@@ -81,7 +81,7 @@ def _measurement_findings(design: SensorDesign, entries: CatalogEntries) -> Iter
                 where,
                 what,
                 value=", ".join(f"{k} = {v:g}" for k, v in design.part_measurements[part_id].items()),
-                limit="what the catalogue allows for the part",
+                limit="a value that the catalogue allows for the part",
                 way_out=way_out or "correct or remove it",
             )
 

@@ -194,7 +194,7 @@ def _lid_findings(design: SensorDesign) -> Iterator[Finding]:
             "the lid that shapes the crown has no fixing",
             value="no fixing holes",
             limit="above 0: the lid's pins go into them",
-            way_out="give fixing holes, best of 2 to 4 mm",
+            way_out="give fixing holes, preferably of 2 to 4 mm",
         )
     outline = outline_of(design)
     high = [s.part for s in outline.sockets if s.part.body_top_mm > outline.top_mm + ROUNDING_MM]
@@ -203,7 +203,7 @@ def _lid_findings(design: SensorDesign) -> Iterator[Finding]:
         names = " ".join(part.name for part in high)
         yield error(
             worst.height_field,
-            f"the lid that shapes the crown would lie on the bodies of {names}",
+            f"the lid that shapes the crown would rest on the bodies of {names}",
             value=f"{mm(worst.body_top_mm - outline.top_mm)} above the rim",
             limit=f"at most {mm(outline.top_mm)}, the rim of the mold",
             way_out="lower it, raise mold.rim_mm, or use a part with less body_height_mm",

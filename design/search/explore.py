@@ -93,7 +93,7 @@ def _require_same_space(study: optuna.Study, space: SearchSpace, url: str) -> No
     elif known != space.digest:
         raise InputError(
             f"{shown_url(url)}: the study {space.name!r} is of another search space (digest "
-            f"{str(known)[:8]}, this one is {space.digest[:8]}); name the space anew, or restore the old one"
+            f"{str(known)[:8]}, this one is {space.digest[:8]}); rename the space, or restore the old one"
         )
 
 
@@ -117,7 +117,7 @@ def storage_errors(url: str) -> Iterator[None]:
         reason = str(getattr(root, "orig", None) or root).strip().splitlines()[0]
         raise InputError(
             f"--storage: {shown_url(url)} cannot be reached: {reason}; check address, server and rights "
-            "(finished designs are kept; the same command goes on)"
+            "(finished designs are kept; the same command continues the search)"
         ) from err
 
 

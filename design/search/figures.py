@@ -38,24 +38,27 @@ FIGURES: dict[str, Figure] = {
     "deadband_mm": Figure(
         unit="mm",
         better="minimize",
-        meaning="summed deadband of the facing pair, or of the pad's worst place",
+        meaning="summed deadband of the facing pair, or of the pad's worst location",
     ),
     "usable_depth_mm": Figure(
         unit="mm",
         better="maximize",
-        meaning="least depth of any place from which on depth is not told any more",
+        meaning="usable depth: depth is resolved down to it; the smallest of all locations",
     ),
     "margin": Figure(
         unit="1",
         better="maximize",
-        meaning="noise units over the least told 0.3 mm of depth before the range ends; below 3 is blind",
+        meaning=(
+            "sigma between two depths 0.3 mm apart, where the signal changes least within the range; "
+            "a deadband is below 3"
+        ),
     ),
     "strength": Figure(
         unit="1", better="maximize", meaning="untouched light of the judged pair over the emitted power"
     ),
     "swing": Figure(unit="1", better="maximize", meaning="largest loss of light over the untouched light"),
     "resolvable_steps": Figure(
-        unit="1", better="maximize", meaning="steps of three noise units that the signal goes through"
+        unit="1", better="maximize", meaning="number of steps of 3 sigma within the range of the signal"
     ),
     "location_bound_mm": Figure(
         unit="mm", better="minimize", meaning="Cramér-Rao bound of the location, median over the pad's voxels"

@@ -225,7 +225,7 @@ def improvement_space(
     for path in keep:
         if path not in fields:
             near = nearest(path, tuple(fields))
-            hint = f"did you mean {near[0]}?" if near else f"what varies: {', '.join(fields)}"
+            hint = f"did you mean {near[0]}?" if near else f"fields that vary: {', '.join(fields)}"
             raise InputError(f"--keep: {path} does not vary by default; {hint}")
         del fields[path]
     for path, given in vary.items():
@@ -271,7 +271,9 @@ def _field(design: SensorDesign, path: str, given: Range | None) -> dict[str, An
     if given is not None:
         low, high = given
         if not low < high:
-            raise InputError(f"--vary: {path}={low:g}:{high:g} leaves no room; give a lower and a higher end")
+            raise InputError(
+                f"--vary: {path}={low:g}:{high:g} is an empty range; give a lower and a higher end"
+            )
         return {"path": path, "low": low, "high": high, "step": _step_within(path, value, low, high)}
     along = path.endswith(ALONG)
     reach = ALONG_REACH_MM if along else REACH.get(path, 0.25 * abs(value) or 1.0)

@@ -87,7 +87,7 @@ class SpaceField(Model):
                 raise ValueError(f"{self.path}: has choices and a range; keep one of the two")
             labels = [canonical_json(choice) for choice in self.choices]
             if len(set(labels)) < len(labels):
-                raise ValueError(f"{self.path}: choices holds a value twice; remove one")
+                raise ValueError(f"{self.path}: choices has a value twice; remove one")
             return self
         if self.low is None or self.high is None:
             raise ValueError(f"{self.path}: needs low and high, or choices")
@@ -113,7 +113,7 @@ class SpaceObjective(Model):
     """One figure to improve."""
 
     figure: str
-    direction: Annotated[Direction | None, Field(description="default: the better way")] = None
+    direction: Annotated[Direction | None, Field(description="default: the direction that is better")] = None
 
     @model_validator(mode="after")
     def _figure_is_known(self) -> Self:
@@ -186,12 +186,12 @@ class SearchSpace(Model):
         ):
             twice = sorted({name for name in names if names.count(name) > 1})
             if twice:
-                raise ValueError(f"{what}: {', '.join(twice)} stands there twice; remove one")
+                raise ValueError(f"{what}: {', '.join(twice)} is given twice; remove one")
         _require_no_overlap([field.path for field in self.fields])
         wanted = {objective.figure for objective in self.objectives}
         if wanted <= NO_OBJECTIVE_ALONE:
             raise ValueError(
-                f"objectives: {', '.join(sorted(wanted))} alone is won by thin pads with half the signal; "
+                f"objectives: {', '.join(sorted(wanted))} alone favours thin pads with half the signal; "
                 "add strength, resolvable_steps, evenness or a bound"
             )
         _require_consistent(self.constraints)
@@ -345,7 +345,7 @@ def _base(name: str, file: Path) -> SensorDesign:
     if not is_file:
         near = nearest(name, PRESETS)
         hint = f"did you mean {near[0]}?" if near else f"presets: {', '.join(PRESETS)}"
-        raise DesignError(f"{file}: base: {name!r} is neither a preset nor a design file beside it; {hint}")
+        raise DesignError(f"{file}: base: {name!r} is neither a preset nor a design file next to it; {hint}")
     return load_design(beside)
 
 
@@ -379,7 +379,7 @@ def _require_no_overlap(paths: list[str]) -> None:
         inner = [other for other in paths if other.startswith(f"{path}.")]
         if inner:
             raise ValueError(
-                f"fields: {inner[0]} lies inside {path}, which varies as a whole; keep one of the two"
+                f"fields: {inner[0]} is part of {path}, which varies as a whole; keep one of the two"
             )
 
 

@@ -201,8 +201,8 @@ def shape_fault(indenter: Indenter) -> str | None:
         return None
     if indenter.profile_mm is None:
         return (
-            "indenter.profile_mm: is missing; indenter.shape 'profile' needs the tip's points as [[radius, "
-            "height], ...], or indenter.profile_csv with the name of a file that holds them"
+            "indenter.profile_mm: is missing; indenter.shape 'profile' needs the tip's points as "
+            "[[radius, height], ...], or indenter.profile_csv with the name of a file that contains them"
         )
     return profile_fault(
         indenter.profile_mm, indenter.tip_radius_mm, lambda index: f"indenter.profile_mm.{index}"

@@ -55,8 +55,9 @@ class AlternatingRing(Model):
         counts = self.parts_per_side
         if isinstance(counts, tuple) and (sum(counts) % 2 or not sum(counts)):
             raise ValueError(
-                f"parts_per_side = {list(counts)} has the sum {sum(counts)}; emitters and receivers take turns "
-                "around the perimeter, so the sum must be even and at least 2: add or remove one"
+                f"parts_per_side = {list(counts)} has the sum {sum(counts)}; emitters and receivers "
+                "alternate around the perimeter, so the sum must be even and at least 2: add or remove "
+                "one"
             )
         return self
 
@@ -155,7 +156,7 @@ class AtAngles(Model):
     pattern: Literal["at_angles"]
     kind: Kind
     angles_deg: Annotated[
-        tuple[AngleDeg, ...], Field(min_length=1, max_length=64, description="one direction a part")
+        tuple[AngleDeg, ...], Field(min_length=1, max_length=64, description="one direction per part")
     ]
     part: Annotated[PartId | None, Field(description="catalogue part; default: the section's")] = None
     height_mm: Annotated[HeightMm | None, Field(description="height above the clear layer's bottom")] = None

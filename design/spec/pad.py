@@ -56,13 +56,14 @@ class Cavity(Model):
         if given.get("outline", "rectangle") != "disc":
             if given.get("diameter_mm") is not None and given.get("outline", "rectangle") == "rectangle":
                 raise ValueError(
-                    "diameter_mm is of a disc; remove it, or set outline = 'disc' and remove length_mm and width_mm"
+                    "diameter_mm belongs to a disc; remove it, or set outline = 'disc' and remove "
+                    "length_mm and width_mm"
                 )
             return given
         extra = [name for name in ("length_mm", "width_mm") if name in given]
         if extra:
             raise ValueError(
-                f"a disc has diameter_mm, no {' and no '.join(extra)}: remove what it has not, or start from "
+                f"a disc has diameter_mm, no {' and no '.join(extra)}: remove the others, or start from "
                 "`optopad new --preset levi2013-disc`"
             )
         if given.get("diameter_mm") is None:
@@ -143,5 +144,7 @@ class Crown(Model):
         if self.shape == "cylinder" and self.axis is None:
             raise ValueError("axis is missing: a cylinder stays straight along 'x' or 'y'; add it")
         if self.shape == "sphere" and self.axis is not None:
-            raise ValueError(f"axis = '{self.axis}' is of a cylinder; remove it, or set shape = 'cylinder'")
+            raise ValueError(
+                f"axis = '{self.axis}' belongs to a cylinder; remove it, or set shape = 'cylinder'"
+            )
         return self

@@ -99,11 +99,9 @@ class Noise(Model):
     ] = 0.5
     relative_noise: Annotated[
         float,
-        Field(
-            ge=0.0, le=0.5, description="verdict only: all noise in proportion to the signal, in one number"
-        ),
+        Field(ge=0.0, le=0.5, description="verdict only: total noise in proportion to the signal"),
     ] = 0.003
-    quantised: Annotated[bool, Field(description="readings are whole counts; false: only for study")] = True
+    quantised: Annotated[bool, Field(description="readings are whole counts; false: for studies only")] = True
     dark_counts: Annotated[
         float,
         Field(
@@ -123,7 +121,8 @@ class Noise(Model):
     led_fluctuation: Annotated[
         Share,
         Field(
-            description="standard deviation of an emitter's power from frame to frame, all receivers alike; bounded"
+            description="standard deviation of an emitter's power from frame to frame, equal for all "
+            "receivers; bounded"
         ),
     ] = 0.002
     gain_drift: Annotated[
@@ -133,7 +132,10 @@ class Noise(Model):
     gain_drift_per_hour: Annotated[
         Share,
         Field(
-            description="standard deviation of each part's steady drift within a set; 0, because no source gives any"
+            description=(
+                "standard deviation of each part's linear drift within a set; 0, because no "
+                "source gives a value"
+            )
         ),
     ] = 0.0
     ambient_counts: Annotated[
@@ -161,34 +163,40 @@ class Noise(Model):
     ] = 120.0
     zero_offset_set_mm: Annotated[
         Offset,
-        Field(description="standard deviation of the reference depth from set to set, set by hand; bounded"),
+        Field(
+            description=(
+                "standard deviation of the reference depth from set to set, as zeroed by hand; bounded"
+            )
+        ),
     ] = 0.04
     zero_offset_place_mm: Annotated[
         Offset,
-        Field(description="standard deviation of the reference depth from place to place; bounded"),
+        Field(description="standard deviation of the reference depth from location to location; bounded"),
     ] = 0.03
     retract_lag_mm: Annotated[
         Offset,
         Field(
-            description="how much deeper the tip is than the stage says on its way back: backlash; bounded"
+            description=("backlash: how much deeper the tip is than the stage reports in retraction; bounded")
         ),
     ] = 0.05
     position_error_mm: Annotated[
         Offset,
         Field(
-            description="standard deviation in x and in y of the tip's place, press by press; assumed: a screw stage"
+            description=(
+                "standard deviation of the tip's x and y from press to press; assumed: a screw stage"
+            )
         ),
     ] = 0.02
     wall_unbonded_share: Annotated[
         Share,
         Field(
-            description="share of the wall that the deepest press unbonds; 0, because the paper says that it happens "
-            "and not how much"
+            description="share of the wall that the deepest press detaches; 0, because the paper reports "
+            "the effect without a figure"
         ),
     ] = 0.0
     wall_heal_s: Annotated[
         float,
-        Field(gt=0.0, le=1e6, description="time constant of the wall's healing; the paper: 5 to 10 s"),
+        Field(gt=0.0, le=1e6, description="time constant of the wall's rebonding; the paper: 5 to 10 s"),
     ] = 7.5
 
 
@@ -255,13 +263,18 @@ class Mold(Model):
         Field(
             default_factory=dict,
             max_length=200,
-            description="fit class of a part, in place of part_clearance_mm: press holds it, slip lets it drop in",
+            description=(
+                "fit class of a part, instead of part_clearance_mm: press holds it, slip lets it drop in"
+            ),
         ),
     ]
     numbers: Annotated[
         Literal["engraved", "none"],
         Field(
-            description="names of the parts, as in the wiring table, in the outer face beside their sockets"
+            description=(
+                "engraves the names of the parts, as in the wiring table, in the outer face next "
+                "to their sockets"
+            )
         ),
     ] = "engraved"
     strain_relief: Annotated[
@@ -295,7 +308,7 @@ class Mold(Model):
             return given
         extra = [name for name in ("outer_length_mm", "outer_width_mm") if name in given]
         if extra:
-            raise ValueError(f"outer_diameter_mm stands for {' and '.join(extra)}: give either")
+            raise ValueError(f"outer_diameter_mm replaces {' and '.join(extra)}: give either")
         across = given["outer_diameter_mm"]
         return {**given, "outer_length_mm": across, "outer_width_mm": across}
 
@@ -329,7 +342,7 @@ class Elastomer(Model):
     youngs_modulus_mpa: Annotated[float | None, Field(gt=0.0, le=100.0)] = None
     viscoelastic: Annotated[
         Viscoelastic | None,
-        Field(description="load that depends on the past, in the load protocol only; absent: elastic"),
+        Field(description="viscoelastic load, in the load protocol only; absent: elastic"),
     ] = None
 
 
@@ -344,8 +357,8 @@ class Surfaces(Model):
     wall_finish: Annotated[
         Literal["diffuse", "glossy", "air_gap"],
         Field(
-            description="diffuse: walls scatter only; glossy: a smooth bonded face mirrors by Fresnel besides; "
-            "air_gap: the elastomer is not bonded, and its own face mirrors"
+            description="diffuse: walls scatter only; glossy: a smooth bonded face also mirrors by "
+            "Fresnel; air_gap: the elastomer is not bonded, and its own face mirrors"
         ),
     ] = "diffuse"
     wall_index: Annotated[
@@ -391,19 +404,21 @@ class BoardUse(Model):
     kind: PartId = "arduino-mega-2560"
     emitter_pins: Annotated[
         tuple[Annotated[int, Field(ge=0, le=200)], ...] | None,
-        Field(max_length=200, description="one digital pin an emitter"),
+        Field(max_length=200, description="one digital pin per emitter"),
     ] = None
     receiver_channels: Annotated[
         tuple[Annotated[str, Field(max_length=60)], ...] | None,
-        Field(max_length=200, description="one analogue input a receiver, or a multiplexer: 'A0', 'A1' ..."),
+        Field(
+            max_length=200, description="one analogue input per receiver, or per multiplexer: 'A0', 'A1' ..."
+        ),
     ] = None
     receivers: Annotated[
         ReceiverInputs | None, Field(description="multiplexers; absent: one input a receiver")
     ] = None
     adc_prescaler: Annotated[int, Field(description="AVR boards: ADC clock = board clock / prescaler")] = 64
-    settle_us: Annotated[float, Field(ge=0.0, le=10000.0, description="wait after an emitter switches")] = (
-        20.0
-    )
+    settle_us: Annotated[
+        float, Field(ge=0.0, le=10000.0, description="waiting time after an emitter is switched")
+    ] = 20.0
     reference: Annotated[
         Literal["supply", "internal"],
         Field(description="full scale of the converter: its supply, or the board's internal reference"),
@@ -412,7 +427,9 @@ class BoardUse(Model):
         int, Field(ge=1, le=256, description="readings of which the board sends the mean as one value")
     ] = 1
     baud: Annotated[int, Field(ge=1200, le=4_000_000)] = 1_000_000
-    frame_rate_hz: Annotated[float, Field(ge=0.001, le=1e5, description="full frames a second wanted")] = 60.0
+    frame_rate_hz: Annotated[
+        float, Field(ge=0.001, le=1e5, description="required number of full frames per second")
+    ] = 60.0
 
 
 class Gain(Model):
@@ -452,7 +469,10 @@ class SensorDesign(Model):
     description: str = ""
     measured: Annotated[
         tuple[Annotated[str, Field(max_length=200)], ...],
-        Field(max_length=1000, description="dotted paths whose value in this file was measured on the build"),
+        Field(
+            max_length=1000,
+            description="dotted paths of values in this file that were measured on the built pad",
+        ),
     ] = ()
     cavity: Cavity
     crown: Annotated[Crown | None, Field(description="a convex top; absent: flat")] = None
@@ -483,12 +503,13 @@ class SensorDesign(Model):
         Field(
             default_factory=dict,
             max_length=64,
-            description="how far a value may be off on a build: dotted path = half width in its unit, 0 for exact; "
-            "replaces the band or the default of that value",
+            description="manufacturing tolerance of a value: dotted path = half width in its unit, 0 for "
+            "exact; replaces the band or the default of that value",
         ),
     ]
     catalog: Annotated[
-        CatalogEntries, Field(description="the user's own parts and materials, beside the packaged ones")
+        CatalogEntries,
+        Field(description="the user's own parts and materials, in addition to the packaged ones"),
     ] = CatalogEntries()
 
     @model_validator(mode="after")
@@ -510,17 +531,21 @@ class SensorDesign(Model):
     def _layout_fits_its_outline(self) -> Self:
         if (self.mold.outer_diameter_mm is None) == (self.cavity.outline == "disc"):
             raise ValueError(
-                "mold.outer_diameter_mm: a disc's mold is round; give it in place of outer_length_mm and outer_width_mm"
+                (
+                    "mold.outer_diameter_mm: a disc's mold is round; give it instead of outer_length_mm and "
+                    "outer_width_mm"
+                )
                 if self.cavity.outline == "disc"
-                else "mold.outer_diameter_mm: is of a disc; give outer_length_mm and outer_width_mm, or set "
-                "cavity.outline = 'disc'"
+                else "mold.outer_diameter_mm: belongs to a disc; give outer_length_mm and "
+                "outer_width_mm, or set cavity.outline = 'disc'"
             )
         size, mold = self.cavity, self.mold
         if size.outline == "stadium":
             if (size.length_mm > size.width_mm) != (mold.outer_length_mm > mold.outer_width_mm):
                 raise ValueError(
-                    f"mold.outer_length_mm: {mold.outer_length_mm:g} x {mold.outer_width_mm:g} mm lie across a stadium "
-                    f"of {size.length_mm:g} x {size.width_mm:g} mm; the longer sides run along each other"
+                    f"mold.outer_length_mm: {mold.outer_length_mm:g} x {mold.outer_width_mm:g} mm run "
+                    f"across a stadium of {size.length_mm:g} x {size.width_mm:g} mm; the longer sides run "
+                    "along each other"
                 )
             if self.crown is not None:
                 raise ValueError(

@@ -88,7 +88,7 @@ def tolerance_findings(design: SensorDesign) -> Iterator[Finding]:
         except DesignError as err:
             yield error(
                 f"tolerances.{path}",
-                "a tolerance of nothing in the design",
+                "a tolerance without a field of the design",
                 value=f"{half_width:g}",
                 limit="the dotted path of a number of the design",
                 way_out=str(err).removeprefix("tolerances: "),

@@ -139,8 +139,9 @@ def _railed_problems(railed: BoolArray, found: Descriptor) -> list[Problem]:
         Problem(
             kind="saturated",
             parts=(found.receivers.names[j],),
-            message=f"{receiver_text(found.receivers, j)}: at full scale even in the dark: its amplifier is saturated; "
-            "look for an open feedback resistor, a diode that is shorted or the wrong way round, or bright light",
+            message=f"{receiver_text(found.receivers, j)}: at full scale even in the dark: its amplifier "
+            "is saturated; look for an open feedback resistor, a shorted or reversed diode, or "
+            "bright light",
         )
         for j in map(int, np.flatnonzero(railed))
     ]
@@ -179,15 +180,15 @@ def _dead_problems(pattern: Pattern, dead_e: BoolArray, dead_r: BoolArray) -> li
             Problem(
                 kind="dead",
                 parts=(*pattern.emitters.names, *pattern.receivers.names),
-                message="no receiver sees any emitter: the supply of the emitters or of the amplifiers is missing, "
-                "or the plug is not in",
+                message="no receiver reads light of any emitter: the supply of the emitters or of the "
+                "amplifiers is missing, or the connector is not plugged in",
             )
         ]
     silent = (
-        (pattern.emitters, dead_e, emitter_text, "no receiver sees it: a dead LED, one the wrong way round, or an open "
-         "wire, resistor or transistor"),
-        (pattern.receivers, dead_r, receiver_text, "sees no emitter: a dead photodiode, one the wrong way round, or an "
-         "open wire or amplifier"),
+        (pattern.emitters, dead_e, emitter_text, "no receiver reads its light: a dead or reversed LED, "
+                                                 "or an open wire, resistor or transistor"),
+        (pattern.receivers, dead_r, receiver_text, "reads light of no emitter: a dead or reversed "
+                                                   "photodiode, or an open wire or amplifier"),
     )  # fmt: skip
     return [
         Problem(kind="dead", parts=(parts.names[k],), message=f"{called(parts, k)}: {why}")
@@ -210,8 +211,8 @@ def _dim(pattern: Pattern, usable: BoolArray) -> list[Problem]:
             share = float(np.nanmedian(own) / np.nanmedian(others))
             if share < DIM_SHARE:
                 message = (
-                    f"{called(parts, k)}: {share:.0%} of what it should show beside the others; check its resistor, "
-                    "its seat and the gel before it"
+                    f"{called(parts, k)}: {share:.0%} of its expected reading relative to the others; "
+                    "check its resistor, its seat and the silicone in front of it"
                 )
                 problems.append(Problem(kind="dim", parts=(name,), message=message, is_error=False))
     return problems
@@ -243,7 +244,7 @@ def _ambient(dark: NDArray[np.uint16], railed: BoolArray, found: Descriptor) -> 
         return []
     names = tuple(found.receivers.names[j] for j in bright)
     level_text = f"{level[bright].max():.0f} counts in the dark"
-    message = f"{', '.join(names)}: {level_text}; cover the pad, or mend its black layer"
+    message = f"{', '.join(names)}: {level_text}; cover the pad, or repair its black layer"
     return [Problem(kind="ambient", parts=names, message=message, is_error=False)]
 
 
@@ -254,8 +255,8 @@ def _noisy(counts: NDArray[np.uint16], railed: BoolArray, found: Descriptor) -> 
         return []
     names = tuple(found.receivers.names[j] for j in np.flatnonzero(noisy))
     message = (
-        f"{', '.join(names)}: readings scatter by up to {scatter[:, noisy].max():.0f} counts; was the pad touched? "
-        "Else check contacts and shielding, and take lamps on mains away"
+        f"{', '.join(names)}: readings scatter by up to {scatter[:, noisy].max():.0f} counts; was the pad "
+        "touched? If not, check contacts and shielding, and remove mains-powered lamps"
     )
     return [Problem(kind="noisy", parts=names, message=message, is_error=False)]
 
@@ -278,8 +279,8 @@ def _program(self_test: SelfTest | None, found: Descriptor) -> list[Problem]:
     if self_test is None or found.config_crc is None or self_test.config_crc == found.config_crc:
         return []
     message = (
-        f"the board's program was made with other pins or times than driver.toml says, or its memory is damaged "
-        f"(checksum {self_test.config_crc:08x}, should be {found.config_crc:08x}); upload it anew with "
+        "the board's program has other pins or times than driver.toml, or its memory is damaged "
+        f"(checksum {self_test.config_crc:08x}, should be {found.config_crc:08x}); upload it again with "
         "`optopad driver flash DESIGN`"
     )
     return [Problem(kind="program", parts=(), message=message)]

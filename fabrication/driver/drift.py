@@ -278,7 +278,7 @@ def _require(start: FloatArray, trained: FloatArray, time_constant_s: float, gua
             "(n, emitter, receiver) and one level a pair"
         )
     if not (np.isfinite(start).all() and np.isfinite(trained).all()):
-        raise InputError("drift: levels that are no finite numbers; read the untouched pad again")
+        raise InputError("drift: the levels are not all finite numbers; read the untouched pad again")
     if not (
         math.isfinite(time_constant_s) and time_constant_s > 0 and math.isfinite(guard_s) and guard_s >= 0
     ):

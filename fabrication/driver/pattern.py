@@ -54,7 +54,7 @@ class Pattern:
 
 def pattern_of(counts: NDArray[np.uint16], found: Descriptor) -> Pattern:
     """Mean readings of (n, state, receiver) counts beside the descriptor's expected ones, which it must have."""
-    assert found.expected_counts is not None, "asked for by the caller"
+    assert found.expected_counts is not None, "requested by the caller"
     mean: FloatArray = counts.mean(axis=0)
     lit = mean[:-1]
     return Pattern(

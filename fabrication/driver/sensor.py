@@ -245,7 +245,8 @@ class Sensor:
         return DeviceError(
             stream.why_away
             or f"{self.port}: no whole frame for {silent_s:.2g} s ({stream.counts.skipped_bytes} bytes "
-            f"that are none, {stream.counts.damaged} damaged frames); check cable and board, lower the rate or baud"
+            f"outside frames, {stream.counts.damaged} damaged frames); check cable and board, lower "
+            "the rate or baud"
         )
 
     def _checked(self, hello: Hello) -> Hello:

@@ -167,7 +167,7 @@ class Stream:
                 self._changed.wait_for(lambda: self._self_test or self._error, timeout_s / 3)
                 if self._self_test is not None:
                     return self._self_test
-        raise self._error or DeviceError(f"{self.link.port.name}: no answer to the self-test; read again")
+        raise self._error or DeviceError(f"{self.link.port.name}: no reply to the self-test; read again")
 
     @property
     def counts(self) -> LinkCounts:

@@ -155,9 +155,12 @@ def _problem(pattern: Pattern, best: _Exchange, equal: list[_Exchange]) -> Probl
     names = [_named(pattern, one) for one in ways]
     parts = tuple(dict.fromkeys(part for one in ways for part in _parts(pattern, one)))
     if len(names) == 1:
-        message = f"{names[0]}: the readings fit when these two wires change places; exchange them"
+        message = f"{names[0]}: the readings fit if these two wires are exchanged; exchange them"
     else:
-        message = f"{' or '.join(names)}: the readings fit when two wires change places; the pattern cannot tell which"
+        message = (
+            f"{' or '.join(names)}: the readings fit if two wires are exchanged; the pattern does "
+            "not resolve which"
+        )
     return Problem(kind="swapped", parts=parts, message=message)
 
 

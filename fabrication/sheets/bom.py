@@ -130,7 +130,8 @@ def _switch_rows(emitters: Sequence[PlacedPart], board: Board) -> Iterator[BomRo
             quantity=len(names),
             references=_marked(names, "Q"),
             value=f"collector current at least {_most_ma(part.part)} mA",
-            note="one an LED: base to the base resistor, collector to the LED's cathode, its own emitter to ground",
+            note="one per LED: base to the base resistor, collector to the LED's cathode, its own "
+            "emitter to ground",
         )
         yield BomRow(
             item="base resistor",
@@ -164,7 +165,7 @@ def _amplifier_rows(
         quantity=len(names),
         references=_marked(names, "CS"),
         value="100 nF",
-        note="ceramic, beside each amplifier's supply pins; one serves all amplifiers of a package",
+        note="ceramic, next to each amplifier's supply pins; one per package",
     )
     feedbacks = feedbacks_for(design, gain)
     if feedbacks is None:
@@ -177,7 +178,7 @@ def _amplifier_rows(
             "feedback resistor",
             "RF",
             resistors,
-            "rests on the emitters' power; see casting.md, last section",
+            "depends on the emitters' power; see casting.md, last section",
         ),
         (
             "feedback capacitor",
@@ -196,13 +197,15 @@ def _amplifier_rows(
                 quantity=len(same),
                 references=_marked(same, mark),
                 value=value,
-                note="least that is stable: TOO SLOW for board.settle_us, see casting.md" if late else note,
+                note="smallest stable value: TOO SLOW for board.settle_us, see casting.md" if late else note,
             )
 
 
 def _open_feedback_rows(design: SensorDesign, names: Sequence[str]) -> Iterator[BomRow]:
     """Resistor and capacitor whose values nobody can tell yet."""
-    rule = f"so that the median judged pair, untouched, reads {design.gain.target_counts:g} counts, and none clips"
+    rule = (
+        f"so that the median judged pair reads {design.gain.target_counts:g} counts untouched, and none clips"
+    )
     for item, mark, note in (
         ("feedback resistor", "RF", f"{rule}; see casting.md, last section"),
         (
@@ -270,7 +273,7 @@ def _silicone_rows(design: SensorDesign) -> Iterator[BomRow]:
             quantity=round(sum(pour.carbon_g for pour in layers), 2),
             unit="g",
             value=f"{assumption('carbon_black_share').value:.0%} by weight (assumed)",
-            note="black layer only; the paper says to saturation and states no share by weight",
+            note="black layer only; the paper adds it to saturation and states no share by weight",
         )
 
 

@@ -143,7 +143,7 @@ def _heading(design: SensorDesign) -> Iterator[str]:
     if described := true_description(design):
         yield plain(described)
         yield ""
-    yield f"Design digest {design.digest}. Lengths in mm. A star marks a value that nobody has read at a source."
+    yield f"Design digest {design.digest}. Lengths in mm. A star marks a value without a source."
     yield ""
 
 
@@ -162,13 +162,13 @@ def _weights(design: SensorDesign) -> Iterator[str]:
         row = " | ".join([*(f"{gram:.2f}" for gram in grams), carbon])
         yield f"| {pour.layer} | {number(pour.thickness_mm)} | {row} |"
     yield ""
-    yield f"Density {_shown(density)}; {waste.value:.0%}* is added for what stays in the cup and in the gaps."
+    yield f"Density {_shown(density)}; {waste.value:.0%}* is added for residue in the cup and in the gaps."
     yield from _too_little(design)
     if design.cavity.black_thickness_mm > 0:
         share = assumption("carbon_black_share")
         yield (
-            f"Carbon black: {share.value:.0%}* by weight (from {share.low:.0%} to {share.high:.0%}); the paper has it "
-            "to saturation and states no share."
+            f"Carbon black: {share.value:.0%}* by weight (from {share.low:.0%} to {share.high:.0%}); the "
+            "paper adds it to saturation and states no share."
         )
     yield ""
 
@@ -187,9 +187,15 @@ def _too_little(design: SensorDesign) -> Iterator[str]:
 def _measure_first(cavity: CavityGeometry) -> Iterator[str]:
     yield "## Measure before printing"
     yield ""
-    yield "The sockets are cut from these lengths. Take a caliper to the parts at hand, chip height under a loupe"
-    yield "or on a photograph with a scale, and put what differs into the design under"
-    yield "`[part_measurements.<part>]`, for example `active_height_in_body_mm = 3.4`; then run the design anew."
+    yield (
+        "The sockets are cut from these lengths. Measure your parts with a calliper, the chip height "
+        "under a loupe"
+    )
+    yield "or on a photograph with a scale, and enter values that differ in the design under"
+    yield (
+        "`[part_measurements.<part>]`, for example `active_height_in_body_mm = 3.4`; then run the "
+        "design again."
+    )
     yield ""
     yield "| part | length | mm | confidence | measure |"
     yield "|---|---|---|---|---|"
@@ -207,9 +213,9 @@ def _print(design: SensorDesign, cavity: CavityGeometry) -> Iterator[str]:
     depth = outline.top_mm - outline.cavity_bottom_mm
     yield "## Print and check"
     yield ""
-    yield f"Print in {plain(material.title)}, without support, each part as it lies in its file:"
+    yield f"Print in {plain(material.title)}, without support, each part in the orientation of its file:"
     yield ""
-    yield "| file | what for |"
+    yield "| file | purpose |"
     yield "|---|---|"
     yield from (f"| `cad/{name}` | {use} |" for name, use in _printed(design, cavity))
     yield ""
@@ -233,11 +239,11 @@ def _printed(design: SensorDesign, cavity: CavityGeometry) -> Iterator[tuple[str
             "mold_frame.stl",
             "walls and sockets; screwed to the base through the fixing holes, the joint taped",
         )
-        yield "mold_base.stl", "cavity floor; taken off to push the pad out and cast again"
+        yield "mold_base.stl", "cavity floor; removed to push the pad out and cast again"
     if is_cast_under_lid(cavity.plan):
         yield (
             "lid.stl",
-            "shapes the crown; its pins stand in the fixing holes; print it on its back, in layers of 0.1 mm",
+            ("shapes the crown; its pins are in the fixing holes; print it on its back, in layers of 0.1 mm"),
         )
     else:
         if cavity.black_mm > 0:
@@ -254,8 +260,11 @@ def _printed(design: SensorDesign, cavity: CavityGeometry) -> Iterator[tuple[str
 def _fit(design: SensorDesign, cavity: CavityGeometry) -> Iterator[str]:
     yield "## Fit the parts"
     yield ""
-    yield "Places and pins: `wiring.svg`, `wiring.csv`; parts in sockets: `orientation.svg`; circuit: `schematic.svg`."
-    yield "Every part goes in from above, active face inward."
+    yield (
+        "Positions and pins: `wiring.svg`, `wiring.csv`; parts in sockets: `orientation.svg`; circuit: "
+        "`schematic.svg`."
+    )
+    yield "Insert every part from above, active face inward."
     yield ""
     yield "| part | references | base above black layer | fit, gap at each side | leads | polarity |"
     yield "|---|---|---|---|---|---|"
@@ -311,29 +320,33 @@ def _crowned_steps(design: SensorDesign, cavity: CavityGeometry) -> list[str]:
     clear, *black = pours(design)
     where = f"{number(cavity.black_mm)} below the floor" if black else "in all narrow holes"
     steps = [
-        "Tack every body in its socket with a drop of silicone, let it cure, and see that none moves when the mold is "
-        "turned over: nothing else holds them at their heights.",
+        "Tack every body in its socket with a drop of silicone, let it cure, and check that none moves "
+        "when the mold is inverted: nothing else holds them at their heights.",
         "Set the mold on its lid, pins in the fixing holes, floor up; clamp, and seal the seam from outside.",
         f"Clear layer: mix {clear.base_g:.2f} g base and {clear.agent_g:.2f} g curing agent; degas {_degassing()}.",
-        f"Inject {clear.net_g:.2f} g through the wide hole of the floor, on a scale, slowly: it then stands "
-        f"{where}. Degas again, tilt so that bubbles leave by the narrow holes, cure level (below).",
+        f"Inject {clear.net_g:.2f} g through the wide hole of the floor, on a scale, slowly: its level is "
+        f"then {where}. Degas again, tilt so that bubbles leave by the narrow holes, cure level (below).",
     ]
     for pour in black:
         steps.append(
             f"Black layer: mix {pour.base_g:.2f} g base and {pour.agent_g:.2f} g curing agent, stir in "
-            f"{pour.carbon_g:.2f}* g of carbon black; degas {_degassing()}. Inject until it stands in all narrow "
-            "holes; cure."
+            f"{pour.carbon_g:.2f}* g of carbon black; degas {_degassing()}. Inject until it is visible in "
+            "all narrow holes; cure."
         )
-    return [*steps, "Cut what stands out of the holes, turn over, and lift the lid off at its notches."]
+    return [
+        *steps,
+        "Cut off the silicone that protrudes from the holes, invert the mold, and lift the "
+        "lid off at its notches.",
+    ]
 
 
 def _black_steps(design: SensorDesign, cavity: CavityGeometry) -> Iterator[str]:
     for pour in pours(design):
         if pour.layer == "black":
             yield (
-                f"Black layer: mix {pour.base_g:.2f} g base and {pour.agent_g:.2f} g curing agent, stir in "
-                f"{pour.carbon_g:.2f}* g of carbon black, or what it takes and still flows; degas {_degassing()}. "
-                "Pour."
+                f"Black layer: mix {pour.base_g:.2f} g base and {pour.agent_g:.2f} g curing agent, stir "
+                f"in {pour.carbon_g:.2f}* g of carbon black, or as much as still lets it flow; degas "
+                f"{_degassing()}. Pour."
             )
             yield _leveling(design)
             yield f"Cure it (below). It must be {number(cavity.black_mm)} thick, level, and black to the walls."
@@ -354,18 +367,25 @@ def _clear_steps(design: SensorDesign, cavity: CavityGeometry) -> Iterator[str]:
     if design.mold.cover_ledge_mm:
         yield _cover(design)
     else:
-        yield "Level the mold, cover it against dust, cure. The open surface is the optical face: nothing touches it."
+        yield (
+            "Level the mold, cover it against dust, cure. The open surface is the optical face: do not "
+            "touch it."
+        )
     if design.mold.pieces == "frame_and_base":
-        yield "Loosen the screws, lift the frame off the base, and free the pad's underside; the base serves again."
+        yield (
+            "Loosen the screws, lift the frame off the base, and free the pad's underside; the base "
+            "can be used again."
+        )
 
 
 def _cover(design: SensorDesign) -> str:
     size, ledge = design.cavity, design.mold.cover_ledge_mm
     length, width = (side + 2 * ledge - COVER_PLAY_MM for side in (size.length_mm, size.width_mm))
     return (
-        f"Pour a little over the seat. Lower a clean glass of {number(length)} x {number(width)} from one edge "
-        "onto it, without bubbles; what it pushes out runs into the sockets. Cure level. The face against the glass is "
-        "the optical face: it comes out smooth, and the glass slides off sideways."
+        f"Pour a little over the seat. Lower a clean glass of {number(length)} x {number(width)} from one "
+        "edge onto it, without bubbles; the displaced silicone runs into the sockets. Cure level. The "
+        "face against the glass is the optical face: it comes out smooth, and the glass slides off "
+        "sideways."
     )
 
 
@@ -382,7 +402,7 @@ def _duration_of_all(design: SensorDesign) -> str:
     layers = len(pours(design))
     hands = layers * (HANDS_MINUTES + assumption("degas_minutes").value)
     if cure is None:
-        return f"Hands are needed for about {number(hands)}* min, besides the cure."
+        return f"The manual work takes about {number(hands)}* min, in addition to the cure."
     total = number(layers * cure.minutes / MINUTES_PER_HOUR)
     return (
         f"Takes about {number(hands)}* min of work and degassing, and {total} h of cure at "
@@ -394,12 +414,12 @@ def _leveling(design: SensorDesign) -> str:
     above = bodies_above_rim(design)
     if above:
         return (
-            f"{' '.join(above)} stand above the rim, in the leveling blade's way: level between them by hand, "
-            "or raise `mold.rim_mm`."
+            f"{' '.join(above)} protrude above the rim, in the path of the leveling blade: level between "
+            "them by hand, or raise `mold.rim_mm`."
         )
     is_round = plan_of(design).outline.dimensions[0].is_diameter
-    way = "turn it half around its middle" if is_round else "draw it once along the longer side"
-    return f"Rest the leveling blade on the rim and {way}; wipe off what it takes."
+    way = "rotate it by half a turn around its middle" if is_round else "draw it once along the longer side"
+    return f"Rest the leveling blade on the rim and {way}; wipe off the excess."
 
 
 def _cure(design: SensorDesign) -> Iterator[str]:
@@ -410,8 +430,14 @@ def _cure(design: SensorDesign) -> Iterator[str]:
         yield f"The catalogue has no cure times for {plain(elastomer.title)}: take the maker's."
         yield ""
         return
-    yield "The coolest is the safe one: hotter ones must stay below what the printed mold bears (see its notes)."
-    yield "Both layers cure alike; the black one only until it no longer sticks. A surface that stays tacky was"
+    yield (
+        "The lowest temperature is safe: higher ones must stay below the limit of the printed mold "
+        "(see its notes)."
+    )
+    yield (
+        "Both layers cure in the same way; the black one only until it no longer sticks. A surface "
+        "that stays tacky was"
+    )
     yield "inhibited: by uncured resin, sulfur (latex gloves, some clays), tin or amines (some epoxies and solder"
     yield "fluxes). Clean the soldered joints, and wear nitrile gloves."
     yield ""
@@ -425,17 +451,23 @@ def _cure(design: SensorDesign) -> Iterator[str]:
 
 
 def _measure_after(design: SensorDesign, cavity: CavityGeometry) -> Iterator[str]:
-    yield "## Measure after fitting, and tell the design"
+    yield "## Measure after fitting, and update the design"
     yield ""
     if is_cast_under_lid(cavity.plan):
         black = f", less {number(cavity.black_mm)} for the black layer" if cavity.black_mm > 0 else ""
-        yield "Light hangs on the heights of the active areas. Before the lid goes on, measure from the cavity's floor"
+        yield (
+            "The signals depend on the heights of the active areas. Before the lid is put on, measure "
+            "from the cavity's floor"
+        )
         yield f"to the middle of each active area{black}, with a depth gauge or on a level"
     else:
-        yield "The verdict hangs on the heights of the active areas. Before the clear layer is poured, with what is"
+        yield (
+            "The verdict depends on the heights of the active areas. Before the clear layer is poured, "
+            "with the silicone"
+        )
         yield "below it cured, measure from its surface to the middle of each area with a depth gauge or on a level"
-    yield "photograph. Put the mean into the design and its path into `measured`, so that the verdict no longer"
-    yield "carries their band of doubt:"
+    yield ("photograph. Enter the mean in the design and its path in `measured`; the verdict then no longer")
+    yield "includes their uncertainty bands:"
     yield ""
     heights = {part.height_field: part.height_mm for part in cavity.parts}
     listed = ", ".join(f'"{path}"' for path in heights)

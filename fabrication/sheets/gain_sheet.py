@@ -32,7 +32,10 @@ def gain_lines(design: SensorDesign, gain: SimulatedGain | None) -> Iterator[str
 
 def _unknown(design: SensorDesign) -> Iterator[str]:
     if counts_per_flux_per_ohm(design) is None:
-        yield "No feedback resistor is computed: that needs the emitters' power, and the catalogue does not have it for"
+        yield (
+            "No feedback resistor is computed: that needs the emitters' power, which the catalogue "
+            "does not have for"
+        )
         yield "all of them (give `part_measurements.<part>.radiant_power_mw`)."
     else:
         yield "No feedback resistor is computed: `gain.feedback_ohm` is a rule, and nothing has been simulated yet"
@@ -48,14 +51,19 @@ def _values(
     assert per_ohm is not None
     yield f"By `gain.feedback_ohm` = {_rule(design)}:"
     yield ""
-    yield "| receivers | wanted | for the bands of power and responsivity | fit RF | gain off by | CF | settles in us |"
+    yield (
+        "| receivers | required | for the bands of power and responsivity | fit RF | gain error | CF | "
+        "settles in us |"
+    )
     yield "|---|---|---|---|---|---|---|"
     for row in dict.fromkeys(_row(one) for one in feedbacks):
         same = " ".join(name for name, one in zip(names, feedbacks, strict=True) if _row(one) == row)
         yield f"| {same} | {row}"
     yield ""
     star = "*" if per_ohm[0].confidence in ("inferred", "unverified") else ""
-    yield f"An ohm makes {per_ohm[0].value:.3g}{star} counts of all of an emitter's power on a receiver"
+    yield (
+        f"One ohm gives {per_ohm[0].value:.3g}{star} counts if a receiver receives an emitter's total power"
+    )
     yield f"({plain(per_ohm[0].source)})."
     yield from (f"Warning: {plain(str(one))}." for one in settling_findings(design, gain))
     yield ""
@@ -89,12 +97,15 @@ def _trimming(design: SensorDesign) -> Iterator[str]:
     pairs = "facing pairs" if facing_pairs(cavity_of(design)) else "judged pairs (score.json lists them)"
     if isinstance(design.gain.feedback_ohm, str):
         yield "Light and responsivity of real parts scatter: start with a trimmer on one amplifier. With the pad"
-        yield f"untouched, and the all-off reading subtracted, turn it until the median over {pairs}"
+        yield f"untouched, and the all-off reading subtracted, adjust it until the median over {pairs}"
         yield f"reads {number(design.gain.target_counts)} counts, then fit that value to all (to each its own,"
         yield "by rule `each`). Then put the ohms into `gain.feedback_ohm`: signals, sheets and driver follow them."
     else:
         yield "The resistors are the design's: signals, sheets and driver follow them."
-    yield f"The capacitor beside each must let the reading settle within {number(design.board.settle_us)} us and"
+    yield (
+        "The capacitor next to each must let the reading settle within "
+        f"{number(design.board.settle_us)} us and"
+    )
     yield "keep the amplifier from ringing."
     yield ""
 
@@ -109,7 +120,8 @@ def _clipped(design: SensorDesign, gain: SimulatedGain) -> Iterator[str]:
     named = ", ".join(f"{one.name} ({one.counts:.0f})" for one in found[:SHOWN_CLIPPED])
     more = f" and {len(found) - SHOWN_CLIPPED} more" if len(found) > SHOWN_CLIPPED else ""
     yield (
-        f"Untouched, {len(found)} of {total} pairs read above full scale ({full_scale} counts) and are blind until a "
-        f"press dims them: {named}{more}. Lower `gain.target_counts` to unclip them."
+        f"Untouched, {len(found)} of {total} pairs read above full scale ({full_scale} counts) and "
+        f"resolve nothing until a press dims them: {named}{more}. Lower `gain.target_counts` to unclip "
+        "them."
     )
     yield ""

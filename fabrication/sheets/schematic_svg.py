@@ -49,7 +49,9 @@ def circuit_lines(design: SensorDesign) -> Iterator[str]:
     yield ""
     yield f"The supply, {_supply_text(board)}, gives {current.full_power_ma:.0f}* mA at full power: one emitter"
     yield f"lit with its base current ({current.emitter_ma:.0f}), the amplifiers ({current.amplifiers_ma:.0f}*) and the"
-    yield f"board ({current.board_ma:.0f}*). With all emitters lit by a fault it would be {current.fault_ma:.0f}*."
+    yield (
+        f"board ({current.board_ma:.0f}*). If a fault lit all emitters, it would be {current.fault_ma:.0f}*."
+    )
     yield ""
 
 
@@ -265,7 +267,7 @@ def _notes(design: SensorDesign) -> Sequence[str]:
         f"At full power {current.full_power_ma:.0f} mA: "
         f"{current.emitter_ma:.0f} mA for emitter and base, {current.amplifiers_ma:.0f} for the amplifiers (assumed), "
         f"{current.board_ma:.0f} for the board (assumed);",
-        f"{current.fault_ma:.0f} mA with all emitters lit by a fault.",
+        f"{current.fault_ma:.0f} mA if a fault lit all emitters.",
         "D: digital pin, A: analogue input, M1-C0: channel 0 of multiplexer M1. Amplifiers: single supply, inputs and "
         "outputs down to ground; 100 nF at",
         "each package between supply and ground. Which lead is anode or cathode: the part's data sheet.",

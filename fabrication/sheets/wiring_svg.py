@@ -73,12 +73,12 @@ def _origin_words(plan: Plan) -> str:
     if plan.has_origin_corner:
         return "inner corner next to the mold's cut edge"
     box = "square" if plan.length_mm == plan.width_mm else "rectangle"
-    return f"corner of the {box} around the {plan.outline.kind}; E1 tells the mold's direction"
+    return f"corner of the {box} around the {plan.outline.kind}; E1 shows the mold's orientation"
 
 
 def _places_words(connections: Sequence[Connection]) -> str:
     by_angle = {one.part.angle_deg is not None for one in connections}
-    words = {False: "place along the wall in mm", True: "direction from the middle, 0 along x"}
+    words = {False: "position along the wall in mm", True: "direction from the middle, 0 along x"}
     return " or ".join(words[one] for one in sorted(by_angle))
 
 

@@ -39,7 +39,7 @@ PLAN = "plan.json"
 Arrays = dict[str, NDArray[Any]]
 MOST_BYTES = 500_000_000
 """Of one press unpacked: an hour of frames at 400 a second of 17 x 16 readings has 400 MB."""
-KEPT = "run the command again: the presses before are kept"
+KEPT = "run the command again: earlier presses are kept"
 COLUMNS = ("counts", "press_mm", "connection", "sequence", "device_us", "host_s", "lost")
 
 
@@ -137,9 +137,7 @@ class CollectedParts:
             found = plain_arrays(file, most_bytes=MOST_BYTES)
             return {name: found[name] for name in COLUMNS}
         except (OSError, ValueError, KeyError) as err:
-            raise InputError(
-                f"{file}: is damaged ({err}); delete it: that press is then made again"
-            ) from None
+            raise InputError(f"{file}: is damaged ({err}); delete it: that press is then repeated") from None
 
     def _require_same(self, document: dict[str, Any]) -> None:
         try:
@@ -323,5 +321,6 @@ class Collector:
             if len({frame.connection for frame in frames}) == 1:
                 return frames, at
         raise DeviceError(
-            f"{self._sensor.port}: the board began anew in {TRIES} tries of one press; check its supply and cable"
+            f"{self._sensor.port}: the board restarted in {TRIES} tries of one press; check its supply "
+            "and cable"
         )

@@ -83,7 +83,8 @@ class GcodeLine:
         while (now := time.monotonic()) < end:
             if now > begun + ASK_EVERY_S:
                 on_wait(
-                    f"waiting   {self._port.name}: no answer of the printer yet; still waiting, up to {boot_s:g} s"
+                    f"waiting   {self._port.name}: no reply of the printer yet; still waiting, up to "
+                    f"{boot_s:g} s"
                 )
             self._write("M115")
             asked = time.monotonic()
@@ -142,7 +143,7 @@ class GcodeLine:
         while self._owed > 0 and not is_over:
             if time.monotonic() > end:
                 raise DeviceError(
-                    f"{self._port.name}: no answer to {command} for {self._answer_s + takes_s:.1f} s"
+                    f"{self._port.name}: no reply to {command} for {self._answer_s + takes_s:.1f} s"
                 )
             self._kept += self._read()
             *lines, self._kept = self._kept.split(b"\n")
@@ -165,12 +166,12 @@ class GcodeLine:
             return  # RepRapFirmware calls it an error; whether the command is needed is the caller's
         if lowered.startswith(("error", "!!")) or ("home" in lowered and "first" in lowered):
             self._owed = 0
-            raise DeviceError(f"{self._port.name}: the printer says {line!r} to {command}")
+            raise DeviceError(f"{self._port.name}: the printer replied {line!r} to {command}")
         if line == "start":
             self._owed = 0
             self.has_begun_anew = True
             raise DeviceError(
-                f"{self._port.name}: the printer began anew during {command}; its position is lost"
+                f"{self._port.name}: the printer restarted during {command}; its position is lost"
             )
 
     def _drain(self) -> None:
@@ -419,8 +420,9 @@ class GcodeStage:
             told = ", ".join(f"{value:.2f}" for value in found)
             wanted = ", ".join(f"{value:.2f}" for value in target)
             raise DeviceError(
-                f"{self._name}: the printer stands at x, y, depth {told} mm, was sent to {wanted} mm: its own "
-                "limits, or a stop; home it (--origin), or set the place of the tip anew (--tip-at)"
+                f"{self._name}: the printer is at x, y, depth {told} mm, but was sent to {wanted} mm: a "
+                "limit of its own, or a stop; home it (--origin), or set the position of the tip again "
+                "(--tip-at)"
             )
         return found
 
@@ -431,8 +433,9 @@ class GcodeStage:
         if not places:
             answer = " | ".join(said)[:SHOWN_CHARACTERS]
             raise DeviceError(
-                f"{self._name}: M114 gave no position that can be read, but {answer!r}; a stage needs Marlin, Klipper, "
-                "RepRapFirmware or Smoothie, and X, Y and Z in the coordinates of G1"
+                f"{self._name}: the reply to M114 has no readable position, but is {answer!r}; a stage "
+                "needs Marlin, Klipper, RepRapFirmware or Smoothie, and X, Y and Z in the coordinates of "
+                "G1"
             )
         if places[-1][1] > COARSEST_MM:
             raise DeviceError(
@@ -442,9 +445,9 @@ class GcodeStage:
 
     def _known_origin(self) -> Position:
         if self._origin is None:
-            raise DeviceError("the stage does not know where the pad is; call home() or zero() first")
+            raise DeviceError("the stage has no position of the pad; call home() or zero() first")
         if self._line.has_begun_anew:
-            raise DeviceError(f"{self._name}: the printer began anew; its position is lost")
+            raise DeviceError(f"{self._name}: the printer restarted; its position is lost")
         return self._origin
 
     @property

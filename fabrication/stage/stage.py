@@ -93,13 +93,13 @@ def press_list(rows: Iterable[tuple[SetEntry, int, Position]]) -> PressList:
     if not presses:
         raise InputError("presses: none; give at least one position")
     if len({entry.name for entry in sets}) < len(sets):
-        raise InputError("presses: one set has two roles, patterns or lights; name them apart")
+        raise InputError("presses: one set has two roles, patterns or lights; give each its own name")
     keys = [(press.set_number, press.place_number) for press in presses]
     twice = next((key for key in keys if keys.count(key) > 1), None) if len(set(keys)) < len(keys) else None
     if twice is not None:
         raise InputError(
-            f"presses: press {twice[1]} of set {sets[twice[0]].name!r} comes up again after another; "
-            "number presses apart"
+            f"presses: press {twice[1]} of set {sets[twice[0]].name!r} is repeated after another press; "
+            "number the presses uniquely"
         )
     return PressList(sets=sets, presses=presses)
 
@@ -111,11 +111,13 @@ def read_press_list(file: Path) -> PressList:
     ------
     InputError : unreadable, columns missing, no number where one is needed; as `press_list`.
     """
-    table = read_csv(file, needed=f"a CSV table with {','.join(NEEDED)}, perhaps set, place", lower=True)
+    table = read_csv(
+        file, needed=f"a CSV table with {','.join(NEEDED)}, optionally 'set', 'place'", lower=True
+    )
     if missing := [name for name in NEEDED if name not in table.heading]:
         raise InputError(
-            f"{file}: has no {', '.join(missing)}; needs {','.join(NEEDED)}, perhaps set, place; it has "
-            f"{', '.join(table.heading)}"
+            f"{file}: has no {', '.join(missing)}; needs {','.join(NEEDED)}, optionally 'set', 'place'; "
+            f"it has {', '.join(table.heading)}"
         )
     rows, place, last = [], -1, None
     steps = zip(*(table.numbers(name) for name in NEEDED), strict=True)

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from fabrication.stage.stage import Position, PressList
     from optopad.sensor.driver_view import DriverSource
 
-STANDS = "say where it stands now, as the last run told at its end, or home it (--origin)"
+STANDS = "give its present position, which the last run reported at its end, or home it (--origin)"
 
 
 def collect(
@@ -51,7 +51,7 @@ def collect(
         typer.Option(
             "--tip-at",
             metavar="X,Y,DEPTH",
-            help="Where the tip stands now [mm]; by default the middle, barely touching.",
+            help="Present position of the tip [mm]; default: the middle, at first contact.",
         ),
     ] = None,
     origin: Annotated[
@@ -59,15 +59,17 @@ def collect(
         typer.Option(
             "--origin",
             metavar="X,Y,Z",
-            help="Home first; the printer's coordinates of the cavity's corner at the surface.",
+            help="Home first. Printer coordinates of the cavity's corner at the surface.",
         ),
     ] = None,
     only: Annotated[
-        list[str] | None, typer.Option("--only", metavar="SET", help="Only this set for now. Repeatable.")
+        list[str] | None, typer.Option("--only", metavar="SET", help="Only this set. Repeatable.")
     ] = None,
     settle: Annotated[
         float,
-        typer.Option("--settle", metavar="S", min=0.0, help="Rest at each position before frames are taken."),
+        typer.Option(
+            "--settle", metavar="S", min=0.0, help="Waiting time at each position before frames are recorded."
+        ),
     ] = 0.3,
     frames: Annotated[int, typer.Option("--frames", metavar="N", min=1, help="Frames at each position.")] = 1,
     speed: Annotated[
@@ -75,7 +77,7 @@ def collect(
         typer.Option("--speed", metavar="MM_PER_S", min=0.01, max=50.0, help="Speed near and in the pad."),
     ] = 5.0,
     stage_baud: Annotated[
-        int, typer.Option("--stage-baud", min=1, help="Rate of the printer's line.")
+        int, typer.Option("--stage-baud", min=1, help="Baud rate of the printer's serial port.")
     ] = 115200,
     rate: options.Rate = None,
     accept_digest: options.Accept = None,
@@ -85,7 +87,7 @@ def collect(
     seed: options.Seed = 0,
     as_json: options.Json = False,
 ) -> None:
-    """Press the pad by a list, unattended, and keep the frames. Ended early, the same command goes on where it was."""
+    """Press the pad unattended and record the frames of each press; the same command continues an interrupted run."""
     from fabrication.driver.link.ports import plain_name
     from fabrication.driver.sensor import Sensor
     from fabrication.stage.collection import Collector
@@ -94,7 +96,7 @@ def collect(
     from optopad.sensor.driver_view import driver_source
 
     if tip_at is not None and origin is not None:
-        raise InputError("--tip-at and --origin: two ways to say where the pad is; give one")
+        raise InputError("--tip-at and --origin: both give the position of the pad; give one")
     source = driver_source(config, set_, bundles)
     presses = _presses(source, protocol, seed)
     limits = limits_of(source.config.workspace)
@@ -103,7 +105,7 @@ def collect(
     home = None if origin is None else _position("--origin", origin)
     if port is not None and plain_name(port) == plain_name(stage_port):
         raise InputError(
-            f"--port {port}: is the printer's, --stage-port, too; name the sensor's, or leave it out"
+            f"--port {port}: is also the printer's (--stage-port); name the sensor's, or leave it out"
         )
     boot_s = BOOT_S if patience is None else patience
     stage = GcodeStage(stage_port, limits, baud=stage_baud, press_speed_mm_s=speed, boot_s=boot_s)
@@ -120,7 +122,9 @@ def collect(
         collector = Collector(sensor, presses, out, settle_s=settle, frames=frames)
         numbers = collector.remaining(only or ())
         if collector.was_begun and tip_at is None and home is None:
-            raise InputError(f"--tip-at: {out} was begun already, and the tip may have moved since: {STANDS}")
+            raise InputError(
+                f"--tip-at: {out} has presses already, and the tip may have moved since: {STANDS}"
+            )
         ask = _light(collector, numbers, as_json)
         begun = time.monotonic()
         there = len(presses.presses) - len(collector.remaining())
@@ -178,8 +182,8 @@ def _presses(source: DriverSource, protocol: str, seed: int) -> PressList:
         return read_press_list(Path(protocol))
     if source.design is None:
         raise InputError(
-            f"--protocol {protocol}: needs the design, driver.toml alone does not say it; name the design, or a CSV "
-            "file"
+            f"--protocol {protocol}: needs the design, which driver.toml does not contain; name the "
+            "design, or a CSV file"
         )
     from optopad.sensor.stage_protocol import protocol_presses
 
@@ -194,8 +198,8 @@ def _light(collector: Collector, numbers: list[int], as_json: bool) -> Callable[
     if as_json or not sys.stdin.isatty():
         names = ", ".join(f"{entry.name} ({_lit(entry)})" for entry in changes)
         raise InputError(
-            f"the room's light changes along these sets: {names}; nobody is asked here: choose sets "
-            "with --only, switch the light, then run the command again for the others"
+            f"the ambient light differs between these sets: {names}; without a terminal there is no "
+            "prompt: choose sets with --only, switch the light, then run the command again for the others"
         )
     return lambda entry: _wait_for_light(entry)
 
@@ -240,9 +244,10 @@ def _tell(found: Collected, tip: Position | None, seconds: float, as_json: bool)
         print_json(document)
         return
     say(
-        f"{found.made} presses made in {seconds:.0f} s; {found.kept} of {found.wanted} are there, {found.frames} frames"
+        f"{found.made} presses made in {seconds:.0f} s; {found.kept} of {found.wanted} are kept, "
+        f"{found.frames} frames"
     )
     if not found.is_complete:
-        say(f"goes on   run the command again for the others, with --tip-at {_words(tip)} or --origin")
+        say(f"next      run the command again for the others, with --tip-at {_words(tip)} or --origin")
     if found.file is not None:
         say(f"files     {found.file}")

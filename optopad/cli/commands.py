@@ -20,7 +20,7 @@ from optopad.work import read_design
 
 
 def doctor(as_json: options.Json = False) -> None:
-    """What this machine can and cannot do."""
+    """Report what this machine can and cannot do."""
     from dataclasses import asdict
 
     from optopad.doctor import examine
@@ -50,7 +50,7 @@ def config(
     seed: options.Seed = 0,
     as_json: options.Json = False,
 ) -> None:
-    """driver.toml, wiring table and bill of materials for exactly this geometry."""
+    """Write driver.toml, wiring table and bill of materials of a design."""
     from optopad.jobs.pipeline import write_driver_config
 
     folder = write_driver_config(read_design(design, set_), out, seed=seed) / "fabrication"
@@ -78,13 +78,13 @@ GROUPS: dict[str, dict[Verb, str]] = {
         job.run: "Make mold, verdict, driver configuration and report of a design.",
         job.report: "Find the report of a bundle, and check the bundle's files.",
         design.studio: "Edit and press a design in a browser, with live signals.",
-        doctor: "Show what this machine can do, and what is missing.",
+        doctor: "Show the capabilities of this machine and missing packages.",
     },
     "Design": {
         design.new: "Write a commented design file to start from.",
         design.check: "List everything in a design that cannot work.",
         design.schema: "Print the JSON Schema of design files, for editors.",
-        design.migrate: "Lift a design file to the present schema version.",
+        design.migrate: "Convert a design file to the present schema version.",
     },
     "Mold": {
         design.build: "Write the mold and its tools as STL, STEP and 3MF.",

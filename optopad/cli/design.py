@@ -53,8 +53,8 @@ def new(
     if not re.fullmatch(NAME_PATTERN, file.stem):
         plain = re.sub(r"[^A-Za-z0-9._-]+", "-", file.stem).strip("._-")[:63] or "my-pad"
         raise InputError(
-            f"{file}: a design is named after its file, in plain letters, digits, dots, dashes and underscores, "
-            f"63 at most; say {file.with_name(plain + '.toml')}"
+            f"{file}: a design is named after its file, in plain letters, digits, dots, dashes and "
+            f"underscores, 63 at most; use {file.with_name(plain + '.toml')}"
         )
     if file.exists() and not force:
         raise InputError(f"{file}: exists already; choose another name, or --force to replace it")
@@ -73,7 +73,7 @@ def check(
     details: options.Details = False,
     as_json: options.Json = False,
 ) -> None:
-    """Does it fit and can it work? Lists every finding; exit 2 when one is an error."""
+    """Check whether a design can be made and can work; the exit code is 2 if a finding is an error."""
     from dataclasses import asdict
 
     from design.rules.check import check as findings_of
@@ -115,7 +115,7 @@ def schema(
         ),
     ] = None,
 ) -> None:
-    """JSON Schema of a design file, for an editor's completion and checks."""
+    """Print the JSON Schema of design files, for completion and checks in an editor."""
     import json
 
     from design.io import file_schema, write_text_atomically
@@ -135,13 +135,13 @@ def migrate(
         typer.Option(
             "--out",
             metavar="FILE",
-            help="File to write (.toml); default: beside it, -migrated.",
+            help="File to write (.toml); default: next to it, -migrated.",
             callback=options.file_name(".toml"),
         ),
     ] = None,
     as_json: options.Json = False,
 ) -> None:
-    """Lift a design file of an older schema version to the present one; newer ones are refused."""
+    """Convert a design file of an older schema version to the present one; newer versions are refused."""
     import tomlkit
 
     from design.io import check_version, migrated, read_toml, without_empty, write_text_atomically
@@ -151,14 +151,14 @@ def migrate(
     version = document.get("schema_version")
     if version == SCHEMA_VERSION:
         read_design(str(file), None)
-        message, target = f"{file}: already schema version {SCHEMA_VERSION}; nothing to do", file
+        message, target = f"{file}: already schema version {SCHEMA_VERSION}; unchanged", file
     else:
         lifted = migrated(document)
         check_version(lifted, file)
         target = out or file.with_name(f"{file.stem}-migrated{file.suffix}")
         options.checked_out(target, file)
         write_text_atomically(target, tomlkit.dumps(without_empty(lifted)))
-        message = f"{target} written: schema version {version} lifted to {SCHEMA_VERSION}"
+        message = f"{target} written: schema version {version} converted to {SCHEMA_VERSION}"
     tell(as_json, lambda: {"file": str(target), "from": version, "to": SCHEMA_VERSION}, lambda: [message])
 
 
@@ -167,15 +167,15 @@ def build(
     set_: options.Set = None,
     out: options.Out = options.DEFAULT_OUT,
     bed: Annotated[
-        str | None, typer.Option(help="Room of the printer in mm, as 220,220,250; the usual one if left out.")
+        str | None, typer.Option(help="Build volume of the printer in mm, as 220,220,250.")
     ] = None,
     slice_parts: Annotated[
-        bool, typer.Option("--slice", help="Ask PrusaSlicer for time, filament and its warnings, too.")
+        bool, typer.Option("--slice", help="Also slice with PrusaSlicer: time, filament, warnings.")
     ] = False,
     seed: options.Seed = 0,
     as_json: options.Json = False,
 ) -> None:
-    """Mold and tools as STL, STEP and 3MF, with their checks."""
+    """Write mold and tools as STL, STEP and 3MF, and check them."""
     from design.mold.filling import is_cast_under_lid
     from design.parts.assumptions import bed_of
     from design.shape.cavity import plan_of
@@ -217,7 +217,8 @@ def studio(
         typer.Option(
             "--port",
             metavar="NUMBER|NAME|fake",
-            help="A number: of the page. A name: serial port of the built sensor; fake: a simulated one. Repeatable.",
+            help="A number: port of the page. A name: serial port of the sensor; fake: a simulated "
+            "sensor. Repeatable.",
         ),
     ] = None,
     model: Annotated[
@@ -226,13 +227,13 @@ def studio(
     ] = None,
     patience: options.Patience = None,
     no_open: Annotated[
-        bool, typer.Option("--no-open", help="Open no browser; the address is printed.")
+        bool, typer.Option("--no-open", help="Print the address without opening a browser.")
     ] = False,
     out: options.Out = options.DEFAULT_OUT,
     seed: options.Seed = 0,
     as_json: options.Json = False,
 ) -> None:
-    """The design live in a browser: drag parts, press the pad, see the verdict. Ctrl-C ends it."""
+    """Edit a design live in a browser: drag parts, press the pad, see the verdict. Ctrl-C ends it."""
     page_port, device = _ports(port or [])
     if model is not None and device is None:
         raise InputError(f"--model: {model} needs a sensor, as --port fake or --port /dev/ttyUSB0; add it")
@@ -254,7 +255,7 @@ def studio(
             print_json({"url": page.url, "design": session.design.name, "digest": session.design.digest})
         else:
             say(f"studio    {page.url}")
-            say("          Ctrl-C ends it; nothing is saved but by Save")
+            say("          Ctrl-C ends it; only Save saves the design")
         sys.stdout.flush()
         if not no_open:
             webbrowser.open(page.url)

@@ -25,7 +25,7 @@ def firmware(
     seed: options.Seed = 0,
     as_json: options.Json = False,
 ) -> None:
-    """Sketch folder for the Arduino IDE, of exactly this geometry; with avr-gcc installed also a .hex."""
+    """Write the sketch folder of a design for the Arduino IDE, and a .hex file if avr-gcc is installed."""
     from fabrication.sketch import firmware_settings
     from optopad.sensor.firmware import write_firmware
 
@@ -66,11 +66,12 @@ def flash(
         ),
     ] = None,
     image: Annotated[
-        Path | None, typer.Option("--image", help="A .hex file to upload in place of the design's own.")
+        Path | None, typer.Option("--image", help="A .hex file to upload instead of the design's.")
     ] = None,
-    dry_run: Annotated[bool, typer.Option("--dry-run", help="Print the command and upload nothing.")] = False,
+    dry_run: Annotated[bool, typer.Option("--dry-run", help="Print the command without uploading.")] = False,
     yes: Annotated[
-        bool, typer.Option("--yes", help="Do not ask about a port that only a serial chip speaks for.")
+        bool,
+        typer.Option("--yes", help="Do not ask about a port that is identified by its serial chip only."),
     ] = False,
     patience: options.Patience = None,
     set_: options.Set = None,
@@ -78,7 +79,7 @@ def flash(
     seed: options.Seed = 0,
     as_json: options.Json = False,
 ) -> None:
-    """Upload the firmware of a design to its board, with avrdude. A printer is listened for first, and refused."""
+    """Upload the firmware of a design to its board with avrdude; a port where a printer replies is refused."""
     from fabrication.driver.link.printers import require_no_printer
     from fabrication.driver.sensor import PATIENCE_S
     from fabrication.flash import avr_chip, require_uploader, upload, upload_command
@@ -93,7 +94,7 @@ def flash(
     command = upload_command(chip, file, found)
     if not dry_run:
         require_uploader(found)
-        print(f"listening {found}: is a printer there?", file=sys.stderr)
+        print(f"listening {found}: is the device a printer?", file=sys.stderr)
         require_no_printer(found, board.baud, PATIENCE_S if patience is None else patience)
         upload(chip, file, found)
     if as_json:
@@ -101,7 +102,7 @@ def flash(
     elif dry_run:
         say(shlex.join(command))
     else:
-        say(f"uploaded  {file} to {found}; the board says hello within 3 s")
+        say(f"uploaded  {file} to {found}; the board starts within 3 s")
 
 
 def _found_port(board: BoardSetup, *, is_agreed: bool, may_ask: bool) -> str:

@@ -110,9 +110,7 @@ def be_deaf() -> None:
 
 def say() -> None:
     """The one message of every interrupted command."""
-    print(
-        "optopad: interrupted: nothing is half-written, and finished parts are found again", file=sys.stderr
-    )
+    print("optopad: interrupted: no file is incomplete, and finished parts are reused", file=sys.stderr)
 
 
 def leave(code: int) -> NoReturn:

@@ -21,7 +21,7 @@ def run(
     details: options.Details = False,
     as_json: options.Json = False,
 ) -> None:
-    """The main job: mold, verdict, driver config and report in one bundle."""
+    """Make mold, verdict, driver configuration and report of a design in one bundle."""
     from optopad.jobs.pipeline import run as make
     from optopad.screen.verdict import (
         as_typed,
@@ -63,7 +63,7 @@ def report(
     open_: Annotated[bool, typer.Option("--open", help="Open it in the browser.")] = False,
     as_json: options.Json = False,
 ) -> None:
-    """Where the report of a bundle is, after checking every file against the manifest."""
+    """Check every file of a bundle against its manifest and show the path of the report."""
     import webbrowser
 
     from design.errors import InputError

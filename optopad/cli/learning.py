@@ -26,7 +26,7 @@ def evaluate(
     design: Annotated[
         str | None,
         typer.Option(
-            "--design", metavar="DESIGN", help="Its design: workspace, and what was published of it."
+            "--design", metavar="DESIGN", help="Design of the data: its workspace and published results."
         ),
     ] = None,
     set_: options.Set = None,
@@ -35,13 +35,13 @@ def evaluate(
         typer.Option(
             "--out",
             metavar="FOLDER",
-            help="Where the tables go; by default beside the data.",
+            help="Folder of the tables; default: next to the data.",
             callback=options.require_folder,
         ),
     ] = None,
     as_json: options.Json = False,
 ) -> None:
-    """Tables of touch, place and depth as in the paper, arrow plots, and a page, for models on known presses."""
+    """Report the errors of models on known presses: tables of touch, location and depth, plots, a page."""
     from optopad.jobs.evaluation import evaluate as judge
     from optopad.jobs.prediction import write_accuracy
     from optopad.results.prediction import accuracy_lines
@@ -65,7 +65,7 @@ def predict(
             help="kernel-ridge (the paper's), extra-trees, network, signal-map, or all.",
         ),
     ] = None,
-    quick: Annotated[bool, typer.Option("--quick", help="A thinned protocol: a first look.")] = False,
+    quick: Annotated[bool, typer.Option("--quick", help="A thinned protocol, for a first look.")] = False,
     full: Annotated[bool, typer.Option("--full", help="24,000 samples in the kernel.")] = False,
     protocol: Annotated[
         str | None, typer.Option("--protocol", metavar="NAME", help="Packaged protocol or a file (.toml).")
@@ -78,7 +78,7 @@ def predict(
     seed: options.Seed = 0,
     as_json: options.Json = False,
 ) -> None:
-    """Errors of touch, location and depth to expect: a whole data collection, simulated, learned and judged."""
+    """Predict the errors of touch, location and depth: simulate a data collection, train models, evaluate them."""
     from design.errors import InputError
 
     if quick and full:
@@ -105,10 +105,10 @@ def predict(
 def calibrate(
     design: options.Design,
     data: Annotated[
-        Path, typer.Argument(metavar="DATA", help="Recording of 10 to 50 presses of the build (.nc).")
+        Path, typer.Argument(metavar="DATA", help="Recording of 10 to 50 presses of the built pad (.nc).")
     ],
     no_model: Annotated[
-        bool, typer.Option("--no-model", help="Only fit; do not trace the map for the build's model.")
+        bool, typer.Option("--no-model", help="Only fit; do not trace the map for the pad's model.")
     ] = False,
     quick: Annotated[bool, typer.Option("--quick", help="A coarser map, in a third of the time.")] = False,
     set_: options.Set = None,
@@ -117,14 +117,14 @@ def calibrate(
         typer.Option(
             "--out",
             metavar="FOLDER",
-            help="Where the twin goes; by default beside the data.",
+            help="Folder of the calibrated design; default: next to the data.",
             callback=options.require_folder,
         ),
     ] = None,
     seed: options.Seed = 0,
     as_json: options.Json = False,
 ) -> None:
-    """Fit heights, LED size, reflectances, index and gains to presses of a build; its design and a model for it."""
+    """Fit heights, LED size, reflectances, index and gains to presses of a built pad; writes its design and a model."""
     from optopad.jobs.calibration import calibrate as fit
     from optopad.jobs.calibration import earlier_model_note, write_calibration
 
@@ -156,12 +156,12 @@ def train(
     design: Annotated[
         str | None,
         typer.Option(
-            "--design", metavar="DESIGN", help="What the data must be of; adds its force to the model."
+            "--design", metavar="DESIGN", help="Design of the data; adds its force curve to the model."
         ),
     ] = None,
     effort: Annotated[
         str,
-        typer.Option("--effort", metavar="NAME", help="quick, default, full, or whole: how many samples."),
+        typer.Option("--effort", metavar="NAME", help="Number of samples: quick, default, full, or whole."),
     ] = "default",
     set_: options.Set = None,
     out: Annotated[
@@ -169,14 +169,14 @@ def train(
         typer.Option(
             "--out",
             metavar="FILE",
-            help="Model (.optomodel), or a folder; by default beside the data.",
+            help="Model (.optomodel), or a folder; default: next to the data.",
             callback=options.file_name(".optomodel", or_folder=True),
         ),
     ] = None,
     seed: options.Seed = 0,
     as_json: options.Json = False,
 ) -> None:
-    """Train a model that tells touch, place and depth, on simulated or recorded presses; one file a model."""
+    """Train models that estimate touch, location and depth on simulated or recorded presses; one file per model."""
     from design.errors import InputError
     from optopad.jobs.training import train_models
 

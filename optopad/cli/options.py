@@ -68,12 +68,10 @@ Json = Annotated[bool, typer.Option("--json", help="One JSON object on standard 
 Seed = Annotated[int, typer.Option("--seed", min=0, max=LARGEST_SEED, help="Seed of every random stream.")]
 Fine = Annotated[
     bool,
-    typer.Option(
-        "--fine", help="Finer light, and 11 locations a side and 0.1 mm steps for the map of the pad."
-    ),
+    typer.Option("--fine", help="Finer light, and a map of 11 locations per side with steps of 0.1 mm."),
 ]
 
-Details = Annotated[bool, typer.Option("--details", help="Print every figure, not one screen.")]
+Details = Annotated[bool, typer.Option("--details", help="Print every figure instead of one screen.")]
 
 DEFAULT_OUT = Path("outputs")
 
@@ -86,7 +84,7 @@ Config = Annotated[
 ]
 Port = Annotated[
     str | None,
-    typer.Option("--port", metavar="NAME", help="Serial port; by default the board's, by its USB identity."),
+    typer.Option("--port", metavar="NAME", help="Serial port; default: found by the board's USB identity."),
 ]
 Patience = Annotated[
     float | None,
@@ -94,23 +92,25 @@ Patience = Annotated[
         "--patience",
         metavar="S",
         min=0.1,
-        help="Longest wait for a board that is opened, and for a frame (10 s if left out).",
+        help="Longest wait for the board to start, and for a frame (10 s if left out).",
     ),
 ]
 Rate = Annotated[
     float | None,
-    typer.Option("--rate", metavar="HZ", min=0, help="Frames a second; 0 for as many as the board can."),
+    typer.Option("--rate", metavar="HZ", min=0, help="Frames per second; 0: as many as the board can."),
 ]
 Accept = Annotated[
     str | None,
     typer.Option(
-        "--accept-digest", metavar="DIGITS", help="Take a board with firmware of this other design."
+        "--accept-digest", metavar="DIGITS", help="Accept a board with firmware of this other design."
     ),
 ]
 Frames = Annotated[
-    int | None, typer.Option("--frames", metavar="N", min=1, help="End after at least so many frames.")
+    int | None, typer.Option("--frames", metavar="N", min=1, help="End after at least this number of frames.")
 ]
-Seconds = Annotated[float | None, typer.Option("--seconds", metavar="S", min=0.0, help="End after so long.")]
+Seconds = Annotated[
+    float | None, typer.Option("--seconds", metavar="S", min=0.0, help="End after this time.")
+]
 Bundles = Annotated[
     Path,
     typer.Option("--bundles", metavar="FOLDER", help="Folder that holds the bundles, to find a design's."),

@@ -36,7 +36,7 @@ def score(
     full: Annotated[
         bool,
         typer.Option(
-            "--full", help="11 locations a side and 0.1 mm steps for the map, with the usual light."
+            "--full", help="A map of 11 locations per side with steps of 0.1 mm, with the usual light."
         ),
     ] = False,
     fine: options.Fine = False,
@@ -56,7 +56,7 @@ def score(
     details: options.Details = False,
     as_json: options.Json = False,
 ) -> None:
-    """Verdict: modes, deadbands, continuity, strength, map of the pad; written into the bundle."""
+    """Report the verdict: modes, deadbands, continuity, strength and a map of the pad, written into the bundle."""
     drawn = _drawn_builds(tolerance, builds)
     from optopad.jobs.pipeline import write_score
     from optopad.screen.verdict import as_typed, labelled, learner_line, score_lines, verdict_screen
@@ -131,7 +131,7 @@ def simulate(
     seed: options.Seed = 0,
     as_json: options.Json = False,
 ) -> None:
-    """Light of chosen presses, path classes apart, or the data set of a press protocol; netCDF into the bundle."""
+    """Compute the light of chosen presses by path class, or the data set of a press protocol; netCDF in the bundle."""
     read = read_design(design, set_)
     if protocol is not None:
         _refuse_beside_protocol(press=press, oracle=oracle, rays=rays)
@@ -203,14 +203,14 @@ def sweep(
     build: Annotated[
         bool,
         typer.Option(
-            "--build", help="Make the whole bundle of every value, its mold engraved with the value."
+            "--build", help="Make the whole bundle of each value; the value is engraved in its mold."
         ),
     ] = False,
     out: options.Out = options.DEFAULT_OUT,
     seed: options.Seed = 0,
     as_json: options.Json = False,
 ) -> None:
-    """Score a design at several values of one field: table and figure. Interrupted, it continues where it stopped."""
+    """Score a design at values of one field: table and figure; the same command continues an interrupted run."""
     path, values = parsed_sweep(field)
     read = read_design(design, set_)
     from optopad.jobs.sweep import run_sweep
@@ -288,8 +288,8 @@ def compare(
         typer.Option(
             "--with",
             metavar="PATH=VALUE",
-            help="A copy of the first design with this changed, as receivers.part=...; several changes: 'A=1;B=2'. "
-            "Repeatable: a copy each.",
+            help="A copy of the first design with this change, as receivers.part=...; several changes: "
+            "'A=1;B=2'. Repeatable: one copy each.",
         ),
     ] = None,
     pair: Annotated[
@@ -305,7 +305,7 @@ def compare(
     seed: options.Seed = 0,
     as_json: options.Json = False,
 ) -> None:
-    """Differences between designs and between their scores; or a measured press over the simulated curve."""
+    """Compare designs and their scores, or a measured press with the simulated curve."""
     recordings = [name for name in what if Path(name).suffix.lower() in RECORDINGS]
     if recordings:
         _recording(what, recordings, with_, pair, at, set_, out, seed, as_json)
@@ -378,7 +378,7 @@ def rays(
     receiver: Annotated[
         str | None,
         typer.Option(
-            metavar="R1", help="One receiver, likewise. With --emitter: a pair, cut along its chord."
+            metavar="R1", help="One receiver, by its name. With --emitter: a pair, cut along its chord."
         ),
     ] = None,
     press: Annotated[
@@ -386,19 +386,19 @@ def rays(
         typer.Option(
             "--press",
             metavar="X,Y,DEPTH",
-            help="A press [mm]; repeatable. Default: both ends of the deadband if a verdict found one, else three "
-            "depths, at the pair's middle or the pad's weakest place.",
+            help="A press [mm]; repeatable. Default: both ends of the deadband if a verdict found one, "
+            "else three depths, at the pair's middle or the pad's location of least margin.",
         ),
     ] = None,
     count: Annotated[
-        int, typer.Option(min=1, max=200, help="Paths drawn of the strongest kind of light.")
+        int, typer.Option(min=1, max=200, help="Number of paths of the strongest kind of light.")
     ] = 24,
     set_: options.Set = None,
     out: options.Out = options.DEFAULT_OUT,
     seed: options.Seed = 0,
     as_json: options.Json = False,
 ) -> None:
-    """Sample paths of light, untouched and pressed: mode 1, mode 2, scattered, lost; pictures into the bundle."""
+    """Draw sample paths of light, untouched and pressed: mode 1, mode 2, scattered, lost; pictures in the bundle."""
     presses = tuple(options.parsed_press(text) for text in press or [])
     read = read_design(design, set_)
 
@@ -444,14 +444,14 @@ def show(
         typer.Option(
             "--out",
             metavar="FOLDER",
-            help="Also pictures, as SVG and PNG, into the bundle in this folder.",
+            help="Also write pictures, as SVG and PNG, into the bundle in this folder.",
             callback=options.require_folder,
         ),
     ] = None,
     seed: options.Seed = 0,
     as_json: options.Json = False,
 ) -> None:
-    """Load, surface and pressure of a centred press; with a protocol, press and retract."""
+    """Compute load, surface and pressure of a centred press; with a protocol, also the load in retraction."""
     from optopad.jobs.press_view import view_json, view_lines, view_press, write_pictures
 
     read = read_design(design, set_)
@@ -470,16 +470,16 @@ def build(
         typer.Option(
             "--out",
             metavar="FILE",
-            help="Where the library is written (.npz).",
+            help="File of the library (.npz).",
             callback=options.file_name(".npz"),
         ),
     ] = Path("outputs/contact/profiles.npz"),
     workers: Annotated[
-        int | None, typer.Option(min=1, max=256, help="Processes at work; default: one a processor.")
+        int | None, typer.Option(min=1, max=256, help="Number of processes; default: one per processor.")
     ] = None,
     as_json: options.Json = False,
 ) -> None:
-    """Solve the library of presses anew (two hours or more on two cores); interrupted, it goes on where it stopped."""
+    """Solve the library of presses again (two hours or more on two cores); an interrupted run continues."""
     import os
 
     from sims.contact.library.build import build_library, require_writable, write_library
@@ -499,5 +499,6 @@ def build(
         return
     say(f"file      {out}")
     say(
-        f"beside the shipped library: force within {100 * force:.2g} %, surface within {surface:.2g} tip radii"
+        f"difference from the shipped library: force within {100 * force:.2g} %, surface within "
+        f"{surface:.2g} tip radii"
     )

@@ -36,13 +36,15 @@ def improve(
     ] = None,
     keep: Annotated[
         list[str] | None,
-        typer.Option("--keep", metavar="FIELD", help="Leave this field as it is. Repeatable."),
+        typer.Option("--keep", metavar="FIELD", help="Keep the value of this field. Repeatable."),
     ] = None,
-    more_parts: Annotated[bool, typer.Option("--more-parts", help="Also try more parts a side.")] = False,
+    more_parts: Annotated[bool, typer.Option("--more-parts", help="Also try more parts per side.")] = False,
     budget: Annotated[
         float | None,
         typer.Option(
-            "--budget", metavar="MINUTES", help="Time to search, about: 3 for a pad, 2 for facing rows."
+            "--budget",
+            metavar="MINUTES",
+            help="Approximate search time; default: 3 for a pad, 2 for facing rows.",
         ),
     ] = None,
     out: options.Out = options.DEFAULT_OUT,
@@ -131,7 +133,7 @@ def explore(
     ] = None,
     as_json: options.Json = False,
 ) -> None:
-    """Search for better designs; the same command goes on where a search was stopped."""
+    """Search a space of designs for the best ones; the same command continues a search."""
     from optopad.jobs.exploration import search, summary
 
     read = _read(space, set_, seed)
@@ -236,6 +238,9 @@ def _say(result: Search) -> None:
         told = "".join(f"{'-' if value is None else f'{value:.4g}':>20}" for value in values)
         say(f"{label:<28}{told}  {words}")
     if not found.front:
-        say("front     empty: no design was judged to the end within all limits; designs.csv says why")
+        say(
+            "front     empty: no design was judged to the end within all limits; designs.csv lists the "
+            "reasons"
+        )
     say(f"files     {result.folder}")
     say(f"report    {result.folder / 'report.html'}")

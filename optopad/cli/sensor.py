@@ -57,7 +57,7 @@ def read(
     model: Annotated[
         Path | None,
         typer.Option(
-            "--model", metavar="FILE", help="Show touch, place, depth and force by a trained model."
+            "--model", metavar="FILE", help="Show touch, location, depth and force by a trained model."
         ),
     ] = None,
     drift_time: Annotated[
@@ -72,7 +72,10 @@ def read(
     guard: Annotated[
         float | None,
         typer.Option(
-            "--guard", metavar="S", min=0.0, help="With --model: no drift so near a touch (0.5 if left out)."
+            "--guard",
+            metavar="S",
+            min=0.0,
+            help="With --model: time around a touch without drift correction (0.5 if left out).",
         ),
     ] = None,
     out: Annotated[
@@ -87,10 +90,10 @@ def read(
     set_: options.Set = None,
     bundles: options.Bundles = options.DEFAULT_OUT,
     as_json: Annotated[
-        bool, typer.Option("--json", help="A JSON object a line on standard output, one a frame.")
+        bool, typer.Option("--json", help="JSON lines on standard output, one object per frame.")
     ] = False,
 ) -> None:
-    """Show the sensor live: its signals, or touches by a model. Leave the pad alone for the first half second."""
+    """Show the sensor live: its signals, or touches by a model. Do not touch the pad for the first half second."""
     _refuse_without_model(model, drift_time=drift_time, guard=guard)
     from fabrication.driver.sensor import BASELINE_S
     from optopad.sensor.driver_view import driver_source, fitting_model, link_line
@@ -120,7 +123,7 @@ def record(
         typer.Option(
             "--out",
             metavar="FILE",
-            help="A new file (.optorec); by default the design's name and the time.",
+            help="A new file (.optorec); default: the design's name and the time.",
             callback=options.file_name(".optorec"),
         ),
     ] = None,
@@ -130,13 +133,13 @@ def record(
     accept_digest: options.Accept = None,
     patience: options.Patience = None,
     netcdf: Annotated[
-        bool, typer.Option("--netcdf/--no-netcdf", help="Make the netCDF beside it at the end.")
+        bool, typer.Option("--netcdf/--no-netcdf", help="Also write the netCDF next to it at the end.")
     ] = True,
     set_: options.Set = None,
     bundles: options.Bundles = options.DEFAULT_OUT,
     as_json: options.Json = False,
 ) -> None:
-    """Record raw frames into a file that no interruption can spoil. Ctrl-C is a clean end."""
+    """Record raw frames into a file that stays readable after any interruption. Ctrl-C ends the recording."""
     if seconds is not None and not seconds > 0.0:
         raise InputError(
             f"--seconds: {seconds:g} is refused: give more than 0, or leave it out and end with Ctrl-C"
@@ -159,7 +162,7 @@ def record(
                     is_over=lambda: recorder.frames >= (frames or math.inf),
                 )
         except DeviceError as err:
-            raise DeviceError(f"{err}; {file} holds the {recorder.frames} frames before") from err
+            raise DeviceError(f"{err}; {file} has the {recorder.frames} frames before") from err
         recorder.close()
         link, line = link_json(sensor), link_line(sensor)
     made = _netcdf_beside(file) if netcdf else None
@@ -178,14 +181,15 @@ def check(
     accept_digest: options.Accept = None,
     patience: options.Patience = None,
     seconds: Annotated[
-        float, typer.Option("--seconds", metavar="S", min=0.1, help="Of untouched pad.")
+        float,
+        typer.Option("--seconds", metavar="S", min=0.1, help="Duration of the test, with the pad untouched."),
     ] = CHECK_S,
     out: Annotated[
         Path | None,
         typer.Option(
             "--out",
             metavar="FILE",
-            help="Write the outcome as JSON, too.",
+            help="Also write the result as JSON.",
             callback=options.file_name(".json"),
         ),
     ] = None,
@@ -249,7 +253,8 @@ def _refuse_without_model(model: Path | None, **given: float | None) -> None:
         if model is None and value is not None:
             option = name.replace("_", "-")
             raise InputError(
-                f"--{option}: {value:g} needs --model, whose drift it is for; add it, or drop --{option}"
+                f"--{option}: {value:g} needs --model, whose drift correction it sets; add it, or drop "
+                f"--{option}"
             )
 
 
@@ -357,7 +362,7 @@ def _print_line(line: str) -> None:
     except OSError as err:
         _drop_output()
         raise OutputError(
-            f"standard output: cannot be written: {err.strerror}; free some room, or send it elsewhere"
+            f"standard output: cannot be written: {err.strerror}; free some room, or redirect it"
         ) from None
 
 
@@ -401,9 +406,7 @@ def fake(
     config: options.Config,
     path: Annotated[
         Path | None,
-        typer.Option(
-            "--path", metavar="CSV", help="Presses over time: t_s,x_mm,y_mm,depth_mm, over and over."
-        ),
+        typer.Option("--path", metavar="CSV", help="Presses over time, repeated: t_s,x_mm,y_mm,depth_mm."),
     ] = None,
     still: Annotated[bool, typer.Option("--still", help="No finger: the pad stays untouched.")] = False,
     fault: Annotated[
@@ -413,7 +416,7 @@ def fake(
         ),
     ] = None,
     socket: Annotated[
-        bool, typer.Option("--socket", help="A socket of this machine, not a pseudo-terminal.")
+        bool, typer.Option("--socket", help="A socket of this machine instead of a pseudo-terminal.")
     ] = False,
     stage_link: Annotated[
         Path | None,
@@ -424,7 +427,7 @@ def fake(
         ),
     ] = None,
     link: Annotated[
-        Path | None, typer.Option("--link", metavar="NAME", help="A name for the port that stays the same.")
+        Path | None, typer.Option("--link", metavar="NAME", help="A fixed name for the port.")
     ] = None,
     out: Annotated[
         Path | None,
@@ -441,7 +444,7 @@ def fake(
     seed: options.Seed = 0,
     as_json: options.Json = False,
 ) -> None:
-    """A simulated board on a port, fed by the simulation, with a finger that moves. Ctrl-C ends it."""
+    """Start a simulated board on a port, with simulated signals of a moving finger. Ctrl-C ends it."""
     from fabrication.driver.simulated.board import FakeBoard
     from fabrication.driver.simulated.faults import faults_of
     from fabrication.stage.fake_printer import TipFinger
@@ -481,7 +484,7 @@ def _require_free_names(link: Path | None, stage_link: Path | None) -> None:
         require_free(stage_link, "--stage-link")
     if link is not None and stage_link is not None and link.absolute() == stage_link.absolute():
         raise InputError(
-            f"--stage-link {stage_link}: is the board's --link, too; choose another name for one"
+            f"--stage-link {stage_link}: is also the board's --link; choose another name for one"
         )
 
 
@@ -509,7 +512,7 @@ def _printer(
 
     if path is not None or still or out is not None or not table.knows_presses:
         reason = (
-            "the tip is the finger, --path, --still and --out say another"
+            "the tip is the finger; --path, --still and --out contradict that"
             if table.knows_presses
             else "no press of this design was simulated; name the design, or run `score`"
         )
@@ -574,22 +577,24 @@ def export(
         typer.Option(
             "--presses",
             metavar="CSV",
-            help="Where it was pressed: t_s (the board's clock), x_mm, y_mm, depth_mm.",
+            help="Positions of the tip: t_s (the board's clock), x_mm, y_mm, depth_mm.",
         ),
     ] = None,
     stage: Annotated[
         Path | None,
         typer.Option(
-            "--stage", metavar="CSV", help="A stage's log: time, x_mm, y_mm, depth_mm; perhaps set, place."
+            "--stage",
+            metavar="CSV",
+            help="A stage's log: time, x_mm, y_mm, depth_mm; optionally 'set', 'place'.",
         ),
     ] = None,
     offset: Annotated[
         str | None,
-        typer.Option("--offset", metavar="S", help="This machine's clock less the log's; `auto` finds it."),
+        typer.Option("--offset", metavar="S", help="This machine's clock minus the log's; `auto` finds it."),
     ] = None,
     as_json: options.Json = False,
 ) -> None:
-    """A recording as netCDF or CSV, as `optopad compare` and learners read it; a torn one gives what is whole."""
+    """Export a recording as netCDF or CSV, for `compare` and `train`; of a torn file, its whole frames."""
     from fabrication.driver.recording.export import read_recorded, write_csv, write_netcdf
     from fabrication.driver.recording.joined_log import joined
     from fabrication.driver.recording.position_log import read_position_log
@@ -624,7 +629,9 @@ def export(
         print_json(document if join is None else document | {"stage": _join_json(join)})
         return
     torn = (
-        "" if found.ended_cleanly else f"; no clean end, {found.stray_bytes} bytes belong to no whole record"
+        ""
+        if found.ended_cleanly
+        else (f"; the end is incomplete: {found.stray_bytes} bytes belong to no whole record")
     )
     say(
         f"{len(found.sequence)} frames, {found.lost} lost{f', {found.doubled} doubled' if found.doubled else ''}{torn}"
@@ -632,9 +639,7 @@ def export(
     if join is not None:
         say(_join_line(join))
     if found.press_mm is None:
-        say(
-            "presses   none in it; `optopad compare` needs them (--presses, --stage, or the recorder's press())"
-        )
+        say("presses   none; `optopad compare` needs them (--presses, --stage, or the recorder's press())")
     say(f"files     {target}")
 
 
@@ -669,6 +674,6 @@ def _join_line(join: JoinedLog) -> str:
     match, text = join.match, f"log       offset {join.offset_s:.3f} s"
     if math.isfinite(match.spread_s):
         lag = match.offset_s - join.offset_s
-        text += f"; {match.share:.0%} of {match.edges} touch edges meet"
+        text += f"; {match.share:.0%} of {match.edges} touch edges match"
         text += f", {lag:+.3f} s late, scatter {match.spread_s:.3f} s"
     return text + f"; {join.left_out} frames without a known position left out"

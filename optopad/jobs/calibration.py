@@ -104,6 +104,6 @@ def earlier_model_note(made: CalibratedBuild, folder: Path) -> tuple[str, ...]:
     if made.model is not None or not (folder / MODEL_FILE).exists():
         return ()
     return (
-        f"{folder / MODEL_FILE} is of an earlier calibration and does not read the build as design.toml now has it; "
+        f"{folder / MODEL_FILE} is of an earlier calibration and does not match the present design.toml; "
         "calibrate without --no-model, or delete it",
     )

@@ -103,8 +103,8 @@ def _test_samples(data: PressData) -> tuple[PressData, str]:
         tested, told = (
             data,
             (
-                "the data mark no test set, so all samples are judged: errors of samples that the model was trained on "
-                "are too small"
+                "the data have no test set, so all samples are judged: errors of samples that the model "
+                "was trained on are too small"
             ),
         )
     if len(tested) < FEWEST_SAMPLES:

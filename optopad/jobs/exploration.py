@@ -259,7 +259,8 @@ def _alone(folder: Path) -> Iterator[None]:
         yield
     except BlockingIOError:
         raise InputError(
-            f"{folder}: another process searches here; wait for it, or share a database among workers with --storage"
+            f"{folder}: another process is searching in this folder; wait for it, or share a database "
+            "among workers with --storage"
         ) from None
     finally:
         os.close(descriptor)

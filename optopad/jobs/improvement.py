@@ -130,9 +130,7 @@ def improve(
     again = JudgedAgain(space, accuracy, seed=seed, tell=on_step or silent)
     before = again.before
     if before.verdict == "OUT_OF_MODEL_SCOPE":
-        raise InputError(
-            f"{design.name}: {before.reason}; improve begins with a design that the models cover"
-        )
+        raise InputError(f"{design.name}: {before.reason}; improve needs a design that the models cover")
     before = with_field_steps(design, before, seed=seed, on_step=again.tell)
     trials = trials_of(design, budget_min)
     first = _first(space, before, trials)

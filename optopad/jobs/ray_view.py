@@ -109,7 +109,7 @@ def view_rays(design: SensorDesign, request: RayRequest, out: Path, *, seed: int
     """
     require_valid(design)
     cavity = cavity_of(design)
-    presses, why = request.presses, "as asked"
+    presses, why = request.presses, "as requested"
     if not presses:
         presses, why = _telling_presses(
             design, request.pair, out / bundle_name(design) / "sims" / "score.json"
@@ -177,8 +177,8 @@ def _telling_presses(design: SensorDesign, pair: Pair | None, score: Path) -> tu
     if pair is not None:
         return presses, "at the middle of the chord"
     if score.is_file():
-        return presses, "at the pad's weakest place"
-    return presses, "at the middle of the workspace; after `optopad score` at the pad's weakest place"
+        return presses, "at the location of least margin"
+    return presses, ("at the middle of the workspace; after `optopad score`, at the location of least margin")
 
 
 def _judged(
@@ -289,13 +289,14 @@ def caption(view: RayView) -> str:
         "Dotted: rays that reached the receiver while the pad was untouched, followed under the press; crosses: where "
         "they end."
         if view.is_aimed
-        else "Dotted: light that no receiver gets; crosses: where it ends."
+        else "Dotted: light that reaches no receiver; crosses: where it ends."
     )
     of = "the light that arrived while the pad was untouched" if view.is_aimed else "the emitted light"
     return (
-        "Lines are random sample paths of the ray tracer, each as likely as the power that it carries; a kind with "
-        f"more power has more lines, but weak kinds have more than their share. {lost} Percentages are of {of}, from "
-        f"the light model, not from counts of lines. The section shows paths projected from the side. Seed {view.seed}."
+        "Lines are random sample paths of the ray tracer, drawn with a probability proportional to their "
+        f"power; kinds with more power have more lines, but weak kinds are overrepresented. {lost} "
+        f"Percentages are of {of}, from the light model, not from counts of lines. The section shows "
+        f"paths projected from the side. Seed {view.seed}."
     )
 
 

@@ -99,7 +99,7 @@ def data_lines(summary: dict[str, Any]) -> list[str]:
         for one in summary["sets"]
     ]
     if summary["taken_up_presses"]:
-        lines.append(f"taken up  {summary['taken_up_presses']} presses of an interrupted run")
+        lines.append(f"reused    {summary['taken_up_presses']} presses of an interrupted run")
     if summary["clipped"]:
         lines.append(f"warning   {summary['clipped']}")
     return [*lines, f"file      {summary['file']}"]
@@ -177,9 +177,10 @@ def recorded_lines(found: ComparedRecording) -> list[str]:
     for pair in found.press.pairs:
         modes = pair.simulated.score.modes
         lines.append(
-            f"{pair.simulated.name:<9} measured and simulated are {pair.rms:.1%} of the untouched signal apart (rms; "
-            f"{pair.worst:.1%} at most); untouched {pair.untouched_counts:.0f}; mode 1 to {modes.mode1_mm[1]:.2f} mm, "
-            "mode 2 " + ("never" if modes.mode2_mm[0] is None else f"from {modes.mode2_mm[0]:.2f} mm")
+            f"{pair.simulated.name:<9} measured and simulated differ by {pair.rms:.1%} of the untouched "
+            f"signal (rms; {pair.worst:.1%} at most); untouched {pair.untouched_counts:.0f}; mode 1 to "
+            f"{modes.mode1_mm[1]:.2f} mm, mode 2 "
+            + ("never" if modes.mode2_mm[0] is None else f"from {modes.mode2_mm[0]:.2f} mm")
         )
     return lines + [f"note      {text}" for text in found.press.notes]
 

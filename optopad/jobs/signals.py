@@ -69,7 +69,8 @@ def require_presses(design: SensorDesign, states: FloatArray) -> None:
     for x_mm, y_mm, depth_mm in states:
         if depth_mm < 0.0:
             raise InputError(
-                f"--press: depth {depth_mm:g} mm is refused: it counts from the untouched surface down; give 0 or more"
+                f"--press: depth {depth_mm:g} mm is refused: depth is measured from the untouched surface "
+                "down; give 0 or more"
             )
         require_depth(design, float(depth_mm), "--press")
         if not space.contains(float(x_mm), float(y_mm)):

@@ -163,7 +163,7 @@ def _learners(learner: str, design: SensorDesign | None, effort: str, seed: int)
             f"--learner: {learner!r} is refused: give {', '.join(LEARNERS)}, {SIGNAL_MAP}, or {ALL}"
         )
     if design is None:
-        raise InputError(f"--learner: {SIGNAL_MAP} is made of a design's light; name it with --design")
+        raise InputError(f"--learner: {SIGNAL_MAP} is computed from a design; name it with --design")
     from sims.learning.map_learner import signal_map_learner
 
     return {SIGNAL_MAP: signal_map_learner(design, quick=effort == "quick", seed=seed)}
@@ -192,7 +192,7 @@ def _training_data(files: Sequence[Path], design: SensorDesign | None) -> tuple[
     train = data.role("train")
     if not len(train):
         raise InputError(
-            "data: hold no set for training, all have the role test; name a data set with training sets"
+            "data: no set for training, all have the role test; name a data set with training sets"
         )
     return train, (*notes, *data_notes(train))
 

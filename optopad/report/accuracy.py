@@ -11,15 +11,16 @@ from sims.learning.tables import WITHIN_MM, ErrorRow, Spread
 
 TITLES = {
     "touch": "Touch",
-    "errors": "Place and depth",
+    "errors": "Location and depth",
     "arrows": "Arrows",
-    "depths": "Single places",
+    "depths": "Single locations",
     "notes": "Notes",
 }
 BOUND_WORDS = (
-    "Least standard deviation of an unbiased estimate from one frame, where the stage says the tip is; open: the error "
-    "of the light hides it. Of an efficient normal estimate the median distance is 0.83 of the place's bound, the "
-    "median difference 0.67 of the depth's, so hold root mean squares against it, or medians against these shares."
+    "Least standard deviation of an unbiased estimate from one frame, with the tip where the stage "
+    "reports it; open: hidden by the numerical error of the light model. For an efficient normal "
+    "estimate the median error is 0.83 of the location bound and 0.67 of the depth bound: compare root "
+    "mean squares with the bound, or medians with these shares."
 )
 HALF_MM = f"{WITHIN_MM:g} mm"
 
@@ -34,8 +35,8 @@ def accuracy_page(found: Accuracy, drawings: Mapping[str, Drawing]) -> str:
     sections = [
         _touch_section(found, drawings),
         _error_section(found, drawings),
-        _pictures("arrows", "Where each press is put", found, drawings),
-        _pictures("depths", "Depth at single places", found, drawings),
+        _pictures("arrows", "Estimated location of each press", found, drawings),
+        _pictures("depths", "Depth at single locations", found, drawings),
         section("notes", "Notes", bullets(found.notes)),
     ]
     return still_page("accuracy", found.name, found.digest or "", TITLES, _banner(found), sections)
@@ -45,7 +46,7 @@ def _banner(found: Accuracy) -> Html:
     learner, best = min(found.pooled().items(), key=lambda item: _mean_location(item[1].errors))
     told = [row for row in best.errors if row.location is not None and row.depth is not None]
     words = "; ".join(
-        f"{row.depth_mm:g} mm deep: place {row.location.median:.2f} mm, depth {row.depth.median:.2f} mm"
+        f"{row.depth_mm:g} mm deep: location {row.location.median:.2f} mm, depth {row.depth.median:.2f} mm"
         for row in told
         if row.location is not None and row.depth is not None
     )
@@ -79,13 +80,14 @@ def _touch_section(found: Accuracy, drawings: Mapping[str, Drawing]) -> Html:
         heads += ["published, ambient", "published, dark"]
     return section(
         "touch",
-        "Touch told rightly",
+        "Correct touches",
         element(
             "p",
-            "Share of samples at a depth that are told rightly: untouched below 0 mm, touched from 0 mm on.",
+            "Share of samples at a depth that are classified correctly: untouched below 0 mm, touched "
+            "from 0 mm on.",
         ),
-        figure_of(drawings["touch"], "Bars: standard error, from places and sessions."),
-        table(heads, rows, label="Touch told rightly", numeric=range(1, len(heads)), class_="wide"),
+        figure_of(drawings["touch"], "Bars: standard error, from locations and sessions."),
+        table(heads, rows, label="Correct touches", numeric=range(1, len(heads)), class_="wide"),
         *([element("p", found.published.source, class_="note")] if found.published is not None else []),
     )
 
@@ -99,8 +101,8 @@ def _share(one: ModelAccuracy, number: int) -> str:
 
 def _error_section(found: Accuracy, drawings: Mapping[str, Drawing]) -> Html:
     heads = (
-        "depth [mm]", "place: median", "mean", "sd", "95 %", "depth: median", "mean", "sd", f"within {HALF_MM}",
-        "found", "found, place: median", "found, depth: median",
+        "depth [mm]", "location: median", "mean", "sd", "95 %", "depth: median", "mean", "sd", f"within {HALF_MM}",
+        "found", "found, location: median", "found, depth: median",
     )  # fmt: skip
     tables = []
     for one in found.found:
@@ -117,14 +119,14 @@ def _error_section(found: Accuracy, drawings: Mapping[str, Drawing]) -> Html:
         tables += [
             element("h3", "Cramér-Rao bound under the same chain"),
             element("p", BOUND_WORDS, class_="note"),
-            table(("depth [mm]", "place [mm]", "depth [mm]"), bound, label="Bound", numeric=(1, 2)),
+            table(("depth [mm]", "location [mm]", "depth [mm]"), bound, label="Bound", numeric=(1, 2)),
         ]
     return section(
         "errors",
-        "Error of place and depth",
+        "Error of location and depth",
         element(
             "p",
-            "Errors [mm] of all samples that are truly touched, then of those that the model finds. Bars in the "
+            "Errors [mm] of all touched samples, then of those that the model detects. Bars in the "
             "figure end at the 95th percentile.",
         ),
         figure_of(drawings["errors"], "Median; bars end at the 95th percentile."),

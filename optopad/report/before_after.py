@@ -30,9 +30,9 @@ small { opacity: .75; } figure { margin: 1rem 0; background: #fff; overflow-x: a
 svg { max-width: 100%; height: auto; min-width: 30rem; }
 """
 LEGEND = (
-    "Marked is what beats every other design by more than both uncertainties together. Uncertainty: how far a second "
-    "seed of the light model is from the first, and at least what the depth step leaves. What the models leave out is "
-    "not in it."
+    "Marked: better than every other design by more than the sum of both uncertainties. Uncertainty: the "
+    "difference of a second seed of the light model, and at least the resolution of the depth step. "
+    "Effects that the models leave out are not included."
 )
 
 
@@ -55,14 +55,12 @@ def compare_html(found: Comparison, figure_svg: str) -> str:
     )
     svg = figure_svg[figure_svg.index("<svg") :]
     return (
-        '<!doctype html><html lang="en"><meta charset="utf-8">'
-        '<meta name="viewport" content="width=device-width, initial-scale=1">'
-        f"<title>Comparison of {escape(', '.join(found.labels))}</title><style>{STYLE}</style>"
-        "<h1>Comparison</h1><h2>What differs</h2>"
-        f"<div class=wide><table><tr><th></th>{head}</tr>{changes}</table></div>"
-        "<h2>What that does</h2>"
-        f"<div class=wide><table><tr><th></th>{head}</tr>{verdicts}{figures}</table></div>"
-        f"<p><small>{escape(LEGEND)}</small></p><figure>{svg}</figure></html>\n"
+        '<!doctype html><html lang="en"><meta charset="utf-8"><meta name="viewport" '
+        'content="width=device-width, initial-scale=1"><title>Comparison of '
+        f"{escape(', '.join(found.labels))}</title><style>{STYLE}</style><h1>Comparison</h1><h2>What "
+        f"differs</h2><div class=wide><table><tr><th></th>{head}</tr>{changes}</table></div><h2>Effect on "
+        "the verdict</h2><div "
+        f"class=wide><table><tr><th></th>{head}</tr>{verdicts}{figures}</table></div><p><small>{escape(LEGEND)}</small></p><figure>{svg}</figure></html>\n"
     )
 
 
@@ -95,7 +93,7 @@ def before_and_after(made: Improvement) -> Html:
     designs = [made.design, *(one.design for one in made.alternatives)]
     scores = [made.before.found, *(one.score for one in made.alternatives)]
     figures = [made.figures, *(one.figures for one in made.alternatives)]
-    changes = ["as it is", *(changes_words(made.design, one.changes) for one in made.alternatives)]
+    changes = ["unchanged", *(changes_words(made.design, one.changes) for one in made.alternatives)]
     files = [
         "",
         *(
@@ -104,14 +102,14 @@ def before_and_after(made: Improvement) -> Html:
         ),
     ]
     rows = [
-        ["what changes", *changes],
+        ["changes", *changes],
         ["verdict", *(answer_of(*both).verdict for both in zip(designs, scores, strict=True))],
         ["confidence", *(answer_of(*both).sure for both in zip(designs, scores, strict=True))],
         ["usable depth [mm]", *(_number(score.usable_depth_mm) for score in scores)],
         ["deadband [mm]", *(_number(score.deadband_total_mm) for score in scores)],
-        ["margin [noise units]", *(_number(score.margin) for score in scores)],
+        ["margin [sigma]", *(_number(score.margin) for score in scores)],
         *_figure_rows(figures),
-        ["bundle of it", *files],
+        ["command for its bundle", *files],
     ]
     pictures = [
         element(
@@ -124,7 +122,7 @@ def before_and_after(made: Improvement) -> Html:
     what = (
         f"The signal of {made.before.found.governing} against depth."
         if made.before.found.is_facing_rows
-        else "How far frames of all readings are apart over the least told 0.3 mm; below 3 noise units is blind."
+        else "Margin: least change of all readings over 0.3 mm of depth; a deadband is below 3 sigma."
     )
     return section(
         "before-after",
@@ -133,8 +131,8 @@ def before_and_after(made: Improvement) -> Html:
         element("div", *pictures, class_="grid"),
         element(
             "p",
-            f"{what} Verdict, usable depth, deadband and margin are as optopad score gives them; the other figures are "
-            "those of the search's quick light, alike for all.",
+            f"{what} Verdict, usable depth, deadband and margin are those of optopad score; the other "
+            "figures are computed with the search's quick light, for all designs.",
             class_="note",
         ),
     )

@@ -51,7 +51,7 @@ TITLES = {
     "signals": "Signals",
     "map": "Map",
     "pairs": "Pairs",
-    "matters": "What matters",
+    "matters": "Sensitivity",
     "tolerance": "Tolerance",
     "force": "Load",
     "build": "Build",

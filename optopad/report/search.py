@@ -144,18 +144,18 @@ def _light(search: Search) -> str:
     """Which light judged the rows, and what it leaves undecided."""
     accuracy = search.findings.space.accuracy
     if accuracy == "score":
-        return "The rows were judged by the light of optopad score, each place traced once."
+        return "The rows were judged by the light of optopad score, each location traced once."
     return (
-        "The rows were judged by the quick light of a search and a coarse map; optopad score gives the verdict's own "
-        f"figures. Undecided: the margin is within {QUICK_ERRORS[accuracy]:g} noise units of a deadband, which is the "
-        "largest error found of quick margins; score the design."
+        "The rows were judged by the quick light of a search and a coarse map; optopad score gives the "
+        f"figures of the verdict. Undecided: the margin is within {QUICK_ERRORS[accuracy]:g} sigma of a "
+        "deadband, the largest error found for quick margins; score the design."
     )
 
 
 def _coordinates_section(search: Search) -> Html:
     found = search.findings
     picture = parallel_svg(found.space, found.tried, found.front)
-    caption = "One line a design: fields on the left, objectives on the right. The front is drawn strongly."
+    caption = "One line per design: fields on the left, objectives on the right. The front is drawn bold."
     labels = [
         element(
             "p", f"{field.path}, first to last: " + "; ".join(choice_text(label) for label in field.labels)
@@ -174,12 +174,12 @@ def _coordinates_section(search: Search) -> Html:
 
 def _importance_section(search: Search) -> Html:
     if not search.importance:
-        text = "Too few designs were judged to the end to say which field moved what."
+        text = "Too few designs were judged to the end to estimate the importance of fields."
         return section("importance", "Importance of the fields", element("p", text))
     picture = importance_svg(search.findings.space, search.importance)
     caption = (
-        "PED-ANOVA over the designs judged to the end: how far the best tenth's values of a field differ from all "
-        "values. Interactions are not told apart."
+        "PED-ANOVA over the designs judged to the end: the difference between the values of a field in "
+        "the best tenth and all its values. Interactions are not separated."
     )
     figure = element(
         "figure", element("div", _svg(picture), class_="card plot"), element("figcaption", caption)
@@ -207,8 +207,8 @@ def _stopped_section(search: Search) -> Html:
 
 def _kind(reason: str) -> str:
     """The reason without the numbers of the one design."""
-    if ", wanted " in reason:
-        return f"misses {reason.partition(', wanted ')[2]}"
+    if ", required " in reason:
+        return f"misses {reason.partition(', required ')[2]}"
     return reason.partition("(")[0].strip() or reason
 
 
@@ -231,7 +231,7 @@ def _space_section(search: Search) -> Html:
     )
     rows.append(("light", f"{space.accuracy} accuracy (docs/validation/search.md)"))
     rows.append(("versions", ", ".join(f"{name} {version}" for name, version in versions().items())))
-    return section("space", "What was searched", facts(rows))
+    return section("space", "Search space", facts(rows))
 
 
 def _files_section(search: Search) -> Html:

@@ -286,6 +286,8 @@ def _plain(text: str) -> str:
 Tile = tuple[str, str, str]
 MICROMETRES_BELOW_MM = 0.1
 """The headline gives smaller bounds in micrometres [mm]."""
+ORIGINS = {"open value": "unmeasured parameter"}
+"""Origins of a tolerance that are named otherwise in the table."""
 MOST_NAMED = 3
 """Values named in the words; the plot and the table have all."""
 SYMBOLS: dict[Verdict, str] = {
@@ -294,9 +296,9 @@ SYMBOLS: dict[Verdict, str] = {
     "OUT_OF_MODEL_SCOPE": "?",
 }
 RULE = (
-    f"A deadband is an interval of depth, at least {DEADBAND_MIN_LENGTH_MM:g} mm long, over which a signal changes by "
-    f"less than {DEADBAND_THRESHOLD:g} noise units and after which it comes back; one noise unit is one standard "
-    "deviation of a reading. A pad is judged by all readings of a frame together."
+    f"A deadband is an interval of depth, at least {DEADBAND_MIN_LENGTH_MM:g} mm long, over which a "
+    f"signal changes by less than {DEADBAND_THRESHOLD:g} sigma and after which it comes back; one sigma "
+    "is the standard deviation of a reading. A pad is judged by all readings of a frame together."
 )
 
 
@@ -315,7 +317,7 @@ def clipping(pair: JudgedPair) -> str:
     if not pair.score.is_clipped:
         return ""
     share = f"{pair.score.clipped_share:.0%} of the depth"
-    return f"{pair.name} reads above full scale over {share} and is blind there"
+    return f"{pair.name} reads above full scale over {share} and resolves nothing there"
 
 
 def reading(pair: JudgedPair) -> str:
@@ -336,15 +338,15 @@ def rests_on(score: ContinuityScore) -> Html | None:
         return None
     low, high = band.deadband_range_mm
     turned = (
-        f"its verdict is turned by {', '.join(band.flipping)}"
+        f"the verdict is changed by {', '.join(band.flipping)}"
         if band.flipping
-        else "no single one of them turns its verdict"
+        else "no single one changes the verdict"
     )
     return element(
         "p",
         element(
             "strong",
-            f"Rests on {counted(len(band.rows) + len(band.unbanded), 'value')} not measured on the build",
+            f"Depends on {counted(len(band.rows) + len(band.unbanded), 'unmeasured parameter')}",
         ),
         f": over their bands the deadband of {band.judged} is {low:.2f} to {high:.2f} mm; {turned}.",
         " ",
@@ -360,7 +362,7 @@ def _error(score: ContinuityScore, figure: str, digits: int = 3) -> str:
     """What the light trace's error does to a figure; nothing where it was not worked out."""
     if score.figure_errors is None:
         return ""
-    return f", ± {score.figure_errors[figure]:.{digits}f} by the light trace"
+    return f", ± {score.figure_errors[figure]:.{digits}f} by numerical error"
 
 
 def headline(score: ContinuityScore) -> Html:
@@ -408,7 +410,11 @@ def _deadband_tile(score: ContinuityScore) -> Tile:
         where = f"{governing(score).name}: {spans(score.deadbands_mm, 'no interval')}"
         return "Deadband of the middle facing pair", value, where + (" mm" if score.deadbands_mm else "")
     if not score.deadbands_mm or score.pad_map is None:
-        return "Worst deadband of the pad", value, "at any place pressed, all readings of a frame together"
+        return (
+            "Worst deadband of the pad",
+            value,
+            ("at any pressed location, all readings of a frame together"),
+        )
     worst = score.pad_map.worst
     return (
         "Worst deadband of the pad",
@@ -480,19 +486,19 @@ def bounds_tile(score: ContinuityScore) -> Tile | None:
     if score.is_facing_rows:
         depth = bounds.median_depth_alone_mm
         return (
-            "Resolution of depth, at best",
+            "Resolution of depth",
             _mm(depth.value),
-            "standard deviation, median over the pad, one frame of all readings, place known",
+            "standard deviation, median over the pad, one frame of all readings, location known",
         )
     place, depth = bounds.median_location_mm, bounds.median_depth_mm
     if math.isinf(place.value):
         return (
-            "Resolution, at best",
-            "blind",
-            "over half of the pad's volume place or depth cannot be told at all",
+            "Resolution",
+            "not resolved",
+            "in over half of the pad's volume location or depth is not resolved",
         )
     return (
-        "Resolution of place, and of depth, at best",
+        "Resolution of location, and of depth",
         _both(place.value, depth.value),
         f"standard deviation, median over the pad, one frame of all readings; {bounds.dead_share.percent()} of the "
         "volume dead",
@@ -516,29 +522,30 @@ def _pad_words(bounds: PadBounds) -> str:
     worst = bounds.worst
     at = f"x {worst.x_mm:g}, y {worst.y_mm:g} mm, {worst.depth_mm:g} mm deep"
     end = (
-        f"At {at}, the pad is blind."
+        f"At {at} it is not resolved."
         if math.isinf(worst.location_mm)
-        else f"The worst place is known to {_mm(worst.location_mm)}, at {at}."
+        else f"The worst location bound is {_mm(worst.location_mm)}, at {at}."
     )
     return (
-        f"At best, one frame of readings tells the place of a press to {_span(bounds.median_location_mm)} and its "
-        f"depth to {_span(bounds.median_depth_mm)}, standard deviations, median over the pad. {end}"
+        f"One frame of readings resolves the location of a press to {_span(bounds.median_location_mm)} "
+        f"and its depth to {_span(bounds.median_depth_mm)} at best (standard deviations, median over the "
+        f"pad). {end}"
     )
 
 
 def _depth_alone_words(bounds: PadBounds) -> str:
     return (
-        "At best, one frame of readings tells the depth of a press at a known place to "
-        f"{_span(bounds.median_depth_alone_mm)}, standard deviation, median over the pad."
+        "One frame of readings resolves the depth of a press at a known location to "
+        f"{_span(bounds.median_depth_alone_mm)} at best (standard deviation, median over the pad)."
     )
 
 
 def _volume_words(bounds: PadBounds) -> str:
     limits = bounds.limits
     return (
-        f"Covered, to {limits.covered_location_mm:g} mm in place and {limits.covered_depth_mm:g} mm in depth: "
-        f"{bounds.coverage.percent()} of the volume. Dead, worse than {limits.dead_location_mm:g} mm in place or "
-        f"{limits.dead_depth_mm:g} mm in depth: {bounds.dead_share.percent()}."
+        f"Covered, to {limits.covered_location_mm:g} mm in location and {limits.covered_depth_mm:g} mm in "
+        f"depth: {bounds.coverage.percent()} of the volume. Dead, worse than {limits.dead_location_mm:g} "
+        f"mm in location or {limits.dead_depth_mm:g} mm in depth: {bounds.dead_share.percent()}."
     )
 
 
@@ -548,9 +555,12 @@ def _felt_words(bounds: PadBounds) -> str:
     row, column = felt.worst
     at, force = f"x {felt.x_mm[column]:g}, y {felt.y_mm[row]:g} mm", float(felt.force_n[row, column])
     if math.isinf(force):
-        return f"At {at} no press within the range of use is felt."
+        return f"At {at} no press within the range of use is detected."
     low, high = float(felt.low_n[row, column]), float(felt.high_n[row, column])
-    return f"Felt everywhere: from {force:.3g} N ({low:.3g} to {high:.3g} N over the modulus's band), heaviest at {at}."
+    return (
+        f"Contact is detected at every location from {force:.3g} N ({low:.3g} to {high:.3g} N over the "
+        f"modulus's band), latest at {at}."
+    )
 
 
 def losses_table(score: ContinuityScore) -> Html:
@@ -577,8 +587,10 @@ def losses_table(score: ContinuityScore) -> Html:
         )
         for loss in bounds.losses
     ]
-    heads = ("without", "covered", "place, median", "depth, median", "blind")
-    words = f"When a part dies: {worst.part} is missed most, {worst.coverage.percent()} of the volume stays covered"
+    heads = ("without", "covered", "location, median", "depth, median", "not resolved")
+    words = (
+        f"Loss of one part: {worst.part} costs most, {worst.coverage.percent()} of the volume stays covered"
+    )
     return element(
         "details",
         element("summary", words),
@@ -596,7 +608,7 @@ def _both(place_mm: float, depth_mm: float) -> str:
 
 def _span(figure: Figure) -> str:
     if math.isinf(figure.value):
-        return "blind"
+        return "not resolved"
     high = "open" if math.isinf(figure.high) else _number(figure.high)
     return f"{_number(figure.value)} mm ({_number(figure.low)} to {high})"
 
@@ -606,7 +618,7 @@ def _number(value: float) -> str:
 
 
 def _mm(value: float) -> str:
-    return "blind" if math.isinf(value) else f"{_number(value)} mm"
+    return "not resolved" if math.isinf(value) else f"{_number(value)} mm"
 
 
 def builds_tile(study: BuildStudy | None) -> Tile | None:
@@ -615,9 +627,12 @@ def builds_tile(study: BuildStudy | None) -> Tile | None:
         return None
     low, high = study.kept_interval
     return (
-        "Builds that keep the verdict",
+        "Manufactured units that keep the verdict",
         f"{study.kept_share:.0%}",
-        f"{study.kept} of {study.builds} drawn with everything off at once; 95 %: {low:.0%} to {high:.0%}",
+        (
+            f"{study.kept} of {study.builds} in a Monte Carlo over all tolerances; 95 %: {low:.0%} to "
+            f"{high:.0%}"
+        ),
     )
 
 
@@ -629,12 +644,13 @@ def builds_words(study: BuildStudy) -> Html:
     clear = [number for number in study.ranking if found[number][1] > 0.0 or found[number][2] < 0.0]
     named = ", ".join(study.tolerances[number].path for number in clear[:MOST_NAMED])
     parts = [
-        f"Of {counted(study.builds, 'build')} drawn with everything off at once, {study.kept} keep the verdict, "
-        f"{verdict}: {study.kept_share:.0%} (95 % interval of the count: {low:.0%} to {high:.0%}).",
-        f"What matters most: {named}." if named else "No single value stands out.",
+        f"Of {counted(study.builds, 'manufactured unit')} in a Monte Carlo over all tolerances, "
+        f"{study.kept} keep the verdict, {verdict}: {study.kept_share:.0%} (95 % interval of the count: "
+        f"{low:.0%} to {high:.0%}).",
+        f"Strongest effect: {named}." if named else "No single value has a significant effect.",
     ]
     if study.doubtful:
-        parts.append(f"{counted(study.doubtful, 'build')} in doubt by the light trace's own error.")
+        parts.append(f"{counted(study.doubtful, 'unit')} undecided by numerical error.")
     if study.unjudged:
         reasons = "; ".join(f"{reason}: {count}" for reason, count in study.unjudged.items())
         parts.append(f"Not judged: {reasons}.")
@@ -649,13 +665,19 @@ def builds_table(study: BuildStudy) -> Html:
         one, (rank, low, high) = study.tolerances[number], found[number]
         band = f"{one.low:.4g} to {one.high:.4g} {one.unit}"
         rows.append(
-            (one.path, band, one.distribution, one.origin, f"{rank:+.2f} ({low:+.2f} to {high:+.2f})")
+            (
+                one.path,
+                band,
+                one.distribution,
+                ORIGINS.get(one.origin, one.origin),
+                f"{rank:+.2f} ({low:+.2f} to {high:+.2f})",
+            )
         )
-    heads = ("value", "band", "drawn", "why", "rank correlation (95 %)")
+    heads = ("value", "band", "distribution", "origin", "rank correlation (95 %)")
     return element(
         "details",
         element("summary", f"{counted(len(rows), 'value')} varied"),
-        table(heads, rows, label="Values varied over the builds", numeric=(4,), class_="wide"),
+        table(heads, rows, label="Values varied over the manufactured units", numeric=(4,), class_="wide"),
         class_="sheet",
         open="",
     )

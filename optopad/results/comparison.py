@@ -123,7 +123,11 @@ class Comparison(Result):
             for label, row in zip(self.labels, self.rows, strict=True)
             if row.score["reason"]
         ]
-        return [*_aligned(rows), *reasons, "* better than every other design by more than both uncertainties"]
+        return [
+            *_aligned(rows),
+            *reasons,
+            "** better than every other design by more than the sum of both uncertainties",
+        ]
 
     def _repr_html_(self) -> str:
         rows = [

@@ -199,9 +199,9 @@ class Improvement(Result):
         return lines
 
     def _repr_html_(self) -> str:
-        rows = [("before", "as it is", verdict_words(self.before.found))]
+        rows = [("before", "unchanged", verdict_words(self.before.found))]
         rows += [
             (one.kind, changes_words(self.design, one.changes), verdict_words(one.score))
             for one in self.alternatives
         ]
-        return block(f"improve {self.design.name}", (), table(("", "what changes", "verdict"), rows))
+        return block(f"improve {self.design.name}", (), table(("", "changes", "verdict"), rows))

@@ -29,7 +29,7 @@ from sims.verdict.depth_curve import NUMERICAL
 
 if TYPE_CHECKING:
     from design.fields.finding import Finding
-    from sims.bounds.felt import FeltForce
+    from sims.bounds.detection_threshold import DetectionThreshold
     from sims.bounds.observability import Figure, PadBounds
     from sims.continuity.result import ContinuityScore, JudgedPair
     from sims.verdict.builds import BuildStudy
@@ -386,7 +386,7 @@ def _volume_line(bounds: PadBounds) -> str:
     )
 
 
-def _contact_line(felt: FeltForce) -> str:
+def _contact_line(felt: DetectionThreshold) -> str:
     row, column = felt.worst
     at = at_mm(felt.x_mm[column], felt.y_mm[row])
     force = float(felt.force_n[row, column])

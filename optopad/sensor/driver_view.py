@@ -67,7 +67,7 @@ def driver_source(where: str, changes: list[str] | None, out: Path) -> DriverSou
         file = path / "driver.toml"
     if path.is_dir() or _is_driver_file(file):
         if changes:
-            raise InputError(f"--set: {where} is written already; name the design and change that")
+            raise InputError(f"--set: {where} is a finished file; name the design and change that")
         return DriverSource(config=load_driver_config(file), design=None, bundle=_bundle_of(file))
     from optopad.work import read_design
 
@@ -277,7 +277,7 @@ def live_table(frame: Frame, sensor: Sensor) -> RenderableType:
         table.add_row(name, *(_cell(frame, ratio, i, j) for j in range(len(said.receivers.names))))
     table.add_row("dark", *(f"{int(count)} " for count in frame.counts[-1]), style="dim")
     head = f"{said.design} on {sensor.port}: {link_line(sensor)}"
-    foot = "% of the untouched signal   ! at full scale   . too weak to tell   Ctrl-C ends"
+    foot = "% of the untouched signal   ! at full scale   . too weak   Ctrl-C ends"
     return Group(Text(head, style="bold"), table, Text(foot, style="dim"))
 
 
@@ -295,7 +295,7 @@ def check_lines(verdict: Verdict) -> list[str]:
             f"the simulated readings, single pairs off by {verdict.mismatch:.0%} in the middle"
         )
     wrong = sum(problem.is_error for problem in verdict.problems)
-    lines.append(f"{'verdict':<9} {'wired as designed' if verdict.is_good else f'{wrong} to mend'}")
+    lines.append(f"{'verdict':<9} {'wired as designed' if verdict.is_good else f'{wrong} to fix'}")
     return lines
 
 

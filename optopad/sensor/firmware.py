@@ -71,8 +71,8 @@ def image_to_upload(design: SensorDesign, out: Path, *, seed: int) -> Path:
     files = write_firmware(design, out, seed=seed)
     if files.image_file is None:
         raise DeviceError(
-            f"{files.sketch}: nothing to upload: {files.no_image_because}; once there is a compiler, this command "
-            "makes the image itself"
+            f"{files.sketch}: nothing to upload: {files.no_image_because}; with a compiler installed, "
+            "this command makes the image itself"
         )
     return files.image_file
 

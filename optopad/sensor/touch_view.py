@@ -103,8 +103,8 @@ def start_note(reader: TouchReader) -> str:
     if far < FAR_START:
         return ""
     return (
-        f"note      the untouched pad is {far:.0%} from the training data beyond gains: another build than the "
-        "model's, or something touched the pad at the start"
+        f"note      the untouched pad is {far:.0%} from the training data beyond gains: the model is of "
+        "another manufactured unit, or the pad was touched at the start"
     )
 
 
@@ -137,7 +137,7 @@ def _note(touch: Touch) -> str:
     if touch.drift.is_gain_like:
         return "; a change of gain, no touch"
     if touch.drift.held_without_touch_s > ODD_S:
-        return "; not as untouched, yet no touch for the model: lighter than it knows, or dirt"
+        return "; not as untouched, but no touch for the model: lighter than in its training, or dirt"
     return ""
 
 

@@ -34,13 +34,13 @@ class Ghost:
     design: SensorDesign
 
 
-class Errand:
+class Task:
     """One program at a time: `improve`, `run`, or what else has files for its result.
 
     Parameters
     ----------
     out : folder that holds the bundles
-    tell : is told how far it is, on a thread of the errand
+    tell : is told how far it is, on a thread of the task
     """
 
     def __init__(self, out: Path, tell: Tell) -> None:
@@ -55,7 +55,7 @@ class Errand:
         return self._process is not None and self._process.poll() is None
 
     def improve(self, design: SensorDesign, done: Callable[[tuple[Ghost, ...]], None]) -> bool:
-        """Search around a design; `done` gets what it found. False: another errand is under way."""
+        """Search around a design; `done` gets what it found. False: another task is under way."""
 
         began = time.time()
 
@@ -72,14 +72,14 @@ class Errand:
         return self._start("improve", design, finish)
 
     def _made_since(self, began: float, pattern: str) -> Path:
-        """The file that an errand has just written."""
+        """The file that a task has just written."""
         found = sorted(self.out.glob(pattern), key=lambda file: file.stat().st_mtime)
         if not found or found[-1].stat().st_mtime < began - 2.0:  # file systems' clocks are coarse
             raise FileNotFoundError(f"{self.out / pattern}")
         return found[-1]
 
     def build(self, design: SensorDesign, done: Callable[[Path], None]) -> bool:
-        """Make the whole bundle; `done` gets its folder. False: another errand is under way."""
+        """Make the whole bundle; `done` gets its folder. False: another task is under way."""
         folder = self.out / bundle_name(design)
 
         def finish() -> None:
@@ -124,7 +124,7 @@ class Errand:
         holder: tempfile.TemporaryDirectory[str],
         finish: Callable[[], None],
     ) -> None:
-        self._tell(Said(text=f"{verb}: begins"))
+        self._tell(Said(text=f"{verb}: started"))
         last = ""
         assert process.stderr is not None
         with holder, process.stderr:
@@ -134,7 +134,7 @@ class Errand:
                     self._tell(Said(text=f"{verb}: {last.removeprefix('optopad: ')}"))
             code = process.wait()
         if self._is_ended:
-            self._tell(Said(text=f"{verb}: ended; what was finished is found again"))
+            self._tell(Said(text=f"{verb}: ended; finished parts are reused"))
         elif code != 0:
             self._tell(
                 Said(text=f"{verb}: {last.removeprefix('optopad: ') or f'ended with {code}'}", is_bad=True)
@@ -153,7 +153,7 @@ class Errand:
 
 def _found(count: int, folder: Path) -> str:
     if count == 0:
-        return f"improve: nothing better that holds at score accuracy; see {folder}"
+        return f"improve: no better design at score accuracy; see {folder}"
     return f"improve: {count} verified alternative{'s' if count > 1 else ''}, in {folder}"
 
 

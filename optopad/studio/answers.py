@@ -89,7 +89,7 @@ class Judged:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Doing:
+class Progress:
     """What is being worked at, and the share of it that is done; an empty stage: nothing."""
 
     stage: str
@@ -104,4 +104,4 @@ class Failed:
     text: str
 
 
-Answer = Look | Curves | Rays | Readings | Judged | Doing | Failed
+Answer = Look | Curves | Rays | Readings | Judged | Progress | Failed

@@ -298,7 +298,7 @@ class DesignFile:
             return None
         self._seen, self.is_in_step = state, False
         if state is None:
-            raise DesignError(f"{self.path}: is gone; your edits are kept, Save writes it again")
+            raise DesignError(f"{self.path}: was deleted; your edits are kept, Save writes it again")
         found = load_design(self.path)
         text = _read(self.path)
         former, self.saved, self._text, self.is_in_step = self.saved, found, text, True
@@ -334,8 +334,8 @@ class DesignFile:
         own = "" if self.path is None else self.path.name
         name = (target or "").strip() or own
         if not name:
-            raise InputError("save: this design has no file yet; give a name, as my-pad.toml")
-        fault = "it is no plain name of a file" if _NOT_IN_NAMES.search(name) else name_fault(name)
+            raise InputError("save: this design has no file yet; give a name, such as my-pad.toml")
+        fault = "it is not a plain file name" if _NOT_IN_NAMES.search(name) else name_fault(name)
         if fault is not None and name != own:
             raise InputError(
                 f"save: {name!r} is refused: {fault}; give a name alone, as my-pad.toml: "
@@ -348,7 +348,7 @@ class DesignFile:
         if os.path.lexists(file) and not is_own:
             raise InputError(f"save: {file} exists and is another file; choose another name")
         if is_own and self._state() not in (self._seen, None):
-            raise InputError(f"save: {file} was changed outside just now; it is read first, then save again")
+            raise InputError(f"save: {file} was just changed outside and is read first; then save again")
         if is_own and file.exists() and not os.access(file, os.W_OK):
             raise OutputError(f"save: {file} is write-protected; choose another name")
         return file
@@ -377,7 +377,7 @@ def _write_checked(file: Path, texts: Iterator[str], design: SensorDesign) -> st
         handle, name = tempfile.mkstemp(dir=file.parent, prefix=".optopad-", suffix=".toml")
         os.close(handle)
         text = next((text for text in texts if _is_read_as(Path(name), text, design)), None)
-        assert text is not None, f"{file}: a design written out whole is read as another one"
+        assert text is not None, f"{file}: the written design differs when read again"
         os.chmod(name, file.stat().st_mode & 0o777 if os.path.exists(file) else 0o644)
         os.replace(name, file.resolve())  # a link stays a link
     except (OSError, ValueError) as err:  # ValueError: a null byte in the name

@@ -108,7 +108,7 @@ def _spans(pair: JudgedPair, number: int, top: float, x: Place, deepest: float) 
         bars.append(((modes.mode2_mm[0], deepest if last is None else last), MODE_2, top + 7, 4, "mode 2"))
     bars += [(span, "url(#dead)", top + 1, 12, "deadband") for span in score.deadbands_mm]
     if score.saturation_mm is not None:
-        bars.append((score.saturation_mm, FADE, top + 4, 5, "fade: depth is not told any more"))
+        bars.append((score.saturation_mm, FADE, top + 4, 5, "saturated: the signal no longer changes"))
     found = [
         f'<text x="{LEFT - 4}" y="{top + 11}" text-anchor="end" fill="{LINES[number % len(LINES)]}" '
         f'style="fill:{LINES[number % len(LINES)]}">{escape(pair.name)}</text>'
@@ -122,7 +122,7 @@ def _spans(pair: JudgedPair, number: int, top: float, x: Place, deepest: float) 
 
 
 def _legend(y: float) -> str:
-    marks = (("mode 1", MODE_1), ("mode 2", MODE_2), ("deadband", "url(#dead)"), ("fade", FADE))
+    marks = (("mode 1", MODE_1), ("mode 2", MODE_2), ("deadband", "url(#dead)"), ("saturated", FADE))
     return "".join(
         f'<rect x="{LEFT + 88 * k}" y="{y - 8}" width="14" height="8" fill="{colour}"/>'
         f'<text x="{LEFT + 88 * k + 18}" y="{y}">{name}</text>'
@@ -153,7 +153,7 @@ class Quantity:
     absent: str = "none"
 
 
-QUANTITIES = ("deadband", "usable depth", "margin", "place at best", "depth at best", "lightest press")
+QUANTITIES = ("deadband", "usable depth", "margin", "location bound", "depth bound", "detection threshold")
 
 
 def quantity(name: str, score: ContinuityScore) -> Quantity | None:
@@ -165,31 +165,31 @@ def quantity(name: str, score: ContinuityScore) -> Quantity | None:
         return _of_map(name, pad)
     if bounds is None:
         return None
-    if name == "lightest press":
+    if name == "detection threshold":
         if bounds.felt is None:
             return None
         felt = bounds.felt
         return Quantity(
-            title="lightest press felt",
+            title="detection threshold",
             unit="N",
             values=felt.force_n,
             x_mm=felt.x_mm,
             y_mm=felt.y_mm,
             good=0.0,
             bad=2.0 * _middle(felt.force_n),
-            absent="not felt",
+            absent="not detected",
         )
-    values = bounds.location_mm if name == "place at best" else bounds.depth_bound_mm
+    values = bounds.location_mm if name == "location bound" else bounds.depth_bound_mm
     middle = int(np.argmin(np.abs(np.array(bounds.depth_mm) - 0.3 * bounds.max_depth_mm)))
     return Quantity(
-        title=f"{name.split()[0]} by one frame, {bounds.depth_mm[middle]:g} mm deep",
+        title=f"{name} of one frame, {bounds.depth_mm[middle]:g} mm deep",
         unit="mm",
         values=values[:, :, middle],
         x_mm=bounds.x_mm,
         y_mm=bounds.y_mm,
         good=0.0,
-        bad=bounds.limits.dead_location_mm if name == "place at best" else bounds.limits.dead_depth_mm,
-        absent="blind",
+        bad=bounds.limits.dead_location_mm if name == "location bound" else bounds.limits.dead_depth_mm,
+        absent="not resolved",
     )
 
 
@@ -202,8 +202,8 @@ def _of_map(name: str, pad: PadMap) -> Quantity:
         return _quantity(name, "mm", pad.usable_grid_mm(), lines, good=deepest, bad=0.0)
     margins = pad.grid([place.margin for place in pad.places])
     threshold = DEADBAND_THRESHOLD
-    title = f"margin; below {threshold:g} is blind"
-    return _quantity(title, "noise units", margins, lines, good=5.0 * threshold, bad=threshold)
+    title = f"margin; a deadband is below {threshold:g}"
+    return _quantity(title, "sigma", margins, lines, good=5.0 * threshold, bad=threshold)
 
 
 def _quantity(

@@ -110,7 +110,7 @@ class BoardProcess:
         if self._is_closed:
             raise DeviceError("the simulated board: closed before it had started")
         raise InputError(
-            f"the simulated board did not start: {told.removeprefix('optopad: ') or 'no word of it'}"
+            f"the simulated board did not start: {told.removeprefix('optopad: ') or 'no message'}"
         )
 
     def end(self) -> None:
@@ -451,7 +451,7 @@ class LiveSensor:
 
     def _reading_text(self, port: str, rate_hz: float | None) -> str:
         if not self._is_settled or (self._model is not None and self._reader is None):
-            return f"measuring the untouched pad on {port}: leave it alone"
+            return f"measuring the untouched pad on {port}: do not touch it"
         return f"reading {port}" + ("" if rate_hz is None else f": {rate_hz:.1f} Hz")
 
     def _say_silent(self) -> None:

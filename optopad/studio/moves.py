@@ -69,7 +69,7 @@ def moved(
     """
     part = part_named(design, name)
     if part.angle_deg is not None and along_mm is not None:
-        raise InputError(f"{name}: along_mm: a round wall has no places along it; give angle_deg")
+        raise InputError(f"{name}: along_mm: a round wall has no position along it; give angle_deg")
     if part.angle_deg is None and angle_deg is not None:
         raise InputError(f"{name}: angle_deg: a straight wall has no angles; give along_mm")
     changes: dict[str, Any] = {}

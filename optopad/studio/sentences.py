@@ -10,19 +10,19 @@ from design.shape.cavity import PlacedPart
 from optopad.screen.answer import answer_of, verdict_words
 from optopad.screen.stages import STAGE_TITLES
 from optopad.sensor.touch_view import touch_line
-from optopad.studio.answers import Doing, Judged
+from optopad.studio.answers import Judged, Progress
 from optopad.studio.live import LiveView
 from optopad.studio.session import Said, Version
 
 RED, GREEN, AMBER, GREY = "#d1242f", "#1a7f37", "#9a6700", "#6e7781"
 LEVELS = {
     "draft": (AMBER, "draft", "coarse light; the score follows"),
-    "score": ("#0969da", "score", "as optopad score; the values that nobody measured are being tried"),
-    "whole": (GREEN, "score", "as optopad score, tolerance and all"),
+    "score": ("#0969da", "score", "as optopad score; unmeasured parameters are being tried"),
+    "whole": (GREEN, "score", "as optopad score, with the unmeasured parameters"),
 }
 
 
-def verdict_html(now: Version, judged: Judged | None, failed: str, doing: Doing | None) -> str:
+def verdict_html(now: Version, judged: Judged | None, failed: str, progress: Progress | None) -> str:
     """The answer to the design on the table, or why there is none; and what is being worked at."""
     parts = [errors_html(now)] if now.errors else []
     if not now.errors:
@@ -30,12 +30,12 @@ def verdict_html(now: Version, judged: Judged | None, failed: str, doing: Doing 
             parts.append(_judged(now, judged))
             parts += [_line(f"of this press: {failed}", RED)] if failed else []
         elif failed:
-            parts.append(_block(RED, "no answer", [failed]))
+            parts.append(_block(RED, "no result", [failed]))
         else:
-            parts.append(_line("working at the first answer", GREY))
-    if doing is not None and doing.stage:
-        title = STAGE_TITLES.get(doing.stage, doing.stage)
-        parts.append(_line(f"{title}: {doing.share:.0%}", GREY))
+            parts.append(_line("computing the first result", GREY))
+    if progress is not None and progress.stage:
+        title = STAGE_TITLES.get(progress.stage, progress.stage)
+        parts.append(_line(f"{title}: {progress.share:.0%}", GREY))
     return _wrapped("".join(parts))
 
 
@@ -45,7 +45,7 @@ def _judged(now: Version, judged: Judged) -> str:
     said = answer_of(now.design, judged.score) if not is_old else None
     if said is None:
         words = [f"of the design before: {verdict_words(judged.score)}"]
-        return _block(GREY, "catching up", words)
+        return _block(GREY, "updating", words)
     head = said.verdict
     words = [_label("cause" if judged.score.causes else "margin", said.why)]
     words.append(_label("fix", said.fix))
@@ -86,7 +86,7 @@ def curves_title(
     place_mm: tuple[float, float], *, is_draft: bool, force_n: float | None, depth_mm: float, is_old: bool
 ) -> str:
     """Over the curves: where, how finely, and the load of the press shown."""
-    how = "draft: coarse light" if is_draft else "as finely as a score"
+    how = "draft: coarse light" if is_draft else "as optopad score"
     how = "of the design before" if is_old else how
     load = "" if force_n is None else f"; at {depth_mm:.2f} mm {force_n:.2f} N"
     return _wrapped(
@@ -118,7 +118,7 @@ def pins_html(pinned: Sequence[Version], now: Version, found: Mapping[str, Judge
         rows.append(f"<tr><td title='{escape(version.words, quote=True)}'>{name}</td>{told}</tr>")
     head = "".join(
         f"<th style='text-align:left'>{one}</th>"
-        for one in ("", "verdict", "dead mm", "usable mm", "margin", "place mm")
+        for one in ("", "verdict", "deadband mm", "usable mm", "margin", "location mm")
     )
     table = f"<table style='width:100%;font-size:11px'><tr>{head}</tr>{''.join(rows)}</table>"
     return _wrapped(f'<div style="font-size:12px"><b>Pinned</b></div>{table}')

@@ -23,7 +23,7 @@ from design.shape.cavity import cavity_of, workspace_of
 from design.spec import SensorDesign
 from optopad.screen.answer import changes_words
 from optopad.studio.design_file import DesignFile
-from optopad.studio.knobs import changes_of
+from optopad.studio.editable_fields import changes_of
 from optopad.studio.moves import moved, part_named
 
 MERGE_S = 1.5
@@ -183,7 +183,7 @@ class Session:
                 again = self._undone.pop()
                 self._done.append(again)
                 self._settle()
-                self._say(f"done again: {again.words}")
+                self._say(f"redone: {again.words}")
 
     def move_tip(
         self, *, x_mm: float | None = None, y_mm: float | None = None, depth_mm: float | None = None
@@ -224,7 +224,7 @@ class Session:
                 found = self.file.changed_outside()
                 version = None if found is None else _version(found, f"{self.file.path} read again")
             except (OptopadError, OSError) as err:
-                self._say(f"{err}; the design here is as it was, and Save writes it", is_bad=True)
+                self._say(f"{err}; the design here is unchanged, and Save writes it", is_bad=True)
                 return
             if version is not None:
                 self._push(version, "")
@@ -232,7 +232,7 @@ class Session:
                     f"{self.file.path} was changed outside and is read again; Undo brings your edits back"
                 )
             elif self.file.is_in_step and not was_in_step:
-                self._say(f"{self.file.path} holds its design again")
+                self._say(f"{self.file.path} is readable again")
 
     def pin(self) -> None:
         """Keep the design to compare others with."""
@@ -330,7 +330,7 @@ def _version(design: SensorDesign, words: str) -> Version:
 def _words(design: SensorDesign, wanted: dict[str, Any]) -> str:
     """What changes, for the history."""
     if "layout" in wanted:
-        return "parts placed anew"
+        return "parts moved"
     document = design.model_dump(mode="json")
     known = {path: value for path, value in wanted.items() if is_value(document, path)}
     return (

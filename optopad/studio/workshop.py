@@ -1,9 +1,9 @@
-"""The work behind the page: one thread, the newest wish first, older work given up as soon as it is stale.
+"""The work behind the page: one thread, the newest request first, older work given up as soon as it is stale.
 
     pairs under the tip ──► pressed top ──► rays ──► draft map ──► draft bounds ──► score ──► tolerance, what matters
                                                                                         ──► the same pairs, finely
 
-A wish is a design, a press and whether rays are shown. Another design gives up what is under way, but for the pairs
+A request is a design, a press and whether rays are shown. Another design gives up what is under way, but for the pairs
 under the tip, which are done in a moment and keep a drag alive. Another press leaves a score under way: the new top and
 pairs are worked out in between, between two pieces of its light (`sims.optics.engine.threads.between_pieces`).
 Light that was traced once is found again on disk, so that work given up is not lost.
@@ -23,7 +23,7 @@ from design.arrays import FloatArray
 from design.errors import DesignError, OptopadError
 from design.shape.cavity import cavity_of, pair_name
 from design.spec import SensorDesign
-from optopad.studio.answers import Answer, Curves, Doing, Failed, Judged, Look, Ray, Rays, Readings
+from optopad.studio.answers import Answer, Curves, Failed, Judged, Look, Progress, Ray, Rays, Readings
 from optopad.studio.session import Press
 
 Post = Callable[[Answer], None]
@@ -35,7 +35,7 @@ RAYS_A_PAIR = 8
 
 
 @dataclass(frozen=True, kw_only=True)
-class Wish:
+class Request:
     """What is to be shown.
 
     Attributes
@@ -58,7 +58,7 @@ class _StaleError(Exception):
 
 
 class Workshop:
-    """Works out answers to the newest wish, on a thread of its own.
+    """Works out answers to the newest request, on a thread of its own.
 
     Parameters
     ----------
@@ -68,7 +68,7 @@ class Workshop:
 
     def __init__(self, post: Post, *, seed: int = 0) -> None:
         self._post, self._seed = post, seed
-        self._wish: Wish | None = None
+        self._request: Request | None = None
         self._is_closing = False
         self._changed = threading.Condition()
         self._done: set[tuple[object, ...]] = set()
@@ -86,10 +86,10 @@ class Workshop:
         """Begin to work."""
         self._thread.start()
 
-    def want(self, wish: Wish | None) -> None:
-        """Replace the wish; None: there is nothing to work at."""
+    def want(self, request: Request | None) -> None:
+        """Replace the request; None: there is nothing to work at."""
         with self._changed:
-            self._wish = wish
+            self._request = request
             self._changed.notify()
 
     @property
@@ -118,42 +118,44 @@ class Workshop:
                     continue
 
     def _rest(self) -> None:
-        """Wait for another wish."""
+        """Wait for another request."""
         self._under_way = ""
-        self._post(Doing(stage="", share=1.0))
+        self._post(Progress(stage="", share=1.0))
         with self._changed:
-            self._changed.wait_for(lambda: self._is_closing or self._next(self._wish) is not None)
+            self._changed.wait_for(lambda: self._is_closing or self._next(self._request) is not None)
 
     def _work_once(self) -> bool:
         """Do the next piece; whether there was one."""
-        wish = self._wish
-        found = self._next(wish)
-        if wish is None or found is None:
+        request = self._request
+        found = self._next(request)
+        if request is None or found is None:
             return False
-        if wish.design.digest != self._digest:
-            self._digest, self._done, self._draft = wish.design.digest, set(), None
+        if request.design.digest != self._digest:
+            self._digest, self._done, self._draft = request.design.digest, set(), None
         name, key, do = found
         self._jobs += 1
         try:
-            self._do(name, key, do, wish)
+            self._do(name, key, do, request)
         finally:
             self._jobs -= 1
         return True
 
     def _do(
-        self, name: str, key: tuple[object, ...], do: Callable[[Wish], Answer | None], wish: Wish
+        self, name: str, key: tuple[object, ...], do: Callable[[Request], Answer | None], request: Request
     ) -> None:
         former = (self._under_way, self._key)
         self._under_way, self._key = name, key
         try:
-            found = do(wish)
+            found = do(request)
         except _StaleError:
             raise
         except OptopadError as err:
-            self._give_up(wish, key, str(err), is_of_all=isinstance(err, DesignError))
+            self._give_up(request, key, str(err), is_of_all=isinstance(err, DesignError))
         except Exception as err:  # on purpose all: the page must live on
             traceback.print_exception(err)
-            self._give_up(wish, key, f"optopad's own failure ({type(err).__name__}: {err}); please report it")
+            self._give_up(
+                request, key, f"optopad's own failure ({type(err).__name__}: {err}); please report it"
+            )
         else:
             self._done = {one for one in self._done if one[0] != key[0]} | {key}  # one press at a time
             if found is not None:
@@ -161,35 +163,39 @@ class Workshop:
         finally:
             self._under_way, self._key = former
 
-    def _give_up(self, wish: Wish, key: tuple[object, ...], text: str, *, is_of_all: bool = False) -> None:
+    def _give_up(
+        self, request: Request, key: tuple[object, ...], text: str, *, is_of_all: bool = False
+    ) -> None:
         """Try it no more; nor else anything of this press where it was of the press, nor of a design with a fault."""
-        keys = {one for _, one, _ in self._pieces(wish)}
+        keys = {one for _, one, _ in self._pieces(request)}
         if not is_of_all:
             keys = {one for one in keys if one[0] in OF_A_PRESS} if key[0] in OF_A_PRESS else {key}
         self._done |= keys
-        self._post(Failed(digest=wish.design.digest, text=text))
+        self._post(Failed(digest=request.design.digest, text=text))
 
     def _next(
-        self, wish: Wish | None
-    ) -> tuple[str, tuple[object, ...], Callable[[Wish], Answer | None]] | None:
-        if wish is None:
+        self, request: Request | None
+    ) -> tuple[str, tuple[object, ...], Callable[[Request], Answer | None]] | None:
+        if request is None:
             return None
-        done = self._done if wish.design.digest == self._digest else set()
-        return next((piece for piece in self._pieces(wish) if piece[1] not in done), None)
+        done = self._done if request.design.digest == self._digest else set()
+        return next((piece for piece in self._pieces(request) if piece[1] not in done), None)
 
-    def _pieces(self, wish: Wish) -> list[tuple[str, tuple[object, ...], Callable[[Wish], Answer | None]]]:
+    def _pieces(
+        self, request: Request
+    ) -> list[tuple[str, tuple[object, ...], Callable[[Request], Answer | None]]]:
         """Name, what makes it stale, and the work, in order."""
-        press = wish.press
-        pieces: list[tuple[str, tuple[object, ...], Callable[[Wish], Answer | None]]] = [
+        press = request.press
+        pieces: list[tuple[str, tuple[object, ...], Callable[[Request], Answer | None]]] = [
             ("curves", ("curves", press.place_mm), self._curves),
             ("look", ("look", press), self._look),
         ]
-        if wish.with_rays:
+        if request.with_rays:
             pieces.append(("rays", ("rays", press), self._rays))
-        if wish.with_readings:
+        if request.with_readings:
             pieces.append(("readings", ("readings", press), self._readings))
         pieces += [("map", ("draft",), self._draft_map), ("bounds", ("bounds",), self._draft_bounds)]
-        if wish.is_thorough:
+        if request.is_thorough:
             pieces += [
                 ("score", ("score",), self._score),
                 ("fine curves", ("fine curves", press.place_mm), self._fine_curves),
@@ -198,27 +204,29 @@ class Workshop:
 
     def _attend(self) -> None:
         """Between two pieces of light: give up what is stale, and serve a new press at once."""
-        wish = self._wish
-        if self._is_closing or wish is None:
+        request = self._request
+        if self._is_closing or request is None:
             raise _StaleError
         if self._under_way in ("look", "curves"):
             return
-        if wish.design.digest != self._digest or self._key not in {key for _, key, _ in self._pieces(wish)}:
+        if request.design.digest != self._digest or self._key not in {
+            key for _, key, _ in self._pieces(request)
+        }:
             raise _StaleError
         is_own_thread = threading.current_thread() is self._thread  # a live contact solve has others
         if is_own_thread and not self._is_nested and self._key[0] not in OF_A_PRESS:
-            self._serve(wish)
+            self._serve(request)
 
-    def _serve(self, wish: Wish) -> None:
+    def _serve(self, request: Request) -> None:
         """One piece of another press, in the middle of what is of the design alone."""
-        piece = self._next(wish)
+        piece = self._next(request)
         if piece is None or piece[0] not in OF_A_PRESS or piece[0] == "fine curves":
             return
         self._is_nested = True
         try:
-            self._do(*piece, wish)
+            self._do(*piece, request)
         except _StaleError:
-            pass  # a newer press, or no wish at all: what is under way looks for itself
+            pass  # a newer press, or no request at all: what is under way looks for itself
         finally:
             self._is_nested = False
 
@@ -229,20 +237,20 @@ class Workshop:
     def _contact_step(self, share: float) -> None:
         """Of a press that is solved live, which takes long: not finished for a design that is no longer wanted."""
         self._doing("contact", share)
-        wish = self._wish
-        if self._is_closing or wish is None or wish.design.digest != self._digest:
+        request = self._request
+        if self._is_closing or request is None or request.design.digest != self._digest:
             raise _StaleError
 
     def _doing(self, stage: str, share: float) -> None:
         now = time.monotonic()
         if not self._is_nested and (now - self._told_at > TOLD_EVERY_S or stage == "kernels"):
             self._told_at = now
-            self._post(Doing(stage=stage, share=share))
+            self._post(Progress(stage=stage, share=share))
 
-    def _look(self, wish: Wish) -> Look:
+    def _look(self, request: Request) -> Look:
         from optopad.studio.surface_mesh import pressed_top
 
-        design, press = wish.design, wish.press
+        design, press = request.design, request.press
         points, triangles, surface = pressed_top(design, press.place_mm, press.depth_mm)
         return Look(
             digest=design.digest,
@@ -253,27 +261,27 @@ class Workshop:
             contact_radius_mm=0.0 if surface is None else surface.near.contact_radius_mm,
         )
 
-    def _curves(self, wish: Wish) -> Curves:
+    def _curves(self, request: Request) -> Curves:
         from sims.contact.indentation import round_press
         from sims.continuity.objective import curves_under
 
-        round_press(wish.design, on_step=self._contact_step)  # where it is solved live
-        found = curves_under(wish.design, wish.press.place_mm, seed=self._seed)
-        return Curves(digest=wish.design.digest, found=found)
+        round_press(request.design, on_step=self._contact_step)  # where it is solved live
+        found = curves_under(request.design, request.press.place_mm, seed=self._seed)
+        return Curves(digest=request.design.digest, found=found)
 
-    def _fine_curves(self, wish: Wish) -> Curves:
+    def _fine_curves(self, request: Request) -> Curves:
         from sims.continuity.objective import curves_under
 
         found = curves_under(
-            wish.design, wish.press.place_mm, is_draft=False, seed=self._seed, on_step=self._step
+            request.design, request.press.place_mm, is_draft=False, seed=self._seed, on_step=self._step
         )
-        return Curves(digest=wish.design.digest, found=found)
+        return Curves(digest=request.design.digest, found=found)
 
-    def _rays(self, wish: Wish) -> Rays:
+    def _rays(self, request: Request) -> Rays:
         from sims.continuity.objective import pairs_under
         from sims.rays import LOST, RayChoice, kind_of, ray_states
 
-        cavity, press = cavity_of(wish.design), wish.press
+        cavity, press = cavity_of(request.design), request.press
         pairs = pairs_under(cavity, press.place_mm)[:RAY_PAIRS]
         choice = RayChoice(
             pairs=pairs,
@@ -285,7 +293,9 @@ class Workshop:
             seed=self._seed,
         )
         presses = [(*press.place_mm, press.depth_mm)] if press.depth_mm > 0 else []
-        state = ray_states(wish.design, choice, presses, on_step=lambda share: self._step("rays", share))[-1]
+        state = ray_states(request.design, choice, presses, on_step=lambda share: self._step("rays", share))[
+            -1
+        ]
         rays = [
             Ray(
                 kind=kind_of(path.fate).key,
@@ -298,14 +308,14 @@ class Workshop:
             Ray(kind=LOST.key, pair=pair_name(cavity, (path.emitter, former)), places_mm=path.places_mm)
             for path, former in zip(state.lost, state.lost_by, strict=True)
         ]
-        return Rays(digest=wish.design.digest, press=press, rays=tuple(rays))
+        return Rays(digest=request.design.digest, press=press, rays=tuple(rays))
 
-    def _readings(self, wish: Wish) -> Readings:
+    def _readings(self, request: Request) -> Readings:
         """The untouched pad as for `driver check`, and how much of it the press leaves of each pair."""
         from optopad.sensor.driver_view import simulated_gain
         from sims.optics.tracing import trace
 
-        design, press = wish.design, wish.press
+        design, press = request.design, request.press
         if self._untouched is None or self._untouched[0] != design.digest:
             gain = simulated_gain(design, seed=self._seed, on_step=self._step)
             self._untouched = (design.digest, gain.untouched_readings(design))
@@ -319,30 +329,30 @@ class Workshop:
         share = np.where(flux[0] > 0, flux[1] / np.where(flux[0] > 0, flux[0], 1.0), 1.0)
         return Readings(digest=design.digest, press=press, untouched=untouched, pressed=untouched * share)
 
-    def _draft_map(self, wish: Wish) -> Judged:
+    def _draft_map(self, request: Request) -> Judged:
         from sims.continuity.objective import draft_score
 
-        found = draft_score(wish.design, seed=self._seed, on_step=self._step)
-        self._draft = Judged(digest=wish.design.digest, level="draft", score=found)
+        found = draft_score(request.design, seed=self._seed, on_step=self._step)
+        self._draft = Judged(digest=request.design.digest, level="draft", score=found)
         return self._draft
 
-    def _draft_bounds(self, wish: Wish) -> Judged | None:
+    def _draft_bounds(self, request: Request) -> Judged | None:
         from sims.continuity.objective import with_draft_bounds
 
         if self._draft is None or self._draft.score.pad_map is None:
             return None
         return replace(
-            self._draft, score=with_draft_bounds(wish.design, self._draft.score, on_step=self._step)
+            self._draft, score=with_draft_bounds(request.design, self._draft.score, on_step=self._step)
         )
 
-    def _score(self, wish: Wish) -> Judged:
+    def _score(self, request: Request) -> Judged:
         """As `optopad score` does it, told in two steps."""
         from sims.continuity.build_tolerance import with_tolerance
         from sims.continuity.field_steps import with_field_steps
         from sims.continuity.scoring import score
         from sims.continuity.trials import with_trial
 
-        design = wish.design
+        design = request.design
         found = score(design, tolerance=False, seed=self._seed, on_step=self._step)
         if found.verdict == "OUT_OF_MODEL_SCOPE":
             return Judged(digest=design.digest, level="whole", score=found)

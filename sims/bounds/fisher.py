@@ -372,7 +372,7 @@ FIRST_STAGE_SHARE = 0.8
 """Share of the progress that the first settings stand for, where others follow."""
 
 
-def pad_answers(
+def sensitivities(
     design: SensorDesign,
     places_mm: FloatArray,
     depth_mm: FloatArray,

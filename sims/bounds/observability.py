@@ -29,7 +29,7 @@ from design.arrays import BoolArray, FloatArray
 from design.progress import OnShare
 from design.shape.cavity import CavityGeometry, cavity_of, judged_pairs, mask_of
 from design.spec import SensorDesign
-from sims.bounds.felt import FeltForce
+from sims.bounds.detection_threshold import DetectionThreshold
 from sims.bounds.fisher import (
     BAND,
     COARSE_DEPTHS_MM,
@@ -41,7 +41,7 @@ from sims.bounds.fisher import (
     Sensitivity,
     Steps,
     bounds_of,
-    pad_answers,
+    sensitivities,
 )
 from sims.optics.accuracy import MIRRORED_FINER, Accuracy
 from sims.readings.readout import Readout, readout_of
@@ -247,7 +247,7 @@ class PadBounds:
     depth_alone_mm: FloatArray
     depth_alone_error_mm: FloatArray
     losses: tuple[PartLoss, ...]
-    felt: FeltForce | None
+    felt: DetectionThreshold | None
     limits: Limits
     pairs: tuple[str, ...]
     steps: Steps
@@ -367,7 +367,7 @@ def pad_bounds(
     accuracies: Sequence[str | Accuracy] = BOUND_ACCURACIES,
     seed: int = 0,
     readout: Readout | None = None,
-    felt: FeltForce | None = None,
+    felt: DetectionThreshold | None = None,
     limits: Limits | None = None,
     steps: Steps | None = None,
     with_losses: bool = True,
@@ -399,7 +399,7 @@ def pad_bounds(
     readout = readout or own_readout(design, seed=seed)
     max_depth_mm = design.operating.max_depth_mm
     depth_mm = bound_depths_mm(depths_mm, max_depth_mm, steps.depth_mm)
-    answers = pad_answers(
+    answers = sensitivities(
         design,
         grid_places_mm(cavity.workspace, x_mm, y_mm),
         depth_mm,
@@ -514,7 +514,7 @@ def _loss_json(loss: PartLoss) -> dict[str, Any]:
     }
 
 
-def _felt_json(felt: FeltForce) -> dict[str, Any]:
+def _felt_json(felt: DetectionThreshold) -> dict[str, Any]:
     row, column = felt.worst
     maps = ("depth_mm", "force_n", "force_error_low_n", "force_error_high_n", "low_n", "high_n")
     return {

@@ -79,9 +79,9 @@ def crowned_press(design: SensorDesign, at_mm: Place | None) -> SmoothPress:
     low, high = CROWNED_LAYER_RANGE
     if not low - 1e-9 <= layer <= high + 1e-9:
         raise ModelScopeError(
-            f"cavity.clear_thickness_mm: clear and black layer are {layer * tip:.4g} mm together at a place that is "
-            f"pressed; presses into crowned pads are known for {low * tip:.4g} to {high * tip:.4g} mm with this tip; "
-            "change it, or indenter.tip_radius_mm"
+            f"cavity.clear_thickness_mm: clear and black layer are {layer * tip:.4g} mm together at a "
+            f"pressed location; presses into crowned pads are solved for {low * tip:.4g} to "
+            f"{high * tip:.4g} mm with this tip; change it, or indenter.tip_radius_mm"
         )
     return shipped_library().press(layer, wall_radius(design), mean_crown(design))
 

@@ -110,7 +110,7 @@ def viscoelastic_load_n(time_s: FloatArray, elastic_n: FloatArray, solid: Standa
     InputError : times that decrease or differ in number from the loads
     """
     if time_s.shape != elastic_n.shape or bool(np.any(np.diff(time_s) < 0.0)):
-        raise InputError("time_s: one time a load, none before the one ahead of it; sort the samples by time")
+        raise InputError("time_s: needs one time per load, in rising order; sort the samples by time")
     ratio = np.diff(time_s, prepend=time_s[:1]) / solid.time_constant_s
     rise = np.diff(elastic_n, prepend=0.0)
     with np.errstate(invalid="ignore"):

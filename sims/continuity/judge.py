@@ -50,7 +50,7 @@ from design.shape.cavity import (
 )
 from design.shape.cavity import pair_name as name_of
 from design.spec import SensorDesign
-from sims.bounds.felt import FeltForce, felt_force
+from sims.bounds.detection_threshold import DetectionThreshold, detection_threshold
 from sims.bounds.fisher import COARSE_DEPTHS_MM, FINE_DEPTHS_MM
 from sims.bounds.observability import BOUND_ACCURACIES, PadBounds, pad_bounds
 from sims.contact.force_curve import ForceCurve, force_curve
@@ -536,7 +536,7 @@ class Judge:
             on_step=lambda share: self.tell("bounds", share),
         )
 
-    def _felt(self) -> FeltForce:
+    def _felt(self) -> DetectionThreshold:
         """The lightest press felt at the map's places, by the map's light."""
         pad_map, light = self.pad_map, self.pad_signals
         depth_mm = light.presses[: len(light.presses) // len(pad_map.places), 2]
@@ -544,7 +544,9 @@ class Judge:
             pad_map.grid(values.reshape(len(pad_map.places), len(depth_mm), -1))
             for values in (light.flux, light.error_of_changes)
         )
-        return felt_force(self.design, flux, error, pad_map.x_mm, pad_map.y_mm, depth_mm, self.readout)
+        return detection_threshold(
+            self.design, flux, error, pad_map.x_mm, pad_map.y_mm, depth_mm, self.readout
+        )
 
     @property
     def verdict(self) -> Literal["CONTIGUOUS", "DEADBAND"]:

@@ -41,17 +41,17 @@ def bounds_dataset(bounds: PadBounds) -> xr.Dataset:
     axes = ("y", "x", "depth")
     dataset = xr.Dataset(
         {
-            "location_bound": (axes, bounds.location_mm, _of("least standard deviation of the place")),
-            "location_bound_error": (axes, bounds.location_error_mm, _of("its standard error from the light trace")),
-            "depth_bound": (axes, bounds.depth_bound_mm, _of("least standard deviation of the depth, place unknown")),
-            "depth_bound_error": (axes, bounds.depth_error_mm, _of("its standard error from the light trace")),
+            "location_bound": (axes, bounds.location_mm, _of("least standard deviation of the location")),
+            "location_bound_error": (axes, bounds.location_error_mm, _of("its standard error by the light model")),
+            "depth_bound": (axes, bounds.depth_bound_mm, _of("least standard deviation of depth, location unknown")),
+            "depth_bound_error": (axes, bounds.depth_error_mm, _of("its standard error by the light model")),
             "depth_bound_place_known": (axes, bounds.depth_alone_mm, _of("least standard deviation of the depth")),
             "depth_bound_place_known_error": (axes, bounds.depth_alone_error_mm, _of("its standard error")),
-            "volume_share": (axes, bounds.weight, _of("share of the workspace that a voxel stands for", "1")),
+            "volume_share": (axes, bounds.weight, _of("share of the workspace that a voxel represents", "1")),
         },
         coords={
-            "y": ("y", list(bounds.y_mm), _of("place across")),
-            "x": ("x", list(bounds.x_mm), _of("place along")),
+            "y": ("y", list(bounds.y_mm), _of("location across")),
+            "x": ("x", list(bounds.x_mm), _of("location along")),
             "depth": ("depth", list(bounds.depth_mm), _of("depth of the press") | {"positive": "into the pad"}),
         },
     )  # fmt: skip
@@ -106,14 +106,14 @@ def _map_part(score: ContinuityScore) -> xr.Dataset:
     return xr.Dataset(
         {
             "counts": ((*axes, "press_depth", "pair"), counts, _of("reading at the common gain, clipped", "counts")),
-            "counts_error": ((*axes, "press_depth", "pair"), error, _of("its standard error from the trace", "counts")),
-            "deadband": (axes, pad_map.deadband_grid_mm().astype(np.float64), _of("summed deadband of the place")),
-            "usable_depth": (axes, pad_map.usable_grid_mm(), _of("depth from which on depth is not told any more")),
-            "margin": (axes, margin, _of("distance of frames over the least told 0.3 mm", "noise units")),
+            "counts_error": ((*axes, "press_depth", "pair"), error, _of("its error by the light model", "counts")),
+            "deadband": (axes, pad_map.deadband_grid_mm().astype(np.float64), _of("summed deadband of the location")),
+            "usable_depth": (axes, pad_map.usable_grid_mm(), _of("usable depth: depth is resolved down to it")),
+            "margin": (axes, margin, _of("least distance of the frames of two depths 0.3 mm apart", "sigma")),
         },
         coords={
-            "y": ("y", list(pad_map.y_mm), _of("place across")),
-            "x": ("x", list(pad_map.x_mm), _of("place along")),
+            "y": ("y", list(pad_map.y_mm), _of("location across")),
+            "x": ("x", list(pad_map.x_mm), _of("location along")),
             "press_depth": ("press_depth", depth_mm, _of("depth of the press") | {"positive": "into the pad"}),
         },
     )  # fmt: skip
@@ -123,12 +123,24 @@ def _felt(bounds: PadBounds) -> dict[str, Any]:
     felt, axes = bounds.felt, ("y", "x")
     assert felt is not None
     return {
-        "felt_depth": (axes, felt.depth_mm, _of("depth from which the pad answers")),
-        "felt_force": (axes, felt.force_n, _of("load from which the pad answers", "N")),
+        "felt_depth": (axes, felt.depth_mm, _of("least depth at which a press is detected")),
+        "felt_force": (
+            axes,
+            felt.force_n,
+            _of("detection threshold: least load at which a press is detected", "N"),
+        ),
         "felt_force_low": (axes, felt.low_n, _of("the same at the lower end of the modulus", "N")),
         "felt_force_high": (axes, felt.high_n, _of("the same at the upper end of the modulus", "N")),
-        "felt_force_trace_low": (axes, felt.force_error_low_n, _of("the same less the trace's error", "N")),
-        "felt_force_trace_high": (axes, felt.force_error_high_n, _of("the same plus the trace's error", "N")),
+        "felt_force_trace_low": (
+            axes,
+            felt.force_error_low_n,
+            _of("the same, less the numerical error of the light model", "N"),
+        ),
+        "felt_force_trace_high": (
+            axes,
+            felt.force_error_high_n,
+            _of("the same, plus the numerical error of the light model", "N"),
+        ),
     }
 
 

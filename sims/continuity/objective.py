@@ -154,7 +154,7 @@ _ONE_AT_A_TIME = threading.Lock()
 """The compiled kernels must not be entered by two threads of a process at once, as workers of a cluster have."""
 
 
-class _HopelessError(Exception):
+class _PrunedError(Exception):
     """Ends the judging of a design; its text is the reason."""
 
 
@@ -196,14 +196,14 @@ class _Search:
         reason = ""
         try:
             self._steps()
-        except (_HopelessError, ModelScopeError) as err:
+        except (_PrunedError, ModelScopeError) as err:
             reason = str(err)
         return Judged(figures=self.figures, verdict=self.verdict, reason=reason, may_be=self.may_be)
 
     def _steps(self) -> None:
         broken = [str(finding) for finding in check(self.stages.design) if finding.severity == "error"]
         if broken:
-            raise _HopelessError(f"breaks a rule: {broken[0]}")
+            raise _PrunedError(f"breaks a rule: {broken[0]}")
         self._count(self.stages.cavity)
         self._stop_if_hopeless()
         self._untouched()
@@ -219,7 +219,7 @@ class _Search:
         for limit in self.limits:
             if (limit.violation(so_far) or 0.0) > 0.0:
                 value = self.verdict if limit.equals else f"{self.figures[limit.figure]:.4g}"
-                raise _HopelessError(f"{limit.figure} {value}, wanted {limit}")
+                raise _PrunedError(f"{limit.figure} {value}, required {limit}")
 
     def _count(self, cavity: CavityGeometry) -> None:
         self.figures["part_count"] = float(len(cavity.parts))

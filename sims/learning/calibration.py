@@ -601,8 +601,8 @@ def undetermined(unknowns: Sequence[Unknown], covariance: FloatArray) -> tuple[s
         if spread <= DETERMINED:
             break
         said.append(
-            f"not determined: {_combination(unknowns, vectors[:, axis])} "
-            f"(known to {100 * min(spread, 1.0):.0f} % of the doubt before)"
+            f"not determined: {_combination(unknowns, vectors[:, axis])} (known to "
+            f"{100 * min(spread, 1.0):.0f} % of the tolerance before)"
         )
     return tuple(said)
 
@@ -624,22 +624,23 @@ def _notes(found: Calibration, rms_after: float) -> list[str]:
         if min(value - one.low, one.high - value) < 1e-6 * (one.high - one.low)
     ]
     notes = [
-        "deviations hold as far as the light model does; what it leaves out is in them as 0.4 % of a signal "
-        "(docs/how-to/calibrate.md)"
+        "the deviations are as accurate as the light model; effects that it leaves out enter them as 0.4 "
+        "% of a signal (docs/how-to/calibrate.md)"
     ]
     if ends:
         notes.append(
-            f"at an end of its doubt: {', '.join(ends)}; if the build may lie beyond, widen it in [tolerances]"
+            f"at an end of its tolerance: {', '.join(ends)}; if the manufactured unit may be outside it, "
+            "widen it in [tolerances]"
         )
     if rms_after > GOOD_RMS:
         notes.append(
-            f"the fit leaves {rms_after:.1f} standard deviations; something of this build is not in the model: compare "
-            "with `optopad driver check`, or train on more data instead"
+            f"the fit leaves {rms_after:.1f} standard deviations; this unit has an effect that is not in "
+            "the model: compare with `optopad driver check`, or train on more data instead"
         )
     zero = float(np.mean(found.fitted.offset_mm[:, 2]))
     if abs(zero) >= 0.03:
         notes.append(
-            f"the tip is {abs(zero):.2f} mm {'deeper' if zero > 0.0 else 'less deep'} than the stage says, on average "
-            "over the presses"
+            f"the tip is {abs(zero):.2f} mm {'deeper' if zero > 0.0 else 'less deep'} than the stage "
+            "reports, on average over the presses"
         )
     return notes

@@ -155,7 +155,7 @@ def unknowns_of(design: SensorDesign) -> tuple[Unknown, ...]:
     found = tuple(_unknown(one) for one in build_tolerances(design) if one.path.endswith(OPTICAL_ENDS))
     if not found:
         raise InputError(
-            f"calibrate: {design.name} has no optical value with a tolerance, all are measured; "
+            f"calibrate: {design.name}: all optical values were measured, so none has a tolerance to fit; "
             "train a model on the data instead"
         )
     return found
@@ -229,8 +229,8 @@ def calibration_samples(data: PressData, deepest_mm: float) -> CalibrationSample
     ]
     if len(reached) < FEWEST_PRESSES:
         raise InputError(
-            f"calibrate: {len(reached)} presses of {SHALLOWEST_MM:g} mm and more, needs >= {FEWEST_PRESSES}, "
-            "better 30; press at places spread over the workspace"
+            f"calibrate: {len(reached)} presses of {SHALLOWEST_MM:g} mm and more, needs >= "
+            f"{FEWEST_PRESSES}, better 30; press at locations spread over the workspace"
         )
     depths = int(np.clip(STATES // len(reached), FEWEST_DEPTHS, MOST_DEPTHS))
     rows, press = [], []

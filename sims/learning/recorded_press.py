@@ -91,12 +91,12 @@ def recorded_press(
         has_places = recording.place_mm is not None
         raise InputError(
             f"{recording.file}: {len(depth_mm)} readings at ({place[0]:g}, {place[1]:g}) mm, needs {FEWEST_READINGS}; "
-            + ("name another place with --at X,Y" if has_places else "record the press in finer steps")
+            + ("name another location with --at X,Y" if has_places else "record the press in finer steps")
         )
     deepest_mm = design.operating.max_depth_mm
     if depth_mm.max() > deepest_mm:
         notes.append(
-            f"readings deeper than operating.max_depth_mm = {deepest_mm:g} mm are drawn and not compared"
+            f"readings deeper than operating.max_depth_mm = {deepest_mm:g} mm are plotted, but not compared"
         )
     simulated = _simulated(design, place, tuple(chosen.values()), seed)
     found = tuple(
@@ -104,7 +104,8 @@ def recorded_press(
         for (name, _), pair in zip(chosen.items(), simulated, strict=True)
     )
     notes.append(
-        "both are over their own untouched signal: gain and absolute signal are not compared, nothing is fitted"
+        "both are divided by their own untouched signal: gain and absolute signal are not compared, and "
+        "no value is fitted"
     )
     return RecordedPress(place_mm=place, pairs=found, notes=tuple(notes))
 
@@ -112,7 +113,7 @@ def recorded_press(
 def _of_this_design(design: SensorDesign, recording: Recording) -> list[str]:
     digest = recording.design_digest
     if digest is None:
-        return ["the recording does not say which design it is of; taken as this one"]
+        return ["the recording names no design; it is taken as a recording of this design"]
     if not design.digest.startswith(digest):
         raise InputError(
             f"{recording.file}: a recording of another design (digest {digest[:8]}, not {design.digest[:8]}); "
@@ -127,7 +128,7 @@ def _chosen(design: SensorDesign, recording: Recording, names: tuple[str, ...]) 
     judged = {pair_name(cavity, pair): pair for pair in judged_pairs(cavity)}
     if list(recording.counts) == [SIGNAL]:
         if len(names) > 1:
-            raise InputError(f"{recording.file}: holds one signal; name one pair with --pair")
+            raise InputError(f"{recording.file}: has one signal; name one pair with --pair")
         name = names[0] if names else next(iter(judged))
         _require_known([name], judged, "the design judges")
         return {SIGNAL: judged[name]}
@@ -160,7 +161,7 @@ def _place(
         told = (
             ""
             if at_mm
-            else "the recording does not say where it was pressed; taken at the middle of the first pair's chord"
+            else ("the recording has no location of the press; the middle of the first pair's chord is taken")
         )
         return (float(place[0]), float(place[1])), every, [told] if told else []
     wanted = np.asarray(recording.place_mm[0] if at_mm is None else at_mm, dtype=np.float64)
@@ -168,8 +169,8 @@ def _place(
     if at_mm is None and not near.all():
         places = np.unique(np.round(recording.place_mm, 2), axis=0)
         raise InputError(
-            f"{recording.file}: presses at {len(places)} places, one is shown at a time; name it with --at X,Y, as "
-            f"--at {places[0][0]:g},{places[0][1]:g}"
+            f"{recording.file}: presses at {len(places)} locations, one is shown at a time; name it with "
+            f"--at X,Y, as --at {places[0][0]:g},{places[0][1]:g}"
         )
     x_mm, y_mm = recording.place_mm[near].mean(axis=0) if near.any() else wanted
     return (float(x_mm), float(y_mm)), np.flatnonzero(near), []
@@ -200,8 +201,8 @@ def _laid_over(
     before = depth_mm[: deepest + 1] <= 0.0
     if not before.any():
         raise InputError(
-            f"{recording.file}: has no untouched reading (depth 0 or less) before the press of {pair.name}, so "
-            "there is nothing to hold its signal against; record from above the surface"
+            f"{recording.file}: has no untouched reading (depth 0 or less) before the press of "
+            f"{pair.name}, so there is no baseline; record from above the surface"
         )
     untouched = float(counts[: deepest + 1][before].mean())
     if untouched <= 0.0:
@@ -212,9 +213,9 @@ def _laid_over(
     compared = (depth_mm[: deepest + 1] >= 0.0) & (depth_mm[: deepest + 1] <= curves.depth_mm[-1])
     if not (compared & (depth_mm[: deepest + 1] > 0.0)).any():
         raise InputError(
-            f"{recording.file}: no pressed reading lies above 0 and within {curves.depth_mm[-1]:g} mm, so there is "
-            f"nothing to compare; its depths reach from {depth_mm.min():g} to {depth_mm.max():g}: are they in "
-            "millimetres?"
+            f"{recording.file}: no pressed reading is above 0 and within {curves.depth_mm[-1]:g} mm, so "
+            f"there is nothing to compare; its depths reach from {depth_mm.min():g} to "
+            f"{depth_mm.max():g}: are they in millimetres?"
         )
     expected = np.interp(depth_mm[: deepest + 1], curves.depth_mm, curves.total / curves.total[0])
     difference = (ratio[: deepest + 1] - expected)[compared]

@@ -276,8 +276,8 @@ def _require_enough(is_touched: BoolArray, location: IntArray) -> None:
     ):
         if found < fewest:
             raise InputError(
-                f"training data: has {found} {name}, needs >= {fewest}; record more presses, "
-                "above the surface and into it, at places all over the workspace"
+                f"training data: has {found} {name}, needs >= {fewest}; record more presses, above the "
+                "surface and into it, at locations all over the workspace"
             )
 
 
@@ -295,8 +295,8 @@ def _usable_pairs(train: PressData, signals: NDArray[np.float32]) -> tuple[NDArr
     kept = np.flatnonzero(~(clipped | still))
     if len(kept) < FEWEST_PAIRS:
         raise InputError(
-            f"training data: only {len(kept)} pairs tell anything ({'; '.join(left_out)}); "
-            "lower the gain, or check the wiring with `optopad driver check`"
+            f"training data: only {len(kept)} pairs can be used ({'; '.join(left_out)}); lower the gain, "
+            "or check the wiring with `optopad driver check`"
         )
     return kept, tuple(left_out)
 

@@ -40,7 +40,7 @@ def plot_touch(rows: Mapping[str, Sequence[TouchRow]], published: PublishedTouch
     ax.axvline(0.0, color=MUTED, linewidth=0.8)
     ax.set_ylim(-0.03, 1.03)
     ax.set_xlabel("depth of the tip [mm]; untouched below 0")
-    ax.set_ylabel("told rightly [share]")
+    ax.set_ylabel("correct touches [share]")
     ax.grid(color=GRID, linewidth=0.5)
     ax.legend(loc="lower right")
     return figure
@@ -104,7 +104,7 @@ def plot_arrows(presses: JudgedPresses, depths_mm: Sequence[float], workspace: O
     figure.supxlabel("x [mm]", fontsize=9)
     figure.supylabel("y [mm]", fontsize=9)
     marks = (
-        Line2D([], [], color=BLUE, marker="o", markersize=3, label="found, arrow to where it is put"),
+        Line2D([], [], color=BLUE, marker="o", markersize=3, label="true location, arrow to the estimated one"),
         Line2D([], [], color=VERMILLION, marker="o", markerfacecolor="none", markersize=4, linestyle="",
                label="touch not found"),
     )  # fmt: skip
@@ -144,7 +144,7 @@ def plot_depths(presses: JudgedPresses, places_mm: FloatArray) -> Figure:
     for ax, place in zip(panels, places_mm, strict=True):
         _depth_panel(ax, _nearest_press(presses, place))
     figure.supxlabel("true depth [mm]", fontsize=9)
-    figure.supylabel("said depth [mm]", fontsize=9)
+    figure.supylabel("estimated depth [mm]", fontsize=9)
     return figure
 
 

@@ -29,10 +29,10 @@ def plot_builds(study: BuildStudy, band: ToleranceBand) -> Figure:
     plot_ends(study, band, ends)
     plot_ranks(study, ranks)
     low, high = study.kept_interval
-    doubt = f"; {study.doubtful} in doubt by the light trace's error" if study.doubtful else ""
+    doubt = f"; {study.doubtful} undecided by numerical error" if study.doubtful else ""
     verdict = "DEADBAND" if study.as_designed.deadband_mm else "CONTIGUOUS"
     figure.suptitle(
-        f"{study.kept} of {study.builds} builds stay {verdict}: {study.kept_share:.0%} "
+        f"{study.kept} of {study.builds} manufactured units stay {verdict}: {study.kept_share:.0%} "
         f"({low:.0%} to {high:.0%}){doubt}",
         fontsize=9,
         x=0.01,
@@ -55,7 +55,7 @@ def plot_ends(study: BuildStudy, band: ToleranceBand, ax: Axes) -> Axes:
     ax.set_ylim(len(study.ranking) - 0.5, -0.5)
     ax.tick_params(axis="y", length=0)
     ax.grid(axis="x", color=GRID, linewidth=0.6)
-    ax.set_xlabel(f"alone: margin [noise units]; deadband below {DEADBAND_THRESHOLD:g}")
+    ax.set_xlabel(f"one value at a time: margin [sigma]; deadband below {DEADBAND_THRESHOLD:g}")
     ax.legend(
         handles=[
             Line2D([], [], marker="<", color=BLUE, linestyle="none", label="low end"),
@@ -84,7 +84,7 @@ def plot_ranks(study: BuildStudy, ax: Axes) -> Axes:
     ax.set_xlim(-1.0, 1.0)
     ax.grid(axis="x", color=GRID, linewidth=0.6)
     ax.tick_params(axis="y", length=0)
-    ax.set_xlabel("all at once: rank correlation [-]")
+    ax.set_xlabel("all values at once: rank correlation [-]")
     return ax
 
 

@@ -22,7 +22,7 @@ from matplotlib.patches import Patch, Polygon, Rectangle
 from design.arrays import BoolArray, FloatArray
 from design.shape.cavity import TURN_RAD, CavityGeometry, PlacedPart, Plan, outline_mm
 from design.shape.outline import Outline
-from sims.bounds.felt import FeltForce
+from sims.bounds.detection_threshold import DetectionThreshold
 from sims.bounds.observability import PadBounds
 from sims.plots.style import BLUE, INK, MUTED, VERMILLION, WIDTH_IN, axes_or_new
 from sims.verdict.pad_map import PadMap, Place
@@ -83,7 +83,10 @@ NONE, HATCH = "#e4e7eb", "////"
 """Look of a place without a value."""
 UM_PER_MM = 1000.0
 COLUMNS, PANEL_IN, LEAST_WIDTH_IN = 3, 2.9, 3.0
-LABELS = {"location": "location bound, one frame [µm]", "depth": "depth bound, place unknown, one frame [µm]"}
+LABELS = {
+    "location": "location bound, one frame [µm]",
+    "depth": "depth bound, location unknown, one frame [µm]",
+}
 MOST_NUMBERED = 13
 """Places along a side with numbers in their cells; more would not be legible."""
 FEW, LETTERS = 7, ((7.0, 4.6), (8.0, 5.5))
@@ -97,7 +100,9 @@ def plot_deadband_map(pad_map: PadMap, cavity: CavityGeometry, ax: Axes | None =
     dead_mm = pad_map.deadband_grid_mm()
     norm = Normalize(0.0, max(float(np.nanmax(dead_mm)), 1e-9))
     framed = pad_map.worst if pad_map.worst.deadbands_mm else None
-    return _plot_map(ax, pad_map, cavity, dead_mm, norm, "deadband at this place [mm]", framed, DEAD_COLOURS)
+    return _plot_map(
+        ax, pad_map, cavity, dead_mm, norm, "deadband at this location [mm]", framed, DEAD_COLOURS
+    )
 
 
 def plot_margin_map(
@@ -111,7 +116,7 @@ def plot_margin_map(
     """
     margin = pad_map.grid([place.margin for place in pad_map.places])
     norm = Normalize(0.0, most or float(np.nanmax(margin)) or 1.0)
-    label = "frames apart over the least told 0.3 mm [noise units]"
+    label = "margin: least change over 0.3 mm of depth [sigma]"
     return _plot_map(ax, pad_map, cavity, margin, norm, label, pad_map.weakest)
 
 
@@ -122,12 +127,12 @@ def plot_usable_map(pad_map: PadMap, cavity: CavityGeometry, ax: Axes | None = N
     return _plot_map(ax, pad_map, cavity, usable, norm, "usable depth [mm]", pad_map.weakest)
 
 
-def plot_felt_map(felt: FeltForce, cavity: CavityGeometry, ax: Axes | None = None) -> Axes:
+def plot_felt_map(felt: DetectionThreshold, cavity: CavityGeometry, ax: Axes | None = None) -> Axes:
     """Lightest press that the pad answers to, place by place [N]."""
     ax = axes_or_new(ax, _height_in(cavity))
     norm = _log_scale(felt.force_n)
     draw_map(ax, cavity, (felt.x_mm, felt.y_mm), felt.force_n, CHANGE_COLOURS, norm)
-    label = f"lightest press felt: {felt.threshold:g} noise units in a pair [N]"
+    label = f"detection threshold: {felt.threshold:g} sigma in one pair [N]"
     add_scale(ax.get_figure(root=True), [ax], label, CHANGE_COLOURS, norm)
     return ax
 

@@ -198,7 +198,9 @@ def plot_recorded_pair(pair: RecordedPair, ax: Axes) -> Axes:
     ax.plot(pair.depth_mm[press], pair.ratio[press], ".", color=VERMILLION, markersize=5)
     ax.grid(color=GRID, linewidth=0.5)
     ax.set_title(
-        f"{pair.simulated.name}: apart {pair.rms:.1%} rms, {pair.worst:.1%} at most", fontsize=8, loc="left"
+        f"{pair.simulated.name}: difference {pair.rms:.1%} rms, {pair.worst:.1%} at most",
+        fontsize=8,
+        loc="left",
     )
     ax.set_xlim(max(-1.0, min(0.0, float(pair.depth_mm.min()))), max(deepest, float(pair.depth_mm.max())))
     return ax

@@ -102,7 +102,7 @@ def _deadband(row: SweepRow) -> list[str]:
         return []
     where = f"{row.score['governing_pair']} " if row.is_of_another_pair else ""
     where = "pad " if row.score["judged_by"] == "pad" else where
-    return [f"{where}dead {total:.2f} mm"]
+    return [f"{where}deadband {total:.2f} mm"]
 
 
 def _shade(ax: Axes, pair: dict[str, Any], deepest_mm: float) -> None:

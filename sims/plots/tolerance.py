@@ -23,8 +23,8 @@ BAR = 0.36
 EFFECTS = (
     ("usable_mm", "usable depth\n[mm]"),
     ("deadband_mm", "deadband\n[mm]"),
-    ("margin", "margin\n[noise units]"),
-    ("location_mm", "place bound\n[mm]"),
+    ("margin", "margin\n[sigma]"),
+    ("location_mm", "location bound\n[mm]"),
     ("depth_mm", "depth bound\n[mm]"),
 )
 """Figures that a step of a field changes, and what they are called."""
@@ -77,7 +77,7 @@ def plot_margin_tolerance(band: ToleranceBand, ax: Axes | None = None) -> Axes:
     ax.axvline(DEADBAND_THRESHOLD, color=VERMILLION, linewidth=1.0, linestyle=":")
     ax.set_xlim(left=0.0)
     _name_rows(ax, band.rows)
-    ax.set_xlabel(f"margin of {band.judged} [noise units]; deadband below {DEADBAND_THRESHOLD:g}")
+    ax.set_xlabel(f"margin of {band.judged} [sigma]; deadband below {DEADBAND_THRESHOLD:g}")
     _explain(ax)
     return ax
 
@@ -117,7 +117,7 @@ def plot_field_steps(steps: FieldSteps, unit_of: Callable[[str], str]) -> Figure
         handles=[
             Patch(color=BLUE, label="a step lower"),
             Patch(color=VERMILLION, label="a step higher"),
-            Line2D([], [], marker="x", color=INK, linestyle="none", label="blind, or no design"),
+            Line2D([], [], marker="x", color=INK, linestyle="none", label="not resolved, or no valid design"),
         ],
         loc="outside upper right",
         ncols=3,

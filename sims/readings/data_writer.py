@@ -71,12 +71,12 @@ def read_netcdf(file: Path, *, needed: str, most_bytes: int, **options: Any) -> 
 
     if not file.is_file():
         what = "a folder" if file.is_dir() else "no such file"
-        raise InputError(f"{file}: {what}; needed is {needed}")
+        raise InputError(f"{file}: {what}; needs {needed}")
     if (size := file.stat().st_size) > most_bytes:
         raise InputError(f"{file}: {size / 1e6:.0f} MB, reads at most {most_bytes / 1e6:.0f} MB; cut it")
     engine = ENGINES.get(kind := kind_of_file(file))
     if engine is None:
-        raise InputError(f"{file}: {kind}; needed is {needed}")
+        raise InputError(f"{file}: {kind}; needs {needed}")
     try:
         most = min(MOST_BYTES, max(FREE_BYTES, MOST_RATIO * size))
         if engine["engine"] == "h5netcdf" and (unpacked := _unpacked_bytes(file)) > most:
@@ -87,7 +87,7 @@ def read_netcdf(file: Path, *, needed: str, most_bytes: int, **options: Any) -> 
             found = dataset.load()
     except Exception as err:  # on purpose all: see above
         said = str(err) or type(err).__name__
-        raise InputError(f"{file}: {kind} that cannot be read: {said}; needed is {needed}") from None
+        raise InputError(f"{file}: {kind} that cannot be read: {said}; needs {needed}") from None
     return found.assign(
         {name: one.astype(str) for name, one in found.variables.items() if one.dtype.kind == "S"}
     )
@@ -251,8 +251,8 @@ class DataWriter:
         except BlockingIOError:
             stream.close()
             raise InputError(
-                f"{self.file.name}: another process makes it now ({self.journal}); wait for it, or choose another "
-                "folder with --out"
+                f"{self.file.name}: another process is writing it ({self.journal}); wait for it, or "
+                "choose another folder with --out"
             ) from None
         except OSError:  # a file system without locks
             pass
@@ -373,7 +373,7 @@ def _columns(header: PressData) -> dict[str, tuple[str, int | None, str, dict[st
         "place": ("place", None, "i4", {"long_name": "number of the press within its set, from 0"}),
     }
     if header.true_press_mm is not None:
-        truth = {"units": "mm", "long_name": "where the tip really was; known to the simulation only"}
+        truth = {"units": "mm", "long_name": "true position of the tip; known to the simulation only"}
         for index, axis in enumerate(("x", "y", "depth")):
             columns[f"true_{axis}"] = ("true", index, "f8", truth)
     return columns

@@ -108,8 +108,8 @@ def require_design(data: PressData, design: SensorDesign, *, what: str = "data")
 
     if data.design_digest is not None and data.design_digest != design.digest:
         raise InputError(
-            f"{what}: of design {data.design_digest[:8]}, needs {design.digest[:8]} ({design.name}); "
-            "give the design that was built, or record anew"
+            f"{what}: of design {data.design_digest[:8]}, needs {design.digest[:8]} ({design.name}); give "
+            "the design that was built, or record again"
         )
     cavity = cavity_of(design)
     for kind, had, needed in (
@@ -121,7 +121,7 @@ def require_design(data: PressData, design: SensorDesign, *, what: str = "data")
             said = f"lacks {', '.join(missing)}" if missing else f"has {', '.join(had)}"
             raise InputError(f"{what}: of its {kind} it {said}; {design.name} has {', '.join(needed)}")
     if data.design_digest is None:
-        return (f"{what} names no design; taken as of {design.name}",)
+        return (f"{what} names no design; it is taken as data of {design.name}",)
     return ()
 
 
@@ -149,10 +149,10 @@ def _data_of(found: xr.Dataset, file: Path, design: SensorDesign | None) -> Pres
     named = next((name for name in TIMES if name in found.variables), None)
     time_s = np.arange(len(counts)) if named is None else in_unit(found, [named], TIMES_S)[:, 0]
     if named is None:
-        attributes = attributes | {"time_s": "not said; numbers of the samples"}
+        attributes = attributes | {"time_s": "unknown; numbers of the samples"}
     if counts_per_unit != 1.0:
         counts = counts * np.float32(counts_per_unit)
-        attributes = attributes | {CONVERTED: f"the readings were volts, taken times {counts_per_unit:g}"}
+        attributes = attributes | {CONVERTED: f"the readings were volts, multiplied by {counts_per_unit:g}"}
     sets, set_number, place_number = _sets_of(found, press_mm, file)
     data = PressData(
         counts=counts,

@@ -212,8 +212,8 @@ def _require_shapes(data: PressData) -> None:
             raise InputError(f"data: {one.name} has shape {values.shape}, needs {wanted[one.name]}")
     if states < 2 or data.state_names[-1] != OFF:
         raise InputError(
-            f"data: the states are {', '.join(data.state_names)}; needs emitters and last {OFF!r}, the reading with "
-            "every emitter dark, which is taken from the others"
+            f"data: the states are {', '.join(data.state_names)}; needs emitters and last {OFF!r}, the "
+            "reading with every emitter dark, which is subtracted from the others"
         )
     if samples and not (data.set_number.min() >= 0 and data.set_number.max() < len(data.sets)):
         raise InputError(
@@ -401,7 +401,7 @@ def traced_curves(
 
     places = np.asarray(places_mm, dtype=np.float64)
     if places.ndim != 2 or places.shape[1] != 2 or not len(places) or not np.isfinite(places).all():
-        raise InputError(f"places: shape {places.shape}, needs (place, 2) of finite x, y, one at least")
+        raise InputError(f"places: shape {places.shape}, needs (location, 2) of finite x, y, one at least")
     knots = knots_mm(design) if depth_mm is None else np.asarray(depth_mm, dtype=np.float64)
     states = np.array([[x, y, depth] for x, y in places for depth in knots])
     light = trace(design, states, accuracy=accuracy, seed=seed, on_step=on_step)

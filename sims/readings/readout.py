@@ -122,8 +122,8 @@ def _gain_to_target(design: SensorDesign, flux: FloatArray, subject: str) -> flo
     median = float(np.median(flux)) if flux.size else 0.0
     if not median > 0.0:
         raise ModelScopeError(
-            f"gain.target_counts: {subject} {median:.1e} of the emitted power; "
-            "no gain makes a signal of that: raise the emitters and receivers into the clear layer"
+            f"gain.target_counts: {subject} {median:.1e} of the emitted power; no gain makes that a "
+            "signal: raise the emitters and receivers into the clear layer"
         )
     return design.gain.target_counts / median
 

@@ -108,8 +108,8 @@ def with_loose_walls(design: SensorDesign) -> SensorDesign:
     """
     if design.surfaces.wall_finish == "air_gap":
         raise ModelScopeError(
-            "noise.wall_unbonded_share: the walls have an air gap already (surfaces.wall_finish), nothing is left to "
-            "come loose; set it to 0, or take a bonded finish"
+            "noise.wall_unbonded_share: the walls have an air gap already (surfaces.wall_finish), and "
+            "cannot come loose; set it to 0, or choose a bonded finish"
         )
     return design.with_(**{"surfaces.wall_finish": "air_gap", "surfaces.wall_index": None})
 

@@ -468,9 +468,9 @@ def build_study(
     InputError : a number of builds that is too small or too large, or nothing that varies.
     """
     if not FEWEST_BUILDS <= builds <= MOST_BUILDS:
-        raise InputError(f"--builds: {builds} is refused: needs {FEWEST_BUILDS} to {MOST_BUILDS} builds")
+        raise InputError(f"--builds: {builds} is refused: needs {FEWEST_BUILDS} to {MOST_BUILDS} units")
     if not tolerances:
-        raise InputError("--tolerance: nothing varies: every value was measured or has a tolerance of 0")
+        raise InputError("--tolerance: no value varies: each was measured or has a tolerance of 0")
     as_designed, values = judge(design), drawn_values(tolerances, builds, seed)
     briefs: list[Brief | None] = []
     unjudged: dict[str, int] = {}
@@ -486,7 +486,8 @@ def build_study(
             on_step((number + 1) / builds)
     if not any(briefs):
         raise InputError(
-            f"--tolerance: no build could be judged ({', '.join(unjudged)}); narrow the tolerances"
+            f"--tolerance: no manufactured unit could be judged ({', '.join(unjudged)}); narrow the "
+            "tolerances"
         )
     return BuildStudy(
         judged=judged,

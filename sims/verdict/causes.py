@@ -79,14 +79,14 @@ class Rise:
         """In words."""
         x_mm, y_mm = self.place_mm
         why = (
-            "the press tilts the top towards the receiver, and it mirrors more"
+            "the press tilts the top towards the receiver, which mirrors more light"
             if self.part != "other light"
-            else "other than mirrored light grows"
+            else "light other than the mirrored one increases"
         )
         return (
-            f"{self.pairs} of {self.judged} pairs read more than untouched under some press; most {self.pair}, "
-            f"{self.share:.0%} of its untouched light at x = {x_mm:g}, y = {y_mm:g} mm, {self.depth_mm:g} mm deep: "
-            f"{why} ({self.part})"
+            f"{self.pairs} of {self.judged} pairs read more than untouched under some press; the largest "
+            f"is {self.pair} with {self.share:.0%} of its untouched light at x = {x_mm:g}, y = {y_mm:g} "
+            f"mm, {self.depth_mm:g} mm deep: {why} ({self.part})"
         )
 
     def to_json(self) -> dict[str, Any]:

@@ -178,7 +178,7 @@ def test_a_cover_lies_at_the_undisturbed_top_and_the_cavity_stays():
     [
         (
             PAD.with_(**{"mold.cover_ledge_mm": 1.0}),
-            r"mold\.cover_ledge_mm: a cover at the fill level would lie on",
+            r"mold\.cover_ledge_mm: a cover at the fill level would rest on",
         ),
         (COVERED.with_(**{"mold.rim_mm": 0.2}), r"mold\.rim_mm: too low to hold a glass cover in its seat"),
         (
@@ -187,7 +187,7 @@ def test_a_cover_lies_at_the_undisturbed_top_and_the_cavity_stays():
         ),
         (
             PAD.with_(**{"mold.pieces": "frame_and_base", "mold.fixing_hole_diameter_mm": 0.0}),
-            r"mold\.pieces: nothing holds frame and base together",
+            r"mold\.pieces: frame and base have no fixing",
         ),
     ],
 )

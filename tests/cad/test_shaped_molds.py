@@ -292,7 +292,7 @@ def test_the_notches_of_a_round_lid_lie_along_its_cylinder_which_its_pins_do_not
         notches = lid_size(DOME.with_(**changes)).notches
         assert sorted(notch.frame.line.outward[way] for notch in notches) == [-1.0, 1.0]
         (row,) = [one for one in design_findings(DOME.with_(**changes)) if one.name.startswith("lid: steps")]
-        assert f"its notches lie along {axis}" in row.note
+        assert f"its notches are along {axis}" in row.note
 
 
 def test_the_blade_turns_within_the_facets_of_a_disc():

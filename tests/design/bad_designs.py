@@ -122,7 +122,7 @@ _FILES = (
     BadDesign(id="null bytes", content=b"\0" * 64, words=("binary data", "not UTF-8 text")),
     BadDesign(id="half a line", content=b"schema_version = \n", words=("not valid TOML", "line 1")),
     BadDesign(id="JSON", content=b'{"schema_version": 1}', words=("not valid TOML",)),
-    BadDesign(id="key twice", content=b"name = 'a'\nname = 'b'\n", words=("line 2", "name stands twice")),
+    BadDesign(id="key twice", content=b"name = 'a'\nname = 'b'\n", words=("line 2", "name is given twice")),
     BadDesign(id="decimal comma", content=b"a = 32,0\n", words=("line 1", "'a = 32,0'", "decimal point")),
     BadDesign(id="a unit", content=b"a = 32 mm\n", words=("line 1", "'a = 32 mm'", "without its unit")),
     BadDesign(id="Python's truth", content=b"a = True\n", words=("line 1", "small letters")),
@@ -132,7 +132,7 @@ _FILES = (
         for line, way_out in (
             ('a = "D:\\parts\\x.toml"', "write / for"),
             ("a = \u201cpad\u201d", "straight quotes"),
-            ("a =\u00a032", "a blank that is not ordinary"),
+            ("a =\u00a032", "a special blank"),
             ("a: 32.0", "write = between"),
             ("a 32.0", "write = between"),
             ("a = .5", "write a 0 before"),
@@ -402,7 +402,7 @@ _CATALOGUES = (
         "a missing catalogue",
         design_text(head='catalog_files = ["parts.toml"]'),
         "parts.toml",
-        "no file beside",
+        "no file next to",
     ),
     _text(
         "a catalogue that is no list",
@@ -415,7 +415,7 @@ _CATALOGUES = (
         "the folder as a catalogue",
         design_text(head='catalog_files = ["."]'),
         "catalog_files",
-        "no file beside",
+        "no file next to",
     ),
     BadDesign(
         id="a bad entry in a catalogue",

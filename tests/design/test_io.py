@@ -273,7 +273,7 @@ def test_a_part_in_two_catalogue_files_is_refused(tmp_path):
         (tmp_path / name).write_text(my_led_file(), encoding="utf-8")
     file = tmp_path / "pad.toml"
     file.write_text(design_text(head='catalog_files = ["one.toml", "two.toml"]'), encoding="utf-8")
-    with pytest.raises(DesignError, match=r"two\.toml: parts\.my-led: stands in another of catalog_files"):
+    with pytest.raises(DesignError, match=r"two\.toml: parts\.my-led: is in another of catalog_files"):
         load_design(file)
 
 
@@ -333,10 +333,10 @@ def test_a_digitised_curve_that_is_a_table_is_taken_as_it_is(tmp_path: Path) -> 
 def test_a_curve_that_is_none_is_refused_with_its_file(tmp_path: Path) -> None:
     for kind, curve, words in (
         ("angular_pattern", "3,1\n45,0.7\n", "starts at 3; needs a point at 2 or less"),
-        ("angular_pattern", "0,1\n120,0.7\n", "goes up to 120; needs angles to the axis"),
+        ("angular_pattern", "0,1\n120,0.7\n", "reaches 120; needs angles to the axis"),
         ("angular_pattern", "0,1\n45,-0.1\n", "at most 2% of the largest below"),
         ("angular_pattern", "0,31;0,99\n45,1;0,7\n", "decimal comma"),
-        ("angular_pattern", "0,1\n", "holds 1 points"),
+        ("angular_pattern", "0,1\n", "has 1 points"),
         ("angular_pattern", "0,0\n1,0\n", "correct the axis"),
         ("spectrum", "0.52,1\n0.56,0.7\n", "in nm, not in µm"),
     ):

@@ -30,7 +30,7 @@ def test_a_new_design_is_the_preset_without_what_is_said_of_the_preset(name: str
     assert (design.name, design.description) == ("my-pad", "")
     assert design.with_(name=name, description=preset(name).description).digest == preset(name).digest
     assert text.count("#") == preset_text(name).count("#")
-    assert text.startswith(f"# This design was begun from the preset {name}.\n# Lengths are in millimetres.")
+    assert text.startswith(f"# This design is based on the preset {name}.\n# Lengths are in millimetres.")
 
 
 @pytest.mark.parametrize("name", PRESETS)

@@ -55,7 +55,10 @@ def test_every_option_of_every_verb_stands_under_it_with_its_help() -> None:
 
 def test_an_option_has_default_and_limits() -> None:
     part = parts_of(every_verb())["optopad driver collect"]
-    assert "| `--settle S` | Rest at each position before frames are taken. At least 0.0. | `0.3` |" in part
+    assert (
+        "| `--settle S` | Waiting time at each position before frames are recorded. At least 0.0. | `0.3` |"
+        in part
+    )
     assert re.search(r"^\| `--out FILE` \|.*\| needed \|$", part, flags=re.MULTILINE)
 
 

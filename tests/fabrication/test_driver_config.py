@@ -184,7 +184,7 @@ def test_the_configuration_of_another_design_is_refused(tmp_path: Path) -> None:
 
 
 def test_a_missing_file_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"no such file; needed is a driver\.toml"):
+    with pytest.raises(InputError, match=r"no such file; needs a driver\.toml"):
         load_driver_config(tmp_path / "driver.toml")
 
 
@@ -243,8 +243,8 @@ def test_comments_and_line_ends_may_change(tmp_path: Path) -> None:
         (("emitters",), {}, "emitters: .* is no list"),
         (("emitters", 0, "position_mm"), [1.0, 2.0], r"emitters\[0\]\.position_mm: has 2 entries, needs 3"),
         (("emitters", 1, "name"), "E1", "damaged: "),
-        (("emitters", 1, "pin"), 22, "pins must be single"),
-        (("receivers", 1, "channel"), "A0", "channels must be single"),
+        (("emitters", 1, "pin"), 22, "pins must be unique"),
+        (("receivers", 1, "channel"), "A0", "channels must be unique"),
         (("receivers", 1, "column"), 5, "receivers must be in the order of columns"),
         (("emitters", 0, "state"), 5, "emitters must be in the order of states"),
         (("states", 8, "emitter"), "E1", "each state but the last"),

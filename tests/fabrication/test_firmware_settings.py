@@ -117,10 +117,10 @@ def test_a_layout_with_more_receivers_than_the_uno_has_inputs_is_refused():
 @pytest.mark.parametrize(
     ("changes", "severity", "words"),
     [
-        ({"firmware": None}, "warning", "its entry does not say which chip it has"),
+        ({"firmware": None}, "warning", "its entry does not name its chip"),
         ({"adc_bits": 12}, "warning", "for AVR chips at 8 or 16 MHz with 10-bit converters"),
-        ({"analog_channels": [f"X{k}" for k in range(8)]}, "warning", "does not say in channel_mux"),
-        ({"digital_pins": [90, 91, 92, 93, 94, 95, 96, 97]}, "warning", "does not say in pin_ports"),
+        ({"analog_channels": [f"X{k}" for k in range(8)]}, "warning", "does not list them in channel_mux"),
+        ({"digital_pins": [90, 91, 92, 93, 94, 95, 96, 97]}, "warning", "does not list them in pin_ports"),
     ],
 )
 def test_a_board_that_cannot_be_programmed_is_said_to_be_one(changes, severity, words):

@@ -238,7 +238,7 @@ def test_a_measured_value_need_not_be_measured_again() -> None:
 def test_a_blade_that_cannot_pass_is_not_asked_for() -> None:
     assert "Rest the leveling blade on the rim" in casting_md(PAD)
     low = casting_md(PAD.with_(**{"mold.rim_mm": 0.5}))
-    assert "R1 R2 R3 R4 R5 R6 R7 R8 stand above the rim" in low
+    assert "R1 R2 R3 R4 R5 R6 R7 R8 protrude above the rim" in low
     assert "Rest the leveling blade" not in low
 
 

@@ -166,7 +166,7 @@ def test_an_import_that_hangs_is_given_up(tmp_path: Path, monkeypatch: pytest.Mo
     write_module(tmp_path, "import time; time.sleep(60)", monkeypatch)
     monkeypatch.setattr(doctor, "PROBE_LIMIT_S", 0.5)
     failure = doctor.import_failure("broken_room")
-    assert failure == Failure("its import takes longer than 0.5 s", "try again: the disk may be busy")
+    assert failure == Failure("its import takes longer than 0.5 s", "try again; the disk may be busy")
 
 
 @pytest.mark.parametrize(

@@ -136,7 +136,7 @@ def test_a_file_of_another_kind_is_named_with_what_is_needed(name: str, tmp_path
             read(file)
         if kind != read_by.get(name):
             assert kind in str(err.value), str(err.value)
-            assert "needed is" in str(err.value)
+            assert "needs " in str(err.value)
     for absent in (tmp_path / "none", tmp_path):
         with pytest.raises(OptopadError, match=r"no such|a folder"):
             read(absent)

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[2]
-TOLD = "optopad: interrupted: nothing is half-written, and finished parts are found again\n"
+TOLD = "optopad: interrupted: no file is incomplete, and finished parts are reused\n"
 
 WHILE_VERBS_ARE_LOADED = """
 class Interrupting:

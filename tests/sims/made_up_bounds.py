@@ -7,7 +7,7 @@ import numpy as np
 from design.preset import preset
 from design.shape.cavity import CavityGeometry, cavity_of
 from design.spec import SensorDesign
-from sims.bounds.felt import FeltForce
+from sims.bounds.detection_threshold import DetectionThreshold
 from sims.bounds.fisher import Steps
 from sims.bounds.observability import Figure, Limits, PadBounds, PartLoss, pair_names
 from sims.verdict.pad_map import map_grid_mm
@@ -49,13 +49,13 @@ def made_up_bounds(design: SensorDesign | None = None, *, places: int = 5) -> Pa
     )
 
 
-def made_up_felt(cavity: CavityGeometry, places: int = 5) -> FeltForce:
+def made_up_felt(cavity: CavityGeometry, places: int = 5) -> DetectionThreshold:
     """A press felt from 0.02 mm and 0.01 N on, later towards the middle."""
     x_mm, y_mm = map_grid_mm(cavity, places)
     reach = np.minimum.outer(np.minimum(y_mm, y_mm[::-1]), np.minimum(x_mm, x_mm[::-1]))
     depth = 0.002 * reach
     force = 3.3 * depth**1.5
-    return FeltForce(
+    return DetectionThreshold(
         x_mm=tuple(x_mm.tolist()),
         y_mm=tuple(y_mm.tolist()),
         depth_mm=depth,

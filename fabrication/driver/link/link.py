@@ -108,8 +108,8 @@ class Link:
             last = (last + piece)[-HEARD_BYTES:]
             if words := printer_words(last):
                 raise DeviceError(
-                    f"{self.port.name}: a printer answers there ({words!r}), not the sensor; name the sensor's port "
-                    "with --port (port=)"
+                    f"{self.port.name}: the device there is a printer ({words!r}), not the sensor; name "
+                    "the sensor's port with --port (port=)"
                 )
             for version, message in self.scanner.feed(piece):
                 kind = version & 0x0F
@@ -144,12 +144,14 @@ class Link:
         port, board = self.port.name, self.config.board
         if heard == 0:
             return (
-                f"{port}: silent for {waited_s:.1f} s; is it the right port, and does the board run this design's "
-                "firmware (`optopad driver flash DESIGN`)? A slower boot loader needs --patience SECONDS (patience_s=)"
+                f"{port}: silent for {waited_s:.1f} s; is it the right port, and does the board have this "
+                "design's firmware (`optopad driver flash DESIGN`)? A slower boot loader needs "
+                "--patience SECONDS (patience_s=)"
             )
         return (
-            f"{port}: {heard} bytes in {waited_s:.1f} s and no hello among them: another device talks there, or not "
-            f"at {board.baud} baud; name the right port, or flash the firmware (`optopad driver flash DESIGN`)"
+            f"{port}: {heard} bytes in {waited_s:.1f} s and no hello among them: another device sends "
+            f"there, or its rate is not {board.baud} baud; name the right port, or flash the firmware "
+            "(`optopad driver flash DESIGN`)"
         )
 
 
@@ -176,9 +178,10 @@ def check_hello(hello: Hello, config: DriverConfig, *, where: str, accept_digest
     if hello.digest == config.digest or is_accepted(hello.digest, accept_digest):
         return
     raise DeviceError(
-        f"{where}: firmware of another design, digest {hello.digest[:8]}; driver.toml is {config.design}'s, digest "
-        f"{config.digest[:8]}; flash this design's firmware (`optopad driver flash DESIGN`), or, if its wiring is "
-        f"the same, accept it by name: --accept-digest {hello.digest[:8]} (accept_digest=)"
+        f"{where}: firmware of another design, digest {hello.digest[:8]}; driver.toml is "
+        f"{config.design}'s, digest {config.digest[:8]}; flash this design's firmware (`optopad driver "
+        f"flash DESIGN`), or, if its wiring is the same, accept it: --accept-digest {hello.digest[:8]} "
+        "(accept_digest=)"
     )
 
 

@@ -69,7 +69,7 @@ CHIP_MAKERS = frozenset({"0403", "067b", "10c4", "1a86"})
 """USB vendors of serial chips that any device may have: FTDI, Prolific, Silicon Labs, QinHeng (CH340)."""
 
 
-GUESSED = "Only a serial chip speaks for this port, which printers and other devices have, too."
+GUESSED = "Only the serial chip identifies this port, and printers and other devices have the same chip."
 
 
 def is_guess(port: FoundPort, board: BoardSetup) -> bool:
@@ -196,7 +196,7 @@ class Port:
         return first + rest
 
     def _lost(self, err: Exception) -> PortLostError:
-        return PortLostError(f"{self.name}: the port is gone: {err}; plug the board in again")
+        return PortLostError(f"{self.name}: the port was lost: {err}; plug the board in again")
 
 
 def _opened(name: str, baud: int) -> Any:
@@ -217,8 +217,8 @@ def _why_not(name: str, err: Exception, baud: int) -> str:
     text = str(err)
     if code == errno.EACCES or "PermissionError" in text or "Access is denied" in text:
         return (
-            "no permission to open it; on Linux `sudo usermod -a -G dialout $USER`, then log in anew; "
-            "elsewhere close the program that holds it"
+            "no permission to open it; on Linux `sudo usermod -a -G dialout $USER`, then log in again; "
+            "elsewhere close the program that uses it"
         )
     if code == errno.ENOENT or "FileNotFoundError" in text:
         return f"no such port; ports here: {_listed(ports_here())}"
@@ -227,7 +227,7 @@ def _why_not(name: str, err: Exception, baud: int) -> str:
     if code in (errno.ENOTTY, errno.EINVAL, errno.EISDIR) or "Could not configure" in text:
         return f"is no serial port that does {baud} baud; ports here: {_listed(ports_here())}"
     if name.startswith(SOCKET):
-        return f"nobody answers there ({text}); start `optopad driver fake` first"
+        return f"no reply there ({text}); start `optopad driver fake` first"
     return f"cannot be opened: {text}"
 
 

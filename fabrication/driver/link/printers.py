@@ -91,9 +91,9 @@ def _heard(port: Port, longest_s: float, after_first_s: float = math.inf) -> byt
             return None
         if words := printer_words(heard):
             raise DeviceError(
-                f"{port.name}: a printer answers there ({words!r}), and nothing was written to its memory; name the "
-                "sensor's port with --port. If this board is to become the sensor, upload an empty sketch with the "
-                "Arduino IDE first"
+                f"{port.name}: the device there is a printer ({words!r}); nothing was written to its "
+                "memory; name the sensor's port with --port. To use this board as the sensor, upload an "
+                "empty sketch with the Arduino IDE first"
             )
     return heard
 

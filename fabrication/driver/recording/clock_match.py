@@ -139,15 +139,16 @@ def found_offset(signals: Touches, log: Touches) -> ClockMatch:
     ]
     if not good:
         raise InputError(
-            "clock offset not found: at no shift do the touches of signals and log meet; is it this recording's log, "
-            "its times in the unit that their column names? Give --offset if it is"
+            "clock offset not found: the touches of signals and log match at no shift; is it this "
+            "recording's log, and are its times in the unit that the column name states? If so, give "
+            "--offset"
         )
     best = min(good, key=lambda match: (round(-match.share, 1), match.spread_s))
     for other in good:
         if abs(other.offset_s - best.offset_s) > OUT_OF_STEP_S and other.rivals(best):
             raise InputError(
-                f"clock offset ambiguous: the touches meet at {best.offset_s:.2f} s and at {other.offset_s:.2f} s; "
-                "press once out of rhythm, or give --offset"
+                f"clock offset ambiguous: the touches match at {best.offset_s:.2f} s and at "
+                f"{other.offset_s:.2f} s; press once at an irregular interval, or give --offset"
             )
     return best
 
@@ -187,8 +188,8 @@ def require_in_step(signals: Touches, log: Touches) -> ClockMatch:
     if found.edges == 0 or (found.is_good and abs(found.offset_s) <= OUT_OF_STEP_S):
         return found
     raise InputError(
-        f"{_why_out_of_step(signals, log, found)}; let it be found with --offset auto, or say it: --offset 0 takes the "
-        "log as it is"
+        f"{_why_out_of_step(signals, log, found)}; find the offset with --offset auto, or state it: "
+        "--offset 0 takes the log unchanged"
     )
 
 
@@ -212,8 +213,9 @@ def _why_out_of_step(signals: Touches, log: Touches, found: ClockMatch) -> str:
     if found.is_good:
         return f"the log is out of step with the recording by {found.offset_s:+.2f} s"
     return (
-        f"the log is out of step with the recording: its depth crosses 0 {len(log.begin_s) + len(log.end_s)} times, "
-        f"the signals do {len(signals.begin_s) + len(signals.end_s)} times, and {found.share:.0%} of these meet"
+        "the log is out of step with the recording: its depth crosses 0 "
+        f"{len(log.begin_s) + len(log.end_s)} times, the signals do "
+        f"{len(signals.begin_s) + len(signals.end_s)} times, and {found.share:.0%} of these match"
     )
 
 

@@ -104,8 +104,8 @@ def _require_rising(host_s: FloatArray) -> None:
     if (step_s < 0).any():
         frame = int(np.flatnonzero(step_s < 0)[0])
         raise InputError(
-            f"the recording's clock was set back by {-step_s[frame]:.2f} s after frame {frame + 1}: no log can be "
-            "joined to it; record again, with the clock left alone"
+            f"the recording's clock was set back by {-step_s[frame]:.2f} s after frame {frame + 1}: no "
+            "log can be joined to it; record again without changing the clock"
         )
 
 
@@ -113,8 +113,8 @@ def _require_overlap(recorded: Recorded, log: PositionLog, offset_s: float) -> N
     first, last = log.time_s[[0, -1]] + offset_s
     if last < recorded.host_s.min() or first > recorded.host_s.max():
         raise InputError(
-            f"{log.file}: no time in common with the recording: {_spans(recorded, log, offset_s)}; another run's "
-            "log, or another clock: let the offset be found with --offset auto, or give it"
+            f"{log.file}: no time in common with the recording: {_spans(recorded, log, offset_s)}; is it "
+            "another run's log, or another clock? Find the offset with --offset auto, or give it"
         )
 
 

@@ -110,7 +110,10 @@ def read_position_log(file: Path) -> PositionLog:
     sets, set_number = _sets(table)
     place_number = _places(table)
     if set_number is not None and place_number is None:
-        raise InputError(f"{file}: has set without place; number the presses of each set in a column place")
+        raise InputError(
+            f"{file}: has a column 'set' without a column 'place'; number the presses of "
+            "each set in a column 'place'"
+        )
     if place_number is not None and set_number is None:
         sets, set_number = (UNNAMED,), np.zeros(len(place_number), dtype=np.int64)
     return PositionLog(
@@ -153,7 +156,8 @@ def _require_unit(table: CsvTable, name: str, latest_s: float, tick_s: float) ->
             else "correct them"
         )
         raise InputError(
-            f"{table.file}: {name} goes up to {latest_s / tick_s:.4g}, which is later than the year 2100; {way_out}"
+            f"{table.file}: {name} reaches {latest_s / tick_s:.4g}, which is later than the year 2100; "
+            f"{way_out}"
         )
 
 
@@ -169,8 +173,8 @@ def _require_rising(table: CsvTable, time_s: FloatArray) -> None:
             "later than the one before); write the times with more digits, or drop rows"
         )
     raise InputError(
-        f"{table.file}: the times do not rise: row {row} is {time_s[k + 1] - time_s[k]:+.3f} s after row {former}; "
-        "a clock that was set back, or two logs in one: cut the log there"
+        f"{table.file}: the times do not rise: row {row} is {time_s[k + 1] - time_s[k]:+.3f} s after row "
+        f"{former}; the clock was set back, or the file holds two logs: cut the log there"
     )
 
 
@@ -209,7 +213,7 @@ def _sets(table: CsvTable) -> tuple[tuple[SetEntry, ...], IntArray | None]:
         if row["set"] and row["set"] not in entries:
             entries[row["set"]] = set_entry(table.where(k), row)
     if not entries:
-        raise InputError(f"{table.file}: no row belongs to a set; fill the column set, or leave it out")
+        raise InputError(f"{table.file}: no row belongs to a set; fill the column 'set', or leave it out")
     order = list(entries)
     numbers = np.array([order.index(name) if name else NOWHERE for name in names], dtype=np.int64)
     return tuple(entries.values()), numbers
@@ -246,5 +250,5 @@ def whole_place(where: str, text: str) -> int:
     InputError : no whole number from 0.
     """
     if not is_number(text) or not 0 <= float(text) < 2**53 or float(text) % 1:
-        raise InputError(f"{where}: place is {shown(text)}, needs a whole number from 0")
+        raise InputError(f"{where}: 'place' is {shown(text)}, needs a whole number from 0")
     return int(float(text))

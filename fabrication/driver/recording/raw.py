@@ -252,7 +252,7 @@ def _header(file: Path, content: bytes) -> tuple[dict[str, Any], int]:
     if not is_ours or not isinstance(header, dict) or not isinstance(header.get("config"), dict):
         kind = kind_of(content[:BYTES_FOR_KIND])
         was = "its header is damaged" if kind.startswith("a recording") else kind
-        raise InputError(f"{file}: {was}; needed is {NEEDED}")
+        raise InputError(f"{file}: {was}; needs {NEEDED}")
     if header.get("version") != VERSION:
         raise InputError(f"{file}: version {header.get('version')!r}, this optopad reads {VERSION}")
     return header, end + 1
@@ -299,7 +299,7 @@ def _unwritable(file: Path, err: OSError) -> str:
         return f"{file}: exists already, and a recording is never overwritten; choose another name"
     if err.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG):
         return (
-            f"{file}: the disk is full ({err.strerror}); the recording stopped, every frame written before is whole "
-            "in it: free some room, then record into a new file"
+            f"{file}: the disk is full ({err.strerror}); the recording stopped, it holds every frame up "
+            "to then: free some room, then record into a new file"
         )
     return f"{file}: cannot be written: {err.strerror or err}; choose another folder"

@@ -91,7 +91,7 @@ def read_path(file: Path) -> FingerPath:
     ------
     InputError : unreadable, another heading, values that are no numbers, times that do not rise from 0.
     """
-    table = read_csv(file, needed=f"a CSV table with {','.join(HEADING)}, a row a point", lower=True)
+    table = read_csv(file, needed=f"a CSV table with {','.join(HEADING)}, one point per row", lower=True)
     if missing := [name for name in HEADING if name not in table.heading]:
         raise InputError(f"{file}: has no {', '.join(missing)}; needs the heading {','.join(HEADING)}")
     values = np.array([table.numbers(name) for name in HEADING]).T

@@ -249,8 +249,8 @@ def require_free(link: Path, option: str = "--link") -> None:
         )
     if link.exists():
         raise InputError(
-            f"{option} {link}: leads to {os.readlink(link)}, another simulated board by all appearances; end that "
-            "one, choose another name, or remove the link if there is none"
+            f"{option} {link}: leads to {os.readlink(link)}, probably another simulated board; end that "
+            "one, choose another name, or remove the link if no board runs"
         )
 
 

@@ -115,7 +115,7 @@ def table_of(presses: FloatArray, counts: FloatArray, *, is_whole: bool = True) 
         or lines[2][0] != 0.0
     ):
         raise InputError(
-            f"{len(presses)} presses are no full grid of places and depths from 0; simulate them anew"
+            f"{len(presses)} presses are not a full grid of locations and depths from 0; simulate them again"
         )
     order = np.lexsort(presses.T[::-1])
     grid = counts[order].reshape(*shape, *counts.shape[1:])

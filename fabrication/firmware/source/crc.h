@@ -1,5 +1,5 @@
 /* CRC-32 as in zlib and Ethernet, a byte at a time. The table is linear in the bits of its index, so eight constants
-   make all of it; it lies in the program's memory. */
+   make all of it; it is in the program's memory. */
 #ifndef OPTOPAD_CRC_H
 #define OPTOPAD_CRC_H
 #include <stdint.h>

@@ -54,7 +54,7 @@ ISR(TRANSMIT_VECTOR, ISR_NAKED) {
 
 ISR(RECEIVE_VECTOR) {
     uint8_t byte = UDR0, next = (heard_end + 1) & (HEARD_BYTES - 1);
-    if (next == heard_start) return; /* no room: the command's checksum will tell */
+    if (next == heard_start) return; /* no room: the command's checksum shows it */
     heard[heard_end] = byte;
     heard_end = next;
 }

@@ -160,8 +160,8 @@ function tell() {
   reading.textContent = `x ${Number(x.toFixed(2))}, y ${Number(y.toFixed(2))} mm${atDepth()}. ${title}: ${words(valueAt(depth, place))}${endsOf(depth, place)}${mark}.`;
   const values = current.values[depth], blind = values.filter((value, p) => value === null || isDead(depth, p)).length;
   const rest = values.filter((value) => value !== null).sort((a, b) => a - b);
-  const middle = rest.length && !current.names ? ` Median over the places that have a value: ${words(rest[Math.floor((rest.length - 1) / 2)])}.` : "";
-  summary.textContent = `${blind} of ${values.length} places are hatched: ${current.hatched}.${middle}`;
+  const middle = rest.length && !current.names ? ` Median over the locations that have a value: ${words(rest[Math.floor((rest.length - 1) / 2)])}.` : "";
+  summary.textContent = `${blind} of ${values.length} locations are hatched: ${current.hatched}.${middle}`;
   Object.assign(box.dataset, {quantity: current.key, depth: mm, place});
 }
 

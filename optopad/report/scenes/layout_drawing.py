@@ -252,7 +252,7 @@ def _draw_section(ax: Axes, design: SensorDesign, section: _Section, room: float
     ax.text(
         (left + right) / 2,
         low - 0.35 * room,
-        f"cut open{' across' if section.is_across else ''}, one part of each kind turned into the cut",
+        f"cut open{' across' if section.is_across else ''}, one part of each kind rotated into the cut",
         **_title(),
     )
 

@@ -24,7 +24,7 @@ from sims.verdict.pad_map import PadMap, PadProfile
 
 CHANGE = ("#f2f6f9", "#9cc9e6", "#0072b2", "#002e4a")
 DEAD = ("#eef1f4", "#c24e00")
-IN_DEADBAND = "in a deadband, where no pair tells depth"
+IN_DEADBAND = "in a deadband: no pair resolves depth"
 LEAST_CHANGE = 0.5
 """Smaller changes share the lightest colour [noise units]."""
 
@@ -145,10 +145,10 @@ def _change(profile: PadProfile, change: FloatArray) -> DepthMap:
     return DepthMap(
         key="change",
         title="Change of the signals",
-        unit="noise units",
+        unit="sigma",
         tells=(
-            f"How far apart frames of all readings are over {DEADBAND_MIN_LENGTH_MM:g} mm of depth around this one. "
-            f"Below {DEADBAND_THRESHOLD:g} noise units depth cannot be told there."
+            f"Change of all readings of a frame over {DEADBAND_MIN_LENGTH_MM:g} mm of depth around this "
+            f"one. Below {DEADBAND_THRESHOLD:g} sigma depth is not resolved."
         ),
         depth_mm=profile.depth_mm,
         values=change,
@@ -160,7 +160,7 @@ def _change(profile: PadProfile, change: FloatArray) -> DepthMap:
         high=max(float(change.max()), 4 * DEADBAND_THRESHOLD),
         is_logarithmic=True,
         digits=1,
-        limit=f"below {DEADBAND_THRESHOLD:g} is blind",
+        limit=f"below {DEADBAND_THRESHOLD:g} not resolved",
     )
 
 
@@ -169,7 +169,8 @@ def _dead_zones(profile: PadProfile) -> DepthMap:
         key="dead",
         title="Dead zones",
         unit="",
-        tells="Places where all readings of a frame together do not tell depth here: a deadband, or beyond the range.",
+        tells="Locations where all readings of a frame together do not resolve depth: a deadband, or "
+        "beyond the range.",
         depth_mm=profile.depth_mm,
         values=profile.is_dead.astype(np.float64),
         is_hatched=profile.is_dead,
@@ -178,7 +179,7 @@ def _dead_zones(profile: PadProfile) -> DepthMap:
         colours=DEAD,
         low=0.0,
         high=1.0,
-        names=("depth is told", "blind"),
+        names=("depth is resolved", "not resolved"),
     )
 
 

@@ -11,18 +11,19 @@ from optopad.report.words import Html, bullets, element, facts, section
 from sims.continuity.result import ContinuityScore
 
 WALLS = (
-    "What the pad's own walls change of a press is one linear layer of the pad's size on top of it: single pairs err "
-    "by 0.5 % rms to 3 mm of depth, by 1.2 % at 4.5 mm, most near a wall."
+    "The effect of the pad's walls on a press is modelled as one linear correction of the pad's size: "
+    "the error of single pairs is 0.5 % rms down to 3 mm of depth and 1.2 % at 4.5 mm, most near a wall."
 )
 SHAPED_WALLS = (
-    "A press is that in the middle of a round pad as thick as this one is there, on a sphere of the top's mean "
-    "curvature: that a wall is nearer on one side, that the layer thins towards the rim, and the difference of a "
-    "cylinder's two curvatures are left out."
+    "A press is modelled as one in the middle of a round pad of the local thickness, on a sphere of the "
+    "top's mean curvature. Left out: a nearer wall on one side, the thinning of the layer towards the "
+    "rim, and the difference of a cylinder's two curvatures."
 )
 """For discs and crowned pads."""
 LEFT_OUT = (
-    "Contact is static, axisymmetric and frictionless: no sliding, no adhesion, no slow bonding and unbonding at "
-    "the walls. Hysteresis of the load is an option for one protocol and never enters the light.",
+    "Contact is static, axisymmetric and frictionless: no sliding, no adhesion, no slow bonding and "
+    "detaching at the walls. Hysteresis of the load is an option for one protocol and never enters the "
+    "light.",
     WALLS,
     "One tip, a rigid body of revolution with a straight shank. Several touches at once are not modelled.",
     "Light that leaves through the top is lost: none comes back in across the crater.",
@@ -30,11 +31,11 @@ LEFT_OUT = (
     "falling as a power of the cosine; real packages shape their beam.",
     "One wavelength, one refractive index; no haze, no polarisation. Walls, bottom and tip scatter evenly in all "
     "directions; gloss is left out.",
-    "Noise is rounding, a constant and a share of the reading. Drift, ambient light, crosstalk and the amplifier's "
-    "own limits are left out; a gain by a rule takes all emitters as equally bright.",
-    "Tolerance moves one value at a time, where several off together can do more; scored with --tolerance, "
-    "builds with everything off at once are drawn.",
-    "Between the depths and places computed, signals are taken as straight lines or not at all.",
+    "Noise is rounding, a constant and a share of the reading. Drift, ambient light, crosstalk and "
+    "limits of the amplifier are left out; a gain by a rule assumes equally bright emitters.",
+    "The uncertainty bands are varied one value at a time; several deviations together can have a larger "
+    "effect. optopad score --tolerance runs a Monte Carlo over all tolerances.",
+    "Between computed depths and locations, signals are interpolated linearly or not at all.",
 )
 
 KNOWN_FILES = {
@@ -48,20 +49,20 @@ KNOWN_FILES = {
     "cad/mold_base.stl": "the mold's floor, to slice",
     "cad/lid.stl": "the lid, which casts the crowned top",
     "cad/leveling_blade.stl": "levels the black layer",
-    "cad/pour_gauge.stl": "tells when the clear layer is full",
+    "cad/pour_gauge.stl": "shows when the clear layer is full",
     "cad/solder_jig.stl": "holds parts while wires are soldered",
     "cad/indenter_tip.stl": "the tip",
     "cad/checks.json": "mold checks",
     "sims/signals.nc": "light of every press of the map",
-    "sims/maps.nc": "bounds, deadbands and readings, place by place",
-    "sims/bounds-location.svg": "how well a press can be placed, by depth",
-    "sims/bounds-depth.svg": "how well its depth can be told",
-    "sims/felt-force.svg": "the lightest press felt",
+    "sims/maps.nc": "bounds, deadbands and readings of each location",
+    "sims/bounds-location.svg": "resolution of location, by depth",
+    "sims/bounds-depth.svg": "resolution of depth",
+    "sims/felt-force.svg": "detection threshold",
     "sims/score.json": "the verdict as data",
-    "sims/builds.svg": "builds with everything off at once",
+    "sims/builds.svg": "Monte Carlo over tolerances",
     "sims/builds.png": "the same as pixels",
     "sims/contact-profile.svg": "the press, in section",
-    "sims/rays.json": "sample paths of light, drawn beside it",
+    "sims/rays.json": "sample paths of light, in a drawing of their own",
     "fabrication/bom.csv": "parts to order",
     "fabrication/wiring.csv": "pins",
     "fabrication/wiring.svg": "layout and pins, drawn",
@@ -114,7 +115,7 @@ def files_section(names: Sequence[str]) -> Html:
     return section(
         "files",
         "Files",
-        element("p", "Links work while the page lies in its bundle.", class_="note"),
+        element("p", "Links work while the page is in its bundle.", class_="note"),
         element("ul", *items, class_="files"),
     )
 

@@ -101,7 +101,7 @@ def shown_pairs(score: ContinuityScore) -> list[tuple[JudgedPair, str]]:
         return list(zip(score.pairs, roles, strict=True))[:MOST_FACING]
     order = ranked(score)
     wanted = (
-        (governing(score), "most deadband of those never clipped"),
+        (governing(score), "longest deadband of the pairs that never clip"),
         (order[0], "worst pair"),
         (order[len(order) // 2], "median pair"),
         (order[-1], "best pair"),
@@ -191,7 +191,7 @@ def _cause_plots(design: SensorDesign, score: ContinuityScore) -> dict[str, tupl
     for number, cause in enumerate(shown_causes(score), 1):
         axes = plot_cause(design, cause)
         if axes is not None and cause.typical is not None:
-            shows = f"Section through {cause.typical.pair} under the press, with the light that is left of it"
+            shows = f"Section through {cause.typical.pair} under the press, with its remaining light"
             found[f"cause-{number}"] = axes, shows
     return found
 
@@ -255,7 +255,7 @@ def _tolerance_plots(score: ContinuityScore) -> dict[str, tuple[Axes, str]]:
     band = score.tolerance
     if band is None or not band.rows:
         return {}
-    ends = f"of {band.judged} at both ends of every open value"
+    ends = f"of {band.judged} at both ends of every unmeasured parameter"
     found = {"tolerance-deadband": (plot_tolerance(band), f"Deadband {ends}")}
     if any(gap is not None for row in band.rows for gap in row.gap_mm):
         found["tolerance-gap"] = (plot_gap_tolerance(band), f"Mode gap {ends}")
@@ -277,7 +277,10 @@ def _build_plots(score: ContinuityScore) -> dict[str, tuple[Axes, str]]:
         return {}
     figure = plot_builds(score.builds, score.tolerance)
     return {
-        "builds": (figure.axes[0], "Each value alone at both ends, and its rank correlation over the builds")
+        "builds": (
+            figure.axes[0],
+            ("Each value alone at both ends, and its rank correlation over the manufactured units"),
+        )
     }
 
 
@@ -285,7 +288,7 @@ def _step_plots(score: ContinuityScore) -> dict[str, tuple[Axes, str]]:
     if score.steps is None or not score.steps.rows:
         return {}
     figure = plot_field_steps(score.steps, unit_of)
-    return {"field-steps": (figure.axes[0], f"What a step of each field changes, by {score.steps.judged}")}
+    return {"field-steps": (figure.axes[0], f"Effect of a step of each parameter, by {score.steps.judged}")}
 
 
 def _card(drawing: Drawing) -> str:

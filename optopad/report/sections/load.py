@@ -33,8 +33,8 @@ Drawings = dict[str, Drawing]
 TABLE_DEPTHS_MM = (0.2, 0.5, 1.0, 2.0, 3.0, 4.0, 5.0, 7.0, 10.0)
 
 ELASTIC = (
-    "Press and retract have the same load: relaxation is off. It is an option, elastomer.viscoelastic with "
-    "relaxed_share and time_constant_s, for values measured on the build."
+    "Press and retract have the same load: relaxation is off. It is an option, elastomer.viscoelastic "
+    "with relaxed_share and time_constant_s, for values measured on the built pad."
 )
 _FIGURES = (
     ("force", "Load of a centred press; shaded: the band of the modulus."),
@@ -96,7 +96,7 @@ def _notes(design: SensorDesign, force: ForceCurve, young: Quantity) -> list[str
     )
     if protocol.deepest_mm.value > force.depth_mm[-1]:
         notes.append(
-            f"The protocol goes to {protocol.deepest_mm.value:g} mm, deeper than operating.max_depth_mm: not drawn."
+            f"The protocol reaches {protocol.deepest_mm.value:g} mm, deeper than operating.max_depth_mm: not drawn."
         )
     return notes
 

@@ -15,7 +15,7 @@ from optopad.report.scenes.map_scene import DepthMap, MapScene, depth_maps
 from optopad.report.sections.drawings import Drawing, figure_of
 from optopad.report.words import Html, bounds_words, data_element, element, losses_table, radios, section
 from optopad.screen.answer import counted, spans
-from sims.bounds.felt import FeltForce
+from sims.bounds.detection_threshold import DetectionThreshold
 from sims.bounds.fisher import BAND
 from sims.bounds.observability import PadBounds
 from sims.continuity.result import ContinuityScore
@@ -51,9 +51,11 @@ def map_section(score: ContinuityScore, drawings: Drawings, scene: MapScene | No
     pad_map = score.pad_map
     if pad_map is None:
         return Html("")
-    lead = f"{counted(len(pad_map.places), 'place')} pressed; {pad_map.dead_share:.0%} have a deadband."
+    lead = f"{counted(len(pad_map.places), 'location')} pressed; {pad_map.dead_share:.0%} have a deadband."
     if score.is_facing_rows:
-        lead += " It pools every pair with a direct path, and is not what facing rows are judged by."
+        lead += (
+            " It pools every pair with a direct path; facing rows are judged by their facing pairs instead."
+        )
     parts = [] if scene is None else [_view(scene), data_element("maps-data", scene.data())]
     return section(
         "map",
@@ -65,9 +67,9 @@ def map_section(score: ContinuityScore, drawings: Drawings, scene: MapScene | No
         element("div", *_still(score, drawings), *_by_depth(scene, drawings), class_="grid", id="maps-still"),
         element(
             "p",
-            "Dots on the walls: emitters; squares: receivers. Dashed: the workspace. A cell is the press at its "
-            "centre; what lies between places was not computed. Ends in brackets: two standard errors of the light "
-            "trace, or the band of the modulus.",
+            "Dots on the walls: emitters; squares: receivers. Dashed: the workspace. A cell is the press "
+            "at its centre; between locations no value was computed. In brackets: two standard errors of "
+            "the light model, or the band of the modulus.",
             class_="note",
         ),
         losses_table(score),
@@ -81,7 +83,7 @@ def _still(score: ContinuityScore, drawings: Drawings) -> list[Html]:
         figures.append(
             figure_of(
                 drawings["map-deadband"],
-                "Summed deadband, all readings of a frame together. Framed: the worst place, "
+                "Summed deadband, all readings of a frame together. Framed: the worst location, "
                 f"{spans(score.pad_map.worst.deadbands_mm)} mm.",
             )
         )
@@ -89,18 +91,17 @@ def _still(score: ContinuityScore, drawings: Drawings) -> list[Html]:
         figures.append(
             figure_of(
                 drawings["map-usable"],
-                "Depth to which one frame of all readings tells depth; deeper it does not change any more. Framed: the "
-                f"weakest place, to {weakest.usable_mm:.2f} mm.",
+                "Usable depth: one frame of all readings resolves depth down to it; deeper the readings "
+                f"no longer change. Framed: the location of least margin, to {weakest.usable_mm:.2f} mm.",
             )
         )
     figures.append(
         figure_of(
             drawings["map-margin"],
-            f"How far apart frames of all readings are over the least told {DEADBAND_MIN_LENGTH_MM:g} mm of depth; "
-            f"below {DEADBAND_THRESHOLD:g} noise units depth is not told there. Framed: the weakest place, "
-            f"{weakest.margin:.1f} noise units (the light trace's own error may add "
-            f"{weakest.depths.margin_error:.1f}); "
-            f"{counted(weakest.answering_pairs, 'pair')} answer there.",
+            f"Margin: least change of all readings over {DEADBAND_MIN_LENGTH_MM:g} mm of depth; below "
+            f"{DEADBAND_THRESHOLD:g} sigma depth is not resolved. Framed: the least margin, "
+            f"{weakest.margin:.1f} sigma (± {weakest.depths.margin_error:.1f} by numerical error); "
+            f"{counted(weakest.answering_pairs, 'pair')} respond there.",
         )
     )
     return figures
@@ -118,7 +119,7 @@ def _view(scene: MapScene) -> Html:
     last = max(len(one.depth_mm) for one in scene.maps) - 1
     slider = element("input", type="range", min="0", max=str(last), step="1", value="0", id="maps-depth")
     which = radios("maps-which", (one.title for one in scene.maps))
-    name = "Map of the pad. Arrow keys move from place to place."
+    name = "Map of the pad. Arrow keys move from location to location."
     return element(
         "div",
         element("fieldset", element("legend", "Shown"), *which, class_="choices"),
@@ -152,17 +153,17 @@ def _view(scene: MapScene) -> Html:
 
 FINE_TO_POOR = ("#00343f", "#00785a", "#8fc7a2", "#f6f2d8", "#f2b98a", "#a33f00")
 LOAD = ("#f7f4ef", "#f2b98a", "#c24e00", "#5c2200")
-BLIND = "blind: this cannot be told at all"
-TRACE = "by the light trace's own error"
+BLIND = "not resolved"
+TRACE = "by numerical error of the light model"
 ONE_FRAME = (
-    "Cramér-Rao bound: no estimator that is right on average does better from one frame of all readings. It is "
-    "local and of noise alone; a learner must also find the location from nothing and does not know gains and "
-    "ambient light: `optopad predict` says what one reaches."
+    "Cramér-Rao bound: the least standard deviation of any unbiased estimator from one frame of all "
+    "readings. It is local and includes noise only; a learner starts without a location and does not "
+    "know gains and ambient light: `optopad predict` reports its errors."
 )
 
 
 def bound_maps(score: ContinuityScore) -> list[DepthMap]:
-    """Resolution of place and depth, and the lightest press felt; of facing rows depth alone, their place is known."""
+    """Resolution of location and depth, and the detection threshold; of facing rows depth alone, at a known place."""
     bounds = score.bounds
     if bounds is None:
         return []
@@ -173,8 +174,8 @@ def bound_maps(score: ContinuityScore) -> list[DepthMap]:
 def _location(bounds: PadBounds) -> DepthMap:
     return _bound(
         "location",
-        "Resolution of place",
-        f"Least standard deviation of the press's place, x and y together. {ONE_FRAME}",
+        "Resolution of location",
+        f"Least standard deviation of the press's location, x and y together. {ONE_FRAME}",
         bounds,
         (bounds.location_mm, bounds.location_error_mm),
         bounds.limits.dead_location_mm,
@@ -185,7 +186,7 @@ def _depth(bounds: PadBounds) -> DepthMap:
     return _bound(
         "depth",
         "Resolution of depth",
-        f"Least standard deviation of the press's depth, its place unknown too. {ONE_FRAME}",
+        f"Least standard deviation of the press's depth, with unknown location. {ONE_FRAME}",
         bounds,
         (bounds.depth_bound_mm, bounds.depth_error_mm),
         bounds.limits.dead_depth_mm,
@@ -196,7 +197,7 @@ def _depth_alone(bounds: PadBounds) -> DepthMap:
     return _bound(
         "depth-alone",
         "Resolution of depth",
-        f"Least standard deviation of the press's depth at a known place. {ONE_FRAME}",
+        f"Least standard deviation of the press's depth at a known location. {ONE_FRAME}",
         bounds,
         (bounds.depth_alone_mm, bounds.depth_alone_error_mm),
         bounds.limits.dead_depth_mm,
@@ -223,7 +224,7 @@ def _bound(
         depth_mm=np.array(bounds.depth_mm),
         values=np.where(np.isfinite(values), values, np.nan),
         is_hatched=~(values <= limit_mm),
-        hatched=f"dead, above {limit_mm:g} mm or blind",
+        hatched=f"dead, above {limit_mm:g} mm or not resolved",
         absent=BLIND,
         colours=FINE_TO_POOR,
         low=low,
@@ -236,23 +237,23 @@ def _bound(
     )
 
 
-def _felt(felt: FeltForce) -> DepthMap:
+def _felt(felt: DetectionThreshold) -> DepthMap:
     inside = ~np.isnan(felt.depth_mm)
     force = felt.force_n[inside][None]
     finite = force[np.isfinite(force)]
     high = float(finite.max()) if finite.size else 1.0
     return DepthMap(
         key="felt",
-        title="Lightest press felt",
+        title="Detection threshold",
         unit="N",
         tells=(
-            f"Load from which some pair's reading has left its untouched value by {felt.threshold:g} noise units: one "
-            "pair, one frame."
+            f"Least load at which the reading of one pair differs from its baseline by {felt.threshold:g} "
+            "sigma in one frame."
         ),
         depth_mm=np.array([np.nan]),
         values=np.where(np.isfinite(force), force, np.nan),
         is_hatched=~np.isfinite(force),
-        hatched="no press within the range of use is felt",
+        hatched="no press within the range of use is detected",
         absent="none within the range of use",
         colours=LOAD,
         low=0.0,
@@ -274,13 +275,13 @@ def load_map(design: SensorDesign, pad_map: PadMap, depth_mm: FloatArray) -> Dep
         title="Load",
         unit="N",
         tells=(
-            "Load of a press to this depth, near walls included; it goes with Young's modulus, "
-            f"{young.value:.3g} MPa ({young.confidence})."
+            "Load of a press to this depth, with the effect of near walls; it is proportional to Young's "
+            f"modulus, {young.value:.3g} MPa ({young.confidence})."
         ),
         depth_mm=depths,
         values=loads[..., 0],
         is_hatched=np.tile([not is_there for _, is_there in curves], (len(depths), 1)),
-        hatched="so near to a wall that the load is that of the centred press",
+        hatched="too near to a wall: load of the centred press",
         absent="not computed",
         colours=LOAD,
         low=0.0,

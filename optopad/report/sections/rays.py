@@ -17,12 +17,12 @@ from sims.plots.rays import cut_of_pair, percent
 from sims.plots.style import plain_style
 from sims.rays import LOST, LightKind
 
-TITLE = "The sensor in three dimensions, and where its light goes"
+TITLE = "The sensor and its light in three dimensions"
 THIN = 2
 """One path in so many is drawn on the sheet: files stay small."""
 BUTTONS = (
-    ("left", "\N{ANTICLOCKWISE OPEN CIRCLE ARROW}", "Turn left"),
-    ("right", "\N{CLOCKWISE OPEN CIRCLE ARROW}", "Turn right"),
+    ("left", "\N{ANTICLOCKWISE OPEN CIRCLE ARROW}", "Rotate left"),
+    ("right", "\N{CLOCKWISE OPEN CIRCLE ARROW}", "Rotate right"),
     ("up", "\N{UPWARDS ARROW}", "See more from above"),
     ("down", "\N{DOWNWARDS ARROW}", "See more from the side"),
     ("in", "+", "Larger"),
@@ -32,10 +32,10 @@ BUTTONS = (
     ("reset", "reset", "Back to the first view"),
 )
 CAPTION = (
-    "Lines are random sample paths of the ray tracer, each as likely as the power that it carries; of each pair, "
-    "strong kinds have more lines, weak ones more than their share. Dotted: rays that arrived while the pad was "
-    "untouched, followed under the press to where they end (crosses). Percentages are from the light model, not from "
-    "counts of lines."
+    "Lines are random sample paths of the ray tracer, drawn with a probability proportional to their "
+    "power; of each pair, strong kinds have more lines, but weak ones are overrepresented. Dotted: rays "
+    "that arrived while the pad was untouched, followed under the press to their ends (crosses). "
+    "Percentages are from the light model, not from counts of lines."
 )
 
 
@@ -65,20 +65,23 @@ def rays_section(scene: RayScene | str | None, mold: dict[str, Any] | None = Non
 
 def _lead(scene: RayScene) -> str:
     x_mm, y_mm = scene.place_mm
-    where = "the middle of the middle facing pair" if scene.is_middle else "the pad's weakest place"
+    where = "the middle of the middle facing pair" if scene.is_middle else "the location of least margin"
     along = "" if scene.cavity.plan.top.is_flat else ", along the normal of the top there"
     count = len(scene.pairs)
     which = (
         "of the facing pairs" if scene.is_middle else f"of the {count} judged pairs that pass nearest to it"
     )
     return (
-        f"The pad under presses at {where}, x = {x_mm:g}, y = {y_mm:g} mm{along}, and the light {which}: straight "
-        "(mode 2), mirrored by the top (mode 1), scattered, and what the press takes away."
+        f"The pad under presses at {where}, x = {x_mm:g}, y = {y_mm:g} mm{along}, and the light {which}: "
+        "straight (mode 2), mirrored by the top (mode 1), scattered, and light lost under the press."
     )
 
 
 def _view(scene: RayScene, mold: dict[str, Any] | None) -> Html:
-    name = "The sensor in three dimensions. Arrow keys turn it, plus and minus change its size, 0 goes back."
+    name = (
+        "The sensor in three dimensions. Arrow keys rotate it, plus and minus change its size, 0 "
+        "resets the view."
+    )
     return element(
         "div",
         element(

@@ -26,7 +26,7 @@ SCHEMATIC_SVG = "fabrication/schematic.svg"
 ORIENTATION_SVG = "fabrication/orientation.svg"
 LAYOUT_WORDS = (
     "Seen from above and cut open, to one scale. Lengths in mm; heights are above the bottom of the clear layer. "
-    "Circles: emitters; squares: receivers, with {place}; dashed: where presses are judged."
+    "Circles: emitters; squares: receivers, with {position}; dashed: where presses are judged."
 )
 STATES = {"ok": "\N{CHECK MARK} ok", "warning": "! warning", "error": "\N{MULTIPLICATION X} error"}
 
@@ -104,12 +104,12 @@ def sensor_section(design: SensorDesign, drawings: dict[str, Drawing]) -> Html:
 
 
 def _layout_words(cavity: CavityGeometry) -> str:
-    places = {False: "the place of each along its wall", True: "the direction of each from the middle"}
+    places = {False: "the position of each along its wall", True: "the direction of each from the middle"}
     by_angle = {part.angle_deg is not None for part in cavity.parts}
-    words = LAYOUT_WORDS.format(place=" or ".join(places[one] for one in sorted(by_angle)))
+    words = LAYOUT_WORDS.format(position=" or ".join(places[one] for one in sorted(by_angle)))
     if not is_cast_under_lid(cavity.plan):
         return words
-    return f"{words} Dotted: the floor's holes, which the clear layer is poured through upside down."
+    return f"{words} Dotted: the floor's holes, through which the clear layer is poured upside down."
 
 
 def mold_figure(pictures: Pictures) -> Html:
@@ -179,8 +179,8 @@ def _facts(design: SensorDesign, cavity: CavityGeometry) -> list[tuple[str, str]
         ("tip", tip_words(design.indenter)),
         ("workspace", cavity.workspace.place_words),
         ("deepest press", f"{design.operating.max_depth_mm:g} mm{'' if cavity.plan.top.is_flat else ALONG}"),
-        ("board", f"{design.board.kind}, {design.board.frame_rate_hz:g} frames a second wanted"),
-        ("measured on the build", ", ".join(design.measured) or "nothing yet"),
+        ("board", f"{design.board.kind}, {design.board.frame_rate_hz:g} frames per second required"),
+        ("measured on the built pad", ", ".join(design.measured) or "nothing yet"),
     ]
 
 

@@ -36,8 +36,8 @@ from sims.verdict.trial import Trial
 Drawings = dict[str, Drawing]
 
 ONE_PLACE = (
-    "The pad is tried at its weakest place, by the few pairs that answer most there: fewer pairs can only lengthen a "
-    "deadband. Other places are not tried."
+    "The bands are tried at the location of least margin, with the few pairs that respond most there: "
+    "fewer pairs can only lengthen a deadband. Other locations are not tried."
 )
 CURVES = (
     ("total", "total"),
@@ -45,20 +45,26 @@ CURVES = (
     ("top", "mirrored by the top (mode 1)"),
     ("other", "other, scattered"),
 )
-LACKS = {"apart": "modes apart", "slight": "changes too little", "cancel": "modes cancel"}
+LACKS = {
+    "apart": "modes apart",
+    "slight": "changes too little",
+    "cancel": "modes cancel",
+    "used up": "saturated",
+    "dim": "too little light",
+}
 """What a pair lacks, in words, where the name alone would not do."""
 CAUSE_HEADS = (
     "pair",
     "lacks",
-    "mirrored light left",
-    "straight light left",
+    "remaining reflected light",
+    "remaining direct light",
     "counts untouched",
-    "change [noise units]",
+    "change [sigma]",
     "mode 1 ends at [mm]",
     "mode 2 begins at [mm]",
-    "tip meets its straight path at [mm]",
+    "tip reaches the direct path at [mm]",
 )
-TRIAL_HEADS = ("move", "deadband [mm]", "usable depth [mm]", "margin [noise units]")
+TRIAL_HEADS = ("move", "deadband [mm]", "usable depth [mm]", "margin [sigma]")
 PAIR_HEADS = (
     "pair",
     "press at x, y",
@@ -73,13 +79,13 @@ PAIR_HEADS = (
     "swing",
     "steps",
     "clipped",
-    "trace error",
-    "deadband with it",
+    "numerical error",
+    "deadband with this error",
 )
 
 
 def causes_section(score: ContinuityScore, drawings: Drawings) -> Html:
-    """Why depth is not told where it is not: a section with the light that is left, and the pairs under the tip."""
+    """Why depth is not resolved where it is not: a section with the light that is left, and the pairs under the tip."""
     causes = shown_causes(score)
     if not causes:
         return Html("")
@@ -87,7 +93,8 @@ def causes_section(score: ContinuityScore, drawings: Drawings) -> Html:
     for number, cause in enumerate(causes, 1):
         x_mm, y_mm = cause.place_mm
         words = cause_sentence(cause)
-        said = f"{cause.kind.capitalize()} from {spans([cause.depth_mm])} mm at x = {x_mm:g}, y = {y_mm:g} mm: {words}."
+        kind = "Deadband" if cause.kind == "deadband" else "Saturated"
+        said = f"{kind} from {spans([cause.depth_mm])} mm at x = {x_mm:g}, y = {y_mm:g} mm: {words}."
         drawn = drawings.get(f"cause-{number}")
         parts.append(element("p", said) if drawn is None else figure_of(drawn, said))
     witnesses = causes[0].witnesses
@@ -107,7 +114,7 @@ def causes_section(score: ContinuityScore, drawings: Drawings) -> Html:
     ]
     return section(
         "why",
-        "Why depth is not told",
+        "Why depth is not resolved",
         element("div", *parts, class_="grid"),
         table(
             CAUSE_HEADS, rows, label="Pairs under the tip", numeric=range(2, len(CAUSE_HEADS)), class_="wide"
@@ -116,9 +123,9 @@ def causes_section(score: ContinuityScore, drawings: Drawings) -> Html:
         else Html(""),
         element(
             "p",
-            "Solid: light that is whole; dashed: some is left; dotted: gone. Hatched: the tip where the interval "
-            "begins; dashed: where it ends; dotted: the tip beside the section. The table lists the pairs under the "
-            "tip in the first picture.",
+            "Solid: light unchanged; dashed: partly lost; dotted: lost. Hatched: the tip where the "
+            "interval begins; dashed: where it ends; dotted: the tip next to the section. The table "
+            "lists the pairs under the tip in the first picture.",
             class_="note",
         ),
         *_trial_parts(score.trial),
@@ -140,8 +147,8 @@ def _trial_parts(trial: Trial | None) -> list[Html]:
     ]
     said = "; ".join(filter(None, [fix_words(trial), no_fix_words(trial)]))
     return [
-        element("p", f"Moves that were traced, judged by {trial.searched}: {said}."),
-        table(TRIAL_HEADS, rows, label="Moves that were traced", numeric=range(1, len(TRIAL_HEADS))),
+        element("p", f"Traced changes, judged by {trial.searched}: {said}."),
+        table(TRIAL_HEADS, rows, label="Traced changes", numeric=range(1, len(TRIAL_HEADS))),
     ]
 
 
@@ -150,8 +157,8 @@ def signal_section(design: SensorDesign, score: ContinuityScore, drawings: Drawi
     lead = (
         "Facing rows are judged by their facing pairs, the middle one first."
         if score.is_facing_rows
-        else f"A pad is judged by its places (next section). Of its {len(score.pairs)} judged pairs these show "
-        "the range; each is pressed at the middle of its own chord."
+        else f"A pad is judged by its locations (next section). Of its {len(score.pairs)} judged pairs, "
+        "these show the range; each is pressed at the middle of its own chord."
     )
     figures = [
         figure_of(
@@ -168,8 +175,8 @@ def signal_section(design: SensorDesign, score: ContinuityScore, drawings: Drawi
         element("div", element("p", lead), element("div", *figures, class_="grid"), id="pairs-still"),
         element(
             "p",
-            "Mode 1: the dimple takes away light that the top mirrors. Mode 2: the tip blocks the straight path. "
-            "Light is shown before noise and clipping, over the untouched total.",
+            "Mode 1: the dimple reduces the light that the top mirrors. Mode 2: the tip blocks the "
+            "direct path. Light is shown before noise and clipping, relative to the untouched total.",
             class_="note",
         ),
         data_element("pairs-data", pair_scene(design, score)),
@@ -248,9 +255,7 @@ def pairs_section(score: ContinuityScore, drawings: Drawings) -> Html:
     return section(
         "pairs",
         "All judged pairs",
-        figure_of(
-            drawings["pairs"], "Where in depth each pair's modes and deadbands lie, each under its own press."
-        ),
+        figure_of(drawings["pairs"], "Depths of each pair's modes and deadbands, each under its own press."),
         table(
             PAIR_HEADS,
             [_pair_row(pair) for pair in score.pairs],
@@ -260,10 +265,11 @@ def pairs_section(score: ContinuityScore, drawings: Drawings) -> Html:
         ),
         element(
             "p",
-            "Depths, gaps and places in mm. Flat beyond mode 2 is saturation, not a deadband. Steps: range of the "
-            f"signal over {DEADBAND_THRESHOLD:g} noise units. Clipped: share of the depth above full scale. "
-            f"Trace error: largest standard error of the simulated light in noise units; the verdict wants at most "
-            f"{TRACE_ERROR_LIMIT:g}. Deadband with it: what that error may hide, with the deadbands found.",
+            "Depths, gaps and locations in mm. Flat beyond mode 2 is saturation, not a deadband. Steps: "
+            f"range of the signal over {DEADBAND_THRESHOLD:g} sigma. Clipped: share of the depth above "
+            "full scale. Numerical error: largest standard error of the simulated light in sigma; the "
+            f"verdict needs at most {TRACE_ERROR_LIMIT:g}. Deadband with this error: the deadbands found, "
+            "with those that the error may hide.",
             class_="note",
         ),
         *rest,
@@ -304,19 +310,19 @@ def tolerance_section(score: ContinuityScore, drawings: Drawings) -> Html:
         return Html("")
     if not (band.rows or band.unbanded):
         return section(
-            "tolerance", "Tolerance", element("p", "Every value that the verdict rests on was measured.")
+            "tolerance", "Tolerance", element("p", "Every value that the verdict depends on was measured.")
         )
     figures = [
         figure_of(drawings[name], caption)
         for name, caption in (
             (
                 "tolerance-deadband",
-                "Deadband, the strongest effect first. Starred: turns the verdict.",
+                "Deadband, the strongest effect first. Starred: changes the verdict.",
             ),
             ("tolerance-gap", "Mode gap: below 0 the modes overlap."),
             (
                 "tolerance-margin",
-                "Change over the least responsive 0.3 mm of depth; below 3 noise units is a deadband.",
+                "Margin: least change over 0.3 mm of depth; a deadband is below 3 sigma.",
             ),
         )
         if name in drawings
@@ -339,13 +345,14 @@ def matters_section(score: ContinuityScore, drawings: Drawings) -> Html:
         return Html("")
     x_mm, y_mm, depth_mm = score.steps.bounds_at_mm
     caption = (
-        f"Judged by {score.steps.judged}, a gain by rule set anew; bounds of one frame at x = {x_mm:g}, y = {y_mm:g}, "
-        f"{depth_mm:g} mm deep. Longer usable depth, less deadband, more margin and smaller bounds are better."
+        f"Judged by {score.steps.judged}, with a gain by rule recomputed; bounds of one frame at x = "
+        f"{x_mm:g}, y = {y_mm:g}, {depth_mm:g} mm deep. Longer usable depth, less deadband, more margin "
+        "and smaller bounds are better."
     )
     return section(
         "matters",
-        "What matters",
-        element("p", "One field at a time, a step lower and a step higher."),
+        "Sensitivity",
+        element("p", "Effect of one parameter at a time, a step lower and a step higher."),
         figure_of(drawings["field-steps"], caption),
     )
 
@@ -358,8 +365,9 @@ def _builds(score: ContinuityScore, drawings: Drawings) -> list[Html]:
     shown = [
         figure_of(
             drawings["builds"],
-            "Left: each value alone at both ends of its band. Right: how the verdict's firmness goes with it over the "
-            "builds, with its 95 % interval; grey where that holds zero.",
+            "Left: each value alone at both ends of its band. Right: its rank correlation with the "
+            "margin over the manufactured units, with the 95 % interval; grey where the interval "
+            "includes zero.",
         )
         for name in ("builds",)
         if name in drawings
@@ -370,14 +378,14 @@ def _builds(score: ContinuityScore, drawings: Drawings) -> list[Html]:
 def _tolerance_lead(band: ToleranceBand) -> str:
     low, high = band.deadband_range_mm
     turned = (
-        f"Measure first what turns the verdict: {', '.join(band.flipping)}."
+        f"Measure first the parameters that change the verdict: {', '.join(band.flipping)}."
         if band.flipping
-        else "No single value turns the verdict."
+        else "No single parameter changes the verdict."
     )
     return (
-        f"{counted(len(band.rows), 'value')} behind the verdict of {band.judged} were never measured on the build. "
-        f"One at a time, at both ends of its band, with the gain set anew: the deadband is {low:.2f} to {high:.2f} mm "
-        f"({band.deadband_mm:.2f} mm as designed). {turned}"
+        f"{counted(len(band.rows), 'value')} behind the verdict of {band.judged} were not measured on the "
+        "built pad. Each is varied alone to both ends of its band, with the gain recomputed: the "
+        f"deadband is {low:.2f} to {high:.2f} mm ({band.deadband_mm:.2f} mm as designed). {turned}"
     )
 
 
@@ -390,7 +398,7 @@ def _tolerance_table(band: ToleranceBand) -> Html:
             f"{row.deadband_mm[0]:.2f} / {row.deadband_mm[1]:.2f}",
             f"{signed(row.gap_mm[0])} / {signed(row.gap_mm[1])}",
             f"{row.margin[0]:.1f} / {row.margin[1]:.1f}",
-            element("strong", "turns it") if row.flips else "no",
+            element("strong", "changes it") if row.flips else "no",
         )
         for row in band.rows
     ]
@@ -400,7 +408,7 @@ def _tolerance_table(band: ToleranceBand) -> Html:
         "band",
         "deadband at low / high [mm]",
         "mode gap at low / high [mm]",
-        "margin at low / high [noise units]",
+        "margin at low / high [sigma]",
         "verdict",
     )
     return table(heads, rows, label="Tolerance of the verdict", numeric=(2, 3, 4, 5), class_="wide")
@@ -410,4 +418,4 @@ def _unbanded(band: ToleranceBand) -> Html:
     if not band.unbanded:
         return Html("")
     names = ", ".join(band.unbanded)
-    return element("p", f"Without a band, so that nothing can be said of them: {names}.", class_="note")
+    return element("p", f"No uncertainty band, therefore not tried: {names}.", class_="note")

@@ -20,11 +20,10 @@ from cad.mesh import png_bytes
 from design.errors import OptopadError
 from design.shape.cavity import cavity_of
 from fabrication.bundle import bundle_name
-from optopad.studio.actions import Errand, Ghost
-from optopad.studio.answers import Answer, Curves, Failed, Judged, Look, Readings
-from optopad.studio.answers import Doing as Working
+from optopad.studio.actions import Ghost, Task
+from optopad.studio.answers import Answer, Curves, Failed, Judged, Look, Progress, Readings
 from optopad.studio.drawings import QUANTITIES, curves_svg, map_svg, quantity, readings_svg
-from optopad.studio.knobs import Knob, knobs_of
+from optopad.studio.editable_fields import EditableField, editable_fields_of
 from optopad.studio.live import LiveSensor, LiveView
 from optopad.studio.sentences import bad_parts, curves_title, pins_html, said_html, sensor_html, verdict_html
 from optopad.studio.session import Session
@@ -33,14 +32,14 @@ PICTURE_S = 20.0
 LEAST_PX = (800, 600)
 
 
-class Doing:
+class BackgroundJobs:
     """The buttons' work.
 
     Parameters
     ----------
     server : of the page
-    session, errand : what is on the table, what is under way
-    changed : is called when an errand begins or ends
+    session, task : what is on the table, what is under way
+    changed : is called when a task begins or ends
     found : gets the alternatives of improve
     """
 
@@ -48,12 +47,12 @@ class Doing:
         self,
         server: viser.ViserServer,
         session: Session,
-        errand: Errand,
+        task: Task,
         *,
         changed: Callable[[], None],
         found: Callable[[tuple[Ghost, ...]], None],
     ) -> None:
-        self._server, self._session, self._errand = server, session, errand
+        self._server, self._session, self._task = server, session, task
         self._changed, self._found = changed, found
 
     def improve(self) -> None:
@@ -63,24 +62,24 @@ class Doing:
             self._found(ghosts)
             self._changed()
 
-        self._begin(lambda: self._errand.improve(self._session.design, done))
+        self._begin(lambda: self._task.improve(self._session.design, done))
 
     def build(self) -> None:
         """Make the whole bundle."""
-        self._begin(lambda: self._errand.build(self._session.design, lambda _folder: self._changed()))
+        self._begin(lambda: self._task.build(self._session.design, lambda _folder: self._changed()))
 
     def end(self) -> None:
         """End what is under way."""
-        if not self._errand.is_running:
-            self._session.say("nothing runs")
-        self._errand.end()
+        if not self._task.is_running:
+            self._session.say("no running job")
+        self._task.end()
         self._changed()
 
     def open_report(self) -> None:
         """Open the page of the design's bundle in the browser of this machine."""
-        report = self._errand.out / bundle_name(self._session.design) / "report.html"
+        report = self._task.out / bundle_name(self._session.design) / "report.html"
         if not report.is_file():
-            self._session.say("no report of this design yet: build the bundle first", is_bad=True)
+            self._session.say("no report of this design yet: make the bundle first", is_bad=True)
             return
         webbrowser.open(report.absolute().as_uri())
         self._session.say(f"opened: {report}")
@@ -89,7 +88,7 @@ class Doing:
         """What the browser shows of the scene, as a PNG among the bundles."""
         clients = list(self._server.get_clients().values())
         if not clients:
-            self._session.say("no page is open to take a picture of", is_bad=True)
+            self._session.say("no open page to take a picture of", is_bad=True)
             return
         camera = clients[-1].camera
         try:
@@ -104,7 +103,7 @@ class Doing:
                 f"no picture: {err} Bring the page to the front, then export again", is_bad=True
             )
             return
-        target = self._errand.out / f"{self._session.design.name}-{time.strftime('%Y%m%d-%H%M%S')}.png"
+        target = self._task.out / f"{self._session.design.name}-{time.strftime('%Y%m%d-%H%M%S')}.png"
         self._write(target, png_bytes(image))
 
     def _write(self, target: Path, content: bytes) -> None:
@@ -118,9 +117,9 @@ class Doing:
 
     def _begin(self, start: Callable[[], bool]) -> None:
         if self._session.now.errors:
-            self._session.say(f"not begun: {self._session.now.errors[0]}", is_bad=True)
+            self._session.say(f"not started: {self._session.now.errors[0]}", is_bad=True)
         elif not start():
-            self._session.say("one thing at a time: end what runs first", is_bad=True)
+            self._session.say("one job at a time: end the running job first", is_bad=True)
         self._changed()
 
 
@@ -156,17 +155,20 @@ class AnswersPanel:
         self._said, self._verdict = gui.add_html(""), gui.add_html("")
         self._add_sensor(gui, live)
         self._choose = gui.add_dropdown(
-            "alternatives", (NO_GHOST,), visible=False, hint="Verified by improve: one of them on the table."
+            "alternatives", (NO_GHOST,), visible=False, hint="Verified designs of improve: load one."
         )
         self._choose.on_update(lambda _event: later("ghost", self._take_chosen, 0.0))
         self._curves_title, self._curves = gui.add_html(""), gui.add_html("")
         self._quantity = gui.add_dropdown(
-            "map of", QUANTITIES, initial_value=QUANTITIES[0], hint="What each place of the pad says."
+            "map of",
+            QUANTITIES,
+            initial_value=QUANTITIES[0],
+            hint="Quantity shown at each location of the pad.",
         )
         self._quantity.on_update(lambda _event: redraw_map())
         self._map, self._pins = gui.add_html(""), gui.add_html("")
         self._back = gui.add_dropdown(
-            "go back to", (NO_PIN,), visible=False, hint="A pinned design on the table again."
+            "go back to", (NO_PIN,), visible=False, hint="Load a pinned design again."
         )
         self._back.on_update(lambda _event: later("pin", self._take_pin, 0.0))
 
@@ -177,10 +179,10 @@ class AnswersPanel:
             "tip follows touch",
             True,
             visible=live is not None,
-            hint="The press is where the sensor feels one.",
+            hint="The press follows the touch that the sensor detects.",
         )
         if live is not None:
-            rebase = gui.add_button("New baseline: leave the pad alone")
+            rebase = gui.add_button("New baseline: do not touch the pad")
             rebase.on_click(lambda _event: live.rebase())
 
     @property
@@ -191,7 +193,7 @@ class AnswersPanel:
     def draw_words(self, answers: Mapping[type, Answer], judged: Mapping[str, Judged]) -> None:
         """Message, verdict, pinned designs."""
         session, now = self._session, self._session.now
-        failed, doing = answers.get(Failed), answers.get(Working)
+        failed, progress = answers.get(Failed), answers.get(Progress)
         why_not = failed.text if isinstance(failed, Failed) and failed.digest == now.design.digest else ""
         found = judged.get(now.design.digest) or answers.get(Judged)
         self._said.content = said_html(session.said, words=now.words, is_saved=session.is_saved)
@@ -199,7 +201,7 @@ class AnswersPanel:
             now,
             found if isinstance(found, Judged) else None,
             why_not,
-            doing if isinstance(doing, Working) else None,
+            progress if isinstance(progress, Progress) else None,
         )
         self._pins.content = pins_html(session.pinned, now, judged)
         self._back.visible = bool(session.pinned)
@@ -309,11 +311,11 @@ class Controls:
         *,
         later: Callable[[str, Callable[[], object], float], None],
         redraw: Callable[[], None],
-        buttons: Doing,
+        buttons: BackgroundJobs,
     ) -> None:
         self._gui, self._session, self._later, self._redraw = gui, session, later, redraw
         self._folders: dict[str, viser.GuiFolderHandle] = {}
-        self._fields: dict[str, tuple[Knob, Any]] = {}
+        self._fields: dict[str, tuple[EditableField, Any]] = {}
         self._signature: dict[str, tuple[Any, ...]] = {}
         self._typing: set[str] = set()
         self._add_file(session.file.default_name)
@@ -352,7 +354,7 @@ class Controls:
         """Show the session's values; fields that are being typed in are left alone."""
         design, press = self._session.design, self._session.press
         for group in GROUPS:
-            self._follow_group(group, [knob for knob in knobs_of(design) if knob.group == group])
+            self._follow_group(group, [field for field in editable_fields_of(design) if field.group == group])
         space = cavity_of(design).workspace
         ends = ((space.x0_mm, space.x1_mm), (space.y0_mm, space.y1_mm), (0.0, design.operating.max_depth_mm))
         values = (press.x_mm, press.y_mm, press.depth_mm)
@@ -438,7 +440,7 @@ class Controls:
             )
             self._rays.on_update(lambda _event: self._redraw())
             self._row = gui.add_checkbox(
-                "move whole rows", False, hint="A dragged part takes its row along: pitch or shift."
+                "move whole rows", False, hint="A dragged part moves its row: pitch or shift."
             )
 
     def _slider(self, label: str, low: float, high: float, value: float, name: str, hint: str) -> Any:
@@ -460,40 +462,40 @@ class Controls:
         slider.on_update(moved)
         return slider
 
-    def _follow_group(self, group: str, knobs: list[Knob]) -> None:
-        signature = tuple((knob.path, knob.kind, knob.choices) for knob in knobs)
+    def _follow_group(self, group: str, fields: list[EditableField]) -> None:
+        signature = tuple((field.path, field.kind, field.choices) for field in fields)
         if self._signature.get(group) != signature:
             self._signature[group] = signature
-            for path in [path for path, (knob, _) in self._fields.items() if knob.group == group]:
+            for path in [path for path, (field, _) in self._fields.items() if field.group == group]:
                 self._fields.pop(path)[1].remove()
             with self._folders[group]:
-                for knob in knobs:
-                    self._fields[knob.path] = (knob, self._field(knob))
+                for field in fields:
+                    self._fields[field.path] = (field, self._field(field))
             return
-        for knob in knobs:
-            _, handle = self._fields[knob.path]
-            self._fields[knob.path] = (knob, handle)
-            if knob.path not in self._typing and handle.value != knob.value:
-                handle.value = knob.value
+        for field in fields:
+            _, handle = self._fields[field.path]
+            self._fields[field.path] = (field, handle)
+            if field.path not in self._typing and handle.value != field.value:
+                handle.value = field.value
 
-    def _field(self, knob: Knob) -> Any:
-        label = f"{knob.label} [{knob.unit}]" if knob.unit else knob.label
-        hint = f"{knob.tells}{_range(knob)} ({knob.path})"
-        if knob.kind == "choice":
+    def _field(self, field: EditableField) -> Any:
+        label = f"{field.label} [{field.unit}]" if field.unit else field.label
+        hint = f"{field.tells}{_range(field)} ({field.path})"
+        if field.kind == "choice":
             handle: Any = self._gui.add_dropdown(
-                label, knob.choices, initial_value=str(knob.value), hint=hint
+                label, field.choices, initial_value=str(field.value), hint=hint
             )
-        elif knob.kind == "whole":
-            handle = self._gui.add_number(label, int(knob.value), step=1, hint=hint)
+        elif field.kind == "whole":
+            handle = self._gui.add_number(label, int(field.value), step=1, hint=hint)
         else:
-            handle = self._gui.add_number(label, float(knob.value), step=_fine(knob.step), hint=hint)
-        path = knob.path
+            handle = self._gui.add_number(label, float(field.value), step=_fine(field.step), hint=hint)
+        path = field.path
 
         def typed(event: Any) -> None:
             if event.client is None:
                 return
             self._typing.add(path)
-            self._later(f"field {path}", lambda: self._take(path), 0.0 if knob.kind == "choice" else TYPED_S)
+            self._later(f"field {path}", lambda: self._take(path), 0.0 if field.kind == "choice" else TYPED_S)
 
         handle.on_update(typed)
         return handle
@@ -503,14 +505,14 @@ class Controls:
         if path in self._fields:
             self._session.set_field(path, self._fields[path][1].value)
 
-    def _add_buttons(self, buttons: Doing) -> None:
+    def _add_buttons(self, buttons: BackgroundJobs) -> None:
         with self._gui.add_folder("Do"):
             for label, name, do in (
                 ("Improve", "improve", buttons.improve),
-                ("Build the bundle", "build", buttons.build),
+                ("Make the bundle", "build", buttons.build),
                 ("Open the report", "report", buttons.open_report),
                 ("Export picture", "picture", buttons.export_picture),
-                ("End what runs", "end", buttons.end),
+                ("End the job", "end", buttons.end),
             ):
                 self._button(label, name, do)
 
@@ -525,19 +527,19 @@ class Controls:
     def _add_picture(self) -> None:
         with self._gui.add_folder("Picture", expand_by_default=False):
             self._mold = self._gui.add_dropdown(
-                "mold", MOLDS, initial_value="hidden", hint="As it is printed."
+                "mold", MOLDS, initial_value="hidden", hint="The mold as printed."
             )
             self._mold.on_update(lambda _event: self._redraw())
             self._dark = self._gui.add_checkbox("dark page", False)
             self._dark.on_update(lambda _event: self._redraw())
 
 
-def _range(knob: Knob) -> str:
-    if knob.low is None and knob.high is None:
+def _range(field: EditableField) -> str:
+    if field.low is None and field.high is None:
         return ""
-    low = "any" if knob.low is None else f"{knob.low:g}"
-    high = "any" if knob.high is None else f"{knob.high:g}"
-    return f" From {low} to {high}{f' {knob.unit}' if knob.unit else ''}."
+    low = "any" if field.low is None else f"{field.low:g}"
+    high = "any" if field.high is None else f"{field.high:g}"
+    return f" From {low} to {high}{f' {field.unit}' if field.unit else ''}."
 
 
 def _fine(step: float) -> float:

@@ -66,8 +66,8 @@ class LocalServer(viser.ViserServer):
         if not self.is_checked:
             self.stop()
             raise InputError(
-                f"studio: viser {viser.__version__} is refused: the studio cannot check who asks; "
-                "install the version in constraints.txt"
+                f"studio: viser {viser.__version__} is refused: the studio cannot check the origin of "
+                "requests; install the version in constraints.txt"
             )
 
     @property
@@ -135,7 +135,7 @@ class _Connection(ServerConnection):
         if len(hosts) != 1 or hosts[0] not in here:
             return f"Host {', '.join(hosts)} is refused: the studio is at {here[0]} alone."
         if origins and origins != [f"http://{hosts[0]}"]:
-            return f"Origin {', '.join(origins)} is refused: only the studio's own page may ask."
+            return f"Origin {', '.join(origins)} is refused: only the studio's own page is accepted."
         is_known = secrets.compare_digest(token.encode(errors="surrogateescape"), self._page.token.encode())
         return None if is_known else "No or a wrong token: open the address that the studio printed."
 
@@ -147,7 +147,7 @@ class _Connection(ServerConnection):
         if fault is None:
             return raw
         _say_refused(fault)
-        await self.close(CloseCode.POLICY_VIOLATION, "the message is refused; the terminal says why")
+        await self.close(CloseCode.POLICY_VIOLATION, "the message is refused; the terminal shows the reason")
         raise self.protocol.close_exc
 
     def connection_lost(self, exc: Exception | None) -> None:

@@ -19,15 +19,15 @@ from cad.mesh import Mesh
 from design.errors import OptopadError
 from design.shape.cavity import cavity_of
 from optopad.studio import answers as found_by_work
-from optopad.studio.actions import Errand, Ghost, MoldShop
+from optopad.studio.actions import Ghost, MoldShop, Task
 from optopad.studio.answers import Answer, Failed, Judged, Look, Rays, Readings
 from optopad.studio.live import LiveSensor, LiveView
 from optopad.studio.sentences import bad_parts
 from optopad.studio.session import Said, Session
-from optopad.studio.view.controls import AnswersPanel, Controls, Doing
+from optopad.studio.view.controls import AnswersPanel, BackgroundJobs, Controls
 from optopad.studio.view.local_server import local_server
 from optopad.studio.view.scene import Scene
-from optopad.studio.workshop import Wish, Workshop
+from optopad.studio.workshop import Request, Workshop
 
 FRAME_S = 1.0 / 30.0
 IDLE_S = 0.1
@@ -48,7 +48,7 @@ OF_ANSWER: dict[type, tuple[str, ...]] = {
     Rays: ("rays",),
     Readings: (),
     Judged: ("map", "words"),
-    found_by_work.Doing: ("words",),
+    found_by_work.Progress: ("words",),
     Failed: ("press", "words"),
 }
 """What is drawn anew when an answer comes."""
@@ -85,7 +85,7 @@ class Page:
         self._faulty: tuple[str, ...] = ()
         self.live_updates = 0
         self.workshop = Workshop(self._post, seed=seed)
-        self._errand = Errand(out, self._tell)
+        self._task = Task(out, self._tell)
         self._molds = MoldShop(self._take_mold)
         self.server = local_server(port)
         self._build()
@@ -106,10 +106,10 @@ class Page:
         self._changed()
 
     def close(self) -> None:
-        """End the work, the errands, the sensor and the server."""
+        """End the work, the tasks, the sensor and the server."""
         self._is_closing = True
         self._wake.set()
-        self._errand.end()
+        self._task.end()
         self._molds.end()
         self.workshop.close(2.0)
         if self._live is not None:
@@ -127,8 +127,8 @@ class Page:
         self._panel = AnswersPanel(
             gui, self.session, self._live, later=self._later, redraw_map=lambda: self._mark("map")
         )
-        buttons = Doing(
-            self.server, self.session, self._errand, changed=self._changed, found=self._take_ghosts
+        buttons = BackgroundJobs(
+            self.server, self.session, self._task, changed=self._changed, found=self._take_ghosts
         )
         self._left = gui.add_panel()
         with self._left.add_tab("Design"):
@@ -172,21 +172,21 @@ class Page:
             self._dirty |= set(what)
         self._wake.set()
 
-    def _wish(self) -> Wish | None:
+    def _request(self) -> Request | None:
         """What is to be worked at; nothing for a design that breaks a rule."""
         now = self.session.now
         if now.errors:
             return None
-        return Wish(
+        return Request(
             design=now.design,
             press=self.session.press,
             with_rays=self._controls.shows_rays,
             with_readings=self._live is not None,
-            is_thorough=not self._errand.is_running,
+            is_thorough=not self._task.is_running,
         )
 
     def _changed(self) -> None:
-        self.workshop.want(self._wish())
+        self.workshop.want(self._request())
         self._mark(*OF_SESSION)
 
     def _post(self, answer: Answer) -> None:
@@ -305,7 +305,7 @@ class Page:
             rays if shown and fits and isinstance(rays, Rays) else None, is_dark=self._controls.is_dark
         )
         if shown and not fits:
-            self.workshop.want(self._wish())
+            self.workshop.want(self._request())
 
     def _draw_mold(self) -> None:
         now, shown = self.session.now, self._controls.mold

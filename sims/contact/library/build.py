@@ -260,8 +260,8 @@ def live_note(design: SensorDesign, mesh_mm: float | None) -> str:
     tip = tip_radius_mm(design)
     spacing = DEFAULT_MESH * tip if mesh_mm is None else mesh_mm
     return (
-        f"contact solved live on a mesh of {spacing:g} mm under the tip, not taken from the library: it is "
-        "compared with nothing"
+        f"contact solved live on a mesh of {spacing:g} mm under the tip, not taken from the library: it "
+        "was not compared with a reference"
     )
 
 

@@ -484,5 +484,5 @@ def median_distance(features: FloatArray, rng: np.random.Generator) -> float:
     one, other = rng.integers(len(features), size=(2, PAIRS_FOR_MEDIAN))
     median = float(np.median(np.abs(features[one] - features[other]).sum(axis=1)))
     if not median > 0.0:
-        raise InputError("training data: the touched samples hardly differ; check gain and wiring")
+        raise InputError("training data: the touched samples are almost equal; check gain and wiring")
     return median

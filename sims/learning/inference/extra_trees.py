@@ -127,7 +127,7 @@ def _forest(arrays: Arrays, features: int) -> Forest:
         or roots.min() < 0
         or roots.max() >= len(feature)
     ):
-        raise InputError("forest_other: its trees lead to nodes or leaves that are not there")
+        raise InputError("forest_other: its trees lead to nodes or leaves that do not exist")
     return Forest(
         roots=roots,
         feature=feature.astype(np.int16),

@@ -100,7 +100,7 @@ def header_of_json(document: Any) -> ModelHeader:
     if document.get("version") != VERSION:
         raise InputError(
             f"has version {document.get('version')!r} of the model format, this optopad reads {VERSION}; "
-            "train the model anew, or use the optopad that made it"
+            "train the model again, or use the optopad that made it"
         )
     emitters, receivers = _names(document, "emitter_names"), _names(document, "receiver_names")
     untouched = _numbers(document.get("untouched_counts"), "untouched_counts")

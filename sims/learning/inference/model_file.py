@@ -71,20 +71,21 @@ def load_model(file: str | os.PathLike[str]) -> TouchModel:
         header = header_of_json(json.loads(arrays.pop(_HEADER).tobytes()))
         if header.kind not in KINDS:
             raise InputError(
-                f"is of kind {header.kind!r}, this optopad knows {', '.join(KINDS)}; train one of these on its data"
+                f"is of kind {header.kind!r}, this optopad reads {', '.join(KINDS)}; train one of these "
+                "on its data"
             )
         return KINDS[header.kind](header, arrays)
     except InputError as err:
         raise InputError(f"{path}: {err}") from None
     except (ValueError, RecursionError) as err:
-        raise InputError(f"{path}: its header cannot be read: {err}; train the model anew") from None
+        raise InputError(f"{path}: its header cannot be read: {err}; train the model again") from None
 
 
 def _read(path: Path) -> dict[str, NDArray[Any]]:
     """The arrays of a file whose checksum holds, that of the checksum left out."""
     if not path.is_file():
         what = "a folder" if path.is_dir() else "no such file"
-        raise InputError(f"{path}: {what}; needed is {NEEDED}")
+        raise InputError(f"{path}: {what}; needs {NEEDED}")
     try:
         arrays = plain_arrays(path, most_bytes=MOST_BYTES)
         held = arrays.pop(_CHECKSUM).tobytes()
@@ -92,11 +93,11 @@ def _read(path: Path) -> dict[str, NDArray[Any]]:
             raise KeyError(_HEADER)
     except (OSError, ValueError, KeyError) as err:
         raise InputError(
-            f"{path}: is no optopad model, or it is damaged ({kind_of_file(path)}; {err}); needed is {NEEDED}; copy or "
-            "train it anew"
+            f"{path}: is no optopad model, or it is damaged ({kind_of_file(path)}; {err}); needs {NEEDED}; copy or "
+            "train it again"
         ) from None
     if held != _checksum(arrays):
-        raise InputError(f"{path}: is damaged: its checksum does not hold; copy or train it anew")
+        raise InputError(f"{path}: is damaged: its checksum does not match; copy or train it again")
     return arrays
 
 

@@ -110,8 +110,8 @@ def _pressing_tips(scene: OpticalScene, centres: FloatArray, presses: Presses, s
     listed = [presses] if presses is None or isinstance(presses, Indentation) else list(presses)
     if len(listed) > len(centres) or (len(listed) != len(centres) and any(listed)):
         raise InputError(
-            f"indentations[{state}]: {len(listed)} presses for {len(centres)} places in centres_mm[{state}]; give"
-            " one press or None per tip"
+            f"indentations[{state}]: {len(listed)} presses for {len(centres)} locations in "
+            f"centres_mm[{state}]; give one press or None per tip"
         )
     tips = []
     for number, (centre, press) in enumerate(zip(centres, listed, strict=False)):

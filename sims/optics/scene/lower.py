@@ -121,7 +121,7 @@ def _check_pattern(pattern: FloatArray, emitters: int) -> None:
             node = int(np.argwhere(~(np.isfinite(row) & (row >= 0)))[0, 0])
             raise InputError(
                 f"emitter_pattern[{k}, {node}]: {row[node]:g}, must be 0 or more; "
-                "only a whole row may be NaN, which stands for emitter_order"
+                "only a whole row may be NaN, which means emitter_order"
             )
         power = float(pattern_power(row))
         if abs(power - 1.0) > POWER_TOLERANCE:

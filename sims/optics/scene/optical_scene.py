@@ -335,7 +335,7 @@ def smooth_field(
     values = np.asarray(height_mm(x[:, None], y[None, :]), dtype=np.float64)
     if values.shape != (len(x), len(y)):
         raise InputError(
-            f"height_mm: gave shape {values.shape} for {len(x)} x {len(y)} places; give one height each"
+            f"height_mm: gave shape {values.shape} for {len(x)} x {len(y)} points; give one height each"
         )
     step = np.array([x[finer], y[finer]])
     return SmoothField(origin_mm=np.zeros(2), step_mm=step, nodes=_spline_nodes(x, y, values, finer))

@@ -133,7 +133,7 @@ def test_a_file_is_read_and_a_misspelt_name_is_answered(tmp_path: Path) -> None:
         ({"approach": [{"from_mm": -2.0, "to_mm": -1.0, "step_mm": 0.5}]}, "touches nothing"),
         ({"approach": [{"from_mm": 0.0, "to_mm": 50.0, "step_mm": 1e-4}]}, "give at most 20000"),
         ({"approach": document()["approach"][::-1]}, "must rise from segment to segment"),
-        ({"sets": [document()["sets"][0]] * 2}, "stands there twice: a, a"),
+        ({"sets": [document()["sets"][0]] * 2}, "is given twice: a, a"),
         ({"sets": [{"name": "a", "role": "train", "is_ambient": True}]}, "give grid_mm or random_places"),
         ({"sets": [document()["sets"][0] | {"role": "both"}]}, "must be 'train' or 'test'"),
         ({"workspace_mm": [10.0, 10.0, 9.0, 20.0]}, "is empty"),
@@ -155,7 +155,7 @@ def test_a_protocol_beyond_the_design_is_refused_with_the_way_out() -> None:
 
 
 def test_more_places_or_samples_than_can_be_meant_are_refused() -> None:
-    with pytest.raises(InputError, match="makes 4004001 places"):
+    with pytest.raises(InputError, match="makes 4004001 locations"):
         small(sets=[document()["sets"][0] | {"grid_mm": 0.01}]).places_mm(PAD)
     deep = [{"from_mm": 0.0, "to_mm": 1.0, "step_mm": 1e-3}]
     with pytest.raises(InputError, match="samples, at most 5000000"):

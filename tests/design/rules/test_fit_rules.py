@@ -51,7 +51,7 @@ def test_a_web_between_sockets_is_at_least_what_the_printer_makes() -> None:
 def test_many_thin_webs_on_a_wall_are_one_finding_that_counts_them() -> None:
     finding = about(with_layout(facing(8, 4.0), **BENCHMARK), "sockets of R")
     assert finding.message.startswith("the web between the sockets of R1 and R2 on the east wall is too thin")
-    assert finding.message.endswith("(and 6 more places)")
+    assert finding.message.endswith("(and 6 more positions)")
 
 
 @pytest.mark.parametrize(
@@ -114,7 +114,7 @@ def test_a_body_above_the_rim_is_a_warning() -> None:
     assert check(with_layout(facing(), **BENCHMARK, **{"receivers.height_mm": 6.6, "mold.rim_mm": 0.6})) == ()
     finding = only(with_layout(facing(), **BENCHMARK, **{"receivers.height_mm": 6.6, "mold.rim_mm": 0.5}))
     assert finding.severity == "warning"
-    assert "the body of R1 on the east wall sticks out above the rim (and 1 more place)" in finding.message
+    assert "the body of R1 on the east wall sticks out above the rim (and 1 more position)" in finding.message
     assert finding.value == "by 0.10 mm"
 
 
@@ -185,8 +185,8 @@ def test_a_socket_that_starts_at_the_surface_is_an_error() -> None:
     # emitter of a measured base 0.5 below its centre, clearance 0.15; surface at 8
     base = {"part_measurements.generic-emitter.active_height_in_body_mm": 0.5}
     assert check(with_layout(facing(), **BENCHMARK, **base, **{"emitters.height_mm": 7.0})) == ()
-    finding = about(with_layout(facing(), **BENCHMARK, **base, **{"emitters.height_mm": 7.95}), "hardly")
-    assert finding.message.startswith("the socket of E1 on the west wall hardly reaches below the top")
+    finding = about(with_layout(facing(), **BENCHMARK, **base, **{"emitters.height_mm": 7.95}), "too shallow")
+    assert finding.message.startswith("the socket of E1 on the west wall is too shallow below the top")
     assert (finding.severity, finding.field, finding.value) == ("error", "emitters.height_mm", "0.70 mm")
 
 
@@ -203,7 +203,7 @@ def test_every_clearance_has_its_words_and_every_words_a_clearance() -> None:
 
 def places_more(finding: Finding) -> int:
     """How many places a finding counts beside the one that it names."""
-    counted = re.search(r"\(and (\d+) more place", finding.message)
+    counted = re.search(r"\(and (\d+) more position", finding.message)
     return int(counted[1]) if counted else 0
 
 

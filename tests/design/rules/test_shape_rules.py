@@ -79,7 +79,7 @@ BAD: dict[str, tuple[str, dict[str, Any], tuple[str, ...]]] = {
     "a sphere with an axis": (
         FLAT,
         {"crown": {"shape": "sphere", "radius_mm": 60.0, "axis": "x"}},
-        ("crown", "axis = 'x' is of a cylinder"),
+        ("crown", "axis = 'x' belongs to a cylinder"),
     ),
     "a disc with wall patterns": (
         DISC,
@@ -101,7 +101,7 @@ BAD: dict[str, tuple[str, dict[str, Any], tuple[str, ...]]] = {
     "a rectangle with a diameter": (
         FLAT,
         {"cavity.diameter_mm": 32.0},
-        ("cavity", "is of a disc", "outline"),
+        ("cavity", "belongs to a disc", "outline"),
     ),
     "an unknown outline": (FLAT, {"cavity.outline": "oval"}, ("cavity.outline", "oval", "disc")),
     "a disc in a block": (
@@ -112,9 +112,9 @@ BAD: dict[str, tuple[str, dict[str, Any], tuple[str, ...]]] = {
     "a round mold of a rectangle": (
         FLAT,
         {"mold.outer_length_mm": ABSENT, "mold.outer_width_mm": ABSENT, "mold.outer_diameter_mm": 60.0},
-        ("mold.outer_diameter_mm", "is of a disc"),
+        ("mold.outer_diameter_mm", "belongs to a disc"),
     ),
-    "both sizes of a mold": (DISC, {"mold.outer_length_mm": 72.0}, ("mold", "outer_diameter_mm stands for")),
+    "both sizes of a mold": (DISC, {"mold.outer_length_mm": 72.0}, ("mold", "outer_diameter_mm replaces")),
     "a part above the rim of a dome": (
         DOME,
         {"receivers.height_mm": 4.6},
@@ -123,7 +123,11 @@ BAD: dict[str, tuple[str, dict[str, Any], tuple[str, ...]]] = {
     "a body under the lid": (
         DOME,
         {"receivers.height_mm": 3.5},
-        ("receivers.height_mm", "lid that shapes the crown would lie on the bodies", "0.18 mm above the rim"),
+        (
+            "receivers.height_mm",
+            "lid that shapes the crown would rest on the bodies",
+            "0.18 mm above the rim",
+        ),
     ),
     "a crown without fixing holes": (
         DOME,
@@ -144,7 +148,7 @@ BAD: dict[str, tuple[str, dict[str, Any], tuple[str, ...]]] = {
     "parts side by side that overlap": (
         DISC,
         {"layout.0.count": 20},
-        ("layout.0", "the web between the sockets of", "-0.03 mm", "place fewer parts"),
+        ("layout.0", "the web between the sockets of", "-0.03 mm", "use fewer parts"),
     ),
     "two parts at one angle": (
         DISC,

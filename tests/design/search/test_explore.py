@@ -204,7 +204,7 @@ def test_a_multiple_of_a_figure_that_the_base_lacks_is_refused(tmp_path):
 def test_a_study_of_another_space_is_refused_and_kept(tmp_path):
     explore(cheap_space(), bowl, url_in(tmp_path), trials=4)
     other = cheap_space(objectives=[{"figure": "evenness"}, {"figure": "strength"}])
-    with pytest.raises(InputError, match=r"study 'cheap' is of another search space .*name the space anew"):
+    with pytest.raises(InputError, match=r"study 'cheap' is of another search space .*rename the space"):
         explore(other, bowl, url_in(tmp_path), trials=8)
     assert len(findings_of(cheap_space(), url_in(tmp_path), wanted=4).tried) == 4
 

@@ -90,7 +90,7 @@ def test_fields_are_kept_and_varied_as_told():
     [
         ({"vary": {"receivers.heigth_mm": None}}, "receivers.height_mm"),
         ({"vary": {"name": None}}, "no number that could vary"),
-        ({"vary": {CLEAR: (8.0, 8.0)}}, "leaves no room"),
+        ({"vary": {CLEAR: (8.0, 8.0)}}, "is an empty range"),
         ({"vary": {CLEAR: (8.0, 900.0)}}, "900"),
         ({"keep": ["receivers.heigth_mm"]}, "did you mean receivers.height_mm?"),
         ({"keep": [CLEAR], "vary": {CLEAR: None}}, "given to both"),

@@ -95,7 +95,7 @@ def test_a_file_is_no_port(tmp_path) -> None:
 
 
 def test_a_socket_where_nobody_answers_is_told() -> None:
-    with pytest.raises(DeviceError, match="nobody answers there"):
+    with pytest.raises(DeviceError, match="no reply there"):
         opened("socket://localhost:1").__enter__()
 
 
@@ -121,7 +121,7 @@ def test_a_port_that_another_program_holds_is_told() -> None:
 def test_a_device_that_talks_something_else_is_told_from_a_silent_one() -> None:
     with (
         talking(lambda: b"$GPGGA,1,2,3*00\r\n") as port,
-        pytest.raises(DeviceError, match="another device talks"),
+        pytest.raises(DeviceError, match="another device sends"),
     ):
         opened(port, patience_s=0.6).__enter__()
     with (
@@ -143,7 +143,7 @@ def test_half_frames_for_ever_end_in_an_error_that_counts_them() -> None:
     said = iter([HELLO])
     with talking(lambda: next(said, frame[:60])) as port, opened(port, patience_s=1.0) as sensor:
         with pytest.raises(
-            DeviceError, match=r"no whole frame for 1 s \(\d+ bytes that are none, \d+ damaged"
+            DeviceError, match=r"no whole frame for 1 s \(\d+ bytes outside frames, \d+ damaged"
         ):
             sensor.read()
         assert sensor.counts.frames == 0
@@ -275,7 +275,7 @@ def test_a_printer_is_known_by_its_words_and_is_told_nothing_by_a_guess(
 ) -> None:
     made = printer_of(printer)
     with FakePort(made) as port:
-        with pytest.raises(DeviceError, match="a printer answers there") as caught:
+        with pytest.raises(DeviceError, match="the device there is a printer") as caught:
             require_no_printer(port.name, 1_000_000, 1.0)
         assert "name the sensor's port with --port" in str(caught.value)
         time.sleep(0.1)
@@ -284,7 +284,7 @@ def test_a_printer_is_known_by_its_words_and_is_told_nothing_by_a_guess(
         monkeypatch.setattr("fabrication.driver.link.ports.ports_here", lambda: [found])
         said: list[str] = []
         with pytest.raises(
-            DeviceError, match=r"a printer answers there|Only a serial chip speaks for this port"
+            DeviceError, match=r"the device there is a printer|Only the serial chip identifies this port"
         ):
             Sensor(CONFIG, patience_s=0.6, on_wait=said.append).__enter__()
     assert made.told == []

@@ -252,7 +252,7 @@ def test_a_board_that_began_anew_keeps_its_levels() -> None:
     [
         (np.ones((4, 8, 8)), np.ones(64), {}, "needs at least 5 frames"),
         (np.ones((9, 8, 8)), np.ones(63), {}, "one level a pair"),
-        (np.full((9, 8, 8), np.nan), np.ones(64), {}, "no finite numbers"),
+        (np.full((9, 8, 8), np.nan), np.ones(64), {}, "not all finite numbers"),
         (np.ones((9, 8, 8)), np.ones(64), {"time_constant_s": 0.0}, "time_constant_s 0,"),
         (np.ones((9, 8, 8)), np.ones(64), {"guard_s": -1.0}, "guard_s -1"),
     ],

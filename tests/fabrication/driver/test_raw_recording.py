@@ -101,13 +101,13 @@ def test_frames_that_a_recording_holds_twice_are_read_once_and_counted(tmp_path:
 
 @pytest.mark.parametrize("name", ["data.csv", "data.nc", "data", "data.optorec.gz"])
 def test_a_recording_s_name_promises_no_other_content(name: str, tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"what is written here ends in \.optorec; say .*data.*\.optorec"):
+    with pytest.raises(InputError, match=r"output files here end in \.optorec; use .*data.*\.optorec"):
         Recorder(tmp_path / name, CONFIG)
     recorded = Path(tmp_path / "a.optorec")
     written(recorded, 3)
     for write, right in ((write_netcdf, ".nc"), (write_csv, ".csv")):
         wrong = tmp_path / (name if name != f"data{right}" else "data.txt")
-        with pytest.raises(InputError, match=rf"ends in \{right}"):
+        with pytest.raises(InputError, match=rf"end in \{right}"):
             write(read_recorded(recorded), wrong, "a")
     assert [file.name for file in tmp_path.iterdir()] == ["a.optorec"]
 
@@ -182,7 +182,7 @@ def test_a_disk_that_fills_up_keeps_the_frames_before_and_no_piece_of_the_next(
     for number, message in enumerate(FRAMES[:20]):
         recorder.frame(message, float(number))
     recorder.flush()
-    with pytest.raises(OutputError, match=r"disk is full.*every frame written before is whole"):
+    with pytest.raises(OutputError, match=r"disk is full.*it holds every frame up to then"):
         recorder.close()
     assert not recorder.is_open
     assert frames_of(file) == FRAMES[: spare // 122]
@@ -361,7 +361,7 @@ def test_what_is_no_recording_is_refused(tmp_path: Path, content: bytes) -> None
     file = tmp_path / "a.optorec"
     file.write_bytes(content)
     with pytest.raises(
-        InputError, match=r"(file|UTF-16|text|damaged); needed is a recording of `optopad driver record`"
+        InputError, match=r"(file|UTF-16|text|damaged); needs a recording of `optopad driver record`"
     ):
         read_records(file)
 

@@ -120,7 +120,7 @@ def test_a_damaged_part_is_named_with_the_way_out(tmp_path: Path) -> None:
         collector.begin()
         (tmp_path / "a.nc.parts" / "000001.npz").write_bytes(b"torn")
         with pytest.raises(
-            InputError, match=r"000001\.npz: is damaged .* delete it: that press is then made again"
+            InputError, match=r"000001\.npz: is damaged .* delete it: that press is then repeated"
         ):
             collector.finish()
 
@@ -169,10 +169,10 @@ def test_rows_of_a_table_become_presses_by_set_and_place(tmp_path: Path) -> None
         ("x_mm,y_mm,depth_mm\n", "0 rows below the heading"),
         ("x_mm,y_mm,depth_mm\n1,1\n", "row 2 has 2 values, the heading 3 columns"),
         ("x_mm,y_mm,depth_mm\n1,x,1\n", "row 2: y_mm is 'x'"),
-        ("x_mm,y_mm,depth_mm,place\n1,1,1,-2\n", "row 2: place is '-2', needs a whole number"),
+        ("x_mm,y_mm,depth_mm,place\n1,1,1,-2\n", "row 2: 'place' is '-2', needs a whole number"),
         (
             "x_mm,y_mm,depth_mm,set,place\n1,1,1,a,0\n1,1,1,a,1\n1,1,1,a,0\n",
-            "press 0 of set 'a' comes up again",
+            "press 0 of set 'a' is repeated",
         ),
         ("x_mm,y_mm,depth_mm,set,role\n1,1,1,a,train\n1,1,1,a,test\n", "one set has two roles"),
     ],

@@ -80,7 +80,7 @@ def test_each_dialect_s_position_is_read_and_a_tip_that_stopped_short_is_noticed
             ]
             assert len(sideways) == 1  # no digit that is missing sends it away and back
             made.printer._fault, made.printer._left = "shifted", 0
-            with pytest.raises(DeviceError, match=r"stands at x, y, depth .* home it"):
+            with pytest.raises(DeviceError, match=r"is at x, y, depth .* home it"):
                 stage.move_to(15.0, 16.0, 3.25)
 
 
@@ -111,7 +111,7 @@ def test_a_position_that_is_not_surely_one_is_refused(line: str) -> None:
     [
         (
             f"{NO_PLACES[1]}\nok\n",
-            r"M114 gave no position that can be read, but 'ok MCS: .*coordinates of G1",
+            r"the reply to M114 has no readable position, but is 'ok MCS: .*coordinates of G1",
         ),
         ("X:1 Y:2 Z:3\nok\n", "M114 gives whole millimetres; a stage needs one decimal"),
     ],
@@ -280,11 +280,11 @@ def test_a_position_outside_of_the_limits_is_refused_before_anything_moves() -> 
     ("fault", "told"),
     [
         pytest.param(
-            "silent", "no answer to .* tip may still touch the pad: lift it by hand", marks=pytest.mark.slow
+            "silent", "no reply to .* tip may still touch the pad: lift it by hand", marks=pytest.mark.slow
         ),
-        ("error", r"the printer says 'Error:Printer halted.*lift it by hand"),
-        ("shifted", r"stands at x, y, depth .* was sent to .* home it"),
-        pytest.param("restarted", "began anew during .* its position is lost", marks=pytest.mark.slow),
+        ("error", r"the printer replied 'Error:Printer halted.*lift it by hand"),
+        ("shifted", r"is at x, y, depth .* was sent to .* home it"),
+        pytest.param("restarted", "restarted during .* its position is lost", marks=pytest.mark.slow),
     ],
 )
 def test_a_printer_that_fails_is_told_by_what_it_did(fault: str, told: str) -> None:
@@ -339,7 +339,7 @@ def test_a_printer_that_is_unplugged_is_told_with_what_to_do_by_hand() -> None:
             made.stage_port.unplug()
             stage.move_to(16.0, 16.0, 2.0)
 
-    with bench() as made, pytest.raises(DeviceError, match=r"the port is gone.* lift it by hand"):
+    with bench() as made, pytest.raises(DeviceError, match=r"the port was lost.* lift it by hand"):
         press(made)
 
 

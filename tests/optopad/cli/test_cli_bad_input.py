@@ -205,10 +205,10 @@ def test_a_recording_of_no_time_is_refused(
     [
         (
             ["driver", "fake", "pad.toml", "--out", "pad.toml", "--seconds", "0.1"],
-            "ends in .csv; say pad.csv",
+            "end in .csv; use pad.csv",
         ),
-        (["schema", "--out", "pad.toml"], "ends in .json; say pad.json"),
-        (["driver", "check", "pad.toml", "--out", "pad.toml"], "ends in .json; say pad.json"),
+        (["schema", "--out", "pad.toml"], "end in .json; use pad.json"),
+        (["driver", "check", "pad.toml", "--out", "pad.toml"], "end in .json; use pad.json"),
         (["driver", "export", "a.optorec", "--presses", "pad.nc", "--out", "pad.nc"], "this command reads"),
     ],
 )
@@ -259,14 +259,14 @@ def test_no_verb_takes_a_name_that_promises_another_content(
             if parameter.required and "--out" not in parameter.opts
             for word in ([parameter.opts[0], "none"] if parameter.opts[0].startswith("-") else ["none"])
         ]
-        words = f"ends in {WRITTEN[path]}; say x." if path in WRITTEN else "a folder is written here"
+        words = f"end in {WRITTEN[path]}; use x." if path in WRITTEN else "a folder is written here"
         for name in ("x.pdf", "deep/x.pkl", "x.CSV" if ".csv" not in words else "x.NPZ"):
             _, err = refused([*path, *dummies, "--out", name], capsys)
             assert err.startswith(f"optopad: --out {name}: "), path
-            assert words.replace("say x", "say deep/x" if "/" in name else "say x") in err, path
+            assert words.replace("use x", "use deep/x" if "/" in name else "use x") in err, path
     assert set(WRITTEN) < found
     assert everything_under(folder) == []
-    with pytest.raises(InputError, match=r"x\.json: what is written here ends in \.toml; say x\.toml"):
+    with pytest.raises(InputError, match=r"x\.json: output files here end in \.toml; use x\.toml"):
         require_suffix(Path("x.json"), (".toml",))
     refused(["new", "x.json"], capsys)
 
@@ -290,7 +290,7 @@ def test_a_living_board_s_name_is_refused_before_the_work(
 @pytest.mark.parametrize(
     ("stage_link", "words"),
     [
-        ("pad", "is the board's --link, too"),
+        ("pad", "is also the board's --link"),
         ("nowhere/stage", "--stage-link nowhere/stage: cannot be made"),
     ],
 )

@@ -60,18 +60,20 @@ def test_collect_presses_by_a_table_and_goes_on_with_the_rest(
             "200",
         ]
         assert main([*command, "--json"]) == 2
-        assert "light changes along these sets: a (lit), b (dark)" in capsys.readouterr().err
+        assert "light differs between these sets: a (lit), b (dark)" in capsys.readouterr().err
         assert main([*command, "--only", "a", "--speed", "50", "--json"]) == 0
         said = json.loads(capsys.readouterr().out)
         assert (said["presses_made"], said["presses_kept"], said["presses_wanted"]) == (2, 2, 3)
         assert (said["file"], said["frames"], said["complete"]) == ("a.nc", 3, False)
         assert said["tip_at"] == pytest.approx([20, 12, -5], abs=0.02)
         assert main([*command, "--only", "b", "--speed", "50"]) == 2
-        assert "--tip-at: a.nc was begun already, and the tip may have moved since" in capsys.readouterr().err
+        assert (
+            "--tip-at: a.nc has presses already, and the tip may have moved since" in capsys.readouterr().err
+        )
         assert main([*command, "--only", "b", "--tip-at", "20,12,-5", "--speed", "50"]) == 0
         told = capsys.readouterr().out
     assert "1 presses made" in told
-    assert "3 of 3 are there, 4 frames" in told
+    assert "3 of 3 are kept, 4 frames" in told
     data = read_data(folder / "a.nc")
     assert data.press_mm[-1] == pytest.approx([14, 20, 2], abs=0.02)  # M114's two decimals, of start and end
     assert sorted(file.name for file in folder.iterdir()) == ["a.nc", "driver.toml", "presses.csv"]
@@ -80,7 +82,7 @@ def test_collect_presses_by_a_table_and_goes_on_with_the_rest(
 @pytest.mark.parametrize(
     ("options", "told"),
     [
-        (["--tip-at", "1,1,0", "--origin", "1,1,0"], "two ways to say where the pad is"),
+        (["--tip-at", "1,1,0", "--origin", "1,1,0"], "both give the position of the pad"),
         (["--tip-at", "here"], "--tip-at: 'here' is refused: write X,Y,DEPTH"),
         (["--protocol", "far.csv"], "press 0 of set 'collected': stage: x 90 mm is outside"),
         (["--protocol", "none.csv"], "none.csv: no such file"),

@@ -171,7 +171,7 @@ def test_a_guessed_port_is_told_waited_for_and_sent_nothing(
         assert main(command) == 2
         told = capsys.readouterr().err
         for words in (
-            "is taken for the Arduino Mega 2560. Only a serial chip speaks for this port",
+            "is taken for the Arduino Mega 2560. Only the serial chip identifies this port",
             "Opening it may reset the device",
             "still waiting, up to 0.5 s",
             "silent for 0.5 s",
@@ -184,7 +184,7 @@ def test_a_guessed_port_is_told_waited_for_and_sent_nothing(
             assert main(command) == 2
             assert "no Arduino Mega 2560 found" in capsys.readouterr().err
             assert main([*command, "--port", made.name]) == 2
-            assert f"--port {made.name}: is the printer's" in capsys.readouterr().err
+            assert f"--port {made.name}: is also the printer's" in capsys.readouterr().err
             assert printer.opened == 1
 
 
@@ -208,7 +208,7 @@ def test_a_design_whose_bundle_is_not_made_yet_is_enough_to_read(
 
 def test_set_on_a_written_configuration_is_refused(config: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["driver", "read", config, "--set", "board.baud=500000"]) == 2
-    assert "is written already" in capsys.readouterr().err
+    assert "is a finished file" in capsys.readouterr().err
 
 
 def test_a_finger_needs_a_table_of_presses(

@@ -212,7 +212,7 @@ def test_a_second_search_in_the_folder_is_kept_out(space, tmp_path, capsys):
     with (folder / ".lock").open("w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
         assert main(["explore", str(space), "--out", str(tmp_path / "out")]) == 2
-    assert "another process searches here" in capsys.readouterr().err
+    assert "another process is searching in this folder" in capsys.readouterr().err
 
 
 def test_a_search_is_not_written_through_links(space, tmp_path, capsys):

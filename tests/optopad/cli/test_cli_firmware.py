@@ -155,7 +155,7 @@ def test_flash_compiles_the_design_and_hands_it_to_avrdude(avrdude, port, capsys
     assert f"-P {port} -b 115200 -D -U flash:w:{FOLDER / 'optopad.hex'}:i" in notes.read_text(
         encoding="utf-8"
     )
-    assert f"to {port}; the board says hello" in capsys.readouterr().out
+    assert f"to {port}; the board starts" in capsys.readouterr().out
 
 
 @needs_shell
@@ -163,7 +163,7 @@ def test_flash_compiles_the_design_and_hands_it_to_avrdude(avrdude, port, capsys
     ("said", "words"),
     [
         ("avrdude: ser_open(): can't open device: Permission denied", "dialout"),
-        ("avrdude: stk500_recv(): programmer is not responding, not in sync", "Press its reset button"),
+        ("avrdude: stk500_recv(): programmer is not responding, not in sync", "Press the reset button"),
         ("avrdude: device signature = 0x1e950f; expected signature for ATmega2560 is 1E 98 01", "board.kind"),
         ("avrdude: verification error, first mismatch at byte 0x0000", "with another cable"),
         ("avrdude: something never heard of", "something never heard of"),
@@ -206,7 +206,7 @@ def test_a_printer_is_never_overwritten(options, avrdude, board_image, monkeypat
             word for option in options for word in ([option, made.name] if option == "--port" else [option])
         ]
         message = refused(capsys, "flash", DESIGN, "--image", str(board_image), *given)
-    assert f"{made.name}: a printer answers there" in message
+    assert f"{made.name}: the device there is a printer" in message
     assert not notes.exists()
 
 

@@ -68,7 +68,7 @@ def test_a_pair_is_drawn_and_its_files_are_listed(pictured):
 
 def test_lines_say_what_of_the_untouched_light_arrives(drawn):
     lines = drawn(*ONE, "--press", "10,10,1").splitlines()
-    assert lines[0] == "light     E2-R2, powers in % of the untouched light; presses as asked"
+    assert lines[0] == "light     E2-R2, powers in % of the untouched light; presses as requested"
     assert lines[1].startswith("untouched")
     assert "total 100.00" in lines[1]
     assert lines[2].startswith("press  10.00  10.00  depth  1.00 mm")

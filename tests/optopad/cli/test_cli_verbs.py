@@ -35,7 +35,7 @@ def test_new_keeps_an_existing_file(folder, capsys):
 
 @pytest.mark.parametrize(
     ("file", "words"),
-    [("my pad.toml", "say my-pad.toml"), ("..toml", "say my-pad.toml"), ("my-pad", "say my-pad.toml")],
+    [("my pad.toml", "use my-pad.toml"), ("..toml", "use my-pad.toml"), ("my-pad", "use my-pad.toml")],
 )
 def test_new_refuses_a_file_name_that_is_no_design_s_and_says_one_that_is(folder, capsys, file, words):
     assert main(["new", file]) == 2
@@ -149,7 +149,7 @@ def test_an_interrupted_verb_says_so_and_exits_130(folder, capsys, monkeypatch):
 
     monkeypatch.setattr("optopad.doctor.examine", interrupted)
     assert main(["doctor"]) == 130
-    assert "nothing is half-written" in capsys.readouterr().err
+    assert "no file is incomplete" in capsys.readouterr().err
 
 
 def test_the_schema_accepts_every_field_of_a_saved_design(folder, capsys):
@@ -222,7 +222,7 @@ def test_a_useless_number_of_builds_is_refused_before_anything_is_computed(folde
 
 
 @pytest.mark.parametrize(
-    ("verb", "words"), [("train", "`all` of these; or signal-map"), ("sweep", "engraved with the value")]
+    ("verb", "words"), [("train", "`all` of these; or signal-map"), ("sweep", "the value is engraved")]
 )
 def test_the_help_names_what_is_accepted_and_made(
     capsys: pytest.CaptureFixture[str], verb: str, words: str

@@ -150,7 +150,7 @@ def test_places_that_are_trained_and_tested_on_are_refused():
         {"name": "b", "role": "test", "is_ambient": False, "random_places": 4},
     ]
     document = {"name": "p", "approach": [{"from_mm": -1.0, "to_mm": 1.0, "step_mm": 0.5}], "sets": sets}
-    with pytest.raises(DesignError, match="tests at places of a"):
+    with pytest.raises(DesignError, match="tests at the locations of a"):
         protocol_from(document, where="p")
     sets[1]["place_seed"] = 1
     assert protocol_from(document, where="p").sets[1].place_seed == 1

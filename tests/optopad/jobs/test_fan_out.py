@@ -125,7 +125,7 @@ def test_the_real_pair_is_judged_the_same_on_the_cluster(cluster, tmp_path):
 
 def test_no_scheduler_is_said_in_one_line():
     with (
-        pytest.raises(InputError, match="no scheduler answers at 'nonsense://x'"),
+        pytest.raises(InputError, match="no scheduler replies at 'nonsense://x'"),
         on_cluster("nonsense://x"),
     ):
         pass
@@ -135,7 +135,7 @@ def test_no_scheduler_is_said_in_one_line():
 @pytest.mark.filterwarnings("ignore::ResourceWarning")
 def test_a_scheduler_out_of_reach_is_said_in_one_line():
     with (
-        pytest.raises(InputError, match=r"no scheduler answers at 'tcp://127\.0\.0\.1:9'"),
+        pytest.raises(InputError, match=r"no scheduler replies at 'tcp://127\.0\.0\.1:9'"),
         on_cluster("tcp://127.0.0.1:9"),
     ):
         pass

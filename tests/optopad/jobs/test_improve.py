@@ -257,7 +257,7 @@ def test_what_binds_is_named_where_nothing_mends_it(design_file, capsys):
     [
         (["--vary", "receivers.heigth_mm"], "receivers.height_mm"),
         (["--vary", "receivers.height_mm=7"], "write FIELD=A:B"),
-        (["--vary", "receivers.height_mm=7:7"], "leaves no room"),
+        (["--vary", "receivers.height_mm=7:7"], "is an empty range"),
         (["--budget", "0"], "--budget: 0 minutes is refused"),
         (["--keep", "mold.rim_mm"], "does not vary by default"),
     ],

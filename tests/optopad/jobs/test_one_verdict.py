@@ -18,7 +18,7 @@ from optopad.studio.session import Press
 from sims.continuity.objective import judge
 from sims.continuity.result import ContinuityScore
 from sims.continuity.scoring import score, verdict_of
-from tests.optopad.studio.test_workshop import Answers, Wish, working
+from tests.optopad.studio.test_workshop import Answers, Request, working
 
 ROW = preset("piacenza2017-pair").with_(
     **{
@@ -81,7 +81,7 @@ def studio_score(design: SensorDesign) -> ContinuityScore:
     with working() as (shop, answers):
         assert isinstance(answers, Answers)
         shop.want(
-            Wish(
+            Request(
                 design=design,
                 press=Press(x_mm=design.cavity.length_mm / 2, y_mm=design.cavity.width_mm / 2, depth_mm=0.5),
             )

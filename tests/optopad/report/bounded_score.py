@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from design.preset import preset
-from sims.bounds.felt import FeltForce
+from sims.bounds.detection_threshold import DetectionThreshold
 from sims.bounds.fisher import Steps
 from sims.bounds.observability import Figure, Limits, PadBounds, PartLoss
 from sims.continuity.result import ContinuityScore
@@ -26,7 +26,7 @@ def bounded_score() -> ContinuityScore:
     place[0, 0, -1] = np.inf
     error = np.where(np.isfinite(place), 0.01 * place, np.inf)
     shape = place.shape[:2]
-    felt = FeltForce(
+    felt = DetectionThreshold(
         x_mm=pad.x_mm,
         y_mm=pad.y_mm,
         depth_mm=np.full(shape, 0.05),

@@ -76,11 +76,9 @@ def test_a_deadband_has_its_picture_and_the_words_of_the_screen(tmp_path: Path):
 
 def test_the_moves_that_were_traced_are_listed_with_what_helps(tmp_path: Path):
     text = page(tmp_path, replace(dead_score(), causes=(cause("none near"),), trial=FOUND))
-    assert (
-        "Moves that were traced, judged by the pad at x 16, y 16 mm: receivers R1-R8 from 6 to 5.1 mm" in text
-    )
+    assert "Traced changes, judged by the pad at x 16, y 16 mm: receivers R1-R8 from 6 to 5.1 mm" in text
     assert "receivers.height_mm = 5.1" in text
-    assert "Moves that were traced" not in page(tmp_path, replace(dead_score(), causes=(cause("none near"),)))
+    assert "Traced changes" not in page(tmp_path, replace(dead_score(), causes=(cause("none near"),)))
 
 
 def test_without_a_blind_interval_nothing_is_asked(tmp_path: Path):

@@ -244,7 +244,7 @@ def test_the_slider_moves_the_map(shown):
     assert deeper != surface
     # the made-up map's deadband begins at 1.2 mm at ten of its places
     assert shown.run("document.querySelectorAll('[data-map] .dead-cell').length") == 10
-    assert "10 of 25 places" in text_of(shown, "[data-summary]")
+    assert "10 of 25 locations" in text_of(shown, "[data-summary]")
 
 
 @pytest.mark.slow
@@ -285,14 +285,14 @@ def test_a_blind_place_is_said_and_hatched_at_its_depth_only(browser, tmp_path):
     browser.press("Home")
     hatched = "document.querySelectorAll('[data-map] .dead-cell').length"
     assert browser.run(hatched) == 0
-    assert "0.0040 mm (0.0039 to 0.0041 mm by the light trace's own error)" in text_of(
+    assert "0.0040 mm (0.0039 to 0.0041 mm by numerical error of the light model)" in text_of(
         browser, "#maps-view [data-reading]"
     )
     browser.press("ArrowRight", times=4)
     assert told(browser, "maps-view")["depth"] == "4.90"
     assert browser.run(hatched) == 25
     choose(browser, "[data-map] [data-place='0']")
-    assert "blind: this cannot be told at all" in text_of(browser, "#maps-view [data-reading]")
+    assert "not resolved" in text_of(browser, "#maps-view [data-reading]")
     choose(browser, "input[name=maps-which][value='3']")
     assert browser.run("document.getElementById('maps-depth').disabled")
     assert text_of(browser, "#maps-view output") == "any depth"

@@ -178,10 +178,12 @@ def test_maps_of_the_bounds_hatch_what_is_dead_and_give_both_ends() -> None:
 def test_the_bounds_are_told_with_their_limits_and_ends() -> None:
     score = bounded_score()
     said = Page(f"<main>{''.join(bounds_words(score))}{losses_table(score)}</main>").text
-    assert "At x 6, y 6 mm, 4.9 mm deep, the pad is blind." in said
-    assert "Covered, to 1 mm in place and 0.5 mm in depth" in said
-    assert "Felt everywhere: from 0.02 N (0.013 to 0.03 N over the modulus's band)" in said
-    assert "E3 is missed most, 90% (85% to 95%) of the volume stays covered" in said
+    assert "At x 6, y 6 mm, 4.9 mm deep it is not resolved." in said
+    assert "Covered, to 1 mm in location and 0.5 mm in depth" in said
+    assert (
+        "Contact is detected at every location from 0.02 N (0.013 to 0.03 N over the modulus's band)" in said
+    )
+    assert "E3 costs most, 90% (85% to 95%) of the volume stays covered" in said
     tile = bounds_tile(score)
     assert tile is not None
     # the median voxel by volume lies in the layer at 2.8 mm: 0.004 mm x 64 and half of it
@@ -244,9 +246,9 @@ def test_builds_are_told_with_their_interval_and_what_matters(tmp_path: Path) ->
     assert (
         f"30 keep the verdict, no deadband: 75% (95 % interval of the count: {low:.0%} to {high:.0%})" in said
     )
-    assert "What matters most: receivers.height_mm." in said
-    assert "6 builds in doubt by the light trace's own error. Not judged: emitters.height_mm: 2." in said
-    assert "Builds that keep the verdict 75%" in said
+    assert "Strongest effect: receivers.height_mm." in said
+    assert "6 units undecided by numerical error. Not judged: emitters.height_mm: 2." in said
+    assert "Manufactured units that keep the verdict 75%" in said
     assert (tmp_path / "sims" / "plot-builds.svg").is_file()
 
 

@@ -2,18 +2,11 @@
 
 from __future__ import annotations
 
-import ast
 import re
-from collections.abc import Iterator
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
-import pytest
 
-import design.rules
-import optopad.results
-import optopad.screen
 from design.fields.finding import error, warning
 from design.preset import preset
 from optopad.report.words import bounds_words
@@ -30,19 +23,11 @@ from optopad.screen.verdict import (
 )
 from sims.verdict.causes import Cause, Witness
 from tests.design.for_each import for_each
+from tests.optopad.plain_words import words_of
 from tests.sims.made_up_bounds import made_up_bounds
 from tests.sims.made_up_scores import contiguous_score, dead_score, out_of_scope_score
 
 PAD, PAIR = preset("piacenza2017-pad"), preset("piacenza2017-pair")
-SIGNALS = (
-    r"tells?|told|telling|felt|blind|worth|un?sure|sure|heed\w*|weakest|errands?|doing|knobs?|wish\w*|mend\w*"
-)
-STATES = (
-    r"faded|fades|used up|spent|firm|nobody|turns|turned|give or take|beside|asked|noise units?|open values?"
-)
-NOT_SAID = re.compile(rf"\b(?:{SIGNALS}|{STATES})\b", re.IGNORECASE)
-PLACE = re.compile(r"\bplaces?\b", re.IGNORECASE)
-"""Words that no screen has: others say the same in the field's own terms."""
 LACKS = ("apart", "used up", "clipped", "dim", "cancel", "slight", "none near")
 
 
@@ -240,12 +225,6 @@ def test_no_line_of_bounds_has_a_number_that_is_none():
         assert not re.search(r"\b(nan|inf)\b", " ".join(said))
 
 
-def words_of(text: str) -> list[str]:
-    """Words of the list in a text, less what a field, a part or a file is called."""
-    plain = re.sub(r"\S*[a-z0-9]_[a-z]\S*|\S+\.\S+", "", text)
-    return [*NOT_SAID.findall(plain), *PLACE.findall(plain)]
-
-
 @for_each((design, score, lack) for design, score in SCORES for lack in LACKS)
 def test_no_screen_has_a_word_of_the_list(design, score, lack):
     shown = []
@@ -261,43 +240,5 @@ def test_no_screen_has_a_word_of_the_list(design, score, lack):
     assert {line: found for line in shown if (found := words_of(line))} == {}
 
 
-def templates(file: Path) -> Iterator[str]:
-    """Texts of a source file that have more than one word, less docstrings, keys and names that are compared."""
-    tree = ast.parse(file.read_text(encoding="utf-8"))
-    apart = [node for node in ast.walk(tree) if isinstance(node, ast.Expr | ast.Compare | ast.MatchValue)]
-    left_out = {
-        id(part)
-        for node in apart
-        if not isinstance(node, ast.Expr) or isinstance(node.value, ast.Constant)
-        for part in ast.walk(node)
-    } | {id(key) for node in ast.walk(tree) if isinstance(node, ast.Dict) for key in node.keys}
-    constants = [
-        node for node in ast.walk(tree) if isinstance(node, ast.Constant) and id(node) not in left_out
-    ]
-    yield from (node.value for node in constants if isinstance(node.value, str) and " " in node.value)
-
-
-@pytest.mark.parametrize("package", [optopad.screen, optopad.results, design.rules])
-def test_no_message_has_a_word_of_the_list(package):
-    files = sorted(Path(package.__file__).parent.glob("*.py"))
-    found = [(file.name, text) for file in files for text in templates(file)]
-    assert len(found) > 50
-    places = package is not design.rules  # there the word is a verb, and a hole of the mold has a place
-    assert [one for one in found if NOT_SAID.search(one[1]) or (places and PLACE.search(one[1]))] == []
-
-
 def test_no_title_of_a_stage_has_a_word_of_the_list():
     assert [title for title in STAGE_TITLES.values() if words_of(title)] == []
-
-
-@pytest.mark.parametrize(
-    ("text", "found"),
-    [
-        ("a frame tells depth", ["tells"]),
-        ("the weakest place is blind", ["weakest", "blind", "place"]),
-        ("surfaces.wall_reflectance is told", ["told"]),
-        ("part_measurements.blind-led.width_mm changes the verdict", []),
-    ],
-)
-def test_a_word_of_the_list_is_seen(text, found):
-    assert words_of(text) == found

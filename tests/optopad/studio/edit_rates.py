@@ -17,7 +17,7 @@ import numpy as np
 from optopad.studio.answers import Answer, Curves, Judged
 from optopad.studio.design_file import DesignFile
 from optopad.studio.session import Session
-from optopad.studio.workshop import Wish, Workshop
+from optopad.studio.workshop import Request, Workshop
 
 EDITS, BURST, BURST_S = 50, 200, 20.0
 
@@ -62,12 +62,12 @@ def answer_times(seed: int, count: int = EDITS) -> tuple[list[float], list[float
     session, answers = Session(DesignFile("piacenza2017-pad")), queue.Queue()
     shop = Workshop(answers.put)
     shop.start()
-    shop.want(Wish(design=session.design, press=session.press, is_thorough=False))
+    shop.want(Request(design=session.design, press=session.press, is_thorough=False))
     _wait(answers, Judged, session.design.digest)  # kernels are compiled or loaded
     to_curves, to_map = [], []
     for _ in edits(session, count, seed):
         began = time.perf_counter()
-        shop.want(Wish(design=session.design, press=session.press, is_thorough=False))
+        shop.want(Request(design=session.design, press=session.press, is_thorough=False))
         _wait(answers, Curves, session.design.digest)
         to_curves.append(time.perf_counter() - began)
         _wait(answers, Judged, session.design.digest)
@@ -82,13 +82,13 @@ def burst(seed: int, count: int = BURST, seconds: float = BURST_S) -> tuple[int,
     session, answers = Session(DesignFile("piacenza2017-pad")), queue.Queue()
     shop = Workshop(answers.put)
     shop.start()
-    shop.want(Wish(design=session.design, press=session.press))
+    shop.want(Request(design=session.design, press=session.press))
     _wait(answers, Judged, session.design.digest)
     gc.collect()
     before = _memory_mb()
     began = time.perf_counter()
     for number, _ in enumerate(edits(session, count, seed)):
-        shop.want(Wish(design=session.design, press=session.press))
+        shop.want(Request(design=session.design, press=session.press))
         time.sleep(max(began + (number + 1) * seconds / count - time.perf_counter(), 0.0))
     running, last = shop.running_jobs, time.perf_counter()
     _wait(answers, Curves, session.design.digest)

@@ -41,11 +41,11 @@ def draw(out: Path) -> None:
     with _shown(["cavity.clear_thickness_mm=11"], out) as (page, browser):
         page.session.move_tip(depth_mm=3.0)
         browser.click_text("sample rays")
-        browser.wait_for_text("as finely as a score", 300)
+        browser.wait_for_text("(as optopad score)", 300)
         browser.settle()
         browser.screenshot(IMAGES / "studio.png")
     with _shown([], out, is_built=True) as (page, browser):
-        browser.wait_for_text("as finely as a score", 300)
+        browser.wait_for_text("(as optopad score)", 300)
         browser.settle()
         browser.screenshot(IMAGES / "studio-sensor.png")
 

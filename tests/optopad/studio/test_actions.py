@@ -16,7 +16,7 @@ import pytest
 from design.mold.outline import outline_of
 from design.preset import preset
 from optopad.studio import actions
-from optopad.studio.actions import Errand, Ghost, MoldShop
+from optopad.studio.actions import Ghost, MoldShop, Task
 from optopad.studio.session import Said
 
 PAIR = preset("piacenza2017-pair")
@@ -64,7 +64,7 @@ def test_improve_tells_its_progress_and_gives_its_alternatives_as_designs(
     monkeypatch.setattr(actions, "started", program(IMPROVE))
     said: list[Said] = []
     found: list[tuple[Ghost, ...]] = []
-    assert Errand(tmp_path, said.append).improve(PAIR, found.append)
+    assert Task(tmp_path, said.append).improve(PAIR, found.append)
     until(said, "1 verified alternative, in")
     assert "improve: 3 designs tried" in [one.text for one in said]
     assert [ghost.design.receivers.height_mm for ghost in found[0]] == [6.5]
@@ -75,7 +75,7 @@ def test_the_words_of_a_program_that_fails_are_said(tmp_path: Path, monkeypatch)
     text = "import sys; print('optopad: --out: the disk is full', file=sys.stderr); sys.exit(2)"
     monkeypatch.setattr(actions, "started", program(text))
     said: list[Said] = []
-    Errand(tmp_path, said.append).build(PAIR, lambda _folder: pytest.fail("nothing was built"))
+    Task(tmp_path, said.append).build(PAIR, lambda _folder: pytest.fail("nothing was built"))
     end = time.monotonic() + SOON_S
     while not any(one.is_bad for one in said) and time.monotonic() < end:
         time.sleep(0.01)
@@ -89,22 +89,22 @@ def test_a_result_of_another_time_is_not_taken_for_this_one(tmp_path: Path, monk
     os.utime(former, (1e9, 1e9))
     monkeypatch.setattr(actions, "started", program(""))
     said: list[Said] = []
-    Errand(tmp_path, said.append).improve(PAIR, lambda _ghosts: pytest.fail("nothing was found"))
+    Task(tmp_path, said.append).improve(PAIR, lambda _ghosts: pytest.fail("nothing was found"))
     assert until(said, "its result cannot be read").is_bad
 
 
 def test_one_at_a_time_and_what_runs_is_ended_within_seconds(tmp_path: Path, monkeypatch) -> None:
     monkeypatch.setattr(actions, "started", program("import time; time.sleep(60)"))
     said: list[Said] = []
-    errand = Errand(tmp_path, said.append)
-    assert errand.build(PAIR, lambda _folder: None)
-    assert not errand.improve(PAIR, lambda _ghosts: None)
-    assert errand.is_running
+    task = Task(tmp_path, said.append)
+    assert task.build(PAIR, lambda _folder: None)
+    assert not task.improve(PAIR, lambda _ghosts: None)
+    assert task.is_running
     began = time.monotonic()
-    errand.end()
+    task.end()
     assert time.monotonic() - began < 3.0
     until(said, "run: ended")
-    assert not errand.is_running
+    assert not task.is_running
 
 
 @pytest.mark.slow

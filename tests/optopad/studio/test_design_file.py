@@ -20,7 +20,7 @@ from design.preset import FLAT_PRESETS, PRESETS, SHAPED_PRESETS, preset, preset_
 from design.shape.cavity import cavity_of
 from design.spec import SensorDesign
 from optopad.studio.design_file import DesignFile, comments_of, edited_text
-from optopad.studio.knobs import changes_of, knobs_of
+from optopad.studio.editable_fields import changes_of, editable_fields_of
 from optopad.studio.moves import moved
 from tests.design.parts.own_parts import own_part
 
@@ -376,10 +376,7 @@ PATHS = ("../out.toml", "/out.toml", "in/out.toml", "..\\out.toml", "C:\\out.tom
     ("name", "error", "words"),
     [
         *[(name, InputError, "is refused: .* give a name alone.* saved in ") for name in DEVICES + PATHS],
-        *[
-            (f"a{sign}b.toml", InputError, "it is no plain name of a file; give")
-            for sign in '<>:"|?*\0\n\x7f'
-        ],
+        *[(f"a{sign}b.toml", InputError, "it is not a plain file name; give") for sign in '<>:"|?*\0\n\x7f'],
         *[(name, InputError, "ends in .toml") for name in ("pad", "pad.json", ".toml")],
         *[(name, InputError, "drops a dot or a blank at the end") for name in (".", "..", "pad.toml.")],
         ("x" * 300 + ".toml", OutputError, "cannot be written: File name too long"),
@@ -468,7 +465,9 @@ def test_a_preset_or_bundle_is_saved_under_a_new_name_only(
     assert file.path is None
     assert file.default_name == "piacenza2017-pad.toml"
     for target in (None, "", "  "):
-        with pytest.raises(InputError, match=r"this design has no file yet; give a name, as my-pad\.toml"):
+        with pytest.raises(
+            InputError, match=r"this design has no file yet; give a name, such as my-pad\.toml"
+        ):
             file.save(file.saved, target)
     new = Path("mine.toml")
     assert file.save(file.saved, "mine.toml") == new
@@ -497,7 +496,7 @@ def test_what_is_no_design_is_refused_when_it_is_opened(tmp_path: Path) -> None:
         DesignFile(str(tmp_path / "gone.toml"))
     with pytest.raises(DesignError, match="not valid TOML"):
         DesignFile(str(copy_of(PAD, tmp_path, "[cavity")))
-    with pytest.raises(DesignError, match="a folder; needed is a design"):
+    with pytest.raises(DesignError, match="a folder; needs a design"):
         DesignFile(str(tmp_path))
 
 
@@ -535,15 +534,15 @@ def edited(draw: st.DrawFn, design: SensorDesign) -> SensorDesign:
             with_row=draw(st.booleans()),
         ) if draw(st.booleans()) else moved(design, part.name, along_mm=part.along_mm + 0.5)  # fmt: skip
     else:
-        knob = draw(st.sampled_from(knobs_of(design)))
+        field = draw(st.sampled_from(editable_fields_of(design)))
         value: Any
-        if knob.kind == "choice":
-            value = draw(st.sampled_from(knob.choices))
-        elif knob.kind == "whole":
-            value = draw(st.integers(int(knob.low or 0), int(knob.high or 0)))
+        if field.kind == "choice":
+            value = draw(st.sampled_from(field.choices))
+        elif field.kind == "whole":
+            value = draw(st.integers(int(field.low or 0), int(field.high or 0)))
         else:
-            value = draw(st.floats(knob.low or 0.0, 100.0 if knob.high is None else knob.high))
-        changes = changes_of(design, knob.path, value)
+            value = draw(st.floats(field.low or 0.0, 100.0 if field.high is None else field.high))
+        changes = changes_of(design, field.path, value)
     try:
         return design.with_(**changes)
     except DesignError:
@@ -609,9 +608,9 @@ def test_a_part_turned_out_of_its_ring_keeps_every_comment_and_every_other_line(
 def test_every_field_of_a_disc_or_crown_is_saved_with_its_comments(name: str, tmp_path: Path) -> None:
     path = copy_of(name, tmp_path)
     file = DesignFile(str(path))
-    for knob in knobs_of(preset(name)):
-        value = knob.choices[-1] if isinstance(knob.value, str) else knob.value + knob.step
-        design = preset(name).with_(**changes_of(preset(name), knob.path, value))
+    for field in editable_fields_of(preset(name)):
+        value = field.choices[-1] if isinstance(field.value, str) else field.value + field.step
+        design = preset(name).with_(**changes_of(preset(name), field.path, value))
         file.save(design)
         assert load_design(path).digest == design.digest
         require_kept(preset_text(name), path.read_text(encoding="utf-8"))

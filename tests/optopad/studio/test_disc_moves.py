@@ -91,7 +91,9 @@ def test_a_part_of_an_entry_with_a_height_takes_that_entry_up_and_no_other() -> 
 
 
 def test_a_place_of_the_other_kind_of_wall_and_one_that_is_no_number_are_refused() -> None:
-    with pytest.raises(InputError, match="E1: along_mm: a round wall has no places along it; give angle_deg"):
+    with pytest.raises(
+        InputError, match="E1: along_mm: a round wall has no position along it; give angle_deg"
+    ):
         moved(preset(DISC), "E1", along_mm=3.0)
     with pytest.raises(InputError, match="E1: angle_deg: a straight wall has no angles; give along_mm"):
         moved(preset(CROWNED), "E1", angle_deg=3.0)
@@ -132,4 +134,4 @@ def test_a_dragged_part_is_told_by_its_angle_undone_and_saved(tmp_path: Path) ->
     session.undo()
     assert session.design.digest == before.digest
     assert session.move_part("R2", along_mm=3.0) is False
-    assert "a round wall has no places along it" in session.said.text
+    assert "a round wall has no position along it" in session.said.text

@@ -18,7 +18,7 @@ from design.rules.check import check
 from design.shape.cavity import CavityGeometry, cavity_of, workspace_of
 from design.spec import SensorDesign
 from fabrication.driver.pattern import Problem
-from optopad.studio.answers import Doing, Judged
+from optopad.studio.answers import Judged, Progress
 from optopad.studio.drawings import QUANTITIES, curves_svg, map_svg, nearest_place, quantity, readings_svg
 from optopad.studio.live import LiveView
 from optopad.studio.pad_mesh import cut_open
@@ -177,7 +177,7 @@ def test_a_map_is_the_pad_seen_from_above() -> None:
     assert float(tip.attrib["r"]) == pytest.approx(scale * 3.0, abs=0.06)
 
 
-@pytest.mark.parametrize("name", ["usable depth", "lightest press", "margin", "deadband"])
+@pytest.mark.parametrize("name", ["usable depth", "detection threshold", "margin", "deadband"])
 def test_a_map_that_is_the_same_everywhere_is_drawn(name: str) -> None:
     score = BOUNDED
     assert score.pad_map is not None
@@ -285,7 +285,7 @@ def sentences_of(words: str) -> Iterator[str]:
     score = replace(REFUSED, reason=words)
     judged = Judged(digest=design.digest, level="draft", score=score)
     yield verdict_html(now, None, words, None)
-    yield verdict_html(now, judged, words, Doing(stage=words, share=0.5))
+    yield verdict_html(now, judged, words, Progress(stage=words, share=0.5))
     fault = error("cavity.length_mm", words, value=words, limit=words, way_out=words)
     yield verdict_html(replace(now, findings=(fault,)), None, "", None)
     yield said_html(Said(text=words, is_bad=True), words="", is_saved=False)
@@ -318,9 +318,9 @@ def test_a_verdict_of_the_design_before_says_so_until_there_is_one() -> None:
     design = preset(PAD)
     judged = Judged(digest="0" * 64, level="draft", score=DEAD)
     assert "of the design before: DEADBAND" in Words(verdict_html(version(design), judged, "", None)).text
-    assert Words(verdict_html(version(design), None, "", None)).text == "working at the first answer"
+    assert Words(verdict_html(version(design), None, "", None)).text == "computing the first result"
     told = Words(verdict_html(version(design), judged, "too deep", None)).text
-    assert told == "no answertoo deep"
+    assert told == "no resulttoo deep"
 
 
 def test_a_press_without_an_answer_leaves_the_verdict_standing() -> None:
@@ -329,13 +329,13 @@ def test_a_press_without_an_answer_leaves_the_verdict_standing() -> None:
     told = Words(verdict_html(version(design), judged, "too near the wall", None)).text
     assert "DEADBAND: at 10 of 25 locations" in told
     assert "of this press: too near the wall" in told
-    assert "no answer" not in told
+    assert "no result" not in told
 
 
 def test_errors_are_in_the_words_of_check_and_count_as_many_as_there_are() -> None:
     design = preset(PAD).with_(**{"receivers.height_mm": 8.5, "cavity.length_mm": 31.0})
     now = version(design)
-    told = Words(verdict_html(now, None, "", Doing(stage="map", share=0.25))).text
+    told = Words(verdict_html(now, None, "", Progress(stage="map", share=0.25))).text
     assert f"does not fit: {len(now.errors)} error" in told
     assert "nothing is judged or saved" in told
     assert str(now.errors[0]) in told

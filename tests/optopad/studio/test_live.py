@@ -139,7 +139,7 @@ def test_the_wiring_is_checked_when_the_expected_pattern_is_there_at_last(tmp_pa
         (problem,) = waited(live, lambda view: bool(view.problems)).problems
         view = waited(live, lambda view: view.expected is not None)
     assert problem.parts == ("E3",)
-    assert "no receiver sees it" in problem.message
+    assert "no receiver reads its light" in problem.message
     assert view.expected is not None
     assert view.expected.max() == 1023
 
@@ -153,7 +153,7 @@ def test_a_model_tells_the_touch(bundles: Path, tmp_path: Path) -> None:
         held = waited(live, lambda view: view.touch is not None and view.touch.is_touched)
         time.sleep(0.3)
         held = live.latest()  # type: ignore[assignment]
-    assert said == f"measuring the untouched pad on {port.name}: leave it alone"
+    assert said == f"measuring the untouched pad on {port.name}: do not touch it"
     assert still.touch is not None
     assert not still.touch.is_touched
     assert held.touch is not None

@@ -24,7 +24,7 @@ from design.errors import InputError
 from design.preset import preset_text
 from optopad.studio.design_file import DesignFile
 from optopad.studio.session import Session
-from optopad.studio.view.controls import Doing
+from optopad.studio.view.controls import BackgroundJobs
 from optopad.studio.view.local_server import LARGEST_MESSAGE_B, LocalServer, local_server
 from optopad.studio.view.page import Page
 from optopad.studio.view.shapes import KINDS, LARGEST_B
@@ -162,7 +162,9 @@ def test_a_viser_whose_requests_cannot_be_checked_serves_nothing(monkeypatch: py
 
     monkeypatch.setattr(LocalServer, "_checked", lambda _: contextlib.nullcontext())
     monkeypatch.setattr(LocalServer, "stop", stopped)
-    with pytest.raises(InputError, match=r"viser .* is refused: the studio cannot check who asks; install"):
+    with pytest.raises(
+        InputError, match=r"viser .* is refused: the studio cannot check the origin of requests; install"
+    ):
         local_server(0)
     with pytest.raises(ConnectionRefusedError):
         socket.create_connection(("127.0.0.1", ports[0]), timeout=10)
@@ -441,7 +443,9 @@ def test_a_picture_that_does_not_come_is_told_in_the_page(
     with line_to(page) as line:
         sent(line, "ViewerCameraMessage", rightly(page)["ViewerCameraMessage"])
         heard(page, line)
-        buttons = Doing(page.server, page.session, page._errand, changed=lambda: None, found=lambda _: None)
+        buttons = BackgroundJobs(
+            page.server, page.session, page._task, changed=lambda: None, found=lambda _: None
+        )
         buttons.export_picture()
     assert page.session.said.is_bad
     assert page.session.said.text.startswith("no picture: Render request timed out")

@@ -147,7 +147,7 @@ def test_undo_and_redo_walk_back_and_forth_through_every_step(session: Session, 
     session.undo()
     assert session.said.text == "undone: cavity.clear_thickness_mm 9.5 to 10 mm"
     session.redo()
-    assert session.said.text == "done again: cavity.clear_thickness_mm 9.5 to 10 mm"
+    assert session.said.text == "redone: cavity.clear_thickness_mm 9.5 to 10 mm"
 
 
 def test_an_edit_after_undo_ends_what_could_be_done_again(session: Session, clock: Clock) -> None:
@@ -347,13 +347,13 @@ def test_a_file_made_invalid_is_said_once_and_edits_are_kept(session: Session, f
         session.look_at_file()
     assert len(told) == 1
     assert "cavity.clear_thickness_mm: 0.1 is refused" in told[0]
-    assert told[0].endswith("the design here is as it was, and Save writes it")
+    assert told[0].endswith("the design here is unchanged, and Save writes it")
     assert session.design.receivers.height_mm == 5.9
     session.undo()
     assert session.is_saved is False  # the file holds no design
     edited_outside(file, "clear_thickness_mm = 0.1 ", "clear_thickness_mm = 8.0 ")
     session.look_at_file()
-    assert session.said.text == f"{file} holds its design again"
+    assert session.said.text == f"{file} is readable again"
     assert session.is_saved is True
 
 
@@ -393,7 +393,7 @@ def test_a_deleted_file_is_said_once_and_saved_again(session: Session, file: Pat
     session.look_at_file()
     session.look_at_file()
     assert len(told) == 1
-    assert told[0].startswith(f"{file}: is gone; your edits are kept, Save writes it again")
+    assert told[0].startswith(f"{file}: was deleted; your edits are kept, Save writes it again")
     assert session.is_saved is False
     assert session.save()
     assert file.read_bytes() == before
@@ -404,7 +404,7 @@ def test_a_change_that_nobody_has_looked_at_is_not_saved_over(session: Session, 
     session.set_field(CLEAR, 9.0)
     edited_outside(file, "mixing_ratio = 20.0 ", "mixing_ratio = 15.0 ")
     assert session.save() is False
-    assert "was changed outside just now" in session.said.text
+    assert "was just changed outside" in session.said.text
     assert "mixing_ratio = 15.0 " in file.read_text(encoding="utf-8")
     session.look_at_file()
     assert session.design.elastomer.mixing_ratio == 15.0

@@ -15,9 +15,9 @@ import pytest
 from design.preset import preset
 from design.spec import SensorDesign
 from optopad.studio import workshop as workshop_module
-from optopad.studio.answers import Answer, Curves, Doing, Failed, Judged, Look, Rays, Readings
+from optopad.studio.answers import Answer, Curves, Failed, Judged, Look, Progress, Rays, Readings
 from optopad.studio.session import Press
-from optopad.studio.workshop import Wish, Workshop
+from optopad.studio.workshop import Request, Workshop
 from sims.continuity import objective as draft
 from sims.continuity.objective import curves_under, draft_score
 from sims.continuity.result import ContinuityScore
@@ -58,22 +58,22 @@ class Answers:
         return number
 
     def wait_idle(self, after: int = 0) -> int:
-        return self.wait(lambda one: isinstance(one, Doing) and not one.stage, after)
+        return self.wait(lambda one: isinstance(one, Progress) and not one.stage, after)
 
     def of(self, kind: type) -> list[Any]:
         return [one for one in self.all if isinstance(one, kind)]
 
     def names(self) -> list[str]:
         """Kinds of the answers, verdicts by their level, without word of progress."""
-        told = [one for one in self.all if not isinstance(one, Doing)]
+        told = [one for one in self.all if not isinstance(one, Progress)]
         return [one.level if isinstance(one, Judged) else type(one).__name__ for one in told]
 
 
 @contextmanager
-def working(wish: Wish | None = None, seed: int = 0) -> Iterator[tuple[Workshop, Answers]]:
+def working(request: Request | None = None, seed: int = 0) -> Iterator[tuple[Workshop, Answers]]:
     answers = Answers()
     shop = Workshop(answers.put, seed=seed)
-    shop.want(wish)
+    shop.want(request)
     shop.start()
     try:
         yield shop, answers
@@ -84,8 +84,8 @@ def working(wish: Wish | None = None, seed: int = 0) -> Iterator[tuple[Workshop,
         assert not shop._thread.is_alive()
 
 
-def wish_of(design: SensorDesign = PAIR, press: Press = PRESS, **options: bool) -> Wish:
-    return Wish(design=design, press=press, **({"is_thorough": False} | options))
+def request_of(design: SensorDesign = PAIR, press: Press = PRESS, **options: bool) -> Request:
+    return Request(design=design, press=press, **({"is_thorough": False} | options))
 
 
 def is_level(level: str) -> Callable[[Answer], bool]:
@@ -148,10 +148,10 @@ def slow_score(monkeypatch: pytest.MonkeyPatch, pair_draft: ContinuityScore) -> 
 
 def test_answers_come_in_order_and_are_of_the_wish(slow_score: dict[str, Any]) -> None:
     slow_score["enough"] = True
-    with working(wish_of(is_thorough=True)) as (shop, answers):
+    with working(request_of(is_thorough=True)) as (shop, answers):
         answers.wait_idle(answers.wait(lambda one: isinstance(one, Curves) and not one.found.is_draft))
         assert answers.names() == ["Curves", "Look", "draft", "score", "whole", "Curves"]
-        assert {one.digest for one in answers.all if not isinstance(one, Doing)} == {PAIR.digest}
+        assert {one.digest for one in answers.all if not isinstance(one, Progress)} == {PAIR.digest}
         assert [one.found.is_draft for one in answers.of(Curves)] == [True, False]
         (look,) = answers.of(Look)
         assert look.press == PRESS
@@ -162,7 +162,7 @@ def test_answers_come_in_order_and_are_of_the_wish(slow_score: dict[str, Any]) -
 
 
 def test_answers_are_those_of_the_physics_asked_directly() -> None:
-    with working(wish_of(), seed=5) as (_, answers):
+    with working(request_of(), seed=5) as (_, answers):
         answers.wait_idle(answers.wait(is_level("draft")))
         (found,), (judged,) = answers.of(Curves), answers.of(Judged)
     true = curves_under(PAIR, PRESS.place_mm, seed=5)
@@ -173,22 +173,22 @@ def test_answers_are_those_of_the_physics_asked_directly() -> None:
 
 
 def test_a_finished_wish_is_not_worked_at_again() -> None:
-    with working(wish_of()) as (shop, answers):
+    with working(request_of()) as (shop, answers):
         end = answers.wait_idle(answers.wait(is_level("draft")))
-        shop.want(wish_of())
+        shop.want(request_of())
         time.sleep(0.1)
         assert len(answers.all) == end + 1
         shop.want(None)
-        shop.want(wish_of())
+        shop.want(request_of())
         time.sleep(0.1)
         assert answers.names() == ["Curves", "Look", "draft"]
 
 
 def test_a_deeper_press_is_a_new_look_and_no_new_curves() -> None:
-    with working(wish_of()) as (shop, answers):
+    with working(request_of()) as (shop, answers):
         end = answers.wait_idle(answers.wait(is_level("draft")))
         deeper = Press(x_mm=PRESS.x_mm, y_mm=PRESS.y_mm, depth_mm=3.0)
-        shop.want(wish_of(press=deeper))
+        shop.want(request_of(press=deeper))
         answers.wait_idle(answers.wait(lambda one: isinstance(one, Look), end + 1))
         assert answers.names() == ["Curves", "Look", "draft", "Look"]
         assert answers.of(Look)[-1].points_mm[:, 2].min() == pytest.approx(8.0 - 3.0)
@@ -196,17 +196,17 @@ def test_a_deeper_press_is_a_new_look_and_no_new_curves() -> None:
 
 def test_back_at_a_former_press_its_answers_come_again() -> None:
     other = Press(x_mm=11.0, y_mm=9.0, depth_mm=2.0)
-    with working(wish_of()) as (shop, answers):
+    with working(request_of()) as (shop, answers):
         end = answers.wait_idle(answers.wait(is_level("draft")))
         for press in (other, PRESS):
-            shop.want(wish_of(press=press))
+            shop.want(request_of(press=press))
             end = answers.wait_idle(answers.wait(lambda one: isinstance(one, Look), end + 1))
             assert answers.of(Look)[-1].press == press
             assert answers.of(Curves)[-1].found.place_mm == press.place_mm
 
 
 def test_an_untouched_pad_is_flat_and_bears_nothing() -> None:
-    with working(wish_of(press=Press(x_mm=9.0, y_mm=11.0, depth_mm=0.0))) as (_, answers):
+    with working(request_of(press=Press(x_mm=9.0, y_mm=11.0, depth_mm=0.0))) as (_, answers):
         answers.wait(lambda one: isinstance(one, Look))
         (look,) = answers.of(Look)
         assert (look.force_n, look.contact_radius_mm) == (0.0, 0.0)
@@ -220,7 +220,7 @@ def test_after_many_quick_wishes_only_the_last_design_is_judged(slow_score: dict
     with working() as (shop, answers):
         answers.on_each = lambda _answer: running.append(shop.running_jobs)
         for design in designs:
-            shop.want(wish_of(design, is_thorough=True))
+            shop.want(request_of(design, is_thorough=True))
             time.sleep(0.01)
         answers.wait(is_level("whole"))
     assert {one.digest for one in answers.of(Judged) if one.level != "draft"} == {designs[-1].digest}
@@ -232,11 +232,11 @@ def test_after_many_quick_wishes_only_the_last_design_is_judged(slow_score: dict
 
 def test_a_newer_design_ends_a_score_that_is_under_way(slow_score: dict[str, Any]) -> None:
     newer = PAIR.with_(**{CLEAR: 9.0})
-    with working(wish_of(is_thorough=True)) as (shop, answers):
+    with working(request_of(is_thorough=True)) as (shop, answers):
         answers.wait(is_level("draft"))
-        answers.wait(lambda one: isinstance(one, Doing) and one.stage == "map")
+        answers.wait(lambda one: isinstance(one, Progress) and one.stage == "map")
         began = time.monotonic()
-        shop.want(wish_of(newer, is_thorough=False))
+        shop.want(request_of(newer, is_thorough=False))
         answers.wait(lambda one: isinstance(one, Curves) and one.digest == newer.digest)
         assert time.monotonic() - began < 5.0
         assert (slow_score["begun"], slow_score["ended"]) == (1, 1)
@@ -245,32 +245,32 @@ def test_a_newer_design_ends_a_score_that_is_under_way(slow_score: dict[str, Any
         assert {one.digest for one in answers.of(Judged) if one.level != "draft"} == set()
 
 
-@pytest.mark.parametrize("other", [None, wish_of()], ids=["no wish", "drafts alone"])
+@pytest.mark.parametrize("other", [None, request_of()], ids=["no request", "drafts alone"])
 def test_a_score_that_is_not_wanted_any_more_is_given_up(
-    slow_score: dict[str, Any], other: Wish | None
+    slow_score: dict[str, Any], other: Request | None
 ) -> None:
-    with working(wish_of(is_thorough=True)) as (shop, answers):
+    with working(request_of(is_thorough=True)) as (shop, answers):
         answers.wait(
-            lambda one: isinstance(one, Doing) and one.stage == "map", answers.wait(is_level("draft"))
+            lambda one: isinstance(one, Progress) and one.stage == "map", answers.wait(is_level("draft"))
         )
         shop.want(other)
         answers.wait_idle(len(answers.all))
         assert slow_score["begun"] == slow_score["ended"] == 1
         slow_score["enough"] = True
-        shop.want(wish_of(is_thorough=True))
+        shop.want(request_of(is_thorough=True))
         answers.wait(is_level("whole"))
         assert answers.names().count("draft") == 1
 
 
 def test_a_new_press_is_served_while_a_score_is_under_way(slow_score: dict[str, Any]) -> None:
-    with working(wish_of(is_thorough=True)) as (shop, answers):
+    with working(request_of(is_thorough=True)) as (shop, answers):
         answers.wait(
-            lambda one: isinstance(one, Doing) and one.stage == "map", answers.wait(is_level("draft"))
+            lambda one: isinstance(one, Progress) and one.stage == "map", answers.wait(is_level("draft"))
         )
         for x_mm in (10.0, 11.0):
             before = len(answers.all)
             press = Press(x_mm=x_mm, y_mm=9.0, depth_mm=2.5)
-            shop.want(wish_of(press=press, is_thorough=True))
+            shop.want(request_of(press=press, is_thorough=True))
             look = answers.wait(lambda one: isinstance(one, Look), before)
             assert answers.all[look].press == press  # type: ignore[union-attr]
             assert answers.of(Curves)[-1].found.place_mm == press.place_mm
@@ -291,7 +291,7 @@ def test_a_new_press_is_served_while_a_score_is_under_way(slow_score: dict[str, 
 
 
 def test_rays_and_readings_come_after_the_look_and_of_the_press() -> None:
-    with working(wish_of(with_rays=True, with_readings=True)) as (_, answers):
+    with working(request_of(with_rays=True, with_readings=True)) as (_, answers):
         answers.wait(is_level("draft"))
         assert answers.names() == ["Curves", "Look", "Rays", "Readings", "draft"]
         (rays,), (readings,) = answers.of(Rays), answers.of(Readings)
@@ -322,10 +322,10 @@ def test_rays_of_a_press_that_has_moved_on_are_given_up(monkeypatch: pytest.Monk
         raise AssertionError("never given up")
 
     monkeypatch.setattr("sims.rays.ray_states", stand_in)
-    with working(wish_of(with_rays=True)) as (shop, answers):
-        answers.wait(lambda one: isinstance(one, Doing) and one.stage == "rays")
+    with working(request_of(with_rays=True)) as (shop, answers):
+        answers.wait(lambda one: isinstance(one, Progress) and one.stage == "rays")
         moved = Press(x_mm=11.0, y_mm=11.0, depth_mm=2.0)
-        shop.want(wish_of(press=moved))
+        shop.want(request_of(press=moved))
         answers.wait(is_level("draft"))
         assert answers.names() == ["Curves", "Look", "Curves", "Look", "draft"]
         assert answers.of(Look)[-1].press == moved
@@ -337,7 +337,7 @@ def test_a_design_outside_the_models_is_said_with_the_reason_and_the_work_goes_o
 ) -> None:
     outside = PAIR.with_(**{"operating.max_depth_mm": 0.2})
     slow_score["enough"] = slow_score["is_out"] = True
-    with working(wish_of(outside, is_thorough=True)) as (shop, answers):
+    with working(request_of(outside, is_thorough=True)) as (shop, answers):
         answers.wait(is_level("whole"))
         answers.wait_idle(len(answers.all) - 1)
         (failed,) = answers.of(Failed)
@@ -345,9 +345,9 @@ def test_a_design_outside_the_models_is_said_with_the_reason_and_the_work_goes_o
         assert failed.digest == outside.digest
         assert {one.score.verdict for one in answers.of(Judged)} == {"OUT_OF_MODEL_SCOPE"}
         assert {one.score.reason for one in answers.of(Judged)} == {failed.text}
-        assert isinstance([one for one in answers.all if not isinstance(one, Doing)][-1], Judged)
+        assert isinstance([one for one in answers.all if not isinstance(one, Progress)][-1], Judged)
         end = len(answers.all)
-        shop.want(wish_of())
+        shop.want(request_of())
         answers.wait(lambda one: isinstance(one, Judged) and one.score.verdict == "CONTIGUOUS", end)
 
 
@@ -361,18 +361,18 @@ def test_a_press_that_the_models_do_not_cover_leaves_the_design_judged(
 
     with working() as (shop, answers):
         monkeypatch.setattr("optopad.studio.surface_mesh.pressed_top", refuse)
-        shop.want(wish_of(with_rays=True))
+        shop.want(request_of(with_rays=True))
         answers.wait_idle(answers.wait(is_level("draft")))
         assert answers.names() == ["Curves", "Failed", "draft"]
         monkeypatch.undo()
         end = len(answers.all)
-        shop.want(wish_of(press=Press(x_mm=10.0, y_mm=10.0, depth_mm=1.0)))
+        shop.want(request_of(press=Press(x_mm=10.0, y_mm=10.0, depth_mm=1.0)))
         answers.wait(lambda one: isinstance(one, Look), end)
 
 
 def test_a_design_that_breaks_a_rule_is_said_once(slow_score: dict[str, Any]) -> None:
     broken = PAIR.with_(**{"receivers.height_mm": 8.5})
-    with working(wish_of(broken, is_thorough=True)) as (_, answers):
+    with working(request_of(broken, is_thorough=True)) as (_, answers):
         answers.wait_idle(answers.wait(lambda one: isinstance(one, Failed)))
         assert answers.names() == ["Failed"]
         assert "receivers.height_mm" in answers.of(Failed)[0].text
@@ -386,7 +386,7 @@ def test_a_fault_of_ours_is_said_and_the_rest_of_the_work_is_done(
         raise ZeroDivisionError("of ours")
 
     monkeypatch.setattr("sims.continuity.objective.draft_score", fail)
-    with working(wish_of()) as (_, answers):
+    with working(request_of()) as (_, answers):
         answers.wait_idle(answers.wait(lambda one: isinstance(one, Failed)))
         assert answers.names() == ["Curves", "Look", "Failed"]
         assert answers.of(Failed)[0].text == (
@@ -407,19 +407,19 @@ def test_a_live_solve_of_a_tip_is_given_up_with_its_design(monkeypatch: pytest.M
             ended.set()
 
     monkeypatch.setattr("sims.contact.indentation.round_press", solve)
-    with working(wish_of()) as (shop, answers):
-        answers.wait(lambda one: isinstance(one, Doing) and one.stage == "contact")
+    with working(request_of()) as (shop, answers):
+        answers.wait(lambda one: isinstance(one, Progress) and one.stage == "contact")
         monkeypatch.undo()
-        shop.want(wish_of(PAIR.with_(**{CLEAR: 9.0})))
+        shop.want(request_of(PAIR.with_(**{CLEAR: 9.0})))
         assert ended.wait(2.0)
         answers.wait(lambda one: isinstance(one, Curves))
         assert answers.of(Failed) == []
 
 
 def test_closing_ends_a_score_within_two_seconds_and_twice_is_once(slow_score: dict[str, Any]) -> None:
-    with working(wish_of(is_thorough=True)) as (shop, answers):
+    with working(request_of(is_thorough=True)) as (shop, answers):
         answers.wait(
-            lambda one: isinstance(one, Doing) and one.stage == "map", answers.wait(is_level("draft"))
+            lambda one: isinstance(one, Progress) and one.stage == "map", answers.wait(is_level("draft"))
         )
         began = time.monotonic()
         shop.close()
@@ -431,8 +431,10 @@ def test_closing_ends_a_score_within_two_seconds_and_twice_is_once(slow_score: d
 
 @pytest.mark.slow
 def test_closing_in_the_middle_of_light_takes_less_than_two_seconds() -> None:
-    with working(wish_of(preset("piacenza2017-pad"))) as (_, answers):
-        answers.wait(lambda one: isinstance(one, Doing) and one.stage == "map")  # `working` closes and looks
+    with working(request_of(preset("piacenza2017-pad"))) as (_, answers):
+        answers.wait(
+            lambda one: isinstance(one, Progress) and one.stage == "map"
+        )  # `working` closes and looks
 
 
 @pytest.mark.full
@@ -440,12 +442,12 @@ def test_closing_in_the_middle_of_light_takes_less_than_two_seconds() -> None:
 def test_the_score_has_the_bits_of_a_score_without_a_studio_although_presses_were_served_meanwhile() -> None:
     true = score(PAIR, seed=3)
     served: list[str] = []
-    with working(wish_of(is_thorough=True), seed=3) as (shop, answers):
+    with working(request_of(is_thorough=True), seed=3) as (shop, answers):
         end = answers.wait(is_level("draft"))
         for x_mm in (8.0, 11.0):
             time.sleep(2.0)
             end = len(answers.all)
-            shop.want(wish_of(press=Press(x_mm=x_mm, y_mm=10.0, depth_mm=2.0), is_thorough=True))
+            shop.want(request_of(press=Press(x_mm=x_mm, y_mm=10.0, depth_mm=2.0), is_thorough=True))
             look = answers.wait(lambda one: isinstance(one, Look), end)
             served.append(type(answers.all[look]).__name__)
             assert not any(isinstance(one, Judged) and one.level != "draft" for one in answers.all)
@@ -466,7 +468,7 @@ def test_the_score_has_the_bits_of_a_score_without_a_studio_although_presses_wer
 
 def test_every_piece_of_a_press_is_named_as_one() -> None:
     shop = Workshop(lambda _answer: None)
-    pieces = shop._pieces(wish_of(with_rays=True, with_readings=True, is_thorough=True))
+    pieces = shop._pieces(request_of(with_rays=True, with_readings=True, is_thorough=True))
     assert [name for name, key, _ in pieces if PRESS in key or PRESS.place_mm in key] == list(
         workshop_module.OF_A_PRESS
     )

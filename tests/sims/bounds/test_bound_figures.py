@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from sims.bounds.felt import _first_reached_mm
+from sims.bounds.detection_threshold import _first_reached_mm
 from sims.bounds.fisher import Bounds, Steps, stencil_derivatives, stencil_presses
 from sims.bounds.observability import depth_weights, median_of, share_of
 

@@ -5,7 +5,7 @@ import pytest
 
 from design.preset import preset
 from design.shape.cavity import cavity_of, judged_pairs, mask_of
-from sims.bounds.fisher import Steps, bounds_of, pad_answers, sensitivity
+from sims.bounds.fisher import Steps, bounds_of, sensitivities, sensitivity
 from sims.bounds.observability import BOUND_ACCURACIES, own_readout, pad_bounds
 from sims.continuity.maps_file import bounds_dataset
 from sims.optics.tracing import trace
@@ -99,7 +99,7 @@ def test_no_pair_of_a_dome_is_left_out_for_an_error_that_all_its_presses_share()
         own_readout(design, seed=0),
     )
     found, finer = (
-        pad_answers(design, places, depth_mm, readout, accuracies=accuracies, seed=0, steps=Steps())
+        sensitivities(design, places, depth_mm, readout, accuracies=accuracies, seed=0, steps=Steps())
         for accuracies in (BOUND_ACCURACIES, ("standard",))
     )
     assert (found.weight > 0.0).all()

@@ -39,7 +39,7 @@ def test_a_design_that_breaks_a_rule_costs_no_light(traced):
 def test_a_limit_on_parts_or_height_costs_no_light(traced):
     limits = (Limit(figure="pad_height_mm", at_most=8.0),)
     judged = judge(PAIR, limits, wanted=("evenness",))
-    assert judged.reason == "pad_height_mm 9, wanted pad_height_mm <= 8"
+    assert judged.reason == "pad_height_mm 9, required pad_height_mm <= 8"
     assert judged.violations(limits) == {"pad_height_mm <= 8": pytest.approx(1 / 8)}
     assert traced == []
 
@@ -48,7 +48,7 @@ def test_too_little_light_ends_the_judging_before_any_press(traced):
     judged = judge(PAIR, (Limit(figure="strength", at_least=0.02),), wanted=("evenness",))
     # docs/understand/model.md: about 0.0097 of the power reaches the facing diode of the paper's pair
     assert judged.reason.startswith("strength 0.0096")
-    assert judged.reason.endswith("wanted strength >= 0.02")
+    assert judged.reason.endswith("required strength >= 0.02")
     assert traced == [1]
     assert "evenness" not in judged.figures
 

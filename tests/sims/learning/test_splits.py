@@ -76,5 +76,5 @@ def test_too_little_data_is_refused_with_what_there_is_and_what_it_takes():
 def test_a_pad_whose_pairs_all_clip_is_refused_with_the_way_out():
     made = made_up_data(grid_mm(4))
     made.counts[:, :-1] = 1023.0
-    with pytest.raises(InputError, match=r"only 0 pairs tell anything.*lower the gain"):
+    with pytest.raises(InputError, match=r"only 0 pairs can be used.*lower the gain"):
         prepared(made)

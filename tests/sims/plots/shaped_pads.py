@@ -9,7 +9,7 @@ import numpy as np
 from design.preset import preset
 from design.shape.cavity import cavity_of, plan_of
 from design.spec import SensorDesign
-from sims.bounds.felt import FeltForce
+from sims.bounds.detection_threshold import DetectionThreshold
 from sims.bounds.observability import PadBounds
 from sims.press import Indentation
 from sims.verdict.pad_map import PadMap, grid_inside
@@ -43,7 +43,7 @@ def shaped_bounds(design: SensorDesign) -> PadBounds:
     for name in BOUNDS:
         values[name][(*first, 0)] = np.inf
     felt = bounds.felt
-    assert isinstance(felt, FeltForce)
+    assert isinstance(felt, DetectionThreshold)
     masked = {name: np.where(inside, getattr(felt, name), np.nan) for name in FELT}
     return replace(bounds, felt=replace(felt, **masked), **values)
 

@@ -324,10 +324,10 @@ def test_axes_are_labelled_with_their_units():
 
 def test_the_colour_bars_carry_units():
     figure = every_plot()["deadband"].figure
-    assert [bar.get_ylabel() for bar in figure.axes[1:]] == ["deadband at this place [mm]"]
+    assert [bar.get_ylabel() for bar in figure.axes[1:]] == ["deadband at this location [mm]"]
     figure = every_plot()["margin"].figure
     assert [bar.get_ylabel() for bar in figure.axes[1:]] == [
-        "frames apart over the least told 0.3 mm [noise units]"
+        "margin: least change over 0.3 mm of depth [sigma]"
     ]
 
 

@@ -217,7 +217,7 @@ def test_a_journal_has_one_writer_at_a_time(tmp_path: Path) -> None:
     data = made_up()
     with DataWriter(tmp_path / "set.nc", header_of(data)) as writer:
         writer.add(one_press(data, 0, 0))
-        with pytest.raises(InputError, match=r"another process makes it now .* wait for it"):
+        with pytest.raises(InputError, match=r"another process is writing it .* wait for it"):
             DataWriter(tmp_path / "set.nc", header_of(data))
         for press in ((0, 1), (1, 0), (1, 1)):
             writer.add(one_press(data, *press))
@@ -320,7 +320,7 @@ def test_a_file_without_a_part_is_refused_by_its_name(tmp_path: Path, gone: str)
 
 def test_what_is_no_netcdf_is_refused(tmp_path: Path) -> None:
     (tmp_path / "text.nc").write_text("depth,signal\n")
-    with pytest.raises(InputError, match=r"text\.nc: a CSV table; needed is a data set in netCDF"):
+    with pytest.raises(InputError, match=r"text\.nc: a CSV table; needs a data set in netCDF"):
         read_data(tmp_path / "text.nc")
     with pytest.raises(InputError, match="no such file"):
         read_data(tmp_path / "absent.nc")

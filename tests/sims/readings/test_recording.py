@@ -78,8 +78,8 @@ def test_readings_apart_by_a_hundredth_are_told_so(simulated, tmp_path):
     signal = 1000.0 * (ratio_at(DEPTH_MM) + np.where(DEPTH_MM > 0, 0.01, 0.0))
     found = recorded_press(PAIR, read_recording(csv_of(tmp_path, {"depth_mm": DEPTH_MM, "signal": signal})))
     assert found.pairs[0].worst == pytest.approx(0.01, abs=1e-6)
-    assert any("does not say which design" in note for note in found.notes)
-    assert any("does not say where" in note for note in found.notes)
+    assert any("names no design" in note for note in found.notes)
+    assert any("has no location of the press" in note for note in found.notes)
 
 
 def test_only_the_press_is_compared_and_the_retraction_is_kept(simulated, tmp_path):
@@ -111,7 +111,7 @@ def test_a_csv_of_another_design_is_refused_by_any_form_of_its_digest(simulated,
 @pytest.mark.parametrize("said", [PAIR.digest, PAIR.digest[:8], PAIR.digest.upper()])
 def test_a_csv_of_this_design_is_taken_by_any_form_of_its_digest(simulated, tmp_path, said):
     file = csv_of(tmp_path, {"depth_mm": DEPTH_MM, "E2-R2": ratio_at(DEPTH_MM)}, f"# design_digest: {said}\n")
-    assert not any("which design" in note for note in recorded_press(PAIR, read_recording(file)).notes)
+    assert not any("names no design" in note for note in recorded_press(PAIR, read_recording(file)).notes)
 
 
 @pytest.mark.parametrize("said", ["abc", "<64 digits>", "0c3a4f5"])
@@ -159,7 +159,7 @@ def test_several_places_need_one_that_is_named(simulated, tmp_path):
     }
     recording = read_recording(csv_of(tmp_path, columns))
     with pytest.raises(
-        InputError, match=r"2 places, one is shown at a time; name it with --at X,Y, as --at 10,10"
+        InputError, match=r"2 locations, one is shown at a time; name it with --at X,Y, as --at 10,10"
     ):
         recorded_press(PAIR, recording)
     assert len(recorded_press(PAIR, recording, at_mm=(12.0, 10.0)).pairs[0].ratio) == len(DEPTH_MM)
@@ -205,7 +205,7 @@ def test_a_netcdf_without_a_part_is_refused_by_its_name(tmp_path, name):
 
 def test_a_file_that_is_no_netcdf_is_refused(tmp_path):
     (tmp_path / "press.nc").write_bytes(b"no\x00")
-    with pytest.raises(InputError, match="binary data of an unknown kind; needed is a recording: netCDF"):
+    with pytest.raises(InputError, match="binary data of an unknown kind; needs a recording: netCDF"):
         read_recording(tmp_path / "press.nc")
 
 

@@ -84,7 +84,7 @@ def test_no_build_that_can_be_judged_is_refused():
             raise ModelScopeError("cavity: out of scope")
         return by_height(design)
 
-    with pytest.raises(InputError, match="no build could be judged"):
+    with pytest.raises(InputError, match="no manufactured unit could be judged"):
         study(judge=judge)
 
 
@@ -95,7 +95,7 @@ def test_a_useless_number_of_builds_is_refused(builds):
 
 
 def test_nothing_that_varies_is_refused():
-    with pytest.raises(InputError, match="nothing varies"):
+    with pytest.raises(InputError, match="no value varies"):
         build_study(PAIR, (), "x", by_height, builds=20, seed=0)
 
 
@@ -141,7 +141,7 @@ def test_a_build_of_facing_rows_is_judged_as_the_design_is():
 def test_the_figure_says_the_share_and_names_every_value():
     found = study(builds=64)
     figure = plot_builds(found, made_up_band("the facing pairs", 0.0))
-    assert f"{found.kept} of 64 builds stay CONTIGUOUS" in figure.get_suptitle()
+    assert f"{found.kept} of 64 manufactured units stay CONTIGUOUS" in figure.get_suptitle()
     labels = [label.get_text() for label in figure.axes[0].get_yticklabels()]
     assert len(labels) == len(TOLERANCES)
     assert labels[0].startswith(HEIGHT)

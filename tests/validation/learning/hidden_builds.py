@@ -178,7 +178,7 @@ def build_figures(number: int, say: Any = print) -> dict[str, Any]:
     values = drawn_values(unknowns, rng)
     hidden = with_values(design, unknowns, values)
     curves = protocol_curves(hidden, protocol(), seed=LIGHT_SEED + number)
-    tell("light of the build")
+    tell("light of the unit")
     chain = chain_of(hidden, curves.readout)
     emitters, receivers = chain.gains.shape
     power = np.exp(POWER_SPREAD * rng.normal(size=(emitters, 1)))

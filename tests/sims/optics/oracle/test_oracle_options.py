@@ -328,8 +328,8 @@ def test_a_bad_option_is_refused_by_name(changes, message):
 @pytest.mark.parametrize(
     ("centres", "presses", "fields", "message"),
     [
-        ([[CENTRE]], [[dimple(1.0)] * 2], None, "indentations[0]: 2 presses for 1 places"),
-        ([[CENTRE] * 2], [dimple(1.0)], None, "indentations[0]: 1 presses for 2 places"),
+        ([[CENTRE]], [[dimple(1.0)] * 2], None, "indentations[0]: 2 presses for 1 locations"),
+        ([[CENTRE] * 2], [dimple(1.0)], None, "indentations[0]: 1 presses for 2 locations"),
         (
             [[CENTRE, [40.0, 2.0]]],
             [[dimple(1.0)] * 2],

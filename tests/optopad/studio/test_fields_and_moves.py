@@ -14,13 +14,13 @@ from design.io import file_schema
 from design.preset import FLAT_PRESETS, SHAPED_PRESETS, preset
 from design.shape.cavity import PlacedPart, cavity_of, plan_of
 from design.spec import SensorDesign
-from optopad.studio.knobs import (
+from optopad.studio.editable_fields import (
     BY_HAND,
     PATTERNS,
     ROUND_PATTERNS,
-    Knob,
+    EditableField,
     changes_of,
-    knobs_of,
+    editable_fields_of,
     limits_of,
     pattern_of,
 )
@@ -46,8 +46,8 @@ DESIGNS = {name: preset(name) for name in (*FLAT_PRESETS, CROWNED)} | {"by side"
 """Rectangles."""
 DISCS = {name: preset(name) for name in (DISC, DOME)}
 ALL = DESIGNS | DISCS
-KNOBS = [(where, knob) for where, design in ALL.items() for knob in knobs_of(design)]
-NUMBERS = [one for one in KNOBS if one[1].kind != "choice"]
+FIELDS = [(where, field) for where, design in ALL.items() for field in editable_fields_of(design)]
+NUMBERS = [one for one in FIELDS if one[1].kind != "choice"]
 
 
 def after(design: SensorDesign, name: str, **where: Any) -> SensorDesign:
@@ -91,81 +91,85 @@ def field_schema(path: str) -> dict[str, Any]:
     return numbers[0]
 
 
-@for_each(KNOBS)
-def test_a_field_shows_what_the_design_has(where: str, knob: Knob) -> None:
+@for_each(FIELDS)
+def test_a_field_shows_what_the_design_has(where: str, field: EditableField) -> None:
     design = ALL[where]
-    if knob.path == "layout":
-        assert knob.value == pattern_of(design)
+    if field.path == "layout":
+        assert field.value == pattern_of(design)
         return
-    value = get_at(design.model_dump(mode="json"), knob.path) if knob.path != "gain.feedback_ohm" else "each"
+    value = (
+        get_at(design.model_dump(mode="json"), field.path) if field.path != "gain.feedback_ohm" else "each"
+    )
     if value is None:  # no pitch is given: even along the shorter wall
         along = sorted(part.along_mm for part in cavity_of(design).parts if part.wall == "west")
-        assert knob.path == "layout.0.pitch_mm"
-        assert knob.value == pytest.approx(along[1] - along[0], abs=1e-3)
+        assert field.path == "layout.0.pitch_mm"
+        assert field.value == pytest.approx(along[1] - along[0], abs=1e-3)
     else:
-        assert knob.value == value
+        assert field.value == value
 
 
 @for_each(NUMBERS)
-def test_limits_are_those_of_the_specification(where: str, knob: Knob) -> None:
-    schema = field_schema(knob.path)
-    pattern = get_at(ALL[where].model_dump(mode="json"), knob.path.rpartition(".")[0])
-    if isinstance(pattern, dict) and pattern.get("pattern") == "facing_rows" and knob.path.endswith("count"):
+def test_limits_are_those_of_the_specification(where: str, field: EditableField) -> None:
+    schema = field_schema(field.path)
+    pattern = get_at(ALL[where].model_dump(mode="json"), field.path.rpartition(".")[0])
+    if isinstance(pattern, dict) and pattern.get("pattern") == "facing_rows" and field.path.endswith("count"):
         schema = {"minimum": 1, "maximum": 32, "type": "integer"}
-    assert knob.low == schema.get("minimum", schema.get("exclusiveMinimum"))
-    assert knob.high == schema.get("maximum", schema.get("exclusiveMaximum"))
-    assert (knob.kind == "whole") == (schema["type"] == "integer")
-    assert knob.step > 0
+    assert field.low == schema.get("minimum", schema.get("exclusiveMinimum"))
+    assert field.high == schema.get("maximum", schema.get("exclusiveMaximum"))
+    assert (field.kind == "whole") == (schema["type"] == "integer")
+    assert field.step > 0
 
 
-def allowed(knob: Knob) -> list[Any]:
+def allowed(field: EditableField) -> list[Any]:
     """Other values within the limits: all choices, both ends, and a step each way."""
-    if knob.kind == "choice":
-        return [one for one in knob.choices if one != knob.value]
-    assert not isinstance(knob.value, str)
-    low = 0.001 if knob.low == 0.0 else 0.0 if knob.low is None else knob.low
-    high = 1e4 if knob.high is None else knob.high
-    given = [low, high, knob.value - knob.step, knob.value + knob.step]
+    if field.kind == "choice":
+        return [one for one in field.choices if one != field.value]
+    assert not isinstance(field.value, str)
+    low = 0.001 if field.low == 0.0 else 0.0 if field.low is None else field.low
+    high = 1e4 if field.high is None else field.high
+    given = [low, high, field.value - field.step, field.value + field.step]
     kept = [one for one in given if low <= one <= high]
-    return [round(one) for one in kept] if knob.kind == "whole" else [round(float(one), 6) for one in kept]
+    return [round(one) for one in kept] if field.kind == "whole" else [round(float(one), 6) for one in kept]
 
 
-@for_each(KNOBS)
-def test_every_allowed_value_is_taken_and_shown(where: str, knob: Knob) -> None:
+@for_each(FIELDS)
+def test_every_allowed_value_is_taken_and_shown(where: str, field: EditableField) -> None:
     design = ALL[where]
-    for value in allowed(knob):
-        changes = changes_of(design, knob.path, value)
+    for value in allowed(field):
+        changes = changes_of(design, field.path, value)
         found = design.with_(**changes)
-        now = {one.path: one for one in knobs_of(found)}
-        assert now[knob.path].value == value
-        assert changes_of(found, knob.path, value).get(knob.path, value) == value
+        now = {one.path: one for one in editable_fields_of(found)}
+        assert now[field.path].value == value
+        assert changes_of(found, field.path, value).get(field.path, value) == value
 
 
 @for_each(NUMBERS)
-def test_a_value_beyond_a_limit_is_refused_by_name(where: str, knob: Knob) -> None:
+def test_a_value_beyond_a_limit_is_refused_by_name(where: str, field: EditableField) -> None:
     design = ALL[where]
     beyond = [
-        *([] if knob.low is None else [knob.low - 1]),
-        *([] if knob.high is None else [knob.high + 1]),
+        *([] if field.low is None else [field.low - 1]),
+        *([] if field.high is None else [field.high + 1]),
         "much",
         None,
     ]
-    if knob.path.endswith("pitch_mm"):
+    if field.path.endswith("pitch_mm"):
         beyond.remove(None)  # no pitch of its own: even
     for value in beyond:
-        with pytest.raises(DesignError, match=knob.path.replace(".", r"(\.|: )")):
-            design.with_(**changes_of(design, knob.path, value))
+        with pytest.raises(DesignError, match=field.path.replace(".", r"(\.|: )")):
+            design.with_(**changes_of(design, field.path, value))
 
 
 def test_fields_stand_group_by_group_and_none_twice() -> None:
     for design in ALL.values():
-        groups = [knob.group for knob in knobs_of(design)]
+        groups = [field.group for field in editable_fields_of(design)]
         assert list(dict.fromkeys(groups)) == ["Pad", "Layout", "Parts", "Press", "Material", "Signal"]
         assert groups == sorted(groups, key=list(dict.fromkeys(groups)).index)
-        paths = [knob.path for knob in knobs_of(design)]
+        paths = [field.path for field in editable_fields_of(design)]
         assert len(paths) == len(set(paths))
-        assert all(knob.tells.endswith(".") for knob in knobs_of(design))
-        assert all(knob.value in knob.choices for knob in knobs_of(design) if knob.kind == "choice")
+        assert all(field.tells.endswith(".") for field in editable_fields_of(design))
+        assert all(
+            field.value in field.choices for field in editable_fields_of(design) if field.kind == "choice"
+        )
 
 
 def test_an_open_end_is_no_limit_and_an_end_that_is_out_is_given_as_itself() -> None:
@@ -175,7 +179,7 @@ def test_an_open_end_is_no_limit_and_an_end_that_is_out_is_given_as_itself() -> 
 
 
 def test_units_are_those_of_the_names() -> None:
-    units = {knob.path: knob.unit for knob in knobs_of(preset(PAD))}
+    units = {field.path: field.unit for field in editable_fields_of(preset(PAD))}
     assert units["cavity.clear_thickness_mm"] == units["layout.0.pitch_mm"] == "mm"
     assert units["gain.target_counts"] == units["noise.read_noise_counts"] == "counts"
     assert units["elastomer.mixing_ratio"] == units["layout.0.parts_per_side"] == ""
@@ -183,13 +187,15 @@ def test_units_are_those_of_the_names() -> None:
 
 def test_a_gain_in_ohms_has_no_target_and_no_rule() -> None:
     ohms = preset(PAD).with_(**{"gain.feedback_ohm": 1e5})
-    assert {"gain.target_counts", "gain.feedback_ohm"} & {knob.path for knob in knobs_of(ohms)} == set()
+    assert {"gain.target_counts", "gain.feedback_ohm"} & {
+        field.path for field in editable_fields_of(ohms)
+    } == set()
 
 
 def test_a_design_has_the_fields_of_its_outline_and_top() -> None:
     sides, round_ones = {"cavity.length_mm", "cavity.width_mm"}, {"cavity.diameter_mm"}
     for design in ALL.values():
-        paths = {knob.path for knob in knobs_of(design)}
+        paths = {field.path for field in editable_fields_of(design)}
         plan = plan_of(design)
         is_round = any(one.is_diameter for one in plan.outline.dimensions)
         assert paths & (sides | round_ones) == (round_ones if is_round else sides)
@@ -212,7 +218,7 @@ def test_a_round_mold_follows_the_disc_in_it(name: str) -> None:
     ("where", "path", "words"),
     [
         (DISC, "cavity.length_mm", "a disc has diameter_mm, no length_mm"),
-        (PAD, "cavity.diameter_mm", "diameter_mm is of a disc"),
+        (PAD, "cavity.diameter_mm", "diameter_mm belongs to a disc"),
         (DISC, "layout.0.pitch_mm", "layout.0.pitch_mm: is not a field"),
         (PAD, "crown.radius_mm", "crown.shape: is missing"),
     ],

@@ -34,7 +34,7 @@ ROUND_PATTERNS = ("disc ring",)
 
 
 @dataclass(frozen=True, kw_only=True)
-class Knob:
+class EditableField:
     """One field.
 
     Attributes
@@ -63,29 +63,32 @@ class Knob:
 
 
 _FIXED = (
-    ("Pad", "cavity.clear_thickness_mm", "clear layer", 0.25, "Layer that light uses: the main lever."),
-    ("Pad", "cavity.length_mm", "length", 1.0, "Inner length along x; the mold grows with it."),
-    ("Pad", "cavity.width_mm", "width", 1.0, "Inner width along y; the mold grows with it."),
-    ("Pad", "cavity.diameter_mm", "diameter", 1.0, "Inner diameter; the mold grows with it."),
+    ("Pad", "cavity.clear_thickness_mm", "clear layer", 0.25, ("Optical layer; the parameter with the largest "
+                                                              "effect.")),
+    ("Pad", "cavity.length_mm", "length", 1.0, "Inner length along x; the mold changes with it."),
+    ("Pad", "cavity.width_mm", "width", 1.0, "Inner width along y; the mold changes with it."),
+    ("Pad", "cavity.diameter_mm", "diameter", 1.0, "Inner diameter; the mold changes with it."),
     ("Pad", "crown.radius_mm", "crown radius", 1.0, "Radius of curvature of the top: smaller is rounder."),
     ("Pad", "cavity.black_thickness_mm", "black layer", 0.25, "Absorbing layer below the clear one."),
     ("Parts", "emitters.height_mm", "emitters' height", 0.1, "Centre of the emitting area over the layer's bottom."),
     ("Parts", "receivers.height_mm", "receivers' height", 0.1, "Centre of the chip over the clear layer's bottom."),
-    ("Press", "indenter.tip_radius_mm", "tip radius", 0.25, "Of the tip that stands for a finger, and its shank."),
-    ("Press", "operating.max_depth_mm", "deepest press", 0.25, "The range of use that the verdict is about."),
+    ("Press", "indenter.tip_radius_mm", "tip radius", 0.25, "Radius of the tip and its shank."),
+    ("Press", "operating.max_depth_mm", "deepest press", 0.25, "Largest depth that the verdict covers."),
     ("Press", "operating.workspace_margin_mm", "margin", 0.5, "Tip's edge to the wall at the workspace's border."),
-    ("Material", "elastomer.mixing_ratio", "mixing ratio", 1.0, "Base over curing agent by weight: softness, index."),
-    ("Signal", "gain.target_counts", "target reading", 10.0, "What the gain brings the median judged pair to."),
-    ("Signal", "noise.read_noise_counts", "read noise", 0.1, "Of one reading in the dark."),
-    ("Signal", "noise.relative_noise", "relative noise", 0.001, "All noise in proportion to the signal."),
+    ("Material", "elastomer.mixing_ratio", "mixing ratio", 1.0, ("Base over curing agent by weight; sets modulus "
+                                                                "and index.")),
+    ("Signal", "gain.target_counts", "target reading", 10.0, ("Reading of the median judged pair, which sets the "
+                                                             "gain.")),
+    ("Signal", "noise.read_noise_counts", "read noise", 0.1, "Noise of one reading in the dark."),
+    ("Signal", "noise.relative_noise", "relative noise", 0.001, "Total noise in proportion to the signal."),
 )  # fmt: skip
 
 
-def knobs_of(design: SensorDesign) -> tuple[Knob, ...]:
+def editable_fields_of(design: SensorDesign) -> tuple[EditableField, ...]:
     """Every field that the studio offers for a design, group by group."""
     found = [*_numbers(design), *_choices(design), *_layout(design)]
     order = ("Pad", "Layout", "Parts", "Press", "Material", "Signal")
-    return tuple(sorted(found, key=lambda knob: order.index(knob.group)))
+    return tuple(sorted(found, key=lambda field: order.index(field.group)))
 
 
 def changes_of(design: SensorDesign, path: str, value: Any) -> dict[str, Any]:
@@ -178,7 +181,7 @@ def _count(design: SensorDesign, kind: str | None = None) -> int:
     return sum(kind in (None, place.kind) for place in places)
 
 
-def _numbers(design: SensorDesign) -> Iterator[Knob]:
+def _numbers(design: SensorDesign) -> Iterator[EditableField]:
     document = design.model_dump(mode="json")
     for group, path, label, step, tells in _FIXED:
         if not is_value(document, path):  # of another outline, or of no crown
@@ -186,7 +189,7 @@ def _numbers(design: SensorDesign) -> Iterator[Knob]:
         if path == "gain.target_counts" and not isinstance(design.gain.feedback_ohm, str):
             continue
         low, high = limits_of(path)
-        yield Knob(
+        yield EditableField(
             path=path,
             group=group,
             label=label,
@@ -200,11 +203,13 @@ def _numbers(design: SensorDesign) -> Iterator[Knob]:
         )
 
 
-def _choices(design: SensorDesign) -> Iterator[Knob]:
+def _choices(design: SensorDesign) -> Iterator[EditableField]:
     entries = entries_of(design)
 
-    def choice(group: str, path: str, label: str, value: str, names: tuple[str, ...], tells: str) -> Knob:
-        return Knob(
+    def choice(
+        group: str, path: str, label: str, value: str, names: tuple[str, ...], tells: str
+    ) -> EditableField:
+        return EditableField(
             path=path,
             group=group,
             label=label,
@@ -230,22 +235,22 @@ def _choices(design: SensorDesign) -> Iterator[Knob]:
     )
     if isinstance(design.gain.feedback_ohm, str):
         rule = design.gain.feedback_ohm
-        tells = "each: every receiver has its own gain; common: one gain for all."
+        tells = "each: one gain per receiver; common: one gain for all."
         yield choice("Signal", "gain.feedback_ohm", "gain", rule, ("each", "common"), tells)
-    tells = "Where parts sit. By hand: every part by itself, as dragging one makes it."
+    tells = "Positions of the parts. By hand: each part on its own; dragging one part selects it."
     bare = plan_of(design).outline
     patterns = ("ring", *(PATTERNS if bare.lines else ()), *(ROUND_PATTERNS if bare.arcs else ()), BY_HAND)
     yield choice("Layout", "layout", "pattern", pattern_of(design), patterns, tells)
 
 
-def _layout(design: SensorDesign) -> Iterator[Knob]:
+def _layout(design: SensorDesign) -> Iterator[EditableField]:
     for number, pattern in enumerate(design.layout):
         at = f"layout.{number}"
         match pattern:
             case AlternatingRing():
                 yield from _ring(design, pattern, at)
             case DiscRing():
-                tells = "Emitters, and as many receivers, in turn."
+                tells = "Number of emitters, and of receivers, alternating."
                 yield _whole(at, "count", "pairs", pattern.count, MOST_ON_A_WALL, tells)
                 yield _first_angle(at, pattern.first_angle_deg)
             case Ring():
@@ -260,7 +265,7 @@ def _layout(design: SensorDesign) -> Iterator[Knob]:
                     "pairs",
                     pattern.count,
                     MOST_ON_A_WALL,
-                    "Emitters in the row, and as many receivers.",
+                    "Number of emitters in the row, and of receivers.",
                 )
                 span = design.cavity.wall_length_mm(pattern.emitter_wall)
                 yield _pitch(at, pattern.pitch_mm, span / pattern.count)
@@ -280,7 +285,7 @@ def _layout(design: SensorDesign) -> Iterator[Knob]:
                 pass
 
 
-def _ring(design: SensorDesign, pattern: AlternatingRing, at: str) -> Iterator[Knob]:
+def _ring(design: SensorDesign, pattern: AlternatingRing, at: str) -> Iterator[EditableField]:
     counts = pattern.parts_per_side
     if isinstance(counts, int):
         yield _whole(
@@ -289,7 +294,7 @@ def _ring(design: SensorDesign, pattern: AlternatingRing, at: str) -> Iterator[K
             "parts a side",
             counts,
             MOST_ON_A_WALL,
-            "Emitters and receivers in turn, on each wall.",
+            "Emitters and receivers alternate on each wall.",
         )
         even = min(_walls(design).values()) / counts
         yield _pitch(at, pattern.pitch_mm, even)
@@ -304,13 +309,13 @@ def _ring(design: SensorDesign, pattern: AlternatingRing, at: str) -> Iterator[K
                 f"parts {wall}",
                 count,
                 MOST_ON_A_WALL,
-                "The sum is even: an odd step takes the opposite wall along.",
+                "The sum is even: an odd step also changes the opposite wall.",
             )
 
 
-def _whole(at: str, name: str, label: str, value: int, high: int, tells: str) -> Knob:
+def _whole(at: str, name: str, label: str, value: int, high: int, tells: str) -> EditableField:
     low = 0 if name in WALLS or "." in name else 1
-    return Knob(
+    return EditableField(
         path=f"{at}.{name}",
         group="Layout",
         label=label,
@@ -324,9 +329,9 @@ def _whole(at: str, name: str, label: str, value: int, high: int, tells: str) ->
     )
 
 
-def _first_angle(at: str, value: float) -> Knob:
+def _first_angle(at: str, value: float) -> EditableField:
     low, high = ANGLES_DEG
-    return Knob(
+    return EditableField(
         path=f"{at}.first_angle_deg",
         group="Layout",
         label="first part at",
@@ -336,19 +341,19 @@ def _first_angle(at: str, value: float) -> Knob:
         low=low,
         high=high,
         step=1.0,
-        tells="Direction of the first part from the centre, 0 along x, 90 along y: turns the whole ring.",
+        tells="Direction of the first part from the centre, 0 along x, 90 along y: rotates the whole ring.",
     )
 
 
-def _pitch(at: str, given_mm: float | None, even_mm: float) -> Knob:
+def _pitch(at: str, given_mm: float | None, even_mm: float) -> EditableField:
     """The pitch, or what it is where none is given."""
     value = round(even_mm, 3) if given_mm is None else given_mm
     return _along(at, "pitch_mm", "pitch", value, "Distance between neighbours.")
 
 
-def _along(at: str, name: str, label: str, value: float, tells: str) -> Knob:
+def _along(at: str, name: str, label: str, value: float, tells: str) -> EditableField:
     low, high = (0.5, 100.0) if name == "pitch_mm" else (-100.0, 100.0)
-    return Knob(
+    return EditableField(
         path=f"{at}.{name}",
         group="Layout",
         label=label,

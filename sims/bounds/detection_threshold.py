@@ -25,7 +25,7 @@ from sims.verdict.depth_curve import DEADBAND_THRESHOLD, noise_units, sigma_coun
 
 
 @dataclass(frozen=True, kw_only=True)
-class FeltForce:
+class DetectionThreshold:
     """The lightest press that is felt; infinite where none within the range of use is, NaN outside the workspace.
 
     Attributes
@@ -58,7 +58,7 @@ class FeltForce:
         return int(row), int(column)
 
 
-def felt_force(
+def detection_threshold(
     design: SensorDesign,
     flux: FloatArray,
     standard_error: FloatArray,
@@ -67,7 +67,7 @@ def felt_force(
     depth_mm: FloatArray,
     readout: Readout,
     threshold: float = DEADBAND_THRESHOLD,
-) -> FeltForce:
+) -> DetectionThreshold:
     """The lightest press felt at each place of a map.
 
     Parameters
@@ -93,7 +93,7 @@ def felt_force(
     ]
     forces = [_forces_n(design, x_mm, y_mm, depth) for depth in depths]
     low, high = band_factors(modulus(design))
-    return FeltForce(
+    return DetectionThreshold(
         x_mm=x_mm,
         y_mm=y_mm,
         depth_mm=depths[0],
