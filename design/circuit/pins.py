@@ -197,7 +197,7 @@ def _address_findings(design: SensorDesign, board: Board, emitter_count: int) ->
                     f"the board has no pins left for the address of {multiplexer.title}",
                     value=f"{emitter_count} emitters and {bits} address lines",
                     limit=f"at most {len(board.digital_pins)} pins",
-                    way_out="place fewer emitters, or name another board.kind",
+                    way_out="use fewer emitters, or name another board.kind",
                 )
             )
         return found

@@ -135,9 +135,8 @@ class Ring(Model):
             turns, rest = divmod(self.emitters + self.receivers, lit + read)
             if rest or (lit * turns, read * turns) != (self.emitters, self.receivers):
                 raise ValueError(
-                    f"sequence = '{self.sequence}' makes {lit} emitters and {read} receivers a turn, "
-                    f"which no number of turns makes {self.emitters} and {self.receivers}; "
-                    "correct emitters, receivers or the sequence"
+                    f"sequence = '{self.sequence}' has {lit} emitters and {read} receivers; repeated, it never has "
+                    f"{self.emitters} and {self.receivers}; correct emitters, receivers or the sequence"
                 )
         return self
 

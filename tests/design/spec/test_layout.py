@@ -238,7 +238,7 @@ def test_a_ring_spreads_any_numbers_around_any_outline() -> None:
 
 
 def test_a_sequence_that_does_not_make_the_numbers_is_refused() -> None:
-    with pytest.raises(DesignError, match="sequence = 'ERR' makes 1 emitters and 2 receivers a turn"):
+    with pytest.raises(DesignError, match="sequence = 'ERR' has 1 emitters and 2 receivers; repeated"):
         with_layout({"pattern": "ring", "emitters": 8, "receivers": 8, "sequence": "ERR"})
 
 
