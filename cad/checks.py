@@ -533,10 +533,9 @@ def _lid(design: SensorDesign) -> Iterator[Finding]:
         limit=0.0,
         unit="mm",
         state="warning",
-        note="they become haze on the crown: print the lid dish up in layers of 0.1 mm, then fill and "
-        "wet-sand the dish, or smooth ABS in vapour; or lay a formed film of 0.1 to 0.2 mm PET into "
-        f"it, which makes the layer thinner by as much. Filled upside down: {clear:.2f} cm3 clear, "
-        f"then {black:.2f} cm3 black"
+        note="they become haze on the crown: print the lid dish up in layers of 0.1 mm, then fill and wet-sand the "
+        "dish, or smooth ABS in vapour; or lay a formed film of 0.1 to 0.2 mm PET into it, which makes the "
+        f"layer thinner by as much. Filled upside down: {clear:.2f} cm3 clear, then {black:.2f} cm3 black"
         + (f". On the round mold its notches are along {straight}" if turned else ""),
     )
 

@@ -186,8 +186,7 @@ def _with_own_catalog(document: dict[str, Any], file: Path) -> dict[str, Any]:
             doubled = sorted(set(getattr(own, kind)) & set(getattr(more, kind)))
             if doubled:
                 raise DesignError(
-                    f"{beside}: {kind}.{doubled[0]}: is in another of {CATALOG_FILES}, too; keep one of "
-                    "the two"
+                    f"{beside}: {kind}.{doubled[0]}: is in another of {CATALOG_FILES}, too; keep one of the two"
                 )
         own = catalog.merged(own, more)
     given = document.get("catalog", {})
@@ -268,8 +267,7 @@ def file_schema() -> dict[str, Any]:
         table["properties"][CURVE_FILE] = {
             "type": "string",
             "description": (
-                f"file next to this one with {' and '.join(lists)}, one point per row, as a "
-                "digitiser writes it"
+                f"file next to this one with {' and '.join(lists)}, one point per row, as a digitiser writes it"
             ),
         }
     return schema

@@ -189,10 +189,7 @@ class PressProtocol(Model):
     curves: Annotated[
         Literal["fine", "coarse"],
         Field(
-            description=(
-                "number of depths that a simulation traces: coarse traces two thirds of them, "
-                "for a first look"
-            )
+            description="number of depths that a simulation traces: coarse traces two thirds of them, for a first look"
         ),
     ] = "fine"
     sets: Annotated[tuple[PressSet, ...], Field(min_length=1, max_length=64)]

@@ -54,22 +54,14 @@ TABLE_COMMENTS = {
     "board": "full scale of the converter is the board's supply; baud_error is made_baud / baud - 1",
     "frame": "readings are packed bit by bit, state by state and within a state receiver by receiver",
     "timing": "sum of all states' settling and conversion times and of the sending",
-    "workspace": (
-        "press centres that the verdict covers, seen from above; outline disc: within the four sides"
-    ),
+    "workspace": "press centres that the verdict covers, seen from above; outline disc: within the four sides",
     "surface": "the untouched top, by its highest point; a press moves against its normal",
     "ambient": "subtract this state's readings from those of every other state",
-    "gain": (
-        "counts if one receiver received an emitter's total power (median; each); absent if not simulated"
-    ),
+    "gain": "counts if one receiver received an emitter's total power (median; each); absent if not simulated",
     "states": "in order: each emitter alone, then all off",
     "emitters": "active_mm: emitting area along the wall and upward; normal points into the cavity",
-    "expected": (
-        "simulated untouched pad: one row per emitter, one column per receiver; absent if not simulated"
-    ),
-    "receivers": (
-        "column: index within a state's readings; channel_number: index among the board's channels"
-    ),
+    "expected": "simulated untouched pad: one row per emitter, one column per receiver; absent if not simulated",
+    "receivers": "column: index within a state's readings; channel_number: index among the board's channels",
 }
 
 

@@ -151,23 +151,13 @@ SHOWN_LINES = 3
 
 CAUSES: Mapping[str, str] = MappingProxyType(
     {
-        "permission denied": (
-            "you may not use the port: join its group (Debian and Ubuntu: dialout), then log in again"
-        ),
-        "busy": (
-            "another program has the port open: end it (a serial monitor, `driver read`), then try again"
-        ),
+        "permission denied": "you may not use the port: join its group (Debian and Ubuntu: dialout), then log in again",
+        "busy": "another program has the port open: end it (a serial monitor, `driver read`), then try again",
         "not in sync": (
-            "no reply of a boot loader: are board and port right? Press the reset button just "
-            "before the upload"
+            "no reply of a boot loader: are board and port right? Press the reset button just before the upload"
         ),
-        "timeout": (
-            "no reply of a boot loader: are board and port right? Press the reset button just "
-            "before the upload"
-        ),
-        "signature": (
-            "the chip is not that of the design's board: correct board.kind or use the right board"
-        ),
+        "timeout": "no reply of a boot loader: are board and port right? Press the reset button just before the upload",
+        "signature": "the chip is not that of the design's board: correct board.kind or use the right board",
         "verification error": "verification failed: try again with another cable",
     }
 )
@@ -208,8 +198,7 @@ def upload(chip: BoardFirmware, image: Path, port: str) -> None:
         done = subprocess.run(command, capture_output=True, text=True, timeout=UPLOAD_LIMIT_S, check=False)
     except subprocess.TimeoutExpired:
         raise DeviceError(
-            f"{port}: {UPLOADER} did not finish within {UPLOAD_LIMIT_S:g} s; unplug the board, plug it "
-            "in, try again"
+            f"{port}: {UPLOADER} did not finish within {UPLOAD_LIMIT_S:g} s; unplug the board, plug it in, try again"
         ) from None
     except OSError as err:
         raise DeviceError(f"{UPLOADER} cannot be started: {err.strerror or err}") from err

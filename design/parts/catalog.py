@@ -156,18 +156,13 @@ class Part(Model):
     angular_pattern: Annotated[
         AngularTable | None,
         Field(
-            description=(
-                "emitter: intensity of the data sheet; replaces the power of the cosine by the half angle"
-            )
+            description="emitter: intensity of the data sheet; replaces the power of the cosine by the half angle"
         ),
     ] = None
     spectrum: Annotated[
         Spectrum | None,
         Field(
-            description=(
-                "emitter: the refractive index is averaged over this spectrum "
-                "instead of taken at wavelength_nm"
-            )
+            description="emitter: the refractive index is averaged over this spectrum instead of taken at wavelength_nm"
         ),
     ] = None
     radiant_power_mw: Annotated[
@@ -182,17 +177,13 @@ class Part(Model):
     epoxy_index: Annotated[
         RefractiveIndex | None,
         Field(
-            description=(
-                "receiver: index of the material on the chip, behind a flat face; absent: a bare active area"
-            )
+            description="receiver: index of the material on the chip, behind a flat face; absent: a bare active area"
         ),
     ] = None
     angular_response: Annotated[
         AngularTable | None,
         Field(
-            description=(
-                "receiver: response of the data sheet in air; replaces the half angle; needs epoxy_index"
-            )
+            description="receiver: response of the data sheet in air; replaces the half angle; needs epoxy_index"
         ),
     ] = None
     cost: Cost | None = None

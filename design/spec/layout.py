@@ -55,9 +55,8 @@ class AlternatingRing(Model):
         counts = self.parts_per_side
         if isinstance(counts, tuple) and (sum(counts) % 2 or not sum(counts)):
             raise ValueError(
-                f"parts_per_side = {list(counts)} has the sum {sum(counts)}; emitters and receivers "
-                "alternate around the perimeter, so the sum must be even and at least 2: add or remove "
-                "one"
+                f"parts_per_side = {list(counts)} has the sum {sum(counts)}; emitters and receivers alternate around "
+                "the perimeter, so the sum must be even and at least 2: add or remove one"
             )
         return self
 

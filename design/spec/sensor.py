@@ -133,8 +133,7 @@ class Noise(Model):
         Share,
         Field(
             description=(
-                "standard deviation of each part's linear drift within a set; 0, because no "
-                "source gives a value"
+                "standard deviation of each part's linear drift within a set; 0, because no source gives a value"
             )
         ),
     ] = 0.0
@@ -164,9 +163,7 @@ class Noise(Model):
     zero_offset_set_mm: Annotated[
         Offset,
         Field(
-            description=(
-                "standard deviation of the reference depth from set to set, as zeroed by hand; bounded"
-            )
+            description="standard deviation of the reference depth from set to set, as zeroed by hand; bounded"
         ),
     ] = 0.04
     zero_offset_place_mm: Annotated[
@@ -176,15 +173,13 @@ class Noise(Model):
     retract_lag_mm: Annotated[
         Offset,
         Field(
-            description=("backlash: how much deeper the tip is than the stage reports in retraction; bounded")
+            description="backlash: how much deeper the tip is than the stage reports in retraction; bounded"
         ),
     ] = 0.05
     position_error_mm: Annotated[
         Offset,
         Field(
-            description=(
-                "standard deviation of the tip's x and y from press to press; assumed: a screw stage"
-            )
+            description="standard deviation of the tip's x and y from press to press; assumed: a screw stage"
         ),
     ] = 0.02
     wall_unbonded_share: Annotated[
@@ -263,17 +258,14 @@ class Mold(Model):
         Field(
             default_factory=dict,
             max_length=200,
-            description=(
-                "fit class of a part, instead of part_clearance_mm: press holds it, slip lets it drop in"
-            ),
+            description="fit class of a part, instead of part_clearance_mm: press holds it, slip lets it drop in",
         ),
     ]
     numbers: Annotated[
         Literal["engraved", "none"],
         Field(
             description=(
-                "engraves the names of the parts, as in the wiring table, in the outer face next "
-                "to their sockets"
+                "engraves the names of the parts, as in the wiring table, in the outer face next to their sockets"
             )
         ),
     ] = "engraved"
@@ -543,9 +535,8 @@ class SensorDesign(Model):
         if size.outline == "stadium":
             if (size.length_mm > size.width_mm) != (mold.outer_length_mm > mold.outer_width_mm):
                 raise ValueError(
-                    f"mold.outer_length_mm: {mold.outer_length_mm:g} x {mold.outer_width_mm:g} mm run "
-                    f"across a stadium of {size.length_mm:g} x {size.width_mm:g} mm; the longer sides run "
-                    "along each other"
+                    f"mold.outer_length_mm: {mold.outer_length_mm:g} x {mold.outer_width_mm:g} mm run across a "
+                    f"stadium of {size.length_mm:g} x {size.width_mm:g} mm; the longer sides run along each other"
                 )
             if self.crown is not None:
                 raise ValueError(

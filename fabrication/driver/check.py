@@ -139,9 +139,8 @@ def _railed_problems(railed: BoolArray, found: Descriptor) -> list[Problem]:
         Problem(
             kind="saturated",
             parts=(found.receivers.names[j],),
-            message=f"{receiver_text(found.receivers, j)}: at full scale even in the dark: its amplifier "
-            "is saturated; look for an open feedback resistor, a shorted or reversed diode, or "
-            "bright light",
+            message=f"{receiver_text(found.receivers, j)}: at full scale even in the dark: its amplifier is "
+            "saturated; look for an open feedback resistor, a shorted or reversed diode, or bright light",
         )
         for j in map(int, np.flatnonzero(railed))
     ]

@@ -244,9 +244,8 @@ class Sensor:
         stream = self._open
         return DeviceError(
             stream.why_away
-            or f"{self.port}: no whole frame for {silent_s:.2g} s ({stream.counts.skipped_bytes} bytes "
-            f"outside frames, {stream.counts.damaged} damaged frames); check cable and board, lower "
-            "the rate or baud"
+            or f"{self.port}: no whole frame for {silent_s:.2g} s ({stream.counts.skipped_bytes} bytes outside "
+            f"frames, {stream.counts.damaged} damaged frames); check cable and board, lower the rate or baud"
         )
 
     def _checked(self, hello: Hello) -> Hello:

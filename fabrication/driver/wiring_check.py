@@ -158,8 +158,7 @@ def _problem(pattern: Pattern, best: _Exchange, equal: list[_Exchange]) -> Probl
         message = f"{names[0]}: the readings fit if these two wires are exchanged; exchange them"
     else:
         message = (
-            f"{' or '.join(names)}: the readings fit if two wires are exchanged; the pattern does "
-            "not resolve which"
+            f"{' or '.join(names)}: the readings fit if two wires are exchanged; it is not resolved which"
         )
     return Problem(kind="swapped", parts=parts, message=message)
 

@@ -130,8 +130,7 @@ def _switch_rows(emitters: Sequence[PlacedPart], board: Board) -> Iterator[BomRo
             quantity=len(names),
             references=_marked(names, "Q"),
             value=f"collector current at least {_most_ma(part.part)} mA",
-            note="one per LED: base to the base resistor, collector to the LED's cathode, its own "
-            "emitter to ground",
+            note="one per LED: base to the base resistor, collector to the LED's cathode, its own emitter to ground",
         )
         yield BomRow(
             item="base resistor",

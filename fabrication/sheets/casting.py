@@ -143,7 +143,7 @@ def _heading(design: SensorDesign) -> Iterator[str]:
     if described := true_description(design):
         yield plain(described)
         yield ""
-    yield f"Design digest {design.digest}. Lengths in mm. A star marks a value without a source."
+    yield f"Design digest {design.digest}. Lengths in mm. A star marks an unverified value."
     yield ""
 
 
@@ -187,15 +187,9 @@ def _too_little(design: SensorDesign) -> Iterator[str]:
 def _measure_first(cavity: CavityGeometry) -> Iterator[str]:
     yield "## Measure before printing"
     yield ""
-    yield (
-        "The sockets are cut from these lengths. Measure your parts with a calliper, the chip height "
-        "under a loupe"
-    )
+    yield "The sockets are cut from these lengths. Measure your parts with a calliper, the chip height under a loupe"
     yield "or on a photograph with a scale, and enter values that differ in the design under"
-    yield (
-        "`[part_measurements.<part>]`, for example `active_height_in_body_mm = 3.4`; then run the "
-        "design again."
-    )
+    yield "`[part_measurements.<part>]`, for example `active_height_in_body_mm = 3.4`; then run the design again."
     yield ""
     yield "| part | length | mm | confidence | measure |"
     yield "|---|---|---|---|---|"
@@ -243,7 +237,7 @@ def _printed(design: SensorDesign, cavity: CavityGeometry) -> Iterator[tuple[str
     if is_cast_under_lid(cavity.plan):
         yield (
             "lid.stl",
-            ("shapes the crown; its pins are in the fixing holes; print it on its back, in layers of 0.1 mm"),
+            "shapes the crown; its pins are in the fixing holes; print it on its back, in layers of 0.1 mm",
         )
     else:
         if cavity.black_mm > 0:
@@ -335,8 +329,7 @@ def _crowned_steps(design: SensorDesign, cavity: CavityGeometry) -> list[str]:
         )
     return [
         *steps,
-        "Cut off the silicone that protrudes from the holes, invert the mold, and lift the "
-        "lid off at its notches.",
+        "Cut off the silicone that protrudes from the holes, invert the mold, and lift the lid off at its notches.",
     ]
 
 
@@ -367,10 +360,7 @@ def _clear_steps(design: SensorDesign, cavity: CavityGeometry) -> Iterator[str]:
     if design.mold.cover_ledge_mm:
         yield _cover(design)
     else:
-        yield (
-            "Level the mold, cover it against dust, cure. The open surface is the optical face: do not "
-            "touch it."
-        )
+        yield "Level the mold, cover it against dust, cure. The open surface is the optical face: do not touch it."
     if design.mold.pieces == "frame_and_base":
         yield (
             "Loosen the screws, lift the frame off the base, and free the pad's underside; the base "
@@ -382,10 +372,9 @@ def _cover(design: SensorDesign) -> str:
     size, ledge = design.cavity, design.mold.cover_ledge_mm
     length, width = (side + 2 * ledge - COVER_PLAY_MM for side in (size.length_mm, size.width_mm))
     return (
-        f"Pour a little over the seat. Lower a clean glass of {number(length)} x {number(width)} from one "
-        "edge onto it, without bubbles; the displaced silicone runs into the sockets. Cure level. The "
-        "face against the glass is the optical face: it comes out smooth, and the glass slides off "
-        "sideways."
+        f"Pour a little over the seat. Lower a clean glass of {number(length)} x {number(width)} from one edge onto "
+        "it, without bubbles; the displaced silicone runs into the sockets. Cure level. The face against the glass "
+        "is the optical face: it comes out smooth, and the glass slides off sideways."
     )
 
 
@@ -430,10 +419,7 @@ def _cure(design: SensorDesign) -> Iterator[str]:
         yield f"The catalogue has no cure times for {plain(elastomer.title)}: take the maker's."
         yield ""
         return
-    yield (
-        "The lowest temperature is safe: higher ones must stay below the limit of the printed mold "
-        "(see its notes)."
-    )
+    yield "The lowest temperature is safe: higher ones must stay below the limit of the printed mold (see its notes)."
     yield (
         "Both layers cure in the same way; the black one only until it no longer sticks. A surface "
         "that stays tacky was"
@@ -466,7 +452,7 @@ def _measure_after(design: SensorDesign, cavity: CavityGeometry) -> Iterator[str
             "with the silicone"
         )
         yield "below it cured, measure from its surface to the middle of each area with a depth gauge or on a level"
-    yield ("photograph. Enter the mean in the design and its path in `measured`; the verdict then no longer")
+    yield "photograph. Enter the mean in the design and its path in `measured`; the verdict then no longer"
     yield "includes their uncertainty bands:"
     yield ""
     heights = {part.height_field: part.height_mm for part in cavity.parts}

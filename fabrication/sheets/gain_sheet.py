@@ -32,10 +32,7 @@ def gain_lines(design: SensorDesign, gain: SimulatedGain | None) -> Iterator[str
 
 def _unknown(design: SensorDesign) -> Iterator[str]:
     if counts_per_flux_per_ohm(design) is None:
-        yield (
-            "No feedback resistor is computed: that needs the emitters' power, which the catalogue "
-            "does not have for"
-        )
+        yield "No feedback resistor is computed: that needs the emitters' power, which the catalogue does not have for"
         yield "all of them (give `part_measurements.<part>.radiant_power_mw`)."
     else:
         yield "No feedback resistor is computed: `gain.feedback_ohm` is a rule, and nothing has been simulated yet"
@@ -61,9 +58,7 @@ def _values(
         yield f"| {same} | {row}"
     yield ""
     star = "*" if per_ohm[0].confidence in ("inferred", "unverified") else ""
-    yield (
-        f"One ohm gives {per_ohm[0].value:.3g}{star} counts if a receiver receives an emitter's total power"
-    )
+    yield f"One ohm gives {per_ohm[0].value:.3g}{star} counts if a receiver receives an emitter's total power"
     yield f"({plain(per_ohm[0].source)})."
     yield from (f"Warning: {plain(str(one))}." for one in settling_findings(design, gain))
     yield ""
@@ -102,10 +97,7 @@ def _trimming(design: SensorDesign) -> Iterator[str]:
         yield "by rule `each`). Then put the ohms into `gain.feedback_ohm`: signals, sheets and driver follow them."
     else:
         yield "The resistors are the design's: signals, sheets and driver follow them."
-    yield (
-        "The capacitor next to each must let the reading settle within "
-        f"{number(design.board.settle_us)} us and"
-    )
+    yield f"The capacitor next to each must let the reading settle within {number(design.board.settle_us)} us and"
     yield "keep the amplifier from ringing."
     yield ""
 
@@ -120,8 +112,7 @@ def _clipped(design: SensorDesign, gain: SimulatedGain) -> Iterator[str]:
     named = ", ".join(f"{one.name} ({one.counts:.0f})" for one in found[:SHOWN_CLIPPED])
     more = f" and {len(found) - SHOWN_CLIPPED} more" if len(found) > SHOWN_CLIPPED else ""
     yield (
-        f"Untouched, {len(found)} of {total} pairs read above full scale ({full_scale} counts) and "
-        f"resolve nothing until a press dims them: {named}{more}. Lower `gain.target_counts` to unclip "
-        "them."
+        f"Untouched, {len(found)} of {total} pairs read above full scale ({full_scale} counts) and resolve nothing "
+        f"until a press dims them: {named}{more}. Lower `gain.target_counts` to unclip them."
     )
     yield ""

@@ -49,9 +49,7 @@ def circuit_lines(design: SensorDesign) -> Iterator[str]:
     yield ""
     yield f"The supply, {_supply_text(board)}, gives {current.full_power_ma:.0f}* mA at full power: one emitter"
     yield f"lit with its base current ({current.emitter_ma:.0f}), the amplifiers ({current.amplifiers_ma:.0f}*) and the"
-    yield (
-        f"board ({current.board_ma:.0f}*). If a fault lit all emitters, it would be {current.fault_ma:.0f}*."
-    )
+    yield f"board ({current.board_ma:.0f}*). If a fault lit all emitters, it would be {current.fault_ma:.0f}*."
     yield ""
 
 

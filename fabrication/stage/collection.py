@@ -321,6 +321,5 @@ class Collector:
             if len({frame.connection for frame in frames}) == 1:
                 return frames, at
         raise DeviceError(
-            f"{self._sensor.port}: the board restarted in {TRIES} tries of one press; check its supply "
-            "and cable"
+            f"{self._sensor.port}: the board restarted in {TRIES} tries of one press; check its supply and cable"
         )

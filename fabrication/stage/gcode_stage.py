@@ -83,8 +83,7 @@ class GcodeLine:
         while (now := time.monotonic()) < end:
             if now > begun + ASK_EVERY_S:
                 on_wait(
-                    f"waiting   {self._port.name}: no reply of the printer yet; still waiting, up to "
-                    f"{boot_s:g} s"
+                    f"waiting   {self._port.name}: no reply of the printer yet; still waiting, up to {boot_s:g} s"
                 )
             self._write("M115")
             asked = time.monotonic()
@@ -420,9 +419,8 @@ class GcodeStage:
             told = ", ".join(f"{value:.2f}" for value in found)
             wanted = ", ".join(f"{value:.2f}" for value in target)
             raise DeviceError(
-                f"{self._name}: the printer is at x, y, depth {told} mm, but was sent to {wanted} mm: a "
-                "limit of its own, or a stop; home it (--origin), or set the position of the tip again "
-                "(--tip-at)"
+                f"{self._name}: the printer is at x, y, depth {told} mm, but was sent to {wanted} mm: a limit of its "
+                "own, or a stop; home it (--origin), or set the position of the tip again (--tip-at)"
             )
         return found
 
@@ -433,9 +431,8 @@ class GcodeStage:
         if not places:
             answer = " | ".join(said)[:SHOWN_CHARACTERS]
             raise DeviceError(
-                f"{self._name}: the reply to M114 has no readable position, but is {answer!r}; a stage "
-                "needs Marlin, Klipper, RepRapFirmware or Smoothie, and X, Y and Z in the coordinates of "
-                "G1"
+                f"{self._name}: the reply to M114 has no readable position, but is {answer!r}; a stage needs Marlin, "
+                "Klipper, RepRapFirmware or Smoothie, and X, Y and Z in the coordinates of G1"
             )
         if places[-1][1] > COARSEST_MM:
             raise DeviceError(

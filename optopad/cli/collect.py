@@ -244,8 +244,7 @@ def _tell(found: Collected, tip: Position | None, seconds: float, as_json: bool)
         print_json(document)
         return
     say(
-        f"{found.made} presses made in {seconds:.0f} s; {found.kept} of {found.wanted} are kept, "
-        f"{found.frames} frames"
+        f"{found.made} presses made in {seconds:.0f} s; {found.kept} of {found.wanted} are kept, {found.frames} frames"
     )
     if not found.is_complete:
         say(f"next      run the command again for the others, with --tip-at {_words(tip)} or --origin")

@@ -239,8 +239,7 @@ def _say(result: Search) -> None:
         say(f"{label:<28}{told}  {words}")
     if not found.front:
         say(
-            "front     empty: no design was judged to the end within all limits; designs.csv lists the "
-            "reasons"
+            "front     empty: no design was judged to the end within all limits; designs.csv lists the reasons"
         )
     say(f"files     {result.folder}")
     say(f"report    {result.folder / 'report.html'}")

@@ -253,8 +253,7 @@ def _refuse_without_model(model: Path | None, **given: float | None) -> None:
         if model is None and value is not None:
             option = name.replace("_", "-")
             raise InputError(
-                f"--{option}: {value:g} needs --model, whose drift correction it sets; add it, or drop "
-                f"--{option}"
+                f"--{option}: {value:g} needs --model, whose drift correction it sets; add it, or drop --{option}"
             )
 
 

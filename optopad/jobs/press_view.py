@@ -36,9 +36,8 @@ TIP_LENGTH = 8.0
 """Points and length of the tip's outline in a picture [-], [tip radii]."""
 PREFIX = "contact-"
 HOW_TO_RELAX = (
-    "press and retract have the same load, because relaxation is off; to turn it on, give values "
-    "measured on the built pad: --set elastomer.viscoelastic.relaxed_share=... --set "
-    "elastomer.viscoelastic.time_constant_s=..."
+    "press and retract have the same load, because relaxation is off; to turn it on, give values measured on the "
+    "built pad: --set elastomer.viscoelastic.relaxed_share=... --set elastomer.viscoelastic.time_constant_s=..."
 )
 
 
@@ -113,8 +112,7 @@ def view_press(
     driven = None if protocol is None else load_protocol(protocol)
     if depth_mm < 0.0:
         raise InputError(
-            f"--depth: {depth_mm:g} mm is refused: depth is measured from the untouched surface down; "
-            "give 0 or more"
+            f"--depth: {depth_mm:g} mm is refused: depth is measured from the untouched surface down; give 0 or more"
         )
     require_depth(design, depth_mm, "--depth")
     if driven is not None:

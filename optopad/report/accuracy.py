@@ -83,8 +83,7 @@ def _touch_section(found: Accuracy, drawings: Mapping[str, Drawing]) -> Html:
         "Correct touches",
         element(
             "p",
-            "Share of samples at a depth that are classified correctly: untouched below 0 mm, touched "
-            "from 0 mm on.",
+            "Share of samples at a depth that are classified correctly: untouched below 0 mm, touched from 0 mm on.",
         ),
         figure_of(drawings["touch"], "Bars: standard error, from locations and sessions."),
         table(heads, rows, label="Correct touches", numeric=range(1, len(heads)), class_="wide"),

@@ -413,7 +413,7 @@ def _deadband_tile(score: ContinuityScore) -> Tile:
         return (
             "Worst deadband of the pad",
             value,
-            ("at any pressed location, all readings of a frame together"),
+            "at any pressed location, all readings of a frame together",
         )
     worst = score.pad_map.worst
     return (
@@ -527,9 +527,8 @@ def _pad_words(bounds: PadBounds) -> str:
         else f"The worst location bound is {_mm(worst.location_mm)}, at {at}."
     )
     return (
-        f"One frame of readings resolves the location of a press to {_span(bounds.median_location_mm)} "
-        f"and its depth to {_span(bounds.median_depth_mm)} at best (standard deviations, median over the "
-        f"pad). {end}"
+        f"One frame of readings resolves the location of a press to {_span(bounds.median_location_mm)} and its depth "
+        f"to {_span(bounds.median_depth_mm)} at best (standard deviations, median over the pad). {end}"
     )
 
 
@@ -559,7 +558,7 @@ def _felt_words(bounds: PadBounds) -> str:
     low, high = float(felt.low_n[row, column]), float(felt.high_n[row, column])
     return (
         f"Contact is detected at every location from {force:.3g} N ({low:.3g} to {high:.3g} N over the "
-        f"modulus's band), latest at {at}."
+        f"modulus's band), highest at {at}."
     )
 
 
@@ -629,10 +628,7 @@ def builds_tile(study: BuildStudy | None) -> Tile | None:
     return (
         "Manufactured units that keep the verdict",
         f"{study.kept_share:.0%}",
-        (
-            f"{study.kept} of {study.builds} in a Monte Carlo over all tolerances; 95 %: {low:.0%} to "
-            f"{high:.0%}"
-        ),
+        f"{study.kept} of {study.builds} in a Monte Carlo over all tolerances; 95 %: {low:.0%} to {high:.0%}",
     )
 
 
@@ -644,9 +640,8 @@ def builds_words(study: BuildStudy) -> Html:
     clear = [number for number in study.ranking if found[number][1] > 0.0 or found[number][2] < 0.0]
     named = ", ".join(study.tolerances[number].path for number in clear[:MOST_NAMED])
     parts = [
-        f"Of {counted(study.builds, 'manufactured unit')} in a Monte Carlo over all tolerances, "
-        f"{study.kept} keep the verdict, {verdict}: {study.kept_share:.0%} (95 % interval of the count: "
-        f"{low:.0%} to {high:.0%}).",
+        f"Of {counted(study.builds, 'manufactured unit')} in a Monte Carlo over all tolerances, {study.kept} keep the "
+        f"verdict, {verdict}: {study.kept_share:.0%} (95 % interval of the count: {low:.0%} to {high:.0%}).",
         f"Strongest effect: {named}." if named else "No single value has a significant effect.",
     ]
     if study.doubtful:

@@ -183,10 +183,7 @@ class Accuracy:
 
 def _why_missed(learner: str) -> str:
     if learner.startswith(SIGNAL_MAP):
-        return (
-            "at that depth the signals change by little more than the untouched baseline changes from "
-            "set to set"
-        )
+        return "at that depth the signals change by little more than the untouched baseline changes from set to set"
     return (
         "touch is decided by one linear plane, and where few pairs cross a location a press changes the "
         f"signals little relative to it; --learner {SIGNAL_MAP} decides by the light model"

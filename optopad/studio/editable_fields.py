@@ -63,8 +63,7 @@ class EditableField:
 
 
 _FIXED = (
-    ("Pad", "cavity.clear_thickness_mm", "clear layer", 0.25, ("Optical layer; the parameter with the largest "
-                                                              "effect.")),
+    ("Pad", "cavity.clear_thickness_mm", "clear layer", 0.25, "Optical layer; the largest effect."),
     ("Pad", "cavity.length_mm", "length", 1.0, "Inner length along x; the mold changes with it."),
     ("Pad", "cavity.width_mm", "width", 1.0, "Inner width along y; the mold changes with it."),
     ("Pad", "cavity.diameter_mm", "diameter", 1.0, "Inner diameter; the mold changes with it."),

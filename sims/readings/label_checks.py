@@ -181,9 +181,8 @@ def _require_depth_into_the_pad(depth_mm: FloatArray, signals: NDArray[Any], noi
     above, below = (_change(np.abs(depth[side]), seen[side], level) for side in (depth <= 0.0, depth >= 0.0))
     if above >= LEAST_CHANGE and above >= TIMES_MORE * below:
         raise InputError(
-            f"press_depth: the signals change by {above:.0%} between samples of depth 0 and less, which "
-            f"are untouched, and by {below:.0%} between pressed ones; is depth positive into the pad? "
-            "Change its sign"
+            f"press_depth: the signals change by {above:.0%} between samples of depth 0 and less, which are "
+            f"untouched, and by {below:.0%} between pressed ones; is depth positive into the pad? Change its sign"
         )
 
 

@@ -486,8 +486,7 @@ def build_study(
             on_step((number + 1) / builds)
     if not any(briefs):
         raise InputError(
-            f"--tolerance: no manufactured unit could be judged ({', '.join(unjudged)}); narrow the "
-            "tolerances"
+            f"--tolerance: no manufactured unit could be judged ({', '.join(unjudged)}); narrow the tolerances"
         )
     return BuildStudy(
         judged=judged,

@@ -178,10 +178,9 @@ def check_hello(hello: Hello, config: DriverConfig, *, where: str, accept_digest
     if hello.digest == config.digest or is_accepted(hello.digest, accept_digest):
         return
     raise DeviceError(
-        f"{where}: firmware of another design, digest {hello.digest[:8]}; driver.toml is "
-        f"{config.design}'s, digest {config.digest[:8]}; flash this design's firmware (`optopad driver "
-        f"flash DESIGN`), or, if its wiring is the same, accept it: --accept-digest {hello.digest[:8]} "
-        "(accept_digest=)"
+        f"{where}: firmware of another design, digest {hello.digest[:8]}; driver.toml is {config.design}'s, digest "
+        f"{config.digest[:8]}; flash this design's firmware (`optopad driver flash DESIGN`), or, if its wiring is the "
+        f"same, accept it: --accept-digest {hello.digest[:8]} (accept_digest=)"
     )
 
 

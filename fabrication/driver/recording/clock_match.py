@@ -139,9 +139,8 @@ def found_offset(signals: Touches, log: Touches) -> ClockMatch:
     ]
     if not good:
         raise InputError(
-            "clock offset not found: the touches of signals and log match at no shift; is it this "
-            "recording's log, and are its times in the unit that the column name states? If so, give "
-            "--offset"
+            "clock offset not found: the touches of signals and log match at no shift; is it this recording's log, "
+            "and are its times in the unit that the column name states? If so, give --offset"
         )
     best = min(good, key=lambda match: (round(-match.share, 1), match.spread_s))
     for other in good:
@@ -213,9 +212,8 @@ def _why_out_of_step(signals: Touches, log: Touches, found: ClockMatch) -> str:
     if found.is_good:
         return f"the log is out of step with the recording by {found.offset_s:+.2f} s"
     return (
-        "the log is out of step with the recording: its depth crosses 0 "
-        f"{len(log.begin_s) + len(log.end_s)} times, the signals do "
-        f"{len(signals.begin_s) + len(signals.end_s)} times, and {found.share:.0%} of these match"
+        f"the log is out of step with the recording: its depth crosses 0 {len(log.begin_s) + len(log.end_s)} times, "
+        f"the signals do {len(signals.begin_s) + len(signals.end_s)} times, and {found.share:.0%} of these match"
     )
 
 

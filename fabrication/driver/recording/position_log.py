@@ -111,8 +111,7 @@ def read_position_log(file: Path) -> PositionLog:
     place_number = _places(table)
     if set_number is not None and place_number is None:
         raise InputError(
-            f"{file}: has a column 'set' without a column 'place'; number the presses of "
-            "each set in a column 'place'"
+            f"{file}: has a column 'set' without a column 'place'; number the presses of each set in a column 'place'"
         )
     if place_number is not None and set_number is None:
         sets, set_number = (UNNAMED,), np.zeros(len(place_number), dtype=np.int64)
@@ -156,8 +155,7 @@ def _require_unit(table: CsvTable, name: str, latest_s: float, tick_s: float) ->
             else "correct them"
         )
         raise InputError(
-            f"{table.file}: {name} reaches {latest_s / tick_s:.4g}, which is later than the year 2100; "
-            f"{way_out}"
+            f"{table.file}: {name} reaches {latest_s / tick_s:.4g}, which is later than the year 2100; {way_out}"
         )
 
 

@@ -21,9 +21,8 @@ SHAPED_WALLS = (
 )
 """For discs and crowned pads."""
 LEFT_OUT = (
-    "Contact is static, axisymmetric and frictionless: no sliding, no adhesion, no slow bonding and "
-    "detaching at the walls. Hysteresis of the load is an option for one protocol and never enters the "
-    "light.",
+    "Contact is static, axisymmetric and frictionless: no sliding, no adhesion, no slow bonding and detaching at the "
+    "walls. Hysteresis of the load is an option for one protocol and never enters the light.",
     WALLS,
     "One tip, a rigid body of revolution with a straight shank. Several touches at once are not modelled.",
     "Light that leaves through the top is lost: none comes back in across the crater.",

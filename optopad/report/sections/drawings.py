@@ -279,7 +279,7 @@ def _build_plots(score: ContinuityScore) -> dict[str, tuple[Axes, str]]:
     return {
         "builds": (
             figure.axes[0],
-            ("Each value alone at both ends, and its rank correlation over the manufactured units"),
+            "Each value alone at both ends, and its rank correlation over the manufactured units",
         )
     }
 

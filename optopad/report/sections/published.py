@@ -83,11 +83,10 @@ class LoadComparison:
         side = "above" if self.miss > 0.0 else "below"
         band = "inside" if self.is_in_band else "OUTSIDE"
         return (
-            f"computed at {self.stated.depth_mm:g} mm: {self.force_n:.2f} N, {abs(self.miss):.0%} {side} "
-            f"the stated {self.stated.force_n:g} N, which is {band} the band of the modulus "
-            f"({self.low_n:.2f} to {self.high_n:.2f} N); a modulus of {self.needed_modulus_mpa:.2f} MPa "
-            "would give it. The model was not fitted to that point, and the error of the stated value is "
-            "unknown"
+            f"computed at {self.stated.depth_mm:g} mm: {self.force_n:.2f} N, {abs(self.miss):.0%} {side} the stated "
+            f"{self.stated.force_n:g} N, which is {band} the band of the modulus ({self.low_n:.2f} to "
+            f"{self.high_n:.2f} N); a modulus of {self.needed_modulus_mpa:.2f} MPa would give it. The model was not "
+            "fitted to that point, and the error of the stated value is unknown"
         )
 
 

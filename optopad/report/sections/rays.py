@@ -78,10 +78,7 @@ def _lead(scene: RayScene) -> str:
 
 
 def _view(scene: RayScene, mold: dict[str, Any] | None) -> Html:
-    name = (
-        "The sensor in three dimensions. Arrow keys rotate it, plus and minus change its size, 0 "
-        "resets the view."
-    )
+    name = "The sensor in three dimensions. Arrow keys rotate it, plus and minus change its size, 0 resets the view."
     return element(
         "div",
         element(

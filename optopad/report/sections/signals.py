@@ -365,9 +365,8 @@ def _builds(score: ContinuityScore, drawings: Drawings) -> list[Html]:
     shown = [
         figure_of(
             drawings["builds"],
-            "Left: each value alone at both ends of its band. Right: its rank correlation with the "
-            "margin over the manufactured units, with the 95 % interval; grey where the interval "
-            "includes zero.",
+            "Left: each value alone at both ends of its band. Right: its rank correlation with the margin over the "
+            "manufactured units, with the 95 % interval; grey where the interval includes zero.",
         )
         for name in ("builds",)
         if name in drawings

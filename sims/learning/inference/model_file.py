@@ -71,8 +71,7 @@ def load_model(file: str | os.PathLike[str]) -> TouchModel:
         header = header_of_json(json.loads(arrays.pop(_HEADER).tobytes()))
         if header.kind not in KINDS:
             raise InputError(
-                f"is of kind {header.kind!r}, this optopad reads {', '.join(KINDS)}; train one of these "
-                "on its data"
+                f"is of kind {header.kind!r}, this optopad reads {', '.join(KINDS)}; train one of these on its data"
             )
         return KINDS[header.kind](header, arrays)
     except InputError as err:
