@@ -1,4 +1,4 @@
-"""The packaged designs: the paper's pad and pair, a published disc, and five of our own."""
+"""The packaged designs: the paper's pad and pair, two published discs, and six of our own."""
 
 from __future__ import annotations
 
@@ -17,7 +17,9 @@ FLAT_PRESETS = ("piacenza2017-pad", "piacenza2017-pair", "oblong-60x40", "finger
 """Flat rectangles."""
 SHAPED_PRESETS = ("levi2013-disc", "crowned-40x25", "fingertip-dome", "gripper-stadium")
 """Discs, stadiums and crowned pads."""
-PRESETS = FLAT_PRESETS + SHAPED_PRESETS
+BOARD_PRESETS = ("gripper-teensy", "roboy-lightskin")
+"""A rectangle and a disc on other electronics than one input a receiver, read once."""
+PRESETS = FLAT_PRESETS + SHAPED_PRESETS + BOARD_PRESETS
 
 
 def preset_text(name: str) -> str:

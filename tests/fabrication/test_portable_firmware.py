@@ -125,7 +125,7 @@ def test_the_header_names_inputs_as_the_core_does():
     ]
     assert re.findall(r"(\d+),? /\* (E\d) \*/", text)[0] == ("22", "E1")
     assert "#ifndef ARDUINO_OPTOPAD_TEST\n#error" in text
-    assert "choose the board optopad:test:board" in text
+    assert "select the board optopad:test:board" in text
 
 
 def test_a_folder_that_changes_its_board_holds_the_files_of_the_new_one(tmp_path):
@@ -136,7 +136,7 @@ def test_a_folder_that_changes_its_board_holds_the_files_of_the_new_one(tmp_path
 
 def test_an_image_is_the_arduino_ides_to_make():
     with pytest.raises(
-        DeviceError, match="open the sketch folder there and choose the board optopad:test:board"
+        DeviceError, match="open the sketch folder there and select the board optopad:test:board"
     ):
         compiled_image(PAD)
 
@@ -145,7 +145,7 @@ def test_an_image_is_the_arduino_ides_to_make():
     ("design", "severity", "words"),
     [
         (with_board(adc_bits=17), "warning", "its readings are too long or too short"),
-        (with_program(analog_pins={"A0": "A0"}), "warning", "does not say in analog_pins"),
+        (with_program(analog_pins={"A0": "A0"}), "warning", "does not list them in analog_pins"),
         (with_program(ram_bytes=700), "error", "do not fit the memory of the Test board"),
     ],
 )
@@ -233,4 +233,4 @@ def test_it_compiles_for_the_chip_without_a_warning_and_needs_the_core_alone(cor
 def test_it_compiles_for_no_other_board(tmp_path):
     with pytest.raises(subprocess.CalledProcessError) as refused:
         compiled(tmp_path, "cortex-m7")
-    assert "this program is for Test board: choose the board optopad:test:board" in refused.value.stderr
+    assert "this program is for Test board: select the board optopad:test:board" in refused.value.stderr
