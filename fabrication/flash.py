@@ -1,4 +1,4 @@
-"""Uploading an image over the board's boot loader, by avrdude.
+"""Uploading: an image over an AVR board's boot loader by avrdude, a sketch to any other board by arduino-cli.
 
 The command is a pure function of board, image and port, so that it can be shown without being run. avrdude
 checks the chip's signature before it writes and reads everything back afterwards.
@@ -18,7 +18,7 @@ from types import MappingProxyType
 
 from design.errors import DeviceError
 from design.files import temporary_folder
-from design.parts.board_firmware import BoardFirmware
+from design.parts.board_firmware import ArduinoProgram, BoardFirmware
 from design.spec import SensorDesign
 from fabrication.sketch import MAIN, FirmwareSettings, firmware_settings, sketch_texts, source_text
 
@@ -115,11 +115,11 @@ def _command(chip: BoardFirmware, clock_hz: int) -> list[str]:
 
 
 def avr_chip(settings: FirmwareSettings) -> BoardFirmware:
-    """The chip of a board that is compiled and uploaded here; DeviceError for one that the Arduino IDE is for."""
+    """The chip of a board whose program is compiled here; DeviceError for another."""
     if not isinstance(settings.chip, BoardFirmware):
         raise DeviceError(
-            f"{settings.board_title} is programmed by the Arduino IDE: open the sketch folder there and choose the "
-            f"board {settings.chip.arduino_board}"
+            f"the program of the {settings.board_title} is compiled by {ARDUINO} (`optopad driver flash`) or the "
+            f"Arduino IDE, for the board {settings.chip.arduino_board}"
         )
     return settings.chip
 
@@ -143,9 +143,9 @@ def _run(command: list[str], folder: Path | None = None) -> str:
     return done.stdout
 
 
-UPLOADER = "avrdude"
-UPLOAD_LIMIT_S = 180.0
-"""A whole chip at 115200 baud, written and read back, takes about a minute."""
+UPLOADER, ARDUINO = "avrdude", "arduino-cli"
+UPLOAD_LIMIT_S = {UPLOADER: 180.0, ARDUINO: 900.0}
+"""A whole chip at 115200 baud, written and read back, takes about a minute; a core's first compilation some."""
 
 SHOWN_LINES = 3
 
@@ -159,9 +159,10 @@ CAUSES: Mapping[str, str] = MappingProxyType(
         "timeout": "no reply of a boot loader: are board and port right? Press the reset button just before the upload",
         "signature": "the chip is not that of the design's board: correct board.kind or use the right board",
         "verification error": "verification failed: try again with another cable",
+        "platform not installed": "install the board's core: `arduino-cli core install teensy:avr`, say",
     }
 )
-"""What avrdude says, in lower case, and what helps."""
+"""What the uploader says, in lower case, and what helps."""
 
 
 def upload_command(chip: BoardFirmware, image: Path, port: str) -> list[str]:
@@ -174,40 +175,47 @@ def upload_command(chip: BoardFirmware, image: Path, port: str) -> list[str]:
     ]
 
 
-def require_uploader(port: str) -> None:
-    """Refuse what cannot begin: DeviceError for no avrdude, or no such port."""
-    if shutil.which(UPLOADER) is None:
+def sketch_command(chip: ArduinoProgram, sketch: Path, port: str) -> list[str]:
+    """What is run to compile a sketch folder and write it to the board at a port."""
+    return [ARDUINO, "compile", "--fqbn", chip.fqbn, "--upload", "--port", port, str(sketch)]
+
+
+def require_uploader(chip: BoardFirmware | ArduinoProgram, sketch: Path, port: str) -> None:
+    """Refuse what cannot begin: DeviceError for no avrdude or arduino-cli, or no such port."""
+    by_hand = f"in the Arduino IDE, open {sketch}, select the board {chip.arduino_board}, and press Upload"
+    if isinstance(chip, BoardFirmware) and shutil.which(UPLOADER) is None:
         raise DeviceError(
-            f"{UPLOADER} is not installed here; install it (Debian and Ubuntu: avrdude), or upload the sketch folder "
-            "with the Arduino IDE"
+            f"{UPLOADER} is not installed here; install it (Debian and Ubuntu: avrdude), or, {by_hand}"
         )
+    if isinstance(chip, ArduinoProgram) and shutil.which(ARDUINO) is None:
+        raise DeviceError(f"{ARDUINO} is not installed here; install it, or, {by_hand}")
     if os.sep == "/" and not Path(port).exists():
         raise DeviceError(f"{port}: no such port; plug the board in and name the port that then appears")
 
 
-def upload(chip: BoardFirmware, image: Path, port: str) -> None:
-    """Write an image to the board at a port, and read it back.
+def upload(command: Sequence[str], port: str) -> None:
+    """Run what `upload_command` or `sketch_command` gives.
 
     Raises
     ------
-    DeviceError : no avrdude, no such port, or avrdude's own words with what helps.
+    DeviceError : the uploader cannot be started, does not end, or its own words with what helps.
     """
-    require_uploader(port)
-    command = upload_command(chip, image, port)
+    uploader = command[0]
+    limit_s = UPLOAD_LIMIT_S[uploader]
     try:
-        done = subprocess.run(command, capture_output=True, text=True, timeout=UPLOAD_LIMIT_S, check=False)
+        done = subprocess.run(command, capture_output=True, text=True, timeout=limit_s, check=False)
     except subprocess.TimeoutExpired:
         raise DeviceError(
-            f"{port}: {UPLOADER} did not finish within {UPLOAD_LIMIT_S:g} s; unplug the board, plug it in, try again"
+            f"{port}: {uploader} did not finish within {limit_s:g} s; unplug the board, plug it in, try again"
         ) from None
     except OSError as err:
-        raise DeviceError(f"{UPLOADER} cannot be started: {err.strerror or err}") from err
+        raise DeviceError(f"{uploader} cannot be started: {err.strerror or err}") from err
     if done.returncode:
         raise DeviceError(f"{port}: the upload failed: {_explained(done.stderr or done.stdout)}")
 
 
 def _explained(said: str) -> str:
     lines = [line.strip() for line in said.splitlines() if line.strip()]
-    shown = " | ".join(lines[-SHOWN_LINES:]) or f"{UPLOADER} printed no message"
+    shown = " | ".join(lines[-SHOWN_LINES:]) or "the uploader printed no message"
     help_ = next((way_out for words, way_out in CAUSES.items() if words in said.lower()), "")
     return f"{shown}; {help_}" if help_ else shown

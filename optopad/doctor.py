@@ -66,7 +66,7 @@ class SystemLibrary:
 
 @dataclass(frozen=True)
 class Tool:
-    """An optional program: any one of its commands will do."""
+    """An optional program: any one of its commands will do; `debian` is empty where no package has it."""
 
     commands: tuple[str, ...]
     purpose: str
@@ -129,6 +129,7 @@ TOOLS = (
     ),
     Tool(("avr-gcc",), "compiling the firmware for an AVR board", "gcc-avr avr-libc"),
     Tool(("avrdude",), "flashing the firmware onto an AVR board", "avrdude"),
+    Tool(("arduino-cli",), "flashing the firmware onto a board that is no AVR", ""),
     Tool(("simavr",), "running the compiled firmware without a board", "simavr"),
     Tool(
         ("chromium", "chromium-browser", "google-chrome"), "drawing the report page in its test", "chromium"
@@ -372,5 +373,10 @@ def tool_finding(tool: Tool) -> Finding:
     if found:
         return Finding(name, "ok", f"{found}, for {tool.purpose}")
     return Finding(
-        name, "warning", f"not found; only {tool.purpose} needs it", f"Debian: apt-get install {tool.debian}"
+        name,
+        "warning",
+        f"not found; only {tool.purpose} needs it",
+        f"Debian: apt-get install {tool.debian}"
+        if tool.debian
+        else "no package of Debian: see its maker's page",
     )

@@ -79,24 +79,35 @@ def flash(
     seed: options.Seed = 0,
     as_json: options.Json = False,
 ) -> None:
-    """Upload the firmware of a design to its board with avrdude; a port where a printer replies is refused."""
+    """Upload the firmware of a design to its board, with avrdude or arduino-cli; a port where a printer replies is
+    refused.
+    """
+    from design.parts.board_firmware import BoardFirmware
     from fabrication.driver.link.printers import require_no_printer
     from fabrication.driver.sensor import PATIENCE_S
-    from fabrication.flash import avr_chip, require_uploader, upload, upload_command
+    from fabrication.flash import avr_chip, require_uploader, sketch_command, upload, upload_command
     from fabrication.sketch import firmware_settings
-    from optopad.sensor.firmware import board_setup, given_image, image_to_upload
+    from optopad.sensor.firmware import board_setup, given_image, image_to_upload, write_firmware
 
     read = read_design(design, set_)
-    chip = avr_chip(firmware_settings(read))
-    file = image_to_upload(read, out, seed=seed) if image is None else given_image(image)
-    board = board_setup(read)
+    settings = firmware_settings(read)
+    chip, board = settings.chip, board_setup(read)
+    if image is not None or isinstance(chip, BoardFirmware):
+        avr = avr_chip(settings)
+        file = image_to_upload(read, out, seed=seed) if image is None else given_image(image)
+    else:
+        file = write_firmware(read, out, seed=seed).sketch
     found = _found_port(board, is_agreed=yes or dry_run, may_ask=not as_json) if port is None else port
-    command = upload_command(chip, file, found)
+    command = (
+        upload_command(avr, file, found)
+        if isinstance(chip, BoardFirmware)
+        else sketch_command(chip, file, found)
+    )
     if not dry_run:
-        require_uploader(found)
+        require_uploader(chip, file, found)
         print(f"listening {found}: is the device a printer?", file=sys.stderr)
         require_no_printer(found, board.baud, PATIENCE_S if patience is None else patience)
-        upload(chip, file, found)
+        upload(command, found)
     if as_json:
         print_json({"command": command, "port": found, "image": str(file), "uploaded": not dry_run})
     elif dry_run:

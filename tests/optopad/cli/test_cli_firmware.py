@@ -55,8 +55,8 @@ def avrdude(tmp_path, monkeypatch):
     folder.mkdir()
     monkeypatch.setenv("PATH", str(folder), prepend=os.pathsep)
 
-    def behaves(said: str = "", code: int = 0) -> Path:
-        script, notes = folder / "avrdude", tmp_path / "arguments"
+    def behaves(said: str = "", code: int = 0, name: str = "avrdude") -> Path:
+        script, notes = folder / name, tmp_path / "arguments"
         script.write_text(
             f"#!/bin/sh\necho \"$@\" > '{notes}'\necho '{said}' >&2\nexit {code}\n", encoding="utf-8"
         )
@@ -249,3 +249,30 @@ def test_nothing_to_upload_says_why(monkeypatch, capsys):
     monkeypatch.setattr(image.shutil, "which", lambda _name: None)
     message = refused(capsys, "flash", DESIGN, "--port", "COM7", "--dry-run")
     assert "nothing to upload: avr-gcc is not installed here" in message
+
+
+TEENSY = ["--set", "board.kind=teensy-40"]
+
+
+@needs_shell
+def test_a_board_that_is_no_avr_is_flashed_by_arduino_cli(avrdude, port, tmp_path, capsys):
+    notes = avrdude(name="arduino-cli")
+    out = tmp_path / "outputs"
+    assert (
+        main(["driver", "flash", DESIGN, *TEENSY, "--port", port, "--out", str(out), "--patience", "0.1"])
+        == 0
+    )
+    (folder,) = out.glob("*/fabrication/firmware/optopad")
+    assert notes.read_text().split() == [
+        *("compile", "--fqbn", "teensy:avr:teensy40", "--upload", "--port", port, str(folder)),
+    ]
+    avrdude("Error: platform not installed", 1, name="arduino-cli")
+    said = refused(capsys, "flash", DESIGN, *TEENSY, "--port", port, "--out", str(out), "--patience", "0.1")
+    assert "arduino-cli core install" in said
+
+
+def test_without_arduino_cli_the_two_clicks_are_named(monkeypatch, port, tmp_path, capsys):
+    monkeypatch.setenv("PATH", str(tmp_path))
+    said = refused(capsys, "flash", DESIGN, *TEENSY, "--port", port, "--out", str(tmp_path / "outputs"))
+    assert "arduino-cli is not installed here" in said
+    assert "select the board teensy:avr:teensy40, and press Upload" in said
