@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from design.circuit.pins import assigned_pins, board_of, receiver_paths
+from design.circuit.pins import assigned_pins, board_of, emitter_label, receiver_paths
 from design.shape.cavity import PlacedPart, cavity_of
 from design.spec import SensorDesign
 
@@ -24,8 +24,9 @@ class Connection:
     Attributes
     ----------
     part : the placed part
-    pin : "D22" for a digital pin of the board, "A0" for an analogue channel, "M1-C3" for channel 3 of multiplexer M1
-    pin_number : digital pin, or place of the channel in the board's list of channels
+    pin : "D22" for a digital pin of the board, "S1-Q3" for output 3 of shift register S1, "A0" for an analogue channel,
+        "M1-C3" for channel 3 of multiplexer M1
+    pin_number : digital pin, output in the chain of shift registers, or place of the channel among the board's channels
     address : of a receiver behind a multiplexer
     number : state of an emitter, column of a receiver; from 0
     position_mm : centre of the active area in the cavity frame (x, y, z) [mm]
@@ -98,7 +99,9 @@ def connections_of(design: SensorDesign) -> Connections:
     lit = zip(cavity.emitters, pins, strict=True)
     read = zip(cavity.receivers, paths, strict=True)
     return Connections(
-        emitters=tuple(connection(part, i, f"D{pin}", pin) for i, (part, pin) in enumerate(lit)),
+        emitters=tuple(
+            connection(part, i, emitter_label(design, pin), pin) for i, (part, pin) in enumerate(lit)
+        ),
         receivers=tuple(
             connection(part, j, path.label, known.index(path.channel), path.address)
             for j, (part, path) in enumerate(read)

@@ -100,7 +100,13 @@ def driver_config(
         gain=_gain(design, counts_per_flux, counts[1]),
         states=tuple(StateEntry(number=k, emitter=name) for k, name in enumerate([*lit, ""])),
         emitters=tuple(
-            EmitterEntry(name=one.part.name, pin=one.pin_number, state=one.number, **_place(one))
+            EmitterEntry(
+                name=one.part.name,
+                pin=one.pin_number,
+                output=None if design.board.emitters is None else one.pin,
+                state=one.number,
+                **_place(one),
+            )
             for one in connections.emitters
         ),
         receivers=tuple(
@@ -157,6 +163,9 @@ def _board(design: SensorDesign, board: Board) -> BoardSetup:
         bridge_usb_ids=tuple(board.bridge_usb_ids),
         boot_s=board.boot_s,
         address_pins=timing.address_pins(design) or None,
+        shift_pins=None
+        if design.board.emitters is None
+        else timing.switch_pins(design, board, len(connections_of(design).emitters)),
         config_crc=None if firmware_gaps(design) else firmware_settings(design).config_crc(),
     )
 

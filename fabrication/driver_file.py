@@ -55,6 +55,7 @@ class BoardSetup:
     link_number : how the firmware names this kind of board to the host; 0 is any other
     usb_ids, bridge_usb_ids : vendor:product of the maker's boards, and of serial chips that copies use
     boot_s : longest time from opening the port, which resets the board, to the sketch
+    shift_pins : data, clock and latch of the shift registers that switch the emitters; None without
     address_pins : digital pins of the multiplexers' address, lowest bit first; None without multiplexers
     config_crc : what a self-test of this design's firmware answers for its configuration; None where none can be made
     """
@@ -76,6 +77,7 @@ class BoardSetup:
     boot_s: float
     config_crc: int | None = None
     address_pins: tuple[int, ...] | None = None
+    shift_pins: tuple[int, ...] | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -88,7 +90,7 @@ class StateEntry:
 
 @dataclass(frozen=True, kw_only=True)
 class EmitterEntry:
-    """An emitter: its pin, its state, its place in the cavity frame."""
+    """An emitter: its pin, or number and name of its output of the shift registers; its state, its location."""
 
     name: str
     pin: int
@@ -98,6 +100,7 @@ class EmitterEntry:
     normal: tuple[float, float, float]
     part: str
     active_mm: tuple[float, float]
+    output: str | None = None
 
 
 @dataclass(frozen=True, kw_only=True)

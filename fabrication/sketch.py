@@ -19,7 +19,15 @@ from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
 
-from design.circuit.pins import US_PER_S, address_pins, baud_divisor, board_of, multiplexer_of
+from design.circuit.pins import (
+    US_PER_S,
+    address_pins,
+    baud_divisor,
+    board_of,
+    multiplexer_of,
+    shift_register_of,
+    switch_pins,
+)
 from design.errors import DesignError
 from design.io import write_text_atomically
 from design.parts.board_firmware import MUX5, SUPPLY_BITS, ArduinoProgram, BoardFirmware
@@ -78,6 +86,8 @@ class FirmwareSettings:
     receivers: tuple[ReceiverInput, ...]
     averages: int = 1
     is_internal: bool = False
+    shift_pins: tuple[int, ...] = ()
+    shift_bits: int = 0
     address_pins: tuple[int, ...] = ()
     address_settle_us: int = 0
 
@@ -98,12 +108,16 @@ class FirmwareSettings:
 
     def _more(self) -> bytes:
         """What the block has besides where values are means, of the internal reference, or through multiplexers."""
-        if self.averages == 1 and not self.is_internal and not self.address_pins:
+        if self.averages == 1 and not self.is_internal and not self.address_pins and not self.shift_pins:
             return b""
         addresses = bytes(receiver.address for receiver in self.receivers)
         if not self.address_pins:
             addresses = b""
-        return self.averages.to_bytes(2, "little") + bytes([self.is_internal, *self.address_pins]) + addresses
+        return (
+            self.averages.to_bytes(2, "little")
+            + bytes([self.is_internal, *self.shift_pins, *self.address_pins])
+            + addresses
+        )
 
     def config_crc(self) -> int:
         """CRC-32 of the config block."""
@@ -124,6 +138,7 @@ def firmware_settings(design: SensorDesign) -> FirmwareSettings:
     if gaps or chip is None:
         raise DesignError(f"{design.name}: no firmware can be made\n" + "\n".join(f"  {gap}" for gap in gaps))
     connections, multiplexer = connections_of(design), multiplexer_of(design)
+    register = shift_register_of(design)
     return FirmwareSettings(
         design=design.name,
         digest=bytes.fromhex(design.digest),
@@ -150,6 +165,10 @@ def firmware_settings(design: SensorDesign) -> FirmwareSettings:
         ),
         averages=use.averages,
         is_internal=use.reference == "internal",
+        shift_pins=() if register is None else switch_pins(design, board, len(connections.emitters)),
+        shift_bits=0
+        if register is None
+        else -(-len(connections.emitters) // register.outputs) * register.outputs,
         address_pins=address_pins(design),
         address_settle_us=0 if multiplexer is None else math.ceil(multiplexer.settle_us.value),
     )
@@ -192,7 +211,8 @@ def config_header(settings: FirmwareSettings) -> str:
         *_list("CHANNEL_NUMBERS", (str(r.number) for r in settings.receivers)),
         *_tunable("AVERAGES", f"{settings.averages}", "readings a value"),
         f"#define ADDRESS_BITS {len(settings.address_pins)} /* of the multiplexers; 0: none */",
-        *_addresses(settings),
+        f"#define SHIFT_BITS {settings.shift_bits} /* of the shift registers; 0: none */",
+        *_more_hardware(settings),
         *_list("DESIGN_DIGEST", (f"0x{byte:02x}" for byte in settings.digest)),
         "",
         *own,
@@ -201,14 +221,17 @@ def config_header(settings: FirmwareSettings) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _addresses(settings: FirmwareSettings) -> Iterable[str]:
+def _more_hardware(settings: FirmwareSettings) -> Iterable[str]:
     more = []
+    if settings.shift_pins:
+        yield from _list("SHIFT_PINS", map(str, settings.shift_pins))
+        more = ["SHIFT_PINS"]
     if settings.address_pins:
         yield f"#define ADDRESS_SETTLE_US {settings.address_settle_us}UL"
         yield from _list("ADDRESS_PINS", map(str, settings.address_pins))
         yield from _list("CHANNEL_ADDRESSES", (str(one.address) for one in settings.receivers))
-        more = ["ADDRESS_PINS", "CHANNEL_ADDRESSES"]
-    if settings.address_pins or settings.averages > 1 or settings.is_internal:
+        more += ["ADDRESS_PINS", "CHANNEL_ADDRESSES"]
+    if more or settings.averages > 1 or settings.is_internal:
         more = [f"U16({settings.averages})", str(int(settings.is_internal)), *more]
     yield f"#define MORE_CONFIG {''.join(f', {one}' for one in more)}".rstrip()
 
@@ -226,10 +249,16 @@ def _avr_lines(settings: FirmwareSettings, chip: BoardFirmware) -> Iterable[str]
     yield f"#define REFERENCE_MUX {chip.reference_mux}"
     yield f"#define FULL_SCALE_BITS {chip.internal_reference_bits if settings.is_internal else SUPPLY_BITS}"
     yield f"#define ANY_MUX5 {int(any(mux & MUX5 for mux in muxes))}"
-    ports = [(*chip.pin_ports[one.number], one) for one in settings.emitters]
-    yield from _commented_list(
-        "EMITTERS", (f"LED({port}, {bit}) /* {plain(e.name)}, pin {e.number} */" for port, bit, e in ports)
-    )
+    if settings.shift_pins:
+        yield from _commented_list("EMITTERS", (f"NO_LED /* {plain(e.name)} */" for e in settings.emitters))
+        lines = [chip.pin_ports[pin] for pin in settings.shift_pins]
+        yield from _list("SHIFTS", (f"LED({line[0]}, {line[1:]})" for line in lines))
+    else:
+        ports = [(chip.pin_ports[one.number], one) for one in settings.emitters]
+        yield from _commented_list(
+            "EMITTERS",
+            (f"LED({port[0]}, {port[1:]}) /* {plain(e.name)}, pin {e.number} */" for port, e in ports),
+        )
     inputs = zip(muxes, settings.receivers, strict=True)
     yield from _commented_list(
         "CHANNEL_MUX", (f"{mux} /* {plain(r.name)}, {plain(r.label)} */" for mux, r in inputs)

@@ -26,12 +26,14 @@ from typing import TypeVar
 from design.errors import DesignError
 from design.fields.finding import Finding, error
 from design.parts import catalog
-from design.parts.catalog import Board, Multiplexer
+from design.parts.catalog import Board, Multiplexer, ShiftRegister
 from design.shape.cavity import cavity_of
 from design.spec import BoardUse, SensorDesign
 from design.spec.properties import entries_of
 
 Name = TypeVar("Name", int, str)
+SHIFT_PINS = 3
+"""Data, clock and latch of a chain of shift registers."""
 
 
 def board_of(design: SensorDesign) -> Board:
@@ -74,6 +76,29 @@ def multiplexer_of(design: SensorDesign) -> Multiplexer | None:
     return None if given is None else catalog.find_multiplexer(entries_of(design), given.multiplexer)
 
 
+def shift_register_of(design: SensorDesign) -> ShiftRegister | None:
+    """The catalogue entry of the design's shift registers; None where each emitter has a pin to itself."""
+    given = design.board.emitters
+    return None if given is None else catalog.find_shift_register(entries_of(design), given.shift_register)
+
+
+def emitter_label(design: SensorDesign, number: int) -> str:
+    """What an emitter's base resistor is soldered to, as D22, or S1-Q3: output 3 of shift register S1."""
+    register = shift_register_of(design)
+    if register is None:
+        return f"D{number}"
+    place, output = divmod(number, register.outputs)
+    return f"S{place + 1}-Q{output}"
+
+
+def switch_pins(design: SensorDesign, board: Board, emitter_count: int) -> tuple[int, ...]:
+    """The board's pins that switch emitters: one each, or data, clock and latch of the shift registers."""
+    given = design.board.emitters
+    if given is not None:
+        return given.pins or board.digital_pins[:SHIFT_PINS]
+    return _dealt(design.board.emitter_pins, board.digital_pins, emitter_count)
+
+
 def address_pins(design: SensorDesign) -> tuple[int, ...]:
     """Digital pins of the multiplexers' address, lowest bit first; none without multiplexers.
 
@@ -84,8 +109,9 @@ def address_pins(design: SensorDesign) -> tuple[int, ...]:
     multiplexer, given = multiplexer_of(design), design.board.receivers
     if multiplexer is None or given is None:
         return ()
-    pins, _ = assigned_pins(design)
-    free = [pin for pin in board_of(design).digital_pins if pin not in pins]
+    board = board_of(design)
+    used = switch_pins(design, board, len(cavity_of(design).emitters))
+    free = [pin for pin in board.digital_pins if pin not in used]
     return given.address_pins or tuple(free[: multiplexer.address_bits])
 
 
@@ -106,6 +132,8 @@ def receiver_paths(design: SensorDesign) -> tuple[ReceiverPath, ...]:
 def assigned_pins(design: SensorDesign) -> tuple[tuple[int, ...], tuple[str, ...]]:
     """Emitter pins in the order of the cavity's emitters, and inputs in that of its receivers or of its multiplexers.
 
+    With shift registers an emitter's number is its output's in the chain, from 0.
+
     Raises
     ------
     DesignError : too few of them, too many, one twice, one that the board lacks or needs itself.
@@ -115,6 +143,8 @@ def assigned_pins(design: SensorDesign) -> tuple[tuple[int, ...], tuple[str, ...
     if findings:
         raise DesignError("\n".join(str(finding) for finding in findings))
     pins = _dealt(design.board.emitter_pins, board.digital_pins, len(cavity.emitters))
+    if shift_register_of(design) is not None:
+        pins = tuple(range(len(cavity.emitters)))
     inputs = _input_count(design, len(cavity.receivers))
     channels = _dealt(design.board.receiver_channels, board.analog_channels, inputs)
     return pins, channels
@@ -126,11 +156,7 @@ def pin_findings(
     """Everything wrong with the pins and channels of a design."""
     use, multiplexer = design.board, multiplexer_of(design)
     return [
-        *_list_findings(
-            "board.emitter_pins", "emitter", "pin", use.emitter_pins, board.digital_pins, emitter_count
-        ),
-        *_unknown_pin_findings(use.emitter_pins or (), board),
-        *_reserved_findings(use.emitter_pins, board),
+        *_emitter_findings(design, board, emitter_count),
         *_list_findings(
             "board.receiver_channels",
             "receiver" if multiplexer is None else "multiplexer",
@@ -147,6 +173,62 @@ def pin_findings(
     ]
 
 
+def _emitter_findings(design: SensorDesign, board: Board, emitter_count: int) -> list[Finding]:
+    register, given = shift_register_of(design), design.board.emitters
+    if register is None or given is None:
+        return [
+            *_list_findings(
+                "board.emitter_pins", "emitter", "pin", design.board.emitter_pins, board.digital_pins, emitter_count,
+                _registers_needed(design, emitter_count),
+            ),
+            *_unknown_pin_findings(design.board.emitter_pins or (), board),
+            *_reserved_findings(design.board.emitter_pins, board),
+        ]  # fmt: skip
+    found = []
+    if design.board.emitter_pins is not None:
+        found.append(
+            error(
+                "board.emitter_pins",
+                "the emitters are switched by shift registers, which take no pin for each of them",
+                value=f"{len(design.board.emitter_pins)} entries",
+                limit="none with board.emitters",
+                way_out="leave the list out; board.emitters.pins has data, clock and latch",
+            )
+        )
+    if not register.supply_low_v <= board.pin_v <= register.supply_high_v:
+        found.append(_supply_error("board.emitters.shift_register", register, board))
+    pins = switch_pins(design, board, emitter_count)
+    if len(set(pins)) < SHIFT_PINS or set(pins) - set(board.digital_pins):
+        found.append(
+            error(
+                "board.emitters.pins",
+                f"{register.title} needs 3 pins of the board, each once",
+                value=list(pins),
+                limit=f"3 of {', '.join(map(str, board.digital_pins))}",
+                way_out="choose among these, or leave them out",
+            )
+        )
+    return found
+
+
+def _registers_needed(design: SensorDesign, emitter_count: int) -> str | None:
+    """The way out of too few pins for the emitters."""
+    for name, one in entries_of(design).shift_registers.items():
+        count = math.ceil(emitter_count / one.outputs)
+        return f'set board.emitters.shift_register = "{name}": {emitter_count} emitters need {count} of them and 3 pins'
+    return None
+
+
+def _supply_error(field: str, entry: Multiplexer | ShiftRegister, board: Board) -> Finding:
+    return error(
+        field,
+        f"{entry.title} does not work at the level of the board's pins",
+        value=f"{board.pin_v:g} V",
+        limit=f"{entry.supply_low_v:g} to {entry.supply_high_v:g} V",
+        way_out="choose another one, or another board.kind",
+    )
+
+
 def _input_count(design: SensorDesign, receiver_count: int) -> int:
     """Inputs of the board that so many receivers take."""
     multiplexer = multiplexer_of(design)
@@ -159,7 +241,7 @@ def _multiplexers_needed(
     """The way out of too few inputs: the packaged multiplexer that takes the fewest, if the board has pins for it."""
     if design.board.receivers is not None:
         return None
-    spare = len(board.digital_pins) - emitter_count
+    spare = len(board.digital_pins) - (SHIFT_PINS if design.board.emitters else emitter_count)
     for name, one in sorted(entries_of(design).multiplexers.items(), key=lambda item: -item[1].channels):
         count = math.ceil(receiver_count / one.channels)
         if one.address_bits <= spare and count <= len(board.analog_channels):
@@ -178,30 +260,23 @@ def _address_findings(design: SensorDesign, board: Board, emitter_count: int) ->
         return []
     found = []
     if not multiplexer.supply_low_v <= board.pin_v <= multiplexer.supply_high_v:
-        found.append(
-            error(
-                "board.receivers.multiplexer",
-                f"{multiplexer.title} does not work at the level of the board's pins",
-                value=f"{board.pin_v:g} V",
-                limit=f"{multiplexer.supply_low_v:g} to {multiplexer.supply_high_v:g} V",
-                way_out="choose another multiplexer, or another board.kind",
-            )
-        )
+        found.append(_supply_error("board.receivers.multiplexer", multiplexer, board))
     field, bits = "board.receivers.address_pins", multiplexer.address_bits
     pins = given.address_pins
     if pins is None:
-        if emitter_count + bits > len(board.digital_pins):
+        switches = len(switch_pins(design, board, emitter_count)) if design.board.emitters else emitter_count
+        if switches + bits > len(board.digital_pins):
             found.append(
                 error(
                     field,
                     f"the board has no pins left for the address of {multiplexer.title}",
-                    value=f"{emitter_count} emitters and {bits} address lines",
+                    value=f"{switches} pins for emitters and {bits} address lines",
                     limit=f"at most {len(board.digital_pins)} pins",
                     way_out="use fewer emitters, or name another board.kind",
                 )
             )
         return found
-    used = design.board.emitter_pins or board.digital_pins[:emitter_count]
+    used = switch_pins(design, board, emitter_count)
     wrong = [pin for pin in pins if pin not in board.digital_pins or pin in used or pins.count(pin) > 1]
     if len(pins) != bits or wrong:
         found.append(
@@ -394,7 +469,7 @@ def faster_boards(design: SensorDesign) -> list[tuple[str, float]]:
     found = [
         (name, frame_rate_hz(design, board))
         for name, board in entries_of(design).boards.items()
-        if len(board.digital_pins) >= len(cavity.emitters)
+        if len(board.digital_pins) >= (SHIFT_PINS if design.board.emitters else len(cavity.emitters))
         and len(board.analog_channels) >= _input_count(design, len(cavity.receivers))
     ]
     return sorted((one for one in found if one[1] > now), key=lambda one: (-one[1], one[0]))

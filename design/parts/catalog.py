@@ -84,11 +84,13 @@ __all__ = [
     "Multiplexer",
     "Part",
     "Quantity",
+    "ShiftRegister",
     "find_board",
     "find_elastomer",
     "find_mold_material",
     "find_multiplexer",
     "find_part",
+    "find_shift_register",
     "merged",
     "packaged",
     "parse_entries",
@@ -96,7 +98,7 @@ __all__ = [
     "youngs_modulus_mpa",
 ]
 
-PACKAGED_FILES = ("emitters", "receivers", "elastomers", "mold_materials", "boards", "multiplexers")
+PACKAGED_FILES = ("emitters", "receivers", "elastomers", "mold_materials", "boards", "circuits")
 
 _EMITTER_ONLY = ("wavelength_nm", "forward_voltage_v", "max_current_ma")
 _RECEIVER_ONLY = ("responsivity_a_per_w", "responsivity_wavelength_nm", "dark_current_na", "capacitance_pf")
@@ -448,6 +450,19 @@ class Multiplexer(Model):
         return (self.channels - 1).bit_length()
 
 
+class ShiftRegister(Model):
+    """Outputs in a chain, set by three pins: data, clock and latch; one output switches one emitter's transistor."""
+
+    title: Text
+    source: Annotated[Text, Field(description="where the plain numbers of this entry come from")]
+    confidence: Confidence
+    outputs: Annotated[int, Field(ge=2, le=64, description="outputs of one of them")]
+    supply_low_v: Annotated[float, Field(gt=0.0, le=30.0, description="least supply [V]")]
+    supply_high_v: Annotated[float, Field(gt=0.0, le=30.0, description="most supply [V]")]
+    max_output_ma: Annotated[CurrentMa, Field(description="of one output")]
+    notes: tuple[Text, ...] = ()
+
+
 def _assumed_v() -> float:
     """Supply of a board whose entry does not say [V]."""
     return assumption("supply_v").value
@@ -456,13 +471,14 @@ def _assumed_v() -> float:
 class CatalogEntries(Model):
     """Entries by identifier; a user's file and the packaged files have the same form."""
 
-    unsaid = ("multiplexers",)
+    unsaid = ("multiplexers", "shift_registers")
 
     parts: dict[PartId, Part] = Field(default_factory=dict)
     elastomers: dict[PartId, Elastomer] = Field(default_factory=dict)
     mold_materials: dict[PartId, MoldMaterial] = Field(default_factory=dict)
     boards: dict[PartId, Board] = Field(default_factory=dict)
     multiplexers: dict[PartId, Multiplexer] = Field(default_factory=dict)
+    shift_registers: dict[PartId, ShiftRegister] = Field(default_factory=dict)
 
 
 @cache
@@ -479,7 +495,8 @@ def parse_entries(mapping: Mapping[str, Any], where: str) -> CatalogEntries:
 
     Parameters
     ----------
-    mapping : tables `parts`, `elastomers`, `mold_materials`, `boards`, `multiplexers`, each {identifier: fields}
+    mapping : tables `parts`, `elastomers`, `mold_materials`, `boards`, `multiplexers`, `shift_registers`,
+        each {identifier: fields}
     where : name of the file, for messages
 
     Raises
@@ -513,6 +530,7 @@ def merged(base: CatalogEntries, extra: CatalogEntries) -> CatalogEntries:
         mold_materials={**base.mold_materials, **extra.mold_materials},
         boards={**base.boards, **extra.boards},
         multiplexers={**base.multiplexers, **extra.multiplexers},
+        shift_registers={**base.shift_registers, **extra.shift_registers},
     )
 
 
@@ -551,6 +569,11 @@ def find_board(entries: CatalogEntries, board_id: str) -> Board:
 def find_multiplexer(entries: CatalogEntries, multiplexer_id: str) -> Multiplexer:
     """The multiplexer of that identifier; DesignError with the nearest names when there is none."""
     return _find(entries.multiplexers, multiplexer_id, "multiplexer", "multiplexers")
+
+
+def find_shift_register(entries: CatalogEntries, register_id: str) -> ShiftRegister:
+    """The shift register of that identifier; DesignError with the nearest names when there is none."""
+    return _find(entries.shift_registers, register_id, "shift register", "shift_registers")
 
 
 def _find(table: Mapping[str, Entry], name: str, noun: str, section: str) -> Entry:

@@ -23,6 +23,8 @@ from design.circuit.pins import (
     made_baud,
     multiplexer_of,
     pin_findings,
+    shift_register_of,
+    switch_pins,
 )
 from design.circuit.transimpedance import gain_findings, settling_findings
 from design.fields.finding import Finding, error, warning
@@ -101,7 +103,7 @@ def _pin_findings(
     design: SensorDesign, board: Board, chip: BoardFirmware, emitter_count: int, receiver_count: int
 ) -> Iterator[Finding]:
     use = design.board
-    pins = use.emitter_pins or board.digital_pins[:emitter_count]
+    pins = switch_pins(design, board, emitter_count)
     if use.receivers is not None:
         pins = (*pins, *(use.receivers.address_pins or ()))
     channels = use.receiver_channels or board.analog_channels[:receiver_count]
@@ -172,7 +174,16 @@ def circuit_findings(design: SensorDesign, board: Board) -> Iterator[Finding]:
                 limit=f"less than the supply's {supply_v:g} V",
                 way_out="use a higher supply for the emitters, or another part",
             )
-        if switch.overloads_pin(board):
+        register = shift_register_of(design)
+        if register is not None and switch.base_current_ma > register.max_output_ma.value:
+            yield warning(
+                placed.origin,
+                f"an output of {register.title} gives too little current to switch {placed.part_id}",
+                value=f"{switch.base_current_ma:.1f} mA",
+                limit=f"at most {register.max_output_ma.value:g} mA",
+                way_out="use a logic-level MOSFET instead of the transistor, or a part with less max_current_ma",
+            )
+        elif register is None and switch.overloads_pin(board):
             yield warning(
                 placed.origin,
                 f"a pin gives too much current to switch {placed.part_id} by a bipolar transistor",

@@ -388,10 +388,25 @@ class ReceiverInputs(Model):
     ] = None
 
 
+class EmitterOutputs(Model):
+    """Shift registers in a chain that switch the emitters in place of the board's pins."""
+
+    shift_register: Annotated[PartId, Field(description="catalogue entry, as 74hc595")]
+    pins: Annotated[
+        tuple[
+            Annotated[int, Field(ge=0, le=200)],
+            Annotated[int, Field(ge=0, le=200)],
+            Annotated[int, Field(ge=0, le=200)],
+        ]
+        | None,
+        Field(description="digital pins of data, clock and latch"),
+    ] = None
+
+
 class BoardUse(Model):
     """The microcontroller and how it is used; pins and channels are dealt out in order when left out."""
 
-    unsaid = ("receivers", "averages", "reference")
+    unsaid = ("receivers", "emitters", "averages", "reference")
 
     kind: PartId = "arduino-mega-2560"
     emitter_pins: Annotated[
@@ -406,6 +421,9 @@ class BoardUse(Model):
     ] = None
     receivers: Annotated[
         ReceiverInputs | None, Field(description="multiplexers; absent: one input a receiver")
+    ] = None
+    emitters: Annotated[
+        EmitterOutputs | None, Field(description="shift registers; absent: one pin an emitter")
     ] = None
     adc_prescaler: Annotated[int, Field(description="AVR boards: ADC clock = board clock / prescaler")] = 64
     settle_us: Annotated[

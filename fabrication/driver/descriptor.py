@@ -76,7 +76,7 @@ def descriptor_of(config: DriverConfig) -> Descriptor:
         design=config.design,
         digest=config.digest,
         states=tuple(state.emitter or OFF for state in config.states),
-        emitters=_parts(config.emitters, [f"D{entry.pin}" for entry in config.emitters]),
+        emitters=_parts(config.emitters, [entry.output or f"D{entry.pin}" for entry in config.emitters]),
         receivers=_parts(config.receivers, [entry.channel for entry in config.receivers]),
         workspace=config.workspace,
         surface=config.surface,

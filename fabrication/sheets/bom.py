@@ -12,11 +12,11 @@ from dataclasses import dataclass
 
 from cad.volume import mold_volume_mm3
 from design.circuit.emitter_switch import EmitterSwitch, emitter_switch
-from design.circuit.pins import board_of, multiplexer_of, receiver_paths
+from design.circuit.pins import board_of, multiplexer_of, receiver_paths, shift_register_of
 from design.mold.filling import is_cast_under_lid
 from design.mold.outline import outline_of
 from design.parts.assumptions import assumption, ohm_text
-from design.parts.catalog import Board, Cost, Part, find_mold_material
+from design.parts.catalog import Board, Cost, Multiplexer, Part, ShiftRegister, find_mold_material
 from design.shape.cavity import PlacedPart, cavity_of, plan_of
 from design.spec import SensorDesign
 from design.spec.properties import elastomer_of, entries_of
@@ -79,7 +79,7 @@ def bom_rows(design: SensorDesign, gain: SimulatedGain | None = None) -> tuple[B
         BomRow(item=board.title, catalogue_id=design.board.kind, quantity=1),
         *_switch_rows(cavity.emitters, board),
         *_amplifier_rows(design, cavity.receivers, gain),
-        *_multiplexer_rows(design),
+        *_circuit_rows(design),
         *_silicone_rows(design),
         *_printed_rows(design),
     )
@@ -222,19 +222,26 @@ def _bandwidth_note() -> str:
     return f"gain-bandwidth product taken as {assumption('amplifier_bandwidth_mhz').value:g} MHz (assumed)"
 
 
-def _multiplexer_rows(design: SensorDesign) -> Iterator[BomRow]:
+def _circuit_rows(design: SensorDesign) -> Iterator[BomRow]:
+    register, switched = shift_register_of(design), design.board.emitters
+    if register is not None and switched is not None:
+        count = -(-len(cavity_of(design).emitters) // register.outputs)
+        names = tuple(f"S{number + 1}" for number in range(count))
+        yield from _chip_rows(design, register, switched.shift_register, names)
     entry, given = multiplexer_of(design), design.board.receivers
-    if entry is None or given is None:
-        return
-    names = tuple(
-        sorted(
-            {f"M{(path.multiplexer or 0) + 1}" for path in receiver_paths(design)},
-            key=lambda name: int(name[1:]),
+    if entry is not None and given is not None:
+        count = 1 + max(path.multiplexer or 0 for path in receiver_paths(design))
+        yield from _chip_rows(
+            design, entry, given.multiplexer, tuple(f"M{number + 1}" for number in range(count))
         )
-    )
+
+
+def _chip_rows(
+    design: SensorDesign, entry: Multiplexer | ShiftRegister, part_id: str, names: tuple[str, ...]
+) -> Iterator[BomRow]:
     yield BomRow(
         item=entry.title,
-        catalogue_id=given.multiplexer,
+        catalogue_id=part_id,
         quantity=len(names),
         references=names,
         value=f"supply {board_of(design).pin_v:g} V",
@@ -245,7 +252,7 @@ def _multiplexer_rows(design: SensorDesign) -> Iterator[BomRow]:
         quantity=len(names),
         references=_marked(names, "CS"),
         value="100 nF",
-        note="ceramic, next to each multiplexer's supply pins",
+        note="ceramic, next to the supply pins of each",
     )
 
 

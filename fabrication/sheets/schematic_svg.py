@@ -18,7 +18,14 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from design.circuit.emitter_switch import emitter_switch, supply_current
-from design.circuit.pins import address_pins, board_of, multiplexer_of, receiver_paths
+from design.circuit.pins import (
+    address_pins,
+    board_of,
+    multiplexer_of,
+    receiver_paths,
+    shift_register_of,
+    switch_pins,
+)
 from design.circuit.transimpedance import Feedback
 from design.parts.assumptions import ohm_text
 from design.parts.catalog import Board
@@ -61,7 +68,7 @@ HEADING_PX, TEXT_PX, VALUE_PX = 20.0, 14.0, 12.0
 HEAD = 64.0
 NOTE_LINE = 19.0
 MOST_ACROSS = 4
-MULTIPLEXER_Y, MULTIPLEXER_LINE = 290.0, 14.0
+BLOCK_Y, BLOCK_LINE = 290.0, 14.0
 QUIET = "#595959"
 UNKNOWN = "set by gain"
 
@@ -78,14 +85,14 @@ def schematic_svg(design: SensorDesign, gain: SimulatedGain | None = None) -> st
     DesignError : parts or pins that the catalogue or the board does not have.
     """
     connections, feedbacks = connections_of(design), feedbacks_for(design, gain)
-    notes, multiplexers = _notes(design), _multiplexers(design)
-    cell_x = CELL_X + (PIN_ROOM if multiplexers else 0.0)
+    notes, blocks = _notes(design), [*_shift_registers(design), *_multiplexers(design)]
+    cell_x = CELL_X + (PIN_ROOM if blocks else 0.0)
     across = min(MOST_ACROSS, max(len(connections.emitters), len(connections.receivers)))
     rows_lit = -(-len(connections.emitters) // across)
     rows_read = -(-len(connections.receivers) // across)
     width = max(2 * MARGIN + across * cell_x, 3.3 * CELL_X)
-    rows_led = -(-len(multiplexers) // across)
-    notes_top = MARGIN + HEAD + (rows_lit + rows_read) * CELL_Y + rows_led * MULTIPLEXER_Y
+    rows_led = -(-len(blocks) // across)
+    notes_top = MARGIN + HEAD + (rows_lit + rows_read) * CELL_Y + rows_led * BLOCK_Y
     root = svg.drawing(
         width,
         notes_top + len(notes) * NOTE_LINE + MARGIN,
@@ -103,8 +110,8 @@ def schematic_svg(design: SensorDesign, gain: SimulatedGain | None = None) -> st
         feedback = None if feedbacks is None else feedbacks[place]
         root.append(_amplifier(one, feedback, _corner(place, across, cell_x, top)))
     top += rows_read * CELL_Y
-    for place, block in enumerate(multiplexers):
-        corner = MARGIN + (place % across) * cell_x, top + (place // across) * MULTIPLEXER_Y
+    for place, block in enumerate(blocks):
+        corner = MARGIN + (place % across) * cell_x, top + (place // across) * BLOCK_Y
         root.append(block.drawn(corner))
     for place, line in enumerate(notes):
         root.append(svg.text((MARGIN, notes_top + (place + 1) * NOTE_LINE), line, TEXT_PX))
@@ -189,68 +196,90 @@ def _supply_text(board: Board) -> str:
 
 
 @dataclass(frozen=True, kw_only=True)
-class _Multiplexer:
-    """One multiplexer of the schematic: receivers by channel, the board's input and address pins."""
+class _Block:
+    """One integrated circuit of the schematic: names of its pins, and what each is wired to."""
 
     name: str
     title: str
-    receivers: Sequence[Connection]
-    channels: int
-    channel: str
-    address: Sequence[int]
-    supply_v: float
-    enable: str
+    left: Sequence[tuple[str, str]]
+    right: Sequence[tuple[str, str]]
 
     def drawn(self, corner: Point) -> Element:
-        """Its cell: amplifiers' outputs on the left, the board on the right."""
+        """Its cell."""
         x, y = corner[0] + 84, corner[1] + 26
-        bottom = y + MULTIPLEXER_LINE * self.channels + 8
+        bottom = y + BLOCK_LINE * max(len(self.left), len(self.right)) + 8
         cell = svg.group(f"{self.name}: {self.title}")
-        cell.append(
-            svg.text((x, y - 8), f"{self.name} {self.title.split(',')[0]}", TEXT_PX, font_weight="bold")
-        )
+        cell.append(svg.text((x, y - 8), f"{self.name} {self.title}", TEXT_PX, font_weight="bold"))
         cell.append(svg.rectangle((x, y), (x + 84, bottom), fill="none", stroke="#000000"))
-        by_address = {one.address: one.part.name for one in self.receivers}
-        for k in range(self.channels):
-            level = y + 14 + k * MULTIPLEXER_LINE
+        for k, (inner, outer) in enumerate(self.left):
+            level = y + 14 + k * BLOCK_LINE
             cell.append(svg.wire((x - 14, level - 4), (x, level - 4)))
-            cell.append(svg.text((x + 4, level), f"C{k}", VALUE_PX))
-            name = by_address.get(k)
-            label = "ground" if name is None else f"{name}-A"
-            cell.append(svg.text((x - 18, level), label, VALUE_PX, anchor="end"))
-        right = [("SIG", self.channel), *((f"S{k}", f"D{pin}") for k, pin in enumerate(self.address))]
-        right += [
-            ("VCC", f"+{self.supply_v:g} V"),
-            ("GND", "ground"),
-            ("EN", "ground" if self.enable == "ground" else f"+{self.supply_v:g} V"),
-        ]
-        for k, (inner, outer) in enumerate(right):
-            level = y + 14 + k * MULTIPLEXER_LINE
+            cell.append(svg.text((x + 4, level), inner, VALUE_PX))
+            cell.append(svg.text((x - 18, level), outer, VALUE_PX, anchor="end"))
+        for k, (inner, outer) in enumerate(self.right):
+            level = y + 14 + k * BLOCK_LINE
             cell.append(svg.wire((x + 84, level - 4), (x + 98, level - 4)))
             cell.append(svg.text((x + 80, level), inner, VALUE_PX, anchor="end"))
             cell.append(svg.text((x + 102, level), outer, VALUE_PX, font_weight="bold"))
         return cell
 
 
-def _multiplexers(design: SensorDesign) -> list[_Multiplexer]:
+def _multiplexers(design: SensorDesign) -> list[_Block]:
     entry = multiplexer_of(design)
     if entry is None:
         return []
-    paths, read = receiver_paths(design), connections_of(design).receivers
-    count = 1 + max(path.multiplexer or 0 for path in paths)
+    paths, read, supply = receiver_paths(design), connections_of(design).receivers, _pin_supply(design)
+    blocks = []
+    for number in range(1 + max(path.multiplexer or 0 for path in paths)):
+        mine = [(one, path) for one, path in zip(read, paths, strict=True) if path.multiplexer == number]
+        outputs = {path.address: f"{one.part.name}-A" for one, path in mine}
+        board = [
+            ("SIG", mine[0][1].channel),
+            *((f"S{k}", f"D{pin}") for k, pin in enumerate(address_pins(design))),
+        ]
+        enable = "ground" if entry.enable == "ground" else supply
+        blocks.append(
+            _Block(
+                name=f"M{number + 1}",
+                title=entry.title.split(",")[0],
+                left=[(f"C{k}", outputs.get(k, "ground")) for k in range(entry.channels)],
+                right=[*board, ("VCC", supply), ("GND", "ground"), ("EN", enable)],
+            )
+        )
+    return blocks
+
+
+def _shift_registers(design: SensorDesign) -> list[_Block]:
+    entry, lit = shift_register_of(design), connections_of(design).emitters
+    if entry is None:
+        return []
+    data, clock, latch = (f"D{pin}" for pin in switch_pins(design, board_of(design), len(lit)))
+    names = {one.pin_number: f"{one.part.name}-RB" for one in lit}
+    count, supply = -(-len(lit) // entry.outputs), _pin_supply(design)
     return [
-        _Multiplexer(
-            name=f"M{number + 1}",
-            title=entry.title,
-            receivers=[one for one, path in zip(read, paths, strict=True) if path.multiplexer == number],
-            channels=entry.channels,
-            channel=next(path.channel for path in paths if path.multiplexer == number),
-            address=address_pins(design),
-            supply_v=board_of(design).pin_v,
-            enable=entry.enable,
+        _Block(
+            name=f"S{number + 1}",
+            title=entry.title.split(",")[0],
+            left=[
+                ("DS", data if number == 0 else f"S{number} QS"),
+                ("SHCP", clock),
+                ("STCP", latch),
+                ("VCC", supply),
+                ("GND", "ground"),
+                ("OE", "ground"),
+                ("MR", supply),
+            ],
+            right=[
+                *((f"Q{k}", names.get(number * entry.outputs + k, "open")) for k in range(entry.outputs)),
+                ("QS", f"S{number + 2} DS" if number + 1 < count else "open"),
+            ],
         )
         for number in range(count)
     ]
+
+
+def _pin_supply(design: SensorDesign) -> str:
+    return f"+{board_of(design).pin_v:g} V"
 
 
 def _labels(at: Point, name: str, value: str) -> Iterator[Element]:
@@ -266,7 +295,7 @@ def _notes(design: SensorDesign) -> Sequence[str]:
         f"{current.emitter_ma:.0f} mA for emitter and base, {current.amplifiers_ma:.0f} for the amplifiers (assumed), "
         f"{current.board_ma:.0f} for the board (assumed);",
         f"{current.fault_ma:.0f} mA if a fault lit all emitters.",
-        "D: digital pin, A: analogue input, M1-C0: channel 0 of multiplexer M1. Amplifiers: single supply, inputs and "
-        "outputs down to ground; 100 nF at",
+        "D: digital pin, A: analogue input, M1-C0: channel 0 of multiplexer M1, S1-Q0: output 0 of shift register S1.",
+        "Amplifiers: single supply, inputs and outputs down to ground; 100 nF at",
         "each package between supply and ground. Which lead is anode or cathode: the part's data sheet.",
     )

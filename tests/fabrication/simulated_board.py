@@ -250,11 +250,12 @@ def scene_text(
         f"hold_adc_clocks {hold_adc_clocks}",
         f"edges {int(edges)}",
         *(f"receiver {input_of(settings, one)} {one.address}" for one in settings.receivers),
+        *(f"shift {ports[pin][0]} {ports[pin][1:]}" for pin in settings.shift_pins),
         *(f"address {ports[pin][0]} {ports[pin][1:]}" for pin in settings.address_pins),
         "dark " + " ".join(map(str, dark)),
     ]
     for pin, row in zip(settings.emitters, lit, strict=True):
-        port = ports[pin.number]
+        port = f"Q{pin.number}" if settings.shift_pins else ports[pin.number]
         lines.append(f"emitter {port[0]} {port[1:]} " + " ".join(map(str, row)))
     return "\n".join([*lines, *(f"say {at_us} {what.hex()}" for at_us, what in said)]) + "\n"
 

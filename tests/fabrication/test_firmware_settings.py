@@ -52,7 +52,11 @@ def with_board(name: str = "arduino-mega-2560", **changes: object) -> SensorDesi
     return PAD.with_(**{"catalog": {"boards": {"changed": fields}}, "board.kind": "changed"})
 
 
-@pytest.mark.parametrize("design", [*map(preset, PRESETS), SHUFFLED], ids=lambda design: design.name)
+@pytest.mark.parametrize(
+    "design",
+    [*(preset(name) for name in PRESETS if board_of(preset(name)).firmware), SHUFFLED],
+    ids=lambda design: design.name,
+)
 def test_pins_and_inputs_are_those_of_the_driver_configuration(design):
     settings = firmware_settings(design)
     config = config_from_document(tomllib.loads(dump_driver_config(design)), where="driver.toml")
@@ -184,7 +188,7 @@ needs_compiler = pytest.mark.skipif(bool(missing_compiler()), reason=missing_com
 
 
 @needs_compiler
-@pytest.mark.parametrize("name", PRESETS)
+@pytest.mark.parametrize("name", [name for name in PRESETS if board_of(preset(name)).firmware])
 def test_every_preset_compiles_without_a_warning_and_fits(name):
     design = preset(name)
     chip, image = firmware_settings(design).chip, compiled_image(design)

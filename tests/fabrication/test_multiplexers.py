@@ -23,14 +23,20 @@ from design.errors import DesignError
 from design.rules.check import check
 from design.spec import SensorDesign
 from fabrication.connections import connections_of
-from fabrication.driver.link.protocol import Command, pack_command
+from fabrication.driver.link.protocol import Command, Kind, pack_command
 from fabrication.driver_config import driver_config, dump_driver_config
 from fabrication.driver_file import config_from_document
 from fabrication.sheets.all_sheets import wiring_csv
 from fabrication.sheets.bom import bom_rows
 from fabrication.sheets.schematic_svg import schematic_svg
 from fabrication.sketch import firmware_settings
-from tests.fabrication.simulated_board import portable_pad, quantised, random_table, simulate
+from tests.fabrication.simulated_board import (
+    portable_pad,
+    quantised,
+    random_table,
+    simulate,
+    unpack_self_test,
+)
 
 RING = {"pattern": "ring", "emitters": 12, "receivers": 24, "sequence": "ERR"}
 
@@ -174,3 +180,77 @@ def test_the_internal_reference_is_full_scale_everywhere(board_harness: Path, tm
     assert (run.frames.counts == table * 1023 // 1100).all()
     teensy = errors(disc(**{"board.reference": "internal"}))
     assert any("has no internal reference that the program can select" in one for one in teensy)
+
+
+def test_every_emitter_is_followed_from_the_shift_registers() -> None:
+    design = disc(**{"board.emitters": {"shift_register": "74hc595"}})
+    assert not errors(design)
+    config = config_from_document(tomllib.loads(dump_driver_config(design)), where="driver.toml")
+    assert config == driver_config(design)
+    assert config.board.shift_pins == (2, 3, 4)
+    assert config.board.address_pins == (5, 6, 7, 8)
+    wiring = {row["reference"]: row for row in csv.DictReader(io.StringIO(wiring_csv(design)))}
+    drawing = schematic_svg(design)
+    for number, entry in enumerate(config.emitters):
+        register, output = divmod(number, 8)
+        assert (entry.state, entry.pin, entry.output) == (number, number, f"S{register + 1}-Q{output}")
+        assert wiring[entry.name]["pin"] == entry.output
+        names = re.findall(r">(E\d+)-RB<", drawing[drawing.index(f"S{register + 1}: 74HC595") :])
+        assert names[output] == entry.name
+    assert [row.references for row in bom_rows(design) if row.catalogue_id == "74hc595"] == [("S1", "S2")]
+
+
+@pytest.mark.parametrize("board", ["arduino-mega-2560", "my-board"])
+def test_the_firmware_walks_through_the_shift_registers(
+    board: str, board_harness: Path, native_harness: None, tmp_path: Path
+) -> None:
+    design = disc(
+        **{
+            "board.kind": "arduino-mega-2560",
+            "board.frame_rate_hz": 5.0,
+            "board.emitters": {"shift_register": "74hc595"},
+        }
+    )
+    if board == "my-board":
+        design = portable_pad(design)
+    settings = firmware_settings(design)
+    table = random_table(settings)
+    said = [
+        (7_000.0, pack_command(Command.RATE, 0)),
+        (8_000.0, pack_command(Command.START)),
+        (150_000.0, pack_command(Command.STOP)),
+        (170_000.0, pack_command(Command.START)),
+        (300_000.0, pack_command(Command.SELF_TEST)),
+    ]
+    run = simulate(
+        board_harness if board != "my-board" else None, tmp_path, design, table, said, duration_us=400_000
+    )
+    assert len(run.frames.counts) >= 5
+    assert (run.frames.counts == quantised(table, settings.adc_bits)).all()
+    (answer,) = run.of(Kind.SELF_TEST)
+    assert unpack_self_test(answer).config_crc == settings.config_crc()
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"board.emitters.pins": [2, 2, 4]}, "needs 3 pins of the board, each once"),
+        ({"board.emitters.pins": [2, 3, 99]}, "needs 3 pins of the board, each once"),
+        ({"board.emitter_pins": [*range(2, 13), 28]}, "leave the list out"),
+        ({"board.receivers.address_pins": [2, 5, 6, 7]}, "needs 4 pins of the board that no emitter has"),
+    ],
+)
+def test_wrong_pins_of_shift_registers_are_refused(changes: dict[str, object], words: str) -> None:
+    design = disc(**{"board.emitters": {"shift_register": "74hc595"}}).with_(**changes)
+    assert any(words in one for one in errors(design))
+
+
+def test_too_few_pins_propose_shift_registers() -> None:
+    many = {"pattern": "ring", "emitters": 30, "receivers": 32}
+    found = errors(disc(layout=[many]))
+    assert any(
+        'set board.emitters.shift_register = "74hc595": 30 emitters need 4 of them and 3 pins' in one
+        for one in found
+    )
+    fitted = disc(layout=[many], **{"board.emitters": {"shift_register": "74hc595"}})
+    assert not [one for one in errors(fitted) if one.startswith("board.")]

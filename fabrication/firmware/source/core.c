@@ -54,6 +54,10 @@ typedef struct {
 static const emitter_pin emitters[N_STATES] = {EMITTERS, NO_LED};
 #define FIRST emitters
 #define DARK (emitters + N_EMITTERS)
+#if SHIFT_BITS
+static const emitter_pin shift_lines[] = {SHIFTS};
+enum shift_line { DATA, CLOCK, LATCH };
+#endif
 static const uint8_t channel_mux[N_RECEIVERS] = {CHANNEL_MUX};
 #if ADDRESS_BITS
 static const emitter_pin address_lines[ADDRESS_BITS] = {ADDRESSES};
@@ -74,9 +78,30 @@ static inline change change_to(const emitter_pin *next) {
     return (change){lit->port, next->port, ~lit->mask, next->mask, next};
 }
 
+#if SHIFT_BITS
+static void pulse(enum shift_line line) {
+    *shift_lines[line].port |= shift_lines[line].mask;
+    *shift_lines[line].port &= ~shift_lines[line].mask;
+}
+
+/* A single bit walks along the chain, and at last out of it; any other way to darkness fills the chain with zeros. */
+static void shift_to(const emitter_pin *next) {
+    const emitter_pin *data = &shift_lines[DATA];
+    uint16_t zeros = next == DARK && lit != DARK - 1 ? SHIFT_BITS : 1;
+    if (next == FIRST) *data->port |= data->mask;
+    else *data->port &= ~data->mask;
+    for (; zeros; zeros--) pulse(CLOCK);
+    pulse(LATCH);
+}
+#endif
+
 static inline void make(change now) {
+#if SHIFT_BITS
+    shift_to(now.next);
+#else
     *now.off_port &= now.off_mask;
     *now.on_port |= now.on_mask;
+#endif
     switched_at = TCNT1;
     lit = now.next;
 }
@@ -257,6 +282,10 @@ void core_init(void) {
     }
 #if ADDRESS_BITS
     for (uint8_t i = 0; i < ADDRESS_BITS; i++) *address_lines[i].direction |= address_lines[i].mask;
+#endif
+#if SHIFT_BITS
+    for (uint8_t i = 0; i < 3; i++) *shift_lines[i].direction |= shift_lines[i].mask;
+    shift_to(DARK);
 #endif
     for (uint8_t i = 0; i < N_RECEIVERS; i++) {
         if (channel_mux[i] < 8) DIDR0 |= _BV(channel_mux[i]);

@@ -18,7 +18,12 @@
 #endif
 #define FULL_SCALE ((1UL << ADC_BITS) - 1)
 
+#if SHIFT_BITS
+static const uint8_t shift_pins[] = {SHIFT_PINS};
+enum shift_line { DATA, CLOCK, LATCH };
+#else
 static const uint8_t emitter_pins[N_EMITTERS] = {EMITTER_PINS};
+#endif
 static const uint16_t channel_pins[N_RECEIVERS] = {CHANNEL_PINS};
 #if ADDRESS_BITS
 static const uint8_t address_pins[ADDRESS_BITS] = {ADDRESS_PINS};
@@ -69,6 +74,25 @@ static uint8_t next_heard(void) { return Serial.read(); }
 
 static void drop_frame(void) {} /* none is under way between frames */
 
+#if SHIFT_BITS
+static void pulse(shift_line line) {
+    digitalWrite(shift_pins[line], HIGH);
+    digitalWrite(shift_pins[line], LOW);
+}
+
+/* Lights the emitter of a state, whose neighbour was lit: a single bit walks along the chain, and at last out of it. */
+static void light(uint8_t state) {
+    digitalWrite(shift_pins[DATA], state ? LOW : HIGH);
+    pulse(CLOCK);
+    pulse(LATCH);
+}
+#else
+static void light(uint8_t state) {
+    if (state) digitalWrite(emitter_pins[state - 1], LOW);
+    if (state < N_EMITTERS) digitalWrite(emitter_pins[state], HIGH);
+}
+#endif
+
 static void settle_for(uint32_t wait_us) {
     uint32_t switched_us = clock_us();
     do pump();
@@ -100,8 +124,7 @@ static void read_frame(void) {
     uint32_t held = 0;
     uint8_t held_bits = 0;
     for (uint8_t state = 0; state < N_STATES; state++) {
-        if (state) digitalWrite(emitter_pins[state - 1], LOW);
-        if (state < N_EMITTERS) digitalWrite(emitter_pins[state], HIGH);
+        light(state);
         settle_for(SETTLE_US);
         if (!state) open_frame(&frame, clock_us());
         for (uint8_t j = 0; j < N_RECEIVERS; j++) {
@@ -121,10 +144,19 @@ static uint16_t least_free_ram(void) { return 0; }
 /* ---- the two calls */
 
 void core_init(void) {
+#if SHIFT_BITS
+    for (uint8_t pin : shift_pins) {
+        pinMode(pin, OUTPUT);
+        digitalWrite(pin, LOW);
+    }
+    for (uint16_t i = 0; i < SHIFT_BITS; i++) pulse(CLOCK);
+    pulse(LATCH);
+#else
     for (uint8_t pin : emitter_pins) {
         pinMode(pin, OUTPUT);
         digitalWrite(pin, LOW);
     }
+#endif
 #if ADDRESS_BITS
     for (uint8_t pin : address_pins) pinMode(pin, OUTPUT);
 #endif

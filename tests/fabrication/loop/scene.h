@@ -6,7 +6,8 @@
 
    Scene, one item a line: mcu NAME | clock HZ | supply MV | baud N | light_tau_us T | amplifier_tau_us T |
    edges 0|1 | hold_adc_clocks N | emitter PORT BIT MV ... (one a receiver) | dark MV ... | receiver INPUT ADDRESS |
-   address PORT BIT (of the multiplexers, lowest first) | say AT_US HEX
+   address PORT BIT (of the multiplexers, lowest first) |
+   shift PORT BIT (data, clock, latch of shift registers; an emitter on their output N has PORT Q and BIT N) | say AT_US HEX
    Log: 16-byte records, little-endian: cycle u64, kind u16 (0 byte sent, 1 input held, 2 emitter switched), number u16
    (byte; INPUT + 256 x lowest lit emitter, or their count if none is; 2 x emitter + on), millivolts i32.
 
@@ -49,7 +50,9 @@ static speech speeches[MOST_SAID];
 static int emitter_count, receiver_count, dark_count, speech_count, current_speech, terminal = -1;
 static int receiver_input[MOST], receiver_address[MOST], waits_for_edges;
 static int address_bit[8], address_count, selected_address;
-static char address_port[8];
+static char address_port[8], shift_port[3];
+static int shift_bit[3], shift_count, shift_level[3];
+static uint64_t shifted;
 static double selected_us;
 static double dark_mv[MOST], light_tau_us, amplifier_tau_us, hold_adc_clocks = 1.5, followed_us;
 static double clock_hz, supply_mv, baud;
@@ -110,6 +113,18 @@ static void select_address(int line, int level, double now_us) {
     selected_address = address;
 }
 
+static void set_emitter(emitter *e, int on);
+
+/* A line of the shift registers has another level: the clock takes the data in, the latch shows what was taken. */
+static void shift_line(int line, int level) {
+    int rises = level && !shift_level[line];
+    shift_level[line] = level;
+    if (rises && line == 1) shifted = shifted << 1 | (uint64_t)shift_level[0];
+    if (!rises || line != 2) return;
+    for (int i = 0; i < emitter_count; i++)
+        if (emitters[i].port == 'Q') set_emitter(&emitters[i], (int)(shifted >> emitters[i].bit & 1));
+}
+
 static int numbers(char *text, double *into) {
     int count = 0;
     for (char *word = strtok(text, " \n"); word && count < MOST; word = strtok(NULL, " \n")) into[count++] = atof(word);
@@ -146,6 +161,8 @@ static void take_line(char *line) {
     else if (!strcmp(line, "dark")) dark_count = numbers(rest, dark_mv);
     else if (!strcmp(line, "receiver") && receiver_count < MOST)
         sscanf(rest, "%d %d", &receiver_input[receiver_count], &receiver_address[receiver_count]), receiver_count++;
+    else if (!strcmp(line, "shift") && shift_count < 3)
+        sscanf(rest, "%c %d", &shift_port[shift_count], &shift_bit[shift_count]), shift_count++;
     else if (!strcmp(line, "address") && address_count < 8)
         sscanf(rest, "%c %d", &address_port[address_count], &address_bit[address_count]), address_count++;
     else if (!strcmp(line, "say")) take_speech(rest);

@@ -43,13 +43,21 @@ static void address_switched(struct avr_irq_t *irq, uint32_t value, void *line) 
     select_address((int)((char *)line - address_port), value != 0, avr->cycle / clock_hz * 1e6);
 }
 
-static void emitter_switched(struct avr_irq_t *irq, uint32_t value, void *which) {
-    emitter *e = which;
+static void shift_switched(struct avr_irq_t *irq, uint32_t value, void *line) {
     (void)irq;
-    if (e->on == (int)(value & 1)) return;
+    shift_line((int)((char *)line - shift_port), value != 0);
+}
+
+static void set_emitter(emitter *e, int on) {
+    if (e->on == on) return;
     follow(us_of(avr->cycle));
-    e->on = value & 1;
-    record(avr->cycle, EMITTER_SWITCHED, (int)(e - emitters) * 2 + e->on, 0);
+    e->on = on;
+    record(avr->cycle, EMITTER_SWITCHED, (int)(e - emitters) * 2 + on, 0);
+}
+
+static void emitter_switched(struct avr_irq_t *irq, uint32_t value, void *which) {
+    (void)irq;
+    set_emitter(which, value & 1);
 }
 
 static avr_cycle_count_t input_held(avr_t *self, avr_cycle_count_t when, void *unused) {
@@ -158,8 +166,13 @@ static void connect_parts(void) {
         avr_irq_t *pin = avr_io_getirq(avr, AVR_IOCTL_IOPORT_GETIRQ(address_port[i]), address_bit[i]);
         avr_irq_register_notify(pin, address_switched, &address_port[i]);
     }
+    for (int i = 0; i < shift_count; i++) {
+        avr_irq_t *pin = avr_io_getirq(avr, AVR_IOCTL_IOPORT_GETIRQ(shift_port[i]), shift_bit[i]);
+        avr_irq_register_notify(pin, shift_switched, &shift_port[i]);
+    }
     for (int i = 0; i < emitter_count; i++) {
         emitter *e = &emitters[i];
+        if (e->port == 'Q') continue;
         avr_irq_register_notify(avr_io_getirq(avr, AVR_IOCTL_IOPORT_GETIRQ(e->port), e->bit), emitter_switched, e);
     }
     connect_converter();

@@ -50,18 +50,22 @@ unsigned long micros() {
 
 void pinMode(uint8_t pin, PinMode mode) { is_output[pin] = mode == OUTPUT; }
 
+static void set_emitter(emitter *e, int on) {
+    if (e->on == on) return;
+    follow(now_ns / 1e3);
+    e->on = on;
+    record(now_ns, EMITTER_SWITCHED, 2 * (int)(e - emitters) + on, 0);
+}
+
 void digitalWrite(uint8_t pin, PinStatus level) {
     now_ns += CALL_NS;
     if (!is_output[pin]) refuse("no output", "digitalWrite");
     for (int i = 0; i < address_count; i++)
         if (address_bit[i] == pin) select_address(i, level, now_ns / 1e3);
-    for (int i = 0; i < emitter_count; i++) {
-        emitter *e = &emitters[i];
-        if (e->bit != pin || e->on == level) continue;
-        follow(now_ns / 1e3);
-        e->on = level;
-        record(now_ns, EMITTER_SWITCHED, 2 * i + level, 0);
-    }
+    for (int i = 0; i < shift_count; i++)
+        if (shift_bit[i] == pin) shift_line(i, level);
+    for (int i = 0; i < emitter_count; i++)
+        if (emitters[i].port != 'Q' && emitters[i].bit == pin) set_emitter(&emitters[i], level);
 }
 
 void analogReadResolution(int bits) { resolution = bits; }
