@@ -91,7 +91,7 @@ def score(
     DesignError : the design breaks a rule; `check` lists them.
     """
     from optopad.results.score import Score
-    from sims.continuity.scoring import score as judge
+    from sims.score.scoring import score as judge
 
     return Score(design=design, found=judge(design, fine=fine, full=full, seed=seed, on_step=on_step))
 

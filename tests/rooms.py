@@ -46,7 +46,7 @@ FLOORS: dict[str, tuple[str, ...]] = {
             "readings",
             "verdict",
             "bounds",
-            "continuity",
+            "score",
         ),
         *("learning", "plots"),
     ),

@@ -296,6 +296,6 @@ def _notes(design: SensorDesign) -> Sequence[str]:
         f"{current.board_ma:.0f} for the board (assumed);",
         f"{current.fault_ma:.0f} mA if a fault lit all emitters.",
         "D: digital pin, A: analogue input, M1-C0: channel 0 of multiplexer M1, S1-Q0: output 0 of shift register S1.",
-        "Amplifiers: single supply, inputs and outputs down to ground; 100 nF at",
-        "each package between supply and ground. Which lead is anode or cathode: the part's data sheet.",
+        "Amplifiers: single supply, inputs and outputs down to ground; 100 nF at each package, supply to ground.",
+        "Which lead is anode or cathode: the part's data sheet.",
     )

@@ -55,7 +55,7 @@ def foretell_score(
     DesignError : the design breaks a rule; nothing is said.
     """
     from design.rules.check import require_valid
-    from sims.continuity.scoring import score_cost
+    from sims.score.scoring import score_cost
 
     require_valid(design)
     if quiet:

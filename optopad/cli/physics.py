@@ -89,7 +89,7 @@ def _drawn_builds(tolerance: bool, builds: int | None) -> int | None:
         if builds is not None:
             raise InputError("--builds: needs --tolerance, whose units it counts; add it")
         return None
-    from sims.continuity.build_tolerance import DEFAULT_BUILDS
+    from sims.score.build_tolerance import DEFAULT_BUILDS
     from sims.verdict.builds import FEWEST_BUILDS, MOST_BUILDS
 
     drawn = DEFAULT_BUILDS if builds is None else builds

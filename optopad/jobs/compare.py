@@ -22,7 +22,7 @@ from design.shape.cavity import cavity_of
 from design.spec import SensorDesign
 from fabrication.bundle import bundle, bundle_name
 from optopad.results.comparison import Better, Comparison, Measure
-from sims.continuity.sweep import SweepRow, sweep_row
+from sims.score.sweep import SweepRow, sweep_row
 
 MOST_DESIGNS = 12
 ABSENT = "(absent)"
@@ -196,7 +196,7 @@ def _pad_height_mm(design: SensorDesign) -> float:
 
 
 def _row(design: SensorDesign, label: str, fine: bool, seed: int) -> SweepRow:
-    from sims.continuity.scoring import score
+    from sims.score.scoring import score
 
     return sweep_row(design, label, score(design, fine=fine, seed=seed, verdict_only=True))
 

@@ -70,7 +70,7 @@ def search(
     InputError, DesignError, OutputError : nothing that was judged is lost.
     """
     from design.shape.cavity import cavity_of
-    from sims.continuity.objective import judge, price_of
+    from sims.score.objective import judge, price_of
 
     if any(objective.figure == "cost" for objective in space.objectives):
         price_of(cavity_of(space.base))  # refuses before the folder is made
@@ -102,7 +102,7 @@ def figures_wanted(space: SearchSpace) -> tuple[str, ...]:
     The usable depth is left out where nothing else needs a pad's map: the map is the costly step.
     """
     from design.shape.cavity import cavity_of, is_facing_rows
-    from sims.continuity.objective import MAP_FIGURES
+    from sims.score.objective import MAP_FIGURES
 
     objectives = tuple(objective.figure for objective in space.objectives)
     needed = {*objectives, *(constraint.figure for constraint in space.constraints)}

@@ -57,11 +57,11 @@ from optopad.report.search import search_page
 from optopad.results.improvement import Alternative, Improvement, Nearest
 from optopad.results.score import Score
 from optopad.results.shown import Search
-from sims.continuity.build_tolerance import with_tolerance
-from sims.continuity.field_steps import with_field_steps
-from sims.continuity.objective import judge
-from sims.continuity.result import ContinuityScore
-from sims.continuity.scoring import verdict_of
+from sims.score.build_tolerance import with_tolerance
+from sims.score.field_steps import with_field_steps
+from sims.score.objective import judge
+from sims.score.result import ContinuityScore
+from sims.score.scoring import verdict_of
 from sims.verdict.depth_curve import DEADBAND_THRESHOLD
 
 PAD_MINUTES, ROW_MINUTES = 3.0, 2.0

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from fabrication.gain import SimulatedGain
     from optopad.report.sections.early import EarlyDrawings
     from optopad.results.score import Bundle
-    from sims.continuity.result import ContinuityScore
+    from sims.score.result import ContinuityScore
 
 REFUSED = 2
 """Exit code of a process that ended with a message for the user."""
@@ -100,7 +100,7 @@ def write_score(
 
     Parameters
     ----------
-    fine, full : as `sims.continuity.scoring.score` takes them
+    fine, full : as `sims.score.scoring.score` takes them
     builds : how many builds are drawn for the share that keeps the verdict; None draws none
     """
     require_valid(design)
@@ -217,10 +217,10 @@ def _scored(
 ) -> tuple[ContinuityScore, EarlyDrawings | None]:
     """The score, its files, and what a page can draw of it; all but the tolerance is written beside the tolerance."""
     from optopad.work import beside
-    from sims.continuity.build_tolerance import with_tolerance
-    from sims.continuity.field_steps import with_field_steps
-    from sims.continuity.scoring import score as judge
-    from sims.continuity.trials import with_trial
+    from sims.score.build_tolerance import with_tolerance
+    from sims.score.field_steps import with_field_steps
+    from sims.score.scoring import score as judge
+    from sims.score.trials import with_trial
 
     sims = folder / "sims"
     sims.mkdir(exist_ok=True)
@@ -247,8 +247,8 @@ def _without_tolerance(
     from design.shape.cavity import cavity_of
     from optopad.plot_files import write_bound_plots
     from optopad.report.sections.early import early_drawings
-    from sims.continuity.maps_file import maps_dataset
     from sims.readings.readout import save_dataset, signals_dataset
+    from sims.score.maps_file import maps_dataset
 
     if score.pad_signals is not None and score.readout is not None:
         gain = score.readout.counts_per_flux
@@ -264,7 +264,7 @@ def _without_tolerance(
 def _with_builds(
     design: SensorDesign, score: ContinuityScore, study: _Study, *, seed: int, on_step: OnStep
 ) -> ContinuityScore:
-    from sims.continuity.build_tolerance import with_builds
+    from sims.score.build_tolerance import with_builds
 
     return with_builds(design, score, builds=study.builds, seed=seed, memo=study.memo, on_step=on_step)
 

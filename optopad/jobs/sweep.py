@@ -1,6 +1,6 @@
 """One field at several values: judged one after another, kept as they finish, then table and figure in the bundle.
 
-Where neighbours disagree (`sims.continuity.sweep.disputed`), their rows are judged again as `optopad score --full` or
+Where neighbours disagree (`sims.score.sweep.disputed`), their rows are judged again as `optopad score --full` or
 `--fine` judges, and say so. A sweep with `--fine` has the finest light already; with `--build` a row is the score of
 its bundle.
 """
@@ -21,7 +21,7 @@ from fabrication.bundle import bundle, bundle_name
 from optopad.plot_files import write_plot
 from optopad.results.sweep import FINE, FULL, Sweep
 from optopad.work import FinishedWork
-from sims.continuity.sweep import SweepRow, disputed, sweep_row, swept_designs
+from sims.score.sweep import SweepRow, disputed, sweep_row, swept_designs
 
 NAME_LIMIT = 63
 """Longest name of a design."""
@@ -120,7 +120,7 @@ def _refined(variant: SensorDesign, row: SweepRow, kept: FinishedWork, seed: int
 
 
 def _judged_finer(variant: SensorDesign, setting: str, seed: int) -> Any:
-    from sims.continuity.scoring import score
+    from sims.score.scoring import score
 
     return score(variant, fine=setting == FINE, full=setting == FULL, seed=seed, verdict_only=True)
 
@@ -130,7 +130,7 @@ def _judged(variant: SensorDesign, out: Path, *, fine: bool, seed: int, build: b
         from optopad.jobs.pipeline import run
 
         return run(variant, out, fine=fine, seed=seed, on_step=silent).score.found
-    from sims.continuity.scoring import score
+    from sims.score.scoring import score
 
     return score(variant, fine=fine, seed=seed, verdict_only=True)
 

@@ -15,10 +15,10 @@ from optopad.report.words import Html, element, section, table
 from optopad.results.comparison import Comparison, shown_value
 from optopad.results.improvement import Figures, Improvement
 from optopad.screen.answer import answer_of, changes_words
-from sims.continuity.result import ContinuityScore, JudgedPair
 from sims.plots.maps import plot_margin_map
 from sims.plots.signal import plot_signal
 from sims.plots.style import plain_style, svg_text
+from sims.score.result import ContinuityScore, JudgedPair
 
 STYLE = """
 :root { color-scheme: light dark; }

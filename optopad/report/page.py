@@ -41,7 +41,7 @@ from optopad.report.sections.signals import (
     tolerance_section,
 )
 from optopad.report.words import Html, asset, banner, element, headline, joined, script_element, script_policy
-from sims.continuity.result import ContinuityScore
+from sims.score.result import ContinuityScore
 
 PAGE = "report.html"
 TITLES = {

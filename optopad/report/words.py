@@ -36,7 +36,7 @@ from typing import Any
 from design.spec import SensorDesign
 from optopad.screen.answer import answer_of, counted, signed, spans
 from sims.bounds.observability import Figure, PadBounds
-from sims.continuity.result import ContinuityScore, JudgedPair, Verdict
+from sims.score.result import ContinuityScore, JudgedPair, Verdict
 from sims.verdict.builds import BuildStudy
 from sims.verdict.depth_curve import DEADBAND_MIN_LENGTH_MM, DEADBAND_THRESHOLD
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from design.spec import SensorDesign
 from optopad.results.shown import Result, block, number, picture, table
-from sims.continuity.sweep import SweepRow
+from sims.score.sweep import SweepRow
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -13,7 +13,7 @@ from optopad.results.score import Score
 from optopad.results.shown import Result, block, number, table
 from optopad.screen.answer import answer_of, changes_words, verdict_words
 from optopad.screen.verdict import labelled, row
-from sims.continuity.result import ContinuityScore
+from sims.score.result import ContinuityScore
 
 Figures = dict[str, float | None]
 WHOLE = 12

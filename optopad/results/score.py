@@ -17,7 +17,7 @@ from design.spec import SensorDesign
 from optopad.results.shown import WIDTH_IN, block, drawn, picture, table
 from optopad.screen.answer import answer_of, counted
 from optopad.screen.verdict import checks_line, verdict_screen
-from sims.continuity.result import ContinuityScore, JudgedPair, KeyFigures
+from sims.score.result import ContinuityScore, JudgedPair, KeyFigures
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -73,7 +73,7 @@ class Score(KeyFigures):
     Attributes
     ----------
     design : what was judged
-    found : the whole score (`sims.continuity.ContinuityScore`): pairs, map, bounds and tolerance
+    found : the whole score (`sims.score.ContinuityScore`): pairs, map, bounds and tolerance
     """
 
     design: SensorDesign
@@ -105,7 +105,7 @@ class Score(KeyFigures):
         ------
         InputError : the models do not answer for this design.
         """
-        from sims.continuity.maps_file import maps_dataset
+        from sims.score.maps_file import maps_dataset
 
         return maps_dataset(self.design, self._answered())
 

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, Self
 from design.search.explore import Findings
 from design.search.improve import Judged, Tried
 from design.spec import SensorDesign
-from sims.continuity.result import headline
+from sims.score.result import headline
 from sims.verdict.depth_curve import DEADBAND_THRESHOLD
 
 if TYPE_CHECKING:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from optopad.results.shown import Result, block, number, picture, table
-from sims.continuity.sweep import SweepRow
+from sims.score.sweep import SweepRow
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -19,8 +19,8 @@ from design.fields.base import get_at
 from design.spec import SensorDesign
 from design.spec.properties import used_values
 from sims.bounds.observability import PadBounds
-from sims.continuity.result import ContinuityScore, headline
-from sims.continuity.trials import ENOUGH_MARGIN
+from sims.score.result import ContinuityScore, headline
+from sims.score.trials import ENOUGH_MARGIN
 from sims.verdict.causes import Cause
 from sims.verdict.depth_curve import DEADBAND_THRESHOLD
 from sims.verdict.tolerance import ToleranceBand, ToleranceRow

@@ -24,14 +24,14 @@ from optopad.screen.answer import (
     unresolved,
     verdict_words,
 )
-from sims.continuity.result import RESTS, UNDECIDED
+from sims.score.result import RESTS, UNDECIDED
 from sims.verdict.depth_curve import NUMERICAL
 
 if TYPE_CHECKING:
     from design.fields.finding import Finding
     from sims.bounds.detection_threshold import DetectionThreshold
     from sims.bounds.observability import Figure, PadBounds
-    from sims.continuity.result import ContinuityScore, JudgedPair
+    from sims.score.result import ContinuityScore, JudgedPair
     from sims.verdict.builds import BuildStudy
     from sims.verdict.tolerance import Effect, FieldSteps
 

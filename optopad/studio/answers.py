@@ -7,8 +7,8 @@ from typing import Literal
 
 from design.arrays import FloatArray, IntArray
 from optopad.studio.session import Press
-from sims.continuity.objective import PlaceCurves
-from sims.continuity.result import ContinuityScore
+from sims.score.objective import PlaceCurves
+from sims.score.result import ContinuityScore
 
 Level = Literal["draft", "score", "whole"]
 

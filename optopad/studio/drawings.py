@@ -14,8 +14,8 @@ import numpy as np
 from design.arrays import FloatArray
 from design.shape.cavity import CavityGeometry, PlacedPart, outline_mm
 from optopad.studio.session import Press
-from sims.continuity.objective import PlaceCurves
-from sims.continuity.result import ContinuityScore, JudgedPair
+from sims.score.objective import PlaceCurves
+from sims.score.result import ContinuityScore, JudgedPair
 from sims.verdict.depth_curve import DEADBAND_THRESHOLD
 from sims.verdict.pad_map import PadMap
 

@@ -263,14 +263,14 @@ class Workshop:
 
     def _curves(self, request: Request) -> Curves:
         from sims.contact.indentation import round_press
-        from sims.continuity.objective import curves_under
+        from sims.score.objective import curves_under
 
         round_press(request.design, on_step=self._contact_step)  # where it is solved live
         found = curves_under(request.design, request.press.place_mm, seed=self._seed)
         return Curves(digest=request.design.digest, found=found)
 
     def _fine_curves(self, request: Request) -> Curves:
-        from sims.continuity.objective import curves_under
+        from sims.score.objective import curves_under
 
         found = curves_under(
             request.design, request.press.place_mm, is_draft=False, seed=self._seed, on_step=self._step
@@ -278,8 +278,8 @@ class Workshop:
         return Curves(digest=request.design.digest, found=found)
 
     def _rays(self, request: Request) -> Rays:
-        from sims.continuity.objective import pairs_under
         from sims.rays import LOST, RayChoice, kind_of, ray_states
+        from sims.score.objective import pairs_under
 
         cavity, press = cavity_of(request.design), request.press
         pairs = pairs_under(cavity, press.place_mm)[:RAY_PAIRS]
@@ -330,14 +330,14 @@ class Workshop:
         return Readings(digest=design.digest, press=press, untouched=untouched, pressed=untouched * share)
 
     def _draft_map(self, request: Request) -> Judged:
-        from sims.continuity.objective import draft_score
+        from sims.score.objective import draft_score
 
         found = draft_score(request.design, seed=self._seed, on_step=self._step)
         self._draft = Judged(digest=request.design.digest, level="draft", score=found)
         return self._draft
 
     def _draft_bounds(self, request: Request) -> Judged | None:
-        from sims.continuity.objective import with_draft_bounds
+        from sims.score.objective import with_draft_bounds
 
         if self._draft is None or self._draft.score.pad_map is None:
             return None
@@ -347,10 +347,10 @@ class Workshop:
 
     def _score(self, request: Request) -> Judged:
         """As `optopad score` does it, told in two steps."""
-        from sims.continuity.build_tolerance import with_tolerance
-        from sims.continuity.field_steps import with_field_steps
-        from sims.continuity.scoring import score
-        from sims.continuity.trials import with_trial
+        from sims.score.build_tolerance import with_tolerance
+        from sims.score.field_steps import with_field_steps
+        from sims.score.scoring import score
+        from sims.score.trials import with_trial
 
         design = request.design
         found = score(design, tolerance=False, seed=self._seed, on_step=self._step)

@@ -18,11 +18,11 @@ from design.arrays import FloatArray
 from design.errors import InputError
 from design.shape.cavity import cavity_of, chord_midpoint_mm, judged_pairs, mask_of, pair_name
 from design.spec import SensorDesign
-from sims.continuity.result import JudgedPair
 from sims.optics.tracing import trace
 from sims.press import depth_schedule_mm
 from sims.readings.readout import readout_of
 from sims.readings.recording import SIGNAL, Recording
+from sims.score.result import JudgedPair
 from sims.verdict.builds import score_curves
 from sims.verdict.presses import PAIR_ACCURACY, Pair, curves_of, states_of
 

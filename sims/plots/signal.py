@@ -17,9 +17,9 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from sims.continuity.result import JudgedPair
 from sims.learning.recorded_press import RecordedPair, RecordedPress
 from sims.plots.style import BLUE, GREEN, GRID, INK, MUTED, PALE_BLUE, PALE_ORANGE, VERMILLION, axes_or_new
+from sims.score.result import JudgedPair
 
 HEIGHT_IN = 3.9
 SPANS = ("mode", "deadband")

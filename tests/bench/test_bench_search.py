@@ -14,7 +14,7 @@ import pytest
 from design.search.explore import explore
 from design.search.improve import Judged
 from design.search.space import load_space
-from sims.continuity.objective import judge
+from sims.score.objective import judge
 
 CORES = 2
 HOUR_S = 3600.0

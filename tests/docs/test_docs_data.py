@@ -9,9 +9,9 @@ import numpy as np
 import xarray as xr
 
 from design.preset import preset
-from sims.continuity.maps_file import bounds_dataset, provenance
 from sims.learning.inference.model_file import save_model
 from sims.readings.readout import save_dataset
+from sims.score.maps_file import bounds_dataset, provenance
 from tests.sims.learning.made_up_models import made_up_kernel_ridge
 from tests.sims.made_up_bounds import made_up_bounds
 

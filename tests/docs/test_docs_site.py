@@ -24,7 +24,7 @@ STABLE_NAMES = (
     "cad.export.export_parts",
     "sims.contact.indent",
     "sims.optics.trace",
-    "sims.continuity.score",
+    "sims.score.score",
     "fabrication.driver.Sensor",
 )
 

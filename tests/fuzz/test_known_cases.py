@@ -17,10 +17,10 @@ from design.rules.check import check
 from design.search.space import load_space
 from design.toml_text import parsed_toml
 from optopad.cli.main import BAD_INPUT, main
-from sims.continuity.scoring import ScoreCost, score_cost
 from sims.learning.inference.model_file import load_model, save_model
 from sims.readings.dataset import read_data, save_data
 from sims.readings.recording import read_recording
+from sims.score.scoring import ScoreCost, score_cost
 from tests.sims.learning.made_up_models import made_up_kernel_ridge
 from tests.sims.readings.test_dataset import made_up
 

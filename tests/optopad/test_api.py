@@ -17,9 +17,9 @@ from optopad.jobs import sweep as sweeping
 from optopad.results.comparison import labelled
 from optopad.results.prediction import Accuracy, Prediction, accuracy_of
 from optopad.results.score import Score
-from sims.continuity import scoring
-from sims.continuity.sweep import sweep_row
 from sims.learning.tables import JudgedPresses
+from sims.score import scoring
+from sims.score.sweep import sweep_row
 from tests.sims.made_up_scores import contiguous_score, dead_score, out_of_scope_score
 
 ROOT = Path(__file__).parents[2]

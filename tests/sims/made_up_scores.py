@@ -10,9 +10,9 @@ from design.preset import preset
 from design.shape.cavity import CavityGeometry, cavity_of, chord_midpoint_mm, is_facing_rows, judged_pairs
 from design.spec import SensorDesign
 from sims.contact.force_curve import ForceCurve
-from sims.continuity.result import ContinuityScore, JudgedPair
 from sims.press import depth_schedule_mm
 from sims.readings.readout import Readout
+from sims.score.result import ContinuityScore, JudgedPair
 from sims.verdict.pad_map import Blindness, DepthReading, PadMap, Place, map_grid_mm
 from sims.verdict.pair_score import score_pair
 from sims.verdict.presses import PairCurves

@@ -8,7 +8,7 @@ from design.arrays import FloatArray
 from design.shape.cavity import TURN_RAD, CavityGeometry, cavity_of
 from design.spec import SensorDesign
 from optopad.report.words import governing, reading
-from sims.continuity.result import ContinuityScore, JudgedPair
+from sims.score.result import ContinuityScore, JudgedPair
 from sims.verdict.figure_errors import Load
 
 STEPS = 10_000

@@ -16,10 +16,10 @@ from design.shape.cavity import CavityGeometry, beside_chord, cavity_of, edge_mm
 from design.spec import SensorDesign
 from optopad.report.words import governing
 from sims.contact.tip import tip_points_mm
-from sims.continuity.result import ContinuityScore
 from sims.optics.oracle.paths import LightPath
 from sims.plots.contact import press_frame
 from sims.rays import KINDS, LOST, LightKind, Pair, Press, RayChoice, RayState, kind_of, ray_states
+from sims.score.result import ContinuityScore
 
 Interval = tuple[float, float]
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from design.shape.cavity import plan_of
 from design.spec import SensorDesign
 from optopad.report.words import Html, bullets, element, facts, section
-from sims.continuity.result import ContinuityScore
+from sims.score.result import ContinuityScore
 
 WALLS = (
     "The effect of the pad's walls on a press is modelled as one linear correction of the pad's size: "

@@ -18,7 +18,6 @@ from optopad.report.words import Html, element, governing, ranked
 from optopad.screen.answer import spans, unit_of
 from sims.contact.force_curve import ForceCurve
 from sims.contact.load_protocol import load_history, solid_of
-from sims.continuity.result import ContinuityScore, JudgedPair
 from sims.plots.builds import plot_builds
 from sims.plots.contact import (
     plot_contact_radius,
@@ -50,6 +49,7 @@ from sims.plots.tolerance import (
     plot_margin_tolerance,
     plot_tolerance,
 )
+from sims.score.result import ContinuityScore, JudgedPair
 from sims.verdict.causes import Cause
 
 if TYPE_CHECKING:

@@ -11,7 +11,7 @@ from optopad.report.scenes.ray_scene import RayScene, ray_scene
 from optopad.report.sections.drawings import Drawing, drawings_without_tolerance
 from optopad.report.sections.maps import map_scene
 from optopad.work import beside
-from sims.continuity.result import ContinuityScore
+from sims.score.result import ContinuityScore
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -27,7 +27,7 @@ from optopad.report.sections.sensor import (
 from optopad.report.words import Html, element, html_of, section, table
 from optopad.screen.answer import counted, ends
 from sims.contact.force_curve import ForceCurve
-from sims.continuity.result import ContinuityScore
+from sims.score.result import ContinuityScore
 
 Drawings = dict[str, Drawing]
 TABLE_DEPTHS_MM = (0.2, 0.5, 1.0, 2.0, 3.0, 4.0, 5.0, 7.0, 10.0)

@@ -18,7 +18,7 @@ from optopad.screen.answer import counted, spans
 from sims.bounds.detection_threshold import DetectionThreshold
 from sims.bounds.fisher import BAND
 from sims.bounds.observability import PadBounds
-from sims.continuity.result import ContinuityScore
+from sims.score.result import ContinuityScore
 from sims.verdict.depth_curve import DEADBAND_MIN_LENGTH_MM, DEADBAND_THRESHOLD
 from sims.verdict.figure_errors import place_force
 from sims.verdict.pad_map import PadMap, pad_profile

@@ -28,7 +28,7 @@ from optopad.screen.answer import (
     signed,
     spans,
 )
-from sims.continuity.result import ContinuityScore, JudgedPair
+from sims.score.result import ContinuityScore, JudgedPair
 from sims.verdict.depth_curve import DEADBAND_THRESHOLD, TRACE_ERROR_LIMIT
 from sims.verdict.tolerance import ToleranceBand
 from sims.verdict.trial import Trial

@@ -64,7 +64,7 @@ from sims.optics.surface.radial import (
     fall_bound,
     fresnel,
     height,
-    height_and_turn,
+    height_and_slope,
     inlined,
     kernel,
     radiance,
@@ -240,7 +240,7 @@ def _refined(
     t = high
     for _ in range(60):
         r2 = max(c + t * (2.0 * b + plan2 * t), 0.0)
-        h, turn = height_and_turn(r2, 0, rows)
+        h, turn = height_and_slope(r2, 0, rows)
         gap = h - z - dz * t
         if abs(gap) < CLOSED_MM:
             break

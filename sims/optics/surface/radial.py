@@ -183,7 +183,7 @@ def height(r2: float, tip: int, rows: FloatArray) -> float:
 
 
 @inlined
-def height_and_turn(r2: float, tip: int, rows: FloatArray) -> tuple[float, float]:
+def height_and_slope(r2: float, tip: int, rows: FloatArray) -> tuple[float, float]:
     """Height of the top and dh/dr over r, which times (x, y) is the gradient."""
     if r2 >= rows[tip, OUTER_2]:
         return rows[tip, TOP], 0.0
@@ -201,7 +201,7 @@ def height_and_turn(r2: float, tip: int, rows: FloatArray) -> tuple[float, float
 
 
 @kernel
-def height_turn_bend(r2: float, tip: int, rows: FloatArray) -> tuple[float, float, float]:
+def height_slope_curvature(r2: float, tip: int, rows: FloatArray) -> tuple[float, float, float]:
     """Height of the top, dh/dr over r, and the derivative of the latter over r."""
     if r2 >= rows[tip, OUTER_2]:
         return rows[tip, TOP], 0.0, 0.0

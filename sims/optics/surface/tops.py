@@ -57,8 +57,8 @@ from sims.optics.surface.radial import (
     contact_radius_2,
     distance,
     height,
-    height_and_turn,
-    height_turn_bend,
+    height_and_slope,
+    height_slope_curvature,
     inlined,
     kernel,
 )
@@ -223,7 +223,7 @@ def surface_gradient(x: float, y: float, top: Top) -> tuple[float, float, float]
     rows = top.rows
     rx = x - rows[0, X]
     ry = y - rows[0, Y]
-    h, per = height_and_turn(rx * rx + ry * ry, 0, rows)
+    h, per = height_and_slope(rx * rx + ry * ry, 0, rows)
     gx = per * rx
     gy = per * ry
     if is_plain(top):
@@ -231,7 +231,7 @@ def surface_gradient(x: float, y: float, top: Top) -> tuple[float, float, float]
     for k in range(1, rows.shape[0]):
         rx = x - rows[k, X]
         ry = y - rows[k, Y]
-        more, per = height_and_turn(rx * rx + ry * ry, k, rows)
+        more, per = height_and_slope(rx * rx + ry * ry, k, rows)
         h += more - rows[k, TOP]
         gx += per * rx
         gy += per * ry
@@ -250,7 +250,7 @@ def _tip_bend(
     """One tip's height, gradient and second derivatives."""
     rx = x - rows[tip, X]
     ry = y - rows[tip, Y]
-    h, turn, bend = height_turn_bend(rx * rx + ry * ry, tip, rows)
+    h, turn, bend = height_slope_curvature(rx * rx + ry * ry, tip, rows)
     return h, turn * rx, turn * ry, turn + bend * rx * rx, bend * rx * ry, turn + bend * ry * ry
 
 

@@ -11,7 +11,7 @@ from optopad.cli import main
 from optopad.jobs import compare as comparing
 from optopad.jobs.compare import changes_of, compare
 from optopad.report.before_after import compare_html
-from sims.continuity.sweep import sweep_row
+from sims.score.sweep import sweep_row
 from tests.sims.made_up_scores import contiguous_score, dead_score, out_of_scope_score
 
 PAIR = preset("piacenza2017-pair")

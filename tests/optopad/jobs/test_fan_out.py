@@ -112,7 +112,7 @@ def test_a_search_on_two_workers_one_killed_finds_what_one_process_finds(cluster
 @pytest.mark.full
 @pytest.mark.filterwarnings("ignore::ResourceWarning")
 def test_the_real_pair_is_judged_the_same_on_the_cluster(cluster, tmp_path):
-    from sims.continuity.objective import judge
+    from sims.score.objective import judge
 
     space = load_space("pair-heights")
     objective = functools.partial(judge, wanted=("evenness", "strength", "resolvable_steps"))

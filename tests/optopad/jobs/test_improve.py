@@ -14,7 +14,7 @@ import pytest
 
 import optopad
 import optopad.jobs.improvement as improvement
-import sims.continuity.objective as objective
+import sims.score.objective as objective
 from design.io import load_design
 from design.preset import preset, preset_text
 from optopad.cli.main import main

@@ -15,9 +15,9 @@ from optopad.jobs.sweep import run_sweep
 from optopad.results.sweep import table_row
 from optopad.studio.answers import Judged
 from optopad.studio.session import Press
-from sims.continuity.objective import judge
-from sims.continuity.result import ContinuityScore
-from sims.continuity.scoring import score, verdict_of
+from sims.score.objective import judge
+from sims.score.result import ContinuityScore
+from sims.score.scoring import score, verdict_of
 from tests.optopad.studio.test_workshop import Answers, Request, working
 
 ROW = preset("piacenza2017-pair").with_(

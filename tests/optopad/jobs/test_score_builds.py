@@ -7,7 +7,7 @@ import pytest
 
 from design.preset import preset
 from optopad.cli import main
-from sims.continuity import build_tolerance
+from sims.score import build_tolerance
 from sims.verdict import builds
 from tests.sims.made_up_scores import contiguous_score
 
@@ -44,7 +44,7 @@ def test_an_interrupted_study_goes_on_where_it_stopped(few_values, monkeypatch, 
     real = builds.facing_brief
     scored = replace(contiguous_score(preset("piacenza2017-pair")), pad_signals=None)
     monkeypatch.setattr(
-        "sims.continuity.scoring.score", lambda *_, **__: scored
+        "sims.score.scoring.score", lambda *_, **__: scored
     )  # the builds are what is tested here
 
     def judge(design, *, seed):

@@ -14,8 +14,8 @@ from optopad.jobs import sweep as sweeping
 from optopad.jobs.sweep import marked, run_sweep
 from optopad.results.sweep import Sweep
 from optopad.work import FinishedWork
-from sims.continuity.sweep import SweepRow, disputed, sweep_row
 from sims.plots.sweep import plot_sweep
+from sims.score.sweep import SweepRow, disputed, sweep_row
 from tests.sims.made_up_scores import contiguous_score, dead_score, out_of_scope_score
 
 PAIR = preset("piacenza2017-pair")
@@ -292,7 +292,7 @@ def test_a_built_set_has_a_bundle_a_value_with_its_mold_marked(tmp_path, capsys,
     def judge(design, **_):
         return replace(made_up(design), pad_signals=None)
 
-    monkeypatch.setattr("sims.continuity.scoring.score", judge)  # the bundle is what is tested here
+    monkeypatch.setattr("sims.score.scoring.score", judge)  # the bundle is what is tested here
     command = ["sweep", "piacenza2017-pair", f"{THICKNESS}=9", "--build", "--out", str(tmp_path), "--json"]
     assert main(command) == 0
     document = json.loads(capsys.readouterr().out)

@@ -10,7 +10,7 @@ from design.preset import preset
 from sims.bounds.detection_threshold import DetectionThreshold
 from sims.bounds.fisher import Steps
 from sims.bounds.observability import Figure, Limits, PadBounds, PartLoss
-from sims.continuity.result import ContinuityScore
+from sims.score.result import ContinuityScore
 from tests.sims.made_up_scores import dead_score
 
 PAD = preset("piacenza2017-pad")

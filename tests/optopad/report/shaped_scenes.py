@@ -9,9 +9,9 @@ import numpy as np
 from design.shape.cavity import cavity_of
 from design.spec import SensorDesign
 from optopad.report.scenes.ray_scene import RayScene
-from sims.continuity.result import ContinuityScore
 from sims.optics.oracle.paths import LightPath
 from sims.rays import RayState
+from sims.score.result import ContinuityScore
 from tests.sims.made_up_scores import dead_score
 from tests.sims.plots.shaped_pads import in_workspace, made_up_press, shaped_bounds
 

@@ -14,7 +14,7 @@ from design.preset import preset
 from design.spec import SensorDesign
 from design.spec.properties import used_values
 from optopad.screen.verdict import LINES, WIDTH, verdict_screen
-from sims.continuity.scoring import score
+from sims.score.scoring import score
 
 CASES = {
     "pair": ("piacenza2017-pair", {}),

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 from design.preset import preset
 from optopad.screen.answer import verdict_words
-from sims.continuity.sweep import sweep_row
+from sims.score.sweep import sweep_row
 from tests.sims.made_up_scores import contiguous_score, dead_score, out_of_scope_score
 
 PAD = preset("piacenza2017-pad")

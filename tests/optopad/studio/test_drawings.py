@@ -25,9 +25,9 @@ from optopad.studio.pad_mesh import cut_open
 from optopad.studio.sentences import bad_parts, curves_title, pins_html, said_html, sensor_html, verdict_html
 from optopad.studio.session import Press, Said, Version
 from optopad.studio.surface_mesh import pressed_top
-from sims.continuity.objective import PlaceCurves
-from sims.continuity.result import ContinuityScore, JudgedPair
 from sims.readings.readout import Readout
+from sims.score.objective import PlaceCurves
+from sims.score.result import ContinuityScore, JudgedPair
 from sims.verdict.pad_map import PadMap, Place, grid_places_mm, map_grid_mm
 from tests.optopad.report.bounded_score import bounded_score
 from tests.sims.made_up_scores import dead_score, made_up_depths, made_up_pair, out_of_scope_score

@@ -17,7 +17,7 @@ from optopad.studio.design_file import DesignFile
 from optopad.studio.moves import part_named
 from optopad.studio.session import Session
 from optopad.studio.view.page import Page
-from sims.continuity.scoring import score
+from sims.score.scoring import score
 from tests.optopad.studio.chromium import chromium_page, needs_chromium, screen_place
 
 pytestmark = [needs_chromium, pytest.mark.slow]

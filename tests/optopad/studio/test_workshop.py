@@ -18,10 +18,10 @@ from optopad.studio import workshop as workshop_module
 from optopad.studio.answers import Answer, Curves, Failed, Judged, Look, Progress, Rays, Readings
 from optopad.studio.session import Press
 from optopad.studio.workshop import Request, Workshop
-from sims.continuity import objective as draft
-from sims.continuity.objective import curves_under, draft_score
-from sims.continuity.result import ContinuityScore
-from sims.continuity.scoring import score
+from sims.score import objective as draft
+from sims.score.objective import curves_under, draft_score
+from sims.score.result import ContinuityScore
+from sims.score.scoring import score
 
 PAIR = preset("piacenza2017-pair")
 PRESS = Press(x_mm=9.0, y_mm=11.0, depth_mm=2.0)
@@ -139,10 +139,10 @@ def slow_score(monkeypatch: pytest.MonkeyPatch, pair_draft: ContinuityScore) -> 
             state["ended"] += 1
         return draft_score(design) if state.get("is_out") else replace(pair_draft, digest=design.digest)
 
-    monkeypatch.setattr("sims.continuity.scoring.score", stand_in)
-    monkeypatch.setattr("sims.continuity.build_tolerance.with_tolerance", lambda _design, found, **_: found)
-    monkeypatch.setattr("sims.continuity.field_steps.with_field_steps", lambda _design, found, **_: found)
-    monkeypatch.setattr("sims.continuity.trials.with_trial", lambda _design, found, **_: found)
+    monkeypatch.setattr("sims.score.scoring.score", stand_in)
+    monkeypatch.setattr("sims.score.build_tolerance.with_tolerance", lambda _design, found, **_: found)
+    monkeypatch.setattr("sims.score.field_steps.with_field_steps", lambda _design, found, **_: found)
+    monkeypatch.setattr("sims.score.trials.with_trial", lambda _design, found, **_: found)
     return state
 
 
@@ -385,7 +385,7 @@ def test_a_fault_of_ours_is_said_and_the_rest_of_the_work_is_done(
     def fail(*_: Any, **__: Any) -> Any:
         raise ZeroDivisionError("of ours")
 
-    monkeypatch.setattr("sims.continuity.objective.draft_score", fail)
+    monkeypatch.setattr("sims.score.objective.draft_score", fail)
     with working(request_of()) as (_, answers):
         answers.wait_idle(answers.wait(lambda one: isinstance(one, Failed)))
         assert answers.names() == ["Curves", "Look", "Failed"]

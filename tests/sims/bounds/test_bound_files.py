@@ -9,10 +9,10 @@ import xarray as xr
 from design.preset import preset
 from design.shape.cavity import cavity_of
 from sims.bounds.observability import bound_depths_mm, bounds_json
-from sims.continuity.maps_file import bounds_dataset, provenance
 from sims.plots.maps import plot_bound_sheet, plot_felt_map
 from sims.plots.style import plain_style
 from sims.readings.readout import save_dataset
+from sims.score.maps_file import bounds_dataset, provenance
 from tests.sims.made_up_bounds import made_up_bounds
 
 

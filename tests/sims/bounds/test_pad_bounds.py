@@ -7,9 +7,9 @@ from design.preset import preset
 from design.shape.cavity import cavity_of, judged_pairs, mask_of
 from sims.bounds.fisher import Steps, bounds_of, sensitivities, sensitivity
 from sims.bounds.observability import BOUND_ACCURACIES, own_readout, pad_bounds
-from sims.continuity.maps_file import bounds_dataset
 from sims.optics.tracing import trace
 from sims.readings.readout import readout_of
+from sims.score.maps_file import bounds_dataset
 from sims.verdict.presses import untouched_flux
 
 pytestmark = pytest.mark.slow

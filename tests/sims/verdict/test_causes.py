@@ -9,12 +9,12 @@ import pytest
 
 from design.preset import preset
 from design.shape.cavity import cavity_of, chord_midpoint_mm, direct_path_pairs, facing_pairs
-from sims.continuity.scoring import score
 from sims.optics.light_signals import LightSignals
 from sims.optics.oracle.tracer import CLASSES, trace_oracle
 from sims.optics.scene.lower import scene_of
 from sims.optics.tracing import pressed_tops
 from sims.readings.readout import Readout
+from sims.score.scoring import score
 from sims.verdict.causes import GONE, WHOLE, causes_of_pad, causes_of_pairs
 from sims.verdict.pad_map import PadMap, Place
 from tests.sims.made_up_scores import FULL_SCALE, UNTOUCHED_FLUX, made_up_depths, made_up_pair

@@ -21,7 +21,7 @@ import optopad
 from design.preset import preset
 from design.spec import SensorDesign
 from optopad.work import source_digest
-from sims.continuity.scoring import score
+from sims.score.scoring import score
 from tests.validation.contact.contact_table import markdown_table, with_table
 
 PAGE = Path(__file__).parents[3] / "docs" / "validation" / "reality.md"

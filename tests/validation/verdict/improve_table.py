@@ -30,10 +30,10 @@ from design.search.improve import HEIGHTS, Judged, Limit, betters, improvement_s
 from design.spec import SensorDesign
 from design.spec.cheap_fields import CLEAR
 from optopad.jobs.improvement import improve
-from sims.continuity.build_tolerance import with_tolerance
-from sims.continuity.objective import judge
-from sims.continuity.result import ContinuityScore
-from sims.continuity.scoring import verdict_of
+from sims.score.build_tolerance import with_tolerance
+from sims.score.objective import judge
+from sims.score.result import ContinuityScore
+from sims.score.scoring import verdict_of
 from sims.verdict.depth_curve import DEADBAND_THRESHOLD
 
 ROOT = Path(__file__).parents[3]

@@ -24,8 +24,8 @@ from design.search.space import SearchSpace, load_space
 from design.spec import SensorDesign
 from optopad.jobs.exploration import search
 from optopad.work import source_digest
-from sims.continuity.objective import judge
 from sims.plots.front import choice_text, front_svg
+from sims.score.objective import judge
 from tests.validation.verdict import improve_table
 
 ROOT = Path(__file__).parents[3]

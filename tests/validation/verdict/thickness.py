@@ -17,10 +17,10 @@ from typing import Literal
 
 from design.preset import preset
 from optopad.results.sweep import Sweep
-from sims.continuity.scoring import score
-from sims.continuity.sweep import SweepRow, sweep_row, swept_designs
 from sims.plots.style import plain_style, svg_text
 from sims.plots.sweep import plot_sweep
+from sims.score.scoring import score
+from sims.score.sweep import SweepRow, sweep_row, swept_designs
 
 DOCS = Path(__file__).parents[3] / "docs"
 PAGE, TABLE = DOCS / "validation" / "thickness.md", DOCS / "validation" / "thickness.csv"

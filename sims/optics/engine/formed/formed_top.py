@@ -45,7 +45,7 @@ from sims.optics.surface.curves import (
     START,
     STEEP,
 )
-from sims.optics.surface.radial import height_and_turn, inlined, kernel
+from sims.optics.surface.radial import height_and_slope, inlined, kernel
 
 NEVER = 1e30
 STEP_MM, LEAST_STEP_MM = 0.3, 0.06
@@ -141,7 +141,7 @@ def rise(top: FormedTop, r2: float) -> tuple[float, float]:
     """d at a squared radius, and its slope over the radius."""
     if r2 >= top.numbers[OUTER] * top.numbers[OUTER]:
         return 0.0, 0.0
-    value, turned = height_and_turn(r2, 0, top.rows)
+    value, turned = height_and_slope(r2, 0, top.rows)
     mean = top.numbers[MEAN]
     if r2 <= top.rows[0, SPHERE_2] and mean > 0.0:
         root = math.sqrt(max(mean * mean - r2, 1e-12))

@@ -24,8 +24,8 @@ def _with_an_entry(kernel):
 
 
 height = _with_an_entry(radial.height)
-height_and_turn = _with_an_entry(radial.height_and_turn)
-height_turn_bend = _with_an_entry(radial.height_turn_bend)
+height_and_slope = _with_an_entry(radial.height_and_slope)
+height_slope_curvature = _with_an_entry(radial.height_slope_curvature)
 reach2 = _with_an_entry(radial.reach2)
 slope_bound = _with_an_entry(radial.slope_bound)
 top_hit = _with_an_entry(rays.top_hit)

@@ -8,7 +8,7 @@ import pytest
 from sims.optics.surface.curves import CONTACT_R
 from sims.optics.surface.tops import stack_tops
 from tests.bench.measures.benchmark_states import benchmark_scene, benchmark_states
-from tests.sims.optics.engine.called_kernels import height, height_and_turn, is_clear
+from tests.sims.optics.engine.called_kernels import height, height_and_slope, is_clear
 from tests.sims.optics.surface.test_light_surface import one_tip
 
 LEGS, SAMPLES = 200, 3000
@@ -27,7 +27,7 @@ def test_a_leg_is_clear_where_the_top_lies_above_it_all_the_way(surface: str, de
     for _ in range(LEGS):
         radius, angle = rng.uniform(rows[0, CONTACT_R] + 0.05, 9.0), rng.uniform(0.0, 2.0 * np.pi)
         start = centre + radius * np.array([np.cos(angle), np.sin(angle)])
-        z, turn = height_and_turn(radius * radius, 0, rows)
+        z, turn = height_and_slope(radius * radius, 0, rows)
         leg = np.array([*rng.uniform(0.0, 32.0, 2), rng.uniform(0.5, 7.5)]) - [*start, z]
         length = float(np.linalg.norm(leg))
         direction = leg / length

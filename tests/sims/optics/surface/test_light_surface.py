@@ -16,9 +16,9 @@ from tests.sims.optics.engine.called_kernels import (
     first_chord,
     gradient_at,
     height,
-    height_and_turn,
+    height_and_slope,
     height_at,
-    height_turn_bend,
+    height_slope_curvature,
     reach2,
     slope_bound,
     top_hit,
@@ -37,7 +37,7 @@ def lowered(indentation):
 
 def slope(r, rows):
     """dh/dr at a radius."""
-    return r * height_and_turn(r * r, 0, rows)[1]
+    return r * height_and_slope(r * r, 0, rows)[1]
 
 
 def one_tip(rows):
@@ -63,20 +63,20 @@ def test_height_and_slope_are_continuous_everywhere():
     press, rows, _ = lowered(compact_dimple(2.0, bulge_mm=0.15))
     joints = list(node_radii_mm(press[surface.SPHERE_R], press[surface.OUTER_R])[0])
     for r in joints:
-        below, above = (height_and_turn((r + side) ** 2, 0, rows) for side in (-1e-8, 1e-8))
+        below, above = (height_and_slope((r + side) ** 2, 0, rows) for side in (-1e-8, 1e-8))
         assert above == pytest.approx(below, abs=1e-5)
 
 
 def test_slope_and_bend_are_the_derivatives_of_height():
     _press, rows, _ = lowered(compact_dimple(2.0, bulge_mm=0.15))
     for r in np.linspace(2.6, 19.0, 57):
-        h, turn, bend = height_turn_bend(r * r, 0, rows)
+        h, turn, bend = height_slope_curvature(r * r, 0, rows)
         step = 1e-5
         up, down = height((r + step) ** 2, 0, rows), height((r - step) ** 2, 0, rows)
         assert r * turn == pytest.approx((up - down) / (2 * step), abs=1e-6)
-        more, less = (height_and_turn((r + s) ** 2, 0, rows)[1] for s in (step, -step))
+        more, less = (height_and_slope((r + s) ** 2, 0, rows)[1] for s in (step, -step))
         assert r * bend == pytest.approx((more - less) / (2 * step), abs=1e-3)
-        assert height_and_turn(r * r, 0, rows) == pytest.approx((h, turn), abs=1e-12)
+        assert height_and_slope(r * r, 0, rows) == pytest.approx((h, turn), abs=1e-12)
 
 
 def test_slope_bound_holds_outward():
@@ -94,7 +94,7 @@ def test_bend_bound_holds_within_its_window_and_outward(depth):
     pieces = rows[0, surface.PIECES : surface.PIECES + CELLS * PIECE_COLUMNS].reshape(CELLS, PIECE_COLUMNS)
     nodes = node_radii_mm(press[surface.SPHERE_R], press[surface.OUTER_R])[0]
     radii = np.concatenate([np.linspace(a, b, 9)[1:-1] for a, b in pairwise(nodes)])
-    found = np.array([height_turn_bend(r * r, 0, rows) for r in radii])
+    found = np.array([height_slope_curvature(r * r, 0, rows) for r in radii])
     # second derivatives across and along the radius, downward
     bends = np.maximum(-found[:, 1], -(found[:, 1] + found[:, 2] * radii**2))
     for piece, start in zip(pieces, nodes, strict=False):

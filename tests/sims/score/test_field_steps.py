@@ -7,8 +7,8 @@ from dataclasses import replace
 import pytest
 
 from design.preset import preset
-from sims.continuity.field_steps import STEPS, stepped_fields, with_field_steps
-from sims.continuity.scoring import score
+from sims.score.field_steps import STEPS, stepped_fields, with_field_steps
+from sims.score.scoring import score
 from sims.verdict.tolerance import AMPLE_MARGIN, Effect, FieldStep, FieldSteps
 from tests.sims.made_up_scores import out_of_scope_score
 

@@ -2,10 +2,10 @@
 
 import pytest
 
-import sims.continuity.judge as stages
+import sims.score.judge as stages
 from design.preset import preset
-from sims.continuity.judge import Judge
 from sims.optics.accuracy import ACCURACIES
+from sims.score.judge import Judge
 from sims.verdict.presses import MAP_ACCURACY
 
 PAD = preset("piacenza2017-pad")

@@ -7,9 +7,9 @@ from dataclasses import replace
 import pytest
 
 from design.preset import preset
-from sims.continuity import trials
-from sims.continuity.scoring import score
-from sims.continuity.trials import ENOUGH_MARGIN, MOST_BRIEFS, with_trial
+from sims.score import trials
+from sims.score.scoring import score
+from sims.score.trials import ENOUGH_MARGIN, MOST_BRIEFS, with_trial
 from sims.verdict.builds import Brief
 from sims.verdict.causes import Cause
 from tests.sims.made_up_scores import contiguous_score, dead_score, out_of_scope_score

@@ -43,17 +43,17 @@ from design.spec.cheap_fields import TARGET, cheap_fields
 from sims.bounds.fisher import PRESSES, SHALLOW_MM, Steps, stencil_presses
 from sims.bounds.observability import bound_depths_mm
 from sims.contact.pad_surface import contact_notes
-from sims.continuity.build_tolerance import with_tolerance
-from sims.continuity.field_steps import with_field_steps
-from sims.continuity.judge import Judge, Settings, settings_of
-from sims.continuity.result import ContinuityScore, JudgedPair, margin_caution, noise_caution
-from sims.continuity.trials import with_trial
 from sims.optics.accuracy import accuracy_of
 from sims.optics.scene.lower import scene_of
 from sims.optics.scene.symmetry import state_classes
 from sims.optics.tracing import emitter_cost_s, pair_cost_s, state_cost_s, untouched_cost_s
 from sims.press import COARSE_STEP_MM, depth_schedule_mm
 from sims.readings.readout import Readout
+from sims.score.build_tolerance import with_tolerance
+from sims.score.field_steps import with_field_steps
+from sims.score.judge import Judge, Settings, settings_of
+from sims.score.result import ContinuityScore, JudgedPair, margin_caution, noise_caution
+from sims.score.trials import with_trial
 from sims.verdict.builds import accuracy_of_builds
 from sims.verdict.figure_errors import boundary_forces, drawn_figures, figure_errors, figures_of, place_force
 from sims.verdict.pad_map import PadMap, grid_places_mm, map_grid_mm
@@ -111,7 +111,7 @@ def verdict_of(
 
     Parameters
     ----------
-    settings : a row of `sims.continuity.judge.SETTINGS`
+    settings : a row of `sims.score.judge.SETTINGS`
 
     Raises
     ------
@@ -312,7 +312,7 @@ class ScoreCost:
 
 
 def score_cost(design: SensorDesign, *, fine: bool, full: bool, is_run: bool = False) -> ScoreCost:
-    """What a score of a design costs, `fine` and `full` as `sims.continuity.scoring.score` takes them.
+    """What a score of a design costs, `fine` and `full` as `sims.score.scoring.score` takes them.
 
     is_run : the whole `optopad run`, with mold, report and the firmware's files
     """

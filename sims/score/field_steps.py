@@ -24,8 +24,8 @@ from design.spec import SensorDesign
 from design.spec.cheap_fields import CLEAR, HEIGHTS, TARGET, cheap_fields
 from sims.bounds.fisher import Steps, bounds_of, sensitivity
 from sims.bounds.observability import own_readout
-from sims.continuity.build_tolerance import governing_judge
-from sims.continuity.result import ContinuityScore
+from sims.score.build_tolerance import governing_judge
+from sims.score.result import ContinuityScore
 from sims.verdict.builds import ACCURACY, BuildJudge, accuracy_of_builds
 from sims.verdict.tolerance import Effect, FieldStep, FieldSteps
 

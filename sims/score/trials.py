@@ -25,9 +25,9 @@ from design.rules.check import check
 from design.shape.cavity import cavity_of, is_facing_rows
 from design.spec import SensorDesign
 from design.spec.cheap_fields import CLEAR, HEIGHTS
-from sims.continuity.build_tolerance import governing_judge
-from sims.continuity.judge import SETTINGS, Judge
-from sims.continuity.result import ContinuityScore
+from sims.score.build_tolerance import governing_judge
+from sims.score.judge import SETTINGS, Judge
+from sims.score.result import ContinuityScore
 from sims.verdict.builds import Brief, BuildJudge, accuracy_of_builds, facing_judge
 from sims.verdict.causes import Cause
 from sims.verdict.depth_curve import DEADBAND_THRESHOLD

@@ -15,7 +15,7 @@ from typing import Any
 from design.errors import DesignError, InputError
 from design.rules.check import require_valid
 from design.spec import SensorDesign
-from sims.continuity.result import ContinuityScore, JudgedPair, headline
+from sims.score.result import ContinuityScore, JudgedPair, headline
 from sims.verdict.figure_errors import BoundaryForces, boundary_forces, place_force
 from sims.verdict.pair_score import total_length_mm
 

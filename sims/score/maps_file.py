@@ -18,7 +18,7 @@ from design.spec import SensorDesign
 from sims.bounds.observability import PadBounds, pair_names
 
 if TYPE_CHECKING:
-    from sims.continuity.result import ContinuityScore
+    from sims.score.result import ContinuityScore
 
 VERSIONED = ("optopad", "numpy", "numba", "mujoco", "xarray")
 """Packages whose versions a file records."""

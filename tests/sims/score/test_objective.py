@@ -7,9 +7,9 @@ import pytest
 from design.errors import DesignError
 from design.preset import preset
 from design.search.improve import Limit
-from sims.continuity import judge as stages
-from sims.continuity.objective import judge
-from sims.continuity.scoring import score
+from sims.score import judge as stages
+from sims.score.objective import judge
+from sims.score.scoring import score
 from sims.verdict import presses
 
 PAIR = preset("piacenza2017-pair")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from design.preset import preset
-from sims.continuity.scoring import score_cost
+from sims.score.scoring import score_cost
 
 
 def test_a_run_costs_more_than_a_score_and_says_so() -> None:

@@ -3,7 +3,7 @@
     rules ──► parts and height ──► untouched light ──► pairs ──► map of the pad ──► bounds
       each step ends the judging when a limit can no longer be met: the reason is kept
 
-The stages are those of a score (`sims.continuity.judge`), with the settings of a search, or of a score. The figures
+The stages are those of a score (`sims.score.judge`), with the settings of a search, or of a score. The figures
 are those of the score's headline: of facing rows the governing pair's, of a pad the medians over judged pairs. Left
 out: the tolerance of unmeasured parameters.
 
@@ -33,12 +33,12 @@ from design.search.improve import Judged, Limit
 from design.shape.cavity import CavityGeometry, beside_chord, judged_pairs, mask_of, pair_name
 from design.spec import SensorDesign
 from sims.contact.indentation import round_press
-from sims.continuity.judge import CLOSE_UNITS, Judge, governing_pair, usable_of_pairs
-from sims.continuity.result import ContinuityScore, JudgedPair
-from sims.continuity.scoring import verdict_of
 from sims.optics.tracing import trace
 from sims.press import depth_schedule_mm
 from sims.readings.readout import Readout
+from sims.score.judge import CLOSE_UNITS, Judge, governing_pair, usable_of_pairs
+from sims.score.result import ContinuityScore, JudgedPair
+from sims.score.scoring import verdict_of
 from sims.verdict.builds import pair_margin, score_curves
 from sims.verdict.depth_curve import DEADBAND_THRESHOLD
 from sims.verdict.presses import accuracy_of_pairs, curves_of, states_of
@@ -173,7 +173,7 @@ def judge(
     ----------
     limits : what it must keep; the judging stops at the first step that breaks one
     wanted : figures to work out, those of the limits besides (`design.search.figures`; "verdict" as well)
-    accuracy : a row of `sims.continuity.judge.SETTINGS` by name
+    accuracy : a row of `sims.score.judge.SETTINGS` by name
     also_mm : (x, y) of further places of a pad's map, such as one that is known to decide; left out where they are
         not in a design's workspace [mm]
     seed : of the light's offsets

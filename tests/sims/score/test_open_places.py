@@ -9,15 +9,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-import sims.continuity.judge as judging
-import sims.continuity.judge as stages
+import sims.score.judge as judging
+import sims.score.judge as stages
 from design.preset import preset
 from design.shape.cavity import cavity_of, direct_path_pairs
-from sims.continuity.judge import Judge
-from sims.continuity.result import margin_caution
-from sims.continuity.scoring import score
 from sims.optics.light_signals import LightSignals
 from sims.readings.readout import readout_of
+from sims.score.judge import Judge
+from sims.score.result import margin_caution
+from sims.score.scoring import score
 from sims.verdict.pad_map import PadMap
 from sims.verdict.presses import DOUBT_ACCURACIES, MAP_ACCURACY, MOST_TRACED_AGAIN, SECOND_SEED, pair_curves
 from tests.sims.made_up_scores import made_up_depths, made_up_map

@@ -55,12 +55,12 @@ from sims.bounds.fisher import COARSE_DEPTHS_MM, FINE_DEPTHS_MM
 from sims.bounds.observability import BOUND_ACCURACIES, PadBounds, pad_bounds
 from sims.contact.force_curve import ForceCurve, force_curve
 from sims.contact.indentation import solved_press
-from sims.continuity.result import Interval, JudgedPair
 from sims.optics.accuracy import ACCURACIES, Accuracy
 from sims.optics.light_signals import LightSignals
 from sims.optics.tracing import trace
 from sims.press import COARSE_STEP_MM, STEP_MM, depth_schedule_mm
 from sims.readings.readout import Readout, readout_of
+from sims.score.result import Interval, JudgedPair
 from sims.verdict.builds import pair_margin, score_curves
 from sims.verdict.causes import Cause, causes_of_pad, causes_of_pairs
 from sims.verdict.depth_curve import DEADBAND_MIN_LENGTH_MM, DEADBAND_THRESHOLD, TRACE_ERROR_LIMIT

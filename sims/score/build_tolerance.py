@@ -7,7 +7,7 @@ from dataclasses import replace
 from design.progress import OnStep
 from design.spec import SensorDesign
 from design.spec.tolerances import build_tolerances
-from sims.continuity.result import ContinuityScore, band_caution
+from sims.score.result import ContinuityScore, band_caution
 from sims.verdict.builds import (
     BuildJudge,
     Memo,

@@ -13,11 +13,11 @@ from design.shape.cavity import beside_chord, cavity_of, judged_pairs, pair_name
 from design.spec import SensorDesign
 from sims.bounds.observability import pad_bounds
 from sims.contact.indentation import round_press, solved_press
-from sims.continuity import judge as map_judging
-from sims.continuity.judge import SETTINGS
-from sims.continuity.objective import curves_under, draft_score, pairs_under, with_draft_bounds
-from sims.continuity.result import ContinuityScore
-from sims.continuity.scoring import score
+from sims.score import judge as map_judging
+from sims.score.judge import SETTINGS
+from sims.score.objective import curves_under, draft_score, pairs_under, with_draft_bounds
+from sims.score.result import ContinuityScore
+from sims.score.scoring import score
 from sims.verdict.depth_curve import DEADBAND_THRESHOLD
 
 PAD, PAIR = "piacenza2017-pad", "piacenza2017-pair"

@@ -3,7 +3,7 @@
 Imports of ours: bounds, verdict and below.
 """
 
-from sims.continuity.result import ContinuityScore
-from sims.continuity.scoring import score
+from sims.score.result import ContinuityScore
+from sims.score.scoring import score
 
 __all__ = ["ContinuityScore", "score"]
