@@ -8,17 +8,18 @@ import zipfile
 import pytest
 import trimesh
 
-from design.preset import PRESETS, preset
+from design.preset import FLAT_PRESETS, SHAPED_PRESETS, preset
 from design.shape.cavity import cavity_of
 from tests.cad.golden_parts import RECORDED
 
+MOLDS = FLAT_PRESETS + SHAPED_PRESETS
 MM3 = 1e-3  # the record's own rounding, with room for another version of the kernel
 MM = 2e-3  # the same, for lengths
 
 
 @pytest.mark.parametrize(
     "name",
-    [pytest.param(name, marks=() if name == "piacenza2017-pair" else pytest.mark.slow) for name in PRESETS],
+    [pytest.param(name, marks=() if name == "piacenza2017-pair" else pytest.mark.slow) for name in MOLDS],
 )
 def test_volume_size_and_holes_are_those_on_record(name, built_of):
     files = built_of(name).files
@@ -31,7 +32,7 @@ def test_volume_size_and_holes_are_those_on_record(name, built_of):
         assert (2 - mesh.euler_number) // 2 == holes, part
 
 
-@pytest.mark.parametrize("name", PRESETS)
+@pytest.mark.parametrize("name", MOLDS)
 def test_a_mold_s_holes_are_its_fixing_lead_and_filling_holes(name):
     design = preset(name)
     leads = sum(p.part.lead_count for p in cavity_of(design).parts if p.part.mounting == "radial")

@@ -21,7 +21,7 @@ import numpy as np
 from design.arrays import IntArray
 from design.circuit.pins import MS_PER_S, US_PER_S, board_of, frame_time_ms
 from design.io import write_text_atomically
-from design.preset import PRESETS, preset
+from design.preset import FLAT_PRESETS, SHAPED_PRESETS, preset
 from design.spec import SensorDesign
 from fabrication.driver.link.protocol import Command, pack_command
 from fabrication.flash import COMPILER, compiled_image
@@ -172,7 +172,7 @@ def main() -> int:
             change: [measured(harness, with_prescaler(p), change) for p in PRESCALERS]
             for change in (QUIET, EARLY)
         }
-        layouts = [(name, measured(harness, preset(name), QUIET)) for name in PRESETS]
+        layouts = [(name, measured(harness, preset(name), QUIET)) for name in FLAT_PRESETS + SHAPED_PRESETS]
         loop_text, is_right = told_loop(harness)
     write_text_atomically(PAGE, page(rates[QUIET], rates[EARLY], layouts, loop_text))
     met = all(rate.simulator_hz >= ASKED_HZ.get(rate.prescaler, 0.0) for rate in rates[QUIET])
@@ -274,7 +274,7 @@ def layout_table(layouts: Sequence[tuple[str, Rate]]) -> str:
 def memory_table() -> str:
     """Rows by preset: bytes and shares of the chip's."""
     rows = []
-    for name in PRESETS:
+    for name in FLAT_PRESETS + SHAPED_PRESETS:
         image, chip = compiled_image(preset(name)), firmware_settings(preset(name)).chip
         shares = image.flash_bytes / chip.flash_bytes, image.ram_bytes / chip.ram_bytes
         rows.append((name, image.flash_bytes, f"{shares[0]:.1%}", image.ram_bytes, f"{shares[1]:.1%}"))

@@ -80,7 +80,9 @@ def rows() -> list[str]:
         ]
         for engine, given in (("of rectangles", scene), ("general", as_form(scene))):
             ms, *percent = measured(given, presses, near)
-            found.append(f"| {name} | {engine} | {ms:.0f} | " + " | ".join(f"{one:.2f}" for one in percent) + " |")
+            found.append(
+                f"| {name} | {engine} | {ms:.0f} | " + " | ".join(f"{one:.2f}" for one in percent) + " |"
+            )
     return found
 
 
