@@ -55,7 +55,7 @@ NATIVE_HZ = 1e9
 """The log of a program that was compiled for this machine is in nanoseconds."""
 
 US_PER_S = 1e6
-LONGEST_US = 120e6
+LONGEST_US = 3_600_000_000
 """A board on a port ends by itself after so long."""
 
 LIGHT_TAU_US, AMPLIFIER_TAU_US = 0.5, 2.0
