@@ -1,6 +1,8 @@
 """Whether the driver takes 1,000 frames a second from the portable firmware, recording included, and loses none.
 
-    python -m tests.validation.driver.portable_soak [SECONDS]     one minute unless given; needs g++
+    python -m tests.validation.driver.portable_soak [SECONDS [live]]     one minute unless given; needs g++
+
+`live` reads through the studio's live view in place of a recording.
 
 The program is compiled for this machine and runs in real time behind a pseudo-terminal: 9 x 8 readings of 12 bits.
 """
@@ -19,6 +21,7 @@ from fabrication.driver.link.frames import US_PER_S
 from fabrication.driver.recording.raw import RecordKind, read_records
 from fabrication.driver_config import dump_driver_config
 from fabrication.sketch import firmware_settings
+from optopad.studio.live import LiveSensor, LiveView
 from tests.fabrication.simulated_board import board_on_a_port, portable_pad, quantised, random_table
 
 RATE_HZ = 1000.0
@@ -76,5 +79,27 @@ def soak(seconds: float) -> Soak:
     )
 
 
+def live_soak(seconds: float) -> LiveView:
+    """What the studio's live view has after so long: frames, lost ones, and those that it never got."""
+    pad = portable_pad(preset("piacenza2017-pad")).with_(**FAST)
+    table_mv = random_table(firmware_settings(pad))
+    with (
+        TemporaryDirectory() as scratch,
+        board_on_a_port(None, Path(scratch), pad, table_mv) as port,
+        LiveSensor(pad, port=port, model=None, bundles=Path(scratch)) as live,
+    ):
+        live.start()
+        time.sleep(seconds)
+        view = live.latest()
+    assert view is not None
+    return view
+
+
 if __name__ == "__main__":
-    print(soak(float(sys.argv[1]) if len(sys.argv) > 1 else 60.0))
+    seconds = float(sys.argv[1]) if len(sys.argv) > 1 else 60.0
+    if "live" in sys.argv:
+        seen = live_soak(seconds)
+        print(f"live view: {seen.status}; {seen.frames} frames, {seen.lost} lost, {seen.damaged} damaged, "
+              f"{seen.view_lost} not shown to it, {seen.reconnects} reconnects")  # fmt: skip
+    else:
+        print(soak(seconds))
