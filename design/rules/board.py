@@ -248,6 +248,15 @@ def _baud_findings(design: SensorDesign, board: Board) -> Iterator[Finding]:
     )
 
 
+def _slow_fields(design: SensorDesign, board: Board) -> str:
+    """What makes a frame shorter, in words."""
+    fields = ["board.averages"] if design.board.averages > 1 else []
+    fields += ["board.adc_prescaler"] if board.divides_clock else []
+    return f"{', '.join([*fields, 'board.settle_us'])}, or " + (
+        "raise board.baud" if board.divides_clock else "name a faster board"
+    )
+
+
 def _rate_findings(
     design: SensorDesign, board: Board, emitter_count: int, receiver_count: int
 ) -> Iterator[Finding]:
@@ -261,7 +270,5 @@ def _rate_findings(
             f"a frame takes {takes:.2f} ms, which allows {MS_PER_S / takes:.1f} frames a second",
             value=f"{design.board.frame_rate_hz:g} Hz",
             limit=f"a frame within {budget:.2f} ms",
-            way_out="lower it, board.adc_prescaler or board.settle_us, or raise board.baud"
-            if board.divides_clock
-            else "lower it or board.settle_us, or name a faster board",
+            way_out=f"lower it, {_slow_fields(design, board)}",
         )
