@@ -6,7 +6,7 @@
     optopad.score(design).verdict
     optopad.score(design.with_(**{"cavity.clear_thickness_mm": 10})).deadbands_mm
 
-Rooms, from the ground up: work, screen, results, report, jobs, sensor; the doors are api (Python) and cli (terminal).
+Rooms from the ground up: work, screen, results, report, jobs, sensor; entry points: api (Python), cli (terminal).
 """
 
 from optopad.api import check, compare, improve, load, predict, presets, run, save, score, sweep
