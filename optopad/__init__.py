@@ -1,4 +1,4 @@
-"""The front door: Python and terminal. One design file in; mold, verdict and driver out.
+"""Entry points for users, Python and terminal: from one design file to mold, verdict and driver.
 
     import optopad
 

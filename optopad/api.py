@@ -1,4 +1,4 @@
-"""What `import optopad` offers: load, check, score, sweep, compare, improve, predict, run.
+"""Functions of `import optopad`: load, check, score, sweep, compare, improve, predict, run.
 
 Each call takes a design and returns a result; nothing is printed. Long calls take `on_step`, which is called with the
 name of a stage and the fraction of it that is done. They write into the bundles of `out`, as the command line does.

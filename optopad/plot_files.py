@@ -30,7 +30,7 @@ def write_plot(figure: Figure, stem: Path) -> tuple[Path, Path]:
 
 
 def write_bound_plots(design: SensorDesign, bounds: PadBounds, folder: Path) -> list[Path]:
-    """Plot the location and depth bounds by depth and the detection threshold; ``bounds-*.svg`` and ``.png``; paths."""
+    """Plot location and depth bounds by depth, and the detection threshold, as SVG and PNG; returns their paths."""
     cavity = cavity_of(design)
     written: list[Path] = []
     with plain_style():

@@ -1,7 +1,7 @@
 """A search and its folder: the study, the tables, the plots, the designs of the front, the page.
 
 outputs/<name>-<digest8>/
-  space.json       the search space as it was understood
+  space.json       the search space as it was read
   places.json      locations of a pad that are judged in addition to the map's, if there are any
   study.db         every design that was judged (SQLite; missing if --storage names another database)
   designs.csv      all of them, with figures and the reasons why some were stopped early

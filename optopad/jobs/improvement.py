@@ -80,7 +80,7 @@ FEWEST, MOST = 12, 400
 ATTEMPTS, ROW_ATTEMPTS = 4, 8
 """Number of designs of a kind that are judged again before the kind is given up, of a pad and of facing rows."""
 FIRMER = 1.3
-"""Factor on the margin of a design whose verdict an unmeasured parameter changes; similar designs need as much [-]."""
+"""Similar designs need this multiple of the margin of a design whose verdict an unmeasured parameter changes [-]."""
 MOST_JUDGED = 12
 """Number of designs that are judged again before the search reports that none is better."""
 LEAST_JUDGED = 2

@@ -100,7 +100,7 @@ function planes() {
   return sides.filter(([x, y]) => facing([-x, -y]));
 }
 
-// draw the mold in screen pixels during a rotation, and smoothly at rest
+// draw the mold at screen resolution during a rotation, and smoothly at rest
 function drawSolid() {
   const ratio = window.devicePixelRatio || 1, sharp = Math.min(3, 2 * ratio);
   const told = {seen, turn, planes: planes(), floor: -BLACK, looks: look.solid, width: size[0], height: size[1]};
