@@ -1,4 +1,4 @@
-"""The front door: Python and terminal. One design file in; mold, verdict and driver out.
+"""Entry points for users, Python and terminal: from one design file to mold, verdict and driver.
 
     import optopad
 
@@ -6,7 +6,7 @@
     optopad.score(design).verdict
     optopad.score(design.with_(**{"cavity.clear_thickness_mm": 10})).deadbands_mm
 
-Rooms, from the ground up: work, screen, results, report, jobs, sensor; the doors are api (Python) and cli (terminal).
+Rooms from the ground up: work, screen, results, report, jobs, sensor; entry points: api (Python), cli (terminal).
 """
 
 from optopad.api import check, compare, improve, load, predict, presets, run, save, score, sweep

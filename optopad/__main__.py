@@ -1,4 +1,4 @@
-"""`python -m optopad`: the command line where the command itself is not on the path."""
+"""`python -m optopad`: the command line for a machine where `optopad` itself is not on the path."""
 
 from optopad.cli import main
 

@@ -1,7 +1,7 @@
-"""What `import optopad` offers: load, check, score, sweep, compare, improve, predict, run.
+"""Functions of `import optopad`: load, check, score, sweep, compare, improve, predict, run.
 
-Each call takes a design and gives a result; nothing is printed. Long ones take `on_step`, called with a stage's name
-and the share of it that is done, and write into the bundles of `out` where the command line would.
+Each call takes a design and returns a result; nothing is printed. Long calls take `on_step`, which is called with the
+name of a stage and the fraction of it that is done. They write into the bundles of `out`, as the command line does.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ def load(where: str | PathLike[str], /, **changes: Any) -> SensorDesign:
 
     Raises
     ------
-    DesignError, InputError : what is wrong with the file or a change.
+    DesignError, InputError : the file or a change is invalid; the message says how.
     """
     from optopad.work import read_design
 
@@ -63,7 +63,7 @@ def save(design: SensorDesign, file: str | PathLike[str]) -> Path:
 
 
 def check(design: SensorDesign) -> Checked:
-    """Does it fit, can it be built, can it be judged? What `optopad check` lists."""
+    """Findings of the design rules: can the pad be built, and can it be scored? The same list as `optopad check`."""
     from design.rules.check import check as findings_of
     from optopad.results.score import Checked
 
@@ -78,13 +78,13 @@ def score(
     seed: int = 0,
     on_step: OnStep | None = None,
 ) -> Score:
-    """The verdict on a design, with its figures, maps and plots.
+    """Compute the verdict on a design, with its figures, maps and plots.
 
     Parameters
     ----------
-    full : 11 places along the longer side and 0.1 mm steps for the map
+    full : 11 locations along the longer side and depth steps of 0.1 mm for the map
     fine : the same, with finer light
-    seed : of the light model's random shifts
+    seed : seed of the random shifts of the light model
 
     Raises
     ------
@@ -106,11 +106,11 @@ def sweep(
     out: str | PathLike[str] = OUT,
     on_step: OnStep | None = None,
 ) -> Sweep:
-    """A design judged at several values of one field; table and figure also go into its bundle.
+    """Score a design at several values of one field; the table and the figure are also written to its bundle.
 
     Raises
     ------
-    DesignError, InputError : a field or value that is refused; nothing was computed.
+    DesignError, InputError : a field or value is refused; nothing was computed.
     """
     from optopad.jobs.sweep import run_sweep
 
@@ -127,16 +127,16 @@ def compare(
     out: str | PathLike[str] = OUT,
     on_step: OnStep | None = None,
 ) -> Comparison:
-    """Designs side by side: what differs, and which is better at what. Page and figure go into the first one's bundle.
+    """Compare designs: differences, and the better one in each figure. Page and figure go into the first one's bundle.
 
     Parameters
     ----------
-    designs : two or more; a mapping gives them names of its own, a sequence takes the designs' names, numbered where
-        they are alike
+    designs : two or more; a mapping gives each its name; a sequence takes the designs' names, numbered where two are
+        equal
 
     Raises
     ------
-    DesignError, InputError : too few, the same one twice, or one that breaks a rule.
+    DesignError, InputError : too few designs, a design given twice, or one that breaks a rule.
     """
     from optopad.jobs.compare import compare as hold
     from optopad.results.comparison import labelled
@@ -156,18 +156,18 @@ def improve(
     out: str | PathLike[str] = OUT,
     on_step: OnStep | None = None,
 ) -> Improvement:
-    """Up to four verified changes that mend or better a design, as designs and as files; the same call goes on.
+    """Find up to four verified changes that fix or improve a design, also as files; the same call continues a search.
 
     Parameters
     ----------
-    vary : fields to vary besides the usual ones, with their range; None for the usual range
-    keep : fields to leave as they are
-    more_parts : whether more parts a side may help, too
-    budget_min : how long it may take about, on two idle cores [min]; 3 for a pad, 2 for facing rows
+    vary : fields to vary in addition to the default ones, with their range; None for the default range
+    keep : fields to leave unchanged
+    more_parts : whether the search may also add parts to a side
+    budget_min : approximate time on two idle cores [min]; 3 for a pad, 2 for facing rows
 
     Raises
     ------
-    DesignError, InputError : a design, field, range or budget that is refused.
+    DesignError, InputError : a design, field, range or budget is refused.
     """
     from optopad.jobs.improvement import improve as search_around
 
@@ -192,16 +192,16 @@ def predict(
     out: str | PathLike[str] = OUT,
     on_step: OnStep | None = None,
 ) -> Prediction:
-    """How well touch, place and depth will be told: the paper's collection simulated, learned and judged.
+    """Predict the errors of touch, location and depth: the paper's collection is simulated, learned and evaluated.
 
     Parameters
     ----------
-    quick : fewer presses and one learner, under a minute; else the paper's whole collection, some minutes
-    learners : by name, as `optopad predict --learner` takes them; empty for those of the effort
+    quick : fewer presses and one learner, in less than a minute; otherwise the paper's whole collection, some minutes
+    learners : names, as `optopad predict --learner` takes them; empty for the default of the effort
 
     Raises
     ------
-    DesignError, InputError : the design or a name that is refused.
+    DesignError, InputError : the design or a name is refused.
     """
     from optopad.jobs.prediction import QUICK, USUAL
     from optopad.jobs.prediction import predict as foretell
@@ -226,7 +226,7 @@ def run(
     out: str | PathLike[str] = OUT,
     on_step: OnStep | None = None,
 ) -> Bundle:
-    """The whole bundle: mold, verdict, sheets, firmware, driver configuration, report.
+    """Make the whole bundle: mold, verdict, sheets, firmware, driver configuration, report.
 
     Raises
     ------

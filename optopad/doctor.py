@@ -1,9 +1,9 @@
-"""What this machine can do: Python, packages, folders, optional tools, each with its way out.
+"""Examination of this machine: Python, packages, folders and optional tools, each finding with a fix.
 
-Nothing is installed, and nothing is left in a folder that is tried. Packages are imported in processes of their own,
-so that a missing shared library, or a crash while loading one, becomes a finding and not the end of the examination.
-Sizes are asked of the operating system; a container's own memory limit is read where Linux shows it (control groups,
-version 2). Left out: whether an optional tool works, or is recent enough; only its presence is looked at.
+Nothing is installed, and no file is left in a folder that is tested. Packages are imported in separate processes, so
+that a missing shared library, or a crash while loading one, becomes a finding and does not end the examination. Sizes
+come from the operating system; a container's own memory limit is read where Linux provides it (control groups,
+version 2). An optional tool is only searched for: whether it works, or is recent enough, is not tested.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ State = Literal["ok", "missing", "warning"]
 
 @dataclass(frozen=True)
 class Finding:
-    """One thing looked at. `missing` stops the main job; `warning` costs time or one optional step."""
+    """One result of the examination. `missing` stops the main job; `warning` costs time or one optional step."""
 
     name: str
     state: State
@@ -40,7 +40,7 @@ class Finding:
 
 @dataclass(frozen=True)
 class Failure:
-    """Why an import failed, and what to do about it."""
+    """Reason of a failed import, and its fix."""
 
     reason: str
     way_out: str
@@ -66,7 +66,7 @@ class SystemLibrary:
 
 @dataclass(frozen=True)
 class Tool:
-    """An optional program: any one of its commands will do; `debian` is empty where no package has it."""
+    """An optional program with alternative commands, one of which suffices; `debian` is empty if no package has it."""
 
     commands: tuple[str, ...]
     purpose: str
@@ -138,7 +138,7 @@ TOOLS = (
 
 
 def examine(outputs: Path = Path("outputs")) -> list[Finding]:
-    """Everything worth knowing before a run, in the order in which to fix it."""
+    """All findings about this machine, in the order in which to fix them."""
     return [
         python_finding(),
         cpu_finding(),
@@ -171,7 +171,7 @@ def cpu_count() -> int:
 
 
 def cpu_finding() -> Finding:
-    """How many processors; the light kernels use them all."""
+    """The number of processors; the light kernels use all of them."""
     count = cpu_count()
     if count == 1:
         return Finding(
@@ -181,7 +181,7 @@ def cpu_finding() -> Finding:
 
 
 def memory_gb(limit_file: Path = Path("/sys/fs/cgroup/memory.max")) -> float:
-    """Memory that this process may use [GB]: the machine's, or the container's where that is less."""
+    """Memory that this process may use [GB]: the machine's, or the container's limit if that is less."""
     machine = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
     limit = limit_file.read_text().strip() if limit_file.is_file() else "max"
     return min(machine, int(limit) if limit.isdigit() else machine) / 1e9
@@ -199,14 +199,14 @@ def memory_finding() -> Finding:
 
 
 def package_findings() -> Iterator[Finding]:
-    """One finding a declared dependency."""
+    """One finding per declared dependency."""
     failures = import_failures([package.module for package in PACKAGES])
     for package, failure in zip(PACKAGES, failures, strict=True):
         yield package_finding(package, installed_version(package.distribution), failure)
 
 
 def package_finding(package: Package, version: str, failure: Failure | None) -> Finding:
-    """Judge one package by its version (empty: not installed) and by how its import went."""
+    """Judge one package by its version (empty: not installed) and by the result of its import."""
     if not version:
         return Finding(package.distribution, "missing", "not installed", "run `make setup`")
     if failure:
@@ -218,7 +218,7 @@ def package_finding(package: Package, version: str, failure: Failure | None) -> 
 
 
 def installed_version(distribution: str) -> str:
-    """Version of an installed distribution; empty when it is not installed."""
+    """Version of an installed distribution; empty if it is not installed."""
     try:
         return importlib.metadata.version(distribution)
     except importlib.metadata.PackageNotFoundError:
@@ -231,7 +231,7 @@ def release(version: str) -> tuple[int, ...]:
 
 
 def import_failures(modules: list[str]) -> list[Failure | None]:
-    """What went wrong with each import; a process for several, side by side, and one each only where that fails."""
+    """The failure of each import; packages share processes that run in parallel, and get their own after a failure."""
     processes = min(cpu_count(), len(modules))
     groups = [modules[number::processes] for number in range(processes)]
     with ThreadPoolExecutor(max_workers=processes) as pool:
@@ -242,7 +242,7 @@ def import_failures(modules: list[str]) -> list[Failure | None]:
 
 
 def import_failure(*modules: str) -> Failure | None:
-    """Import modules in a process of their own; what went wrong first, or None."""
+    """Import modules in a separate process; the first failure, or None."""
     command = [sys.executable, "-c", PROBE, *modules]
     try:
         probe = subprocess.run(command, capture_output=True, text=True, timeout=PROBE_LIMIT_S, check=False)
@@ -273,7 +273,7 @@ except Exception as err:
     print("{PROBE_MARK}" + kind, name, " ".join(str(err).split()), sep="\\t")
     sys.exit(3)
 """
-"""Program of the import probe: prints kind, module and message of what went wrong."""
+"""Program of the import probe: it prints kind, module and message of the failure."""
 
 MISSING_ON_LINUX = re.compile(r"(?P<file>(?P<stem>lib[\w.+-]+?)\.so[\d.]*): cannot open shared object file")
 MISSING_ON_MACOS = re.compile(r"Library not loaded: \S*?(?P<file>(?P<stem>lib[\w+-]+)(?:\.\d+)*\.dylib)")
@@ -281,13 +281,13 @@ TOO_OLD_SYSTEM = re.compile(r"version [`'](?P<symbol>(?:GLIBC|GLIBCXX|CXXABI)_[\
 
 
 def explain_import_error(err: ImportError) -> str:
-    """One line for the user: what could not be loaded, and the way out."""
+    """One line for the user: the module that could not be loaded, and the fix."""
     failure = diagnose(err)
     return f"{failure.reason}; {failure.way_out}"
 
 
 def diagnose(err: ImportError) -> Failure:
-    """Tell a missing package from a missing system library, a system that is too old, and the rest."""
+    """Distinguish a missing package, a missing system library, a system that is too old, and other errors."""
     message, name = str(err), err.name or "a package"
     if isinstance(err, ModuleNotFoundError):
         return Failure(f"the Python package {err.name or message} is not installed", "run `make setup`")
@@ -300,7 +300,7 @@ def diagnose(err: ImportError) -> Failure:
 
 
 def library_way_out(stem: str) -> str:
-    """How to install the shared library of this name, e.g. 'libGL'."""
+    """How to install the shared library with this name, e.g. 'libGL'."""
     library = SYSTEM_LIBRARIES.get(stem)
     if library is None:
         return f"install the package of your system that holds it (Debian: `apt-file search {stem}.so`)"
@@ -315,7 +315,7 @@ def folder_finding(name: str, folder: Path, way_out: str, *, state: State = "mis
 
     Parameters
     ----------
-    state : of a folder that cannot be written to
+    state : state of a finding about a folder that cannot be written to
     """
     if fault := folder_fault(folder):
         return Finding(name, state, f"{folder}: {fault}", way_out)
@@ -326,7 +326,7 @@ def folder_finding(name: str, folder: Path, way_out: str, *, state: State = "mis
 
 
 def kept_finding(name: str, folder: Path, lost: str) -> Finding:
-    """Whether a folder keeps what later runs need; a run goes on without."""
+    """Whether a folder for data of later runs can be written; a run works without it."""
     way_out = f"set {CACHE_VARIABLE} to a folder you can write to; otherwise {lost}"
     if folder.is_relative_to(NO_HOME):
         return Finding(name, "warning", "none: this user has no home folder", f"set HOME, or {way_out}")
@@ -334,7 +334,7 @@ def kept_finding(name: str, folder: Path, lost: str) -> Finding:
 
 
 def temporary_finding() -> Finding:
-    """Whether temporary files can be written; the mold, the firmware and the studio need some."""
+    """Whether temporary files can be written; the mold, the firmware and the studio need them."""
     way_out = "set TMPDIR to a folder you can write to"
     try:
         return folder_finding("temporary folder", Path(tempfile.gettempdir()), way_out)
@@ -343,7 +343,7 @@ def temporary_finding() -> Finding:
 
 
 def light_finding() -> Finding:
-    """How much traced light is kept, how to clear it and how to do without."""
+    """The amount of traced light that is stored, how to clear it and how to work without it."""
     from sims.cache import SIZE_VARIABLE, light_store
 
     try:
@@ -362,7 +362,7 @@ def light_finding() -> Finding:
 
 
 def kernel_finding() -> Finding:
-    """Whether compiled kernels survive the process."""
+    """Whether compiled kernels remain after the process ends."""
     return kept_finding("kernel cache", kernel_folder(), "every run compiles the kernels again")
 
 

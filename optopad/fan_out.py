@@ -1,8 +1,8 @@
-"""Designs judged on a Dask cluster: a search's batch goes out, answers come back in any order.
+"""Judging of designs on a Dask cluster: a search sends a batch of designs, and results return in any order.
 
-The cluster is the user's: scheduler and workers with the same optopad installed. A worker that dies loses nothing: the
-scheduler gives its designs to another. The kernels use all processors of a worker by themselves, so workers want one
-thread each (`dask worker --nthreads 1`).
+The user provides the cluster: scheduler and workers with the same optopad installed. If a worker dies, nothing is lost:
+the scheduler gives its designs to another. The kernels use all processors of a worker by themselves, so each worker
+should have one thread (`dask worker --nthreads 1`).
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ CONNECT_TIMEOUT_S = 10
 
 @contextmanager
 def on_cluster(address: str) -> Iterator[FanOut]:
-    """A fan-out over the workers of the scheduler at an address, as tcp://127.0.0.1:8786.
+    """A fan-out over the workers of the scheduler at an address such as tcp://127.0.0.1:8786.
 
     Raises
     ------
-    InputError : the package is missing, no scheduler answers, it has no workers, or it is lost on the way.
+    InputError : the package is missing, no scheduler answers, it has no workers, or the connection is lost.
     """
     try:
         from distributed import Client

@@ -1,4 +1,4 @@
-"""A figure as files: SVG with text for pages and print, PNG for everything that cannot read SVG."""
+"""A figure as files: SVG with text for pages and print, PNG for programs that cannot read SVG."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def write_plot(figure: Figure, stem: Path) -> tuple[Path, Path]:
     """Write ``<stem>.svg`` and ``<stem>.png``; call it inside `plain_style`. Returns both paths."""
     svg, png = (stem.with_name(f"{stem.name}.{kind}") for kind in ("svg", "png"))
     write_text_atomically(svg, svg_text(figure, stem.name))
-    figure.set_layout_engine("none")  # laid out for the SVG: all keeps its place
+    figure.set_layout_engine("none")  # the layout was made for the SVG and must not change
     buffer = io.BytesIO()
     figure.savefig(buffer, format="png", dpi=PNG_DPI, metadata={"Software": None})
     write_whole(png, buffer.getvalue())
@@ -30,7 +30,7 @@ def write_plot(figure: Figure, stem: Path) -> tuple[Path, Path]:
 
 
 def write_bound_plots(design: SensorDesign, bounds: PadBounds, folder: Path) -> list[Path]:
-    """Location and depth bounds by depth, and the lightest press felt: ``bounds-*.svg`` and ``.png``; their paths."""
+    """Plot location and depth bounds by depth, and the detection threshold, as SVG and PNG; returns their paths."""
     cavity = cavity_of(design)
     written: list[Path] = []
     with plain_style():

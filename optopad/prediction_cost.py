@@ -1,9 +1,9 @@
-"""What others need to know of a prediction without its libraries: its file, and how long a quick one takes.
+"""Facts about a prediction that need none of its libraries: its file, and the time of a quick one.
 
-Almost all of the time is light; places that a symmetry of the layout carries onto each other are traced once. Measured
+Almost all of the time is light; locations that a symmetry of the layout maps onto each other are traced once. Measured
 on `fingertip-16`, a ring of 4 + 4 parts on 30 x 22 mm, and the paper's pad, on two cores shared with other work: 122,
 46 and 129 ms of processor time a press (64, 16 and 64 pairs). The constants below are a sixth lower, for a machine
-without other work. What is left is the fit of the paper's learner at quick settings (0.3 to 5 s), its test, and the
+without other work. The rest is the fit of the paper's learner at quick settings (0.3 to 5 s), its test, and the
 pictures.
 """
 
@@ -18,18 +18,18 @@ from design.press_protocol import load_protocol_file
 from design.spec import SensorDesign
 
 STEM = "prediction"
-"""Of the files of `optopad predict` in a bundle's ``sims`` folder."""
+"""File stem of the results of `optopad predict` in a bundle's ``sims`` folder."""
 QUICK_PROTOCOL = "piacenza2017-quick"
 PRESS_S, PAIR_S = 14e-3, 1.4e-3
 """Processor time of a press, and of each pair under it [s]."""
 LEFT_S = 8.0
-"""Processor time of all that is not light [s]."""
+"""Processor time of everything except light [s]."""
 
 
 def quick_prediction_s(design: SensorDesign) -> float | None:
-    """Time of `optopad predict DESIGN --quick` on all cores of this machine, nothing known before [s].
+    """Time of `optopad predict DESIGN --quick` on all cores of this machine, without any stored results [s].
 
-    None where the protocol cannot press the design.
+    None if the protocol cannot press the design.
     """
     from sims.optics.scene.lower import scene_of
     from sims.optics.scene.symmetry import state_classes

@@ -1,15 +1,15 @@
-"""A program of ours as a process of its own, by this interpreter and with what this one can import.
+"""Programs of ours in their own process, with this interpreter and everything that this one can import.
 
-Work on a thread of its own: light is traced outside Python, so pictures are drawn beside it.
+Work on its own thread: light is traced outside Python, so pictures are drawn at the same time.
 
-A design by a word: a file, a bundle or a preset, with changes on top.
+Designs by name: a file, a bundle or a preset, with changes applied.
 
-Finished pieces of long work, kept beside the bundle so that an interrupted command goes on where it stopped.
+Finished parts of long work, stored next to the bundle so that an interrupted command continues from them.
 
-One line of JSON a piece, appended and flushed as soon as it is known; a line that was cut short by a power
-cut is ignored. A store answers only for the same work: its file is named by a hash of what was asked (the
-caller's key: digests, seed, settings) and of all sources and data that a result depends on, so a changed
-program never takes up an old result. The file is removed when the work is done.
+Each part is one line of JSON, appended and flushed as soon as it is known; a line that a power cut left incomplete
+is ignored. A store is valid for the same work only: its file is named by a hash of the request (the caller's
+key: digests, seed, settings) and of all sources and data that a result depends on, so a changed program never
+reuses an old result. The file is removed when the work is done.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ def started(
     arguments : as ``["-m", "cad", ...]``
     stdin, stdout, stderr : as `subprocess.Popen` takes them
     """
-    # -P: a design.py or cad.py of the user's in the current folder must not stand in for ours
+    # -P: a user's own design.py or cad.py in the current folder must not replace ours
     process = subprocess.Popen(
         [sys.executable, "-P", *arguments],
         env=os.environ | {"PYTHONPATH": os.pathsep.join(path for path in sys.path if path)},
@@ -68,7 +68,7 @@ def started(
 
 
 def end_started() -> None:
-    """End every program that was started here and still runs."""
+    """End every running program that was started here."""
     for process in tuple(_STARTED):
         if process.poll() is None:
             process.kill()
@@ -80,9 +80,9 @@ Made = TypeVar("Made")
 
 @contextmanager
 def beside(work: Callable[[], Made]) -> Iterator[Callable[[], Made]]:
-    """Start work; what is yielded waits for it and gives what it made, or raises what it raised.
+    """Start work on another thread; the yielded function waits for it and returns its result, or raises its error.
 
-    The block is not left before the work is done, and an error of the work leaves it at the latest then.
+    The block does not end before the work does; an error of the work is raised at the end of the block at the latest.
     """
     with ThreadPoolExecutor(max_workers=1) as pool:
         started = pool.submit(work)
@@ -95,7 +95,7 @@ def read_design(where: str, changes: list[str] | None) -> SensorDesign:
 
     Raises
     ------
-    DesignError, InputError : what is wrong with the file or a change.
+    DesignError, InputError : the file or a change is invalid; the message says how.
     """
     from design.fields.base import nearest
     from design.io import load_design
@@ -114,7 +114,7 @@ def read_design(where: str, changes: list[str] | None) -> SensorDesign:
 
 
 def parsed_change(text: str, *, option: str = "--set") -> tuple[str, Any]:
-    """Path and value of one ``PATH=VALUE``; the value is read as TOML, else as plain text.
+    """Path and value of one ``PATH=VALUE``; the value is read as TOML, or else as plain text.
 
     Raises
     ------
@@ -130,7 +130,7 @@ def parsed_value(text: str) -> Any:
     """A value written as in a design file; bare words are text."""
     try:
         return parsed_toml(f"value = {text}")["value"]
-    except ValueError:  # not TOML, a whole number of thousands of digits, nested too deep
+    except ValueError:  # not TOML, an integer of thousands of digits, or nested too deep
         return text
 
 
@@ -143,9 +143,9 @@ class FinishedWork:
 
     Parameters
     ----------
-    out : folder of the bundles; made when missing
-    title : start of the file's name, as ``piacenza2017-pair-0123abcd.sweep``
-    asked : plain data that says what is worked on
+    out : folder of the bundles; created if missing
+    title : beginning of the file's name, as ``piacenza2017-pair-0123abcd.sweep``
+    asked : plain data that identifies the work
     """
 
     def __init__(self, out: Path, title: str, asked: object) -> None:
@@ -157,11 +157,11 @@ class FinishedWork:
         return len(self._results)
 
     def get(self, name: str) -> Any | None:
-        """An earlier result; None when there is none."""
+        """An earlier result; None if there is none."""
         return self._results.get(name)
 
     def put(self, name: str, result: Any) -> None:
-        """Keep a result on the disk.
+        """Store a result on disk.
 
         Raises
         ------
@@ -172,14 +172,14 @@ class FinishedWork:
         try:
             self.path.parent.mkdir(parents=True, exist_ok=True)
             with self.path.open("a", encoding="utf-8") as stream:
-                stream.write("\n" + line)  # the line before may have been cut short
+                stream.write("\n" + line)  # the line before may be incomplete
                 stream.flush()
                 os.fsync(stream.fileno())
         except OSError as err:
             raise unwritable(self.path, err, "choose another folder with --out") from err
 
     def forget(self) -> None:
-        """Remove the file: the work is done and lies in its bundle."""
+        """Remove the file, because the work is done and its result is in the bundle."""
         self._results = {}
         self.path.unlink(missing_ok=True)
 
@@ -207,5 +207,5 @@ def _read(path: Path) -> dict[str, Any]:
             piece = json.loads(line)
             found[piece["name"]] = piece["result"]
         except (ValueError, KeyError, TypeError):
-            continue  # cut short while it was written
+            continue  # incomplete, because the program was interrupted
     return found

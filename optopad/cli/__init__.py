@@ -1,4 +1,4 @@
-"""The command line: one file a group of verbs; heavy imports happen inside the verbs."""
+"""The command line: one file per group of verbs; heavy imports happen inside the verbs."""
 
 from optopad.cli.main import main
 

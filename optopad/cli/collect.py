@@ -1,4 +1,4 @@
-"""The verb collect: a data set of a built sensor, pressed by a stage that nobody watches."""
+"""The verb collect: a data set of a built sensor that a stage presses unattended."""
 
 from __future__ import annotations
 
@@ -136,7 +136,7 @@ def collect(
 
 @contextmanager
 def _failures_that_tell_the_place(stage: GcodeStage, collector: Collector) -> Iterator[None]:
-    """A failure's message says where the tip stands, which the next run needs."""
+    """Add the tip's position, which the next run needs, to the message of a failure."""
     try:
         yield
     except DeviceError as err:
@@ -145,7 +145,7 @@ def _failures_that_tell_the_place(stage: GcodeStage, collector: Collector) -> It
             f"{err}; {found.kept} of {found.wanted} presses are kept, run the command again for the others, with "
             f"--tip-at {_words(stage.left_at)} or --origin"
         ) from err
-    except OutputError as err:  # a full disk: the presses before wait in the folder
+    except OutputError as err:  # a full disk: the earlier presses are stored in the folder
         raise OutputError(f"{err}, with --tip-at {_words(stage.left_at)} or --origin") from err
 
 
@@ -159,7 +159,7 @@ def _pressed(
     *,
     quiet: bool,
 ) -> None:
-    """Make the presses; Ctrl-C is an end like any other."""
+    """Make the presses; Ctrl-C is a regular end."""
     if not numbers:
         return
     try:
@@ -191,7 +191,7 @@ def _presses(source: DriverSource, protocol: str, seed: int) -> PressList:
 
 
 def _light(collector: Collector, numbers: list[int], as_json: bool) -> Callable[[SetEntry], None]:
-    """What to do where the room's light changes: ask, or refuse where nobody is there to be asked."""
+    """The action on a change of the room's light: ask, or refuse if there is no terminal."""
     changes = collector.lights(numbers)
     if len(changes) < 2:
         return lambda _entry: None
@@ -220,7 +220,7 @@ def _position(option: str, text: str) -> Position:
 
 
 def _words(tip: Position | None) -> str:
-    """A place as --tip-at takes it."""
+    """A position in the form of --tip-at."""
     return "X,Y,DEPTH" if tip is None else ",".join(f"{value:g}" for value in tip)
 
 

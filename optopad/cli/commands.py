@@ -115,7 +115,7 @@ class GroupedHelp(TyperGroup):
     """The help lists the verbs by group."""
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:  # noqa: ARG002
-        """Write a section a group, all with the same width of names."""
+        """Write one section per group; names have the same width in all."""
         width = max(len(name_of(verb)) for group in GROUPS.values() for verb in group)
         for title, group in GROUPS.items():
             with formatter.section(title):
@@ -123,7 +123,7 @@ class GroupedHelp(TyperGroup):
 
 
 def name_of(verb: Verb) -> str:
-    """What a user types."""
+    """The name as the user types it."""
     return verb.info.name or "" if isinstance(verb, typer.Typer) else verb.__name__
 
 
@@ -167,5 +167,5 @@ for group in GROUPS.values():
 
 @cache
 def whole_command() -> Any:
-    """The whole tree as typer runs it; making it takes longer than many verbs."""
+    """The whole command tree for typer; making it takes longer than many verbs."""
     return typer.main.get_command(app)

@@ -1,6 +1,6 @@
 """Verbs that write and validate designs: new, check, schema, migrate.
 
-Verbs that make things to hold: build.
+Verbs that make mold and tools: build.
 
 The verb that opens the studio: a design live in a browser.
 """
@@ -206,7 +206,7 @@ def _weights(design: SensorDesign) -> Iterator[str]:
 
 
 QUICK_SWITCH_S = 0.001
-"""How soon the page and a sensor get their turn beside the work [s]."""
+"""Switch interval of threads, so that the page and a sensor are served soon during work [s]."""
 
 
 def studio(
@@ -262,7 +262,7 @@ def studio(
         while True:
             time.sleep(0.2)
     except KeyboardInterrupt:
-        answered()  # that is how it ends
+        answered()  # Ctrl-C is the regular end
     finally:
         page.close()
 
@@ -272,7 +272,7 @@ def _session(design: str, changes: list[str] | None) -> Session:
     from optopad.studio.session import Session
     from optopad.work import read_design
 
-    start = read_design(design, changes)  # a name that is none is refused with the nearest ones
+    start = read_design(design, changes)  # an unknown name is refused, with the nearest ones
     return Session(DesignFile(design), start)
 
 
@@ -292,7 +292,7 @@ def _sensor(
 
 
 def _ports(given: list[str]) -> tuple[int | None, str | None]:
-    """The page's port and the sensor's, of what was given."""
+    """The page's port and the sensor's, from the given values."""
     numbers = [one for one in given if one.isdigit()]
     names = [one for one in given if not one.isdigit()]
     for kind, found in (("number, the page's", numbers), ("name, the sensor's", names)):

@@ -1,4 +1,4 @@
-"""Verbs of the board's program: driver firmware, driver flash."""
+"""Verbs for the board's program: driver firmware, driver flash."""
 
 from __future__ import annotations
 
@@ -117,7 +117,7 @@ def flash(
 
 
 def _found_port(board: BoardSetup, *, is_agreed: bool, may_ask: bool) -> str:
-    """The board's port by its USB identity; one that only a serial chip speaks for has to be agreed to."""
+    """The board's port by its USB identity; one that is identified by a serial chip only needs the user's consent."""
     from fabrication.driver.link.ports import GUESSED, find_port, is_guess
 
     found = find_port(board)

@@ -1,19 +1,19 @@
-"""Ctrl-C that is neither lost nor mistaken for a failure.
+"""Ctrl-C that is neither lost nor reported as a failure.
 
-Three things may happen to the exception by which Python tells of Ctrl-C. In a destructor, or in the callback of a weak
-reference, Python prints and drops it (collecting garbage takes a good part of the time of imports, plots and
-compiling), and the work goes on as if nobody had asked it to stop: it is sent again. In an import, a package may take
-it for a sign that another one is not installed, and do without (as trimesh without SciPy): it waits for the import's
-end. And compiled packages, while they are loaded or call back, report it as a failure of their own ("initialization
-failed", "invalid bounding box"): who explains a failure asks `has_arrived` first.
+Three things may happen to the exception by which Python reports Ctrl-C. In a destructor, or in the callback of a weak
+reference, Python prints and drops it, and the work continues (collecting garbage takes a good part of the time of
+imports, plots and compiling); so it is sent again. In an import, a package may conclude that another one is not
+installed, and continue without it (as trimesh without SciPy); so the exception waits for the import's end. Compiled
+packages, while they are loaded or call back, report it as a failure of their own ("initialization failed", "invalid
+bounding box"); so code that explains a failure checks `has_arrived` first.
 
-A thread watches for the two ways in which the main thread does not answer within `PATIENCE_S`. Where it waits for other
-threads at the end of a block, Ctrl-C is sent again, which ends the waiting. Where it is in compiled code of a
-computation, which Python does not interrupt, the process ends at once, after the folders of the work in progress and
-the processes that it started.
+A thread watches for two cases in which the main thread does not respond within `PATIENCE_S`. If it waits for other
+threads at the end of a block, Ctrl-C is sent again, which ends the waiting. If it is in compiled code of a computation,
+which Python does not interrupt, the process ends at once, after it has removed the folders of the work in progress and
+ended the processes that it started.
 
-`kill` (SIGTERM) and a terminal that goes (SIGHUP, unless ignored as by `nohup`) are answered alike, so that nothing
-hidden stays in the folder, the mold's process ends, too, and a stage does not leave its tip in the pad.
+`kill` (SIGTERM) and a closed terminal (SIGHUP, unless ignored as by `nohup`) are handled alike, so that no hidden files
+remain in the folder, the mold's process ends, too, and a stage does not leave its tip in the pad.
 """
 
 from __future__ import annotations
@@ -29,17 +29,17 @@ from types import FrameType, TracebackType
 from typing import NoReturn, Protocol
 
 AGAIN_S = 0.01
-"""Until Ctrl-C comes again: well after a destructor, and at once for a person."""
+"""Time until Ctrl-C is sent again [s]: well after a destructor, and immediately for a person."""
 LONGEST_IMPORT_S = 1.5
-"""So long Ctrl-C waits for an import's end."""
+"""Longest time that Ctrl-C waits for an import's end [s]."""
 INTERRUPTED = 130
 """Exit code."""
 PATIENCE_S = 1.2
-"""So long the watching thread waits for the main thread: a person waits two seconds at most."""
+"""Time that the watching thread waits for the main thread [s]: a person waits two seconds at most."""
 IMPORTING = "<frozen importlib._bootstrap>"
 ROOT = Path(__file__).parents[2]
 COMPUTING = tuple(f"{ROOT / room}{os.sep}" for room in ("sims", "cad", "design"))
-"""Where our computations are: nothing there moves a stage, or changes a file that is not written anew."""
+"""Folders of our computations: no code there moves a stage, or changes a file that is not written completely anew."""
 OURS = (*COMPUTING, f"{ROOT / 'optopad'}{os.sep}", f"{ROOT / 'fabrication'}{os.sep}")
 WAITING = (
     os.path.join("concurrent", "futures", "thread.py"),
@@ -50,7 +50,7 @@ DEAF = float("inf")
 
 _arrived_s: list[float] = []
 _answered_s: list[float] = [-1.0]
-"""When Ctrl-C was last taken up, whatever came of it."""
+"""Time of the last Ctrl-C that was handled, whatever its effect."""
 
 
 class _Unraisable(Protocol):
@@ -62,7 +62,7 @@ class _Unraisable(Protocol):
 
 
 def listen() -> None:
-    """Answer Ctrl-C, and `kill`, as above from now on; not where it is ignored, nor on a system without timers."""
+    """Handle Ctrl-C and `kill` as above from now on, unless Ctrl-C is ignored or the system has no timers."""
     if signal.getsignal(signal.SIGINT) is not signal.default_int_handler or not hasattr(signal, "setitimer"):
         return
     former = sys.unraisablehook
@@ -78,7 +78,7 @@ def listen() -> None:
     os.set_blocking(writing, False)
     signal.set_wakeup_fd(
         writing, warn_on_full_buffer=False
-    )  # written to even where Python's own handler has to wait
+    )  # written to even if Python's own handler has to wait
     threading.Thread(target=_watch, args=(reading,), name="optopad interrupts", daemon=True).start()
     signal.signal(signal.SIGALRM, _answer)
     signal.signal(signal.SIGINT, _answer)
@@ -88,17 +88,17 @@ def listen() -> None:
 
 
 def has_arrived() -> bool:
-    """Whether Ctrl-C was pressed and not answered yet."""
+    """Whether Ctrl-C was pressed and is not handled yet."""
     return bool(_arrived_s)
 
 
 def answered() -> None:
-    """Ctrl-C was a clean end of what it was meant for, as of a recording; what fails from here on is a failure."""
+    """Mark Ctrl-C as the clean end of its target, such as a recording; later errors are failures."""
     _arrived_s.clear()
 
 
 def be_deaf() -> None:
-    """Take no further Ctrl-C: the outcome is known, and Python's own end, which takes a moment, does not change it."""
+    """Ignore further Ctrl-C: the result is known, and Python's own end, which takes a moment, does not change it."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     _answered_s[0] = DEAF
     if hasattr(signal, "setitimer"):
@@ -109,14 +109,14 @@ def be_deaf() -> None:
 
 
 def say() -> None:
-    """The one message of every interrupted command."""
+    """Print the message of every interrupted command."""
     print("optopad: interrupted: no file is incomplete, and finished parts are reused", file=sys.stderr)
 
 
 def leave(code: int) -> NoReturn:
-    """End the process at once: Python would wait for threads, and for some interrupts die of the signal after all."""
+    """End the process at once: Python would wait for threads, and for some interrupts end by the signal after all."""
     for stream in (sys.stdout, sys.stderr):
-        with suppress(OSError):  # who read a pipe may be gone
+        with suppress(OSError):  # the reader of a pipe may have ended
             stream.flush()
     os._exit(code)
 
@@ -143,11 +143,11 @@ def _is_importing(frame: FrameType | None) -> bool:
 
 
 def _watch(reading: int) -> None:
-    """See that each Ctrl-C is answered in time."""
+    """Ensure that each Ctrl-C is handled in time."""
     while os.read(reading, 1):
         came_s = time.monotonic()
         time.sleep(PATIENCE_S)
-        if _answered_s[0] < came_s - AGAIN_S:  # the main thread has not come back to Python since
+        if _answered_s[0] < came_s - AGAIN_S:  # the main thread has not returned to Python since
             _end_compiled()
         while _arrived_s and _answered_s[0] != DEAF:
             frame = _of_main()
@@ -157,7 +157,7 @@ def _watch(reading: int) -> None:
 
 
 def _end_compiled() -> None:
-    """End the process if its main thread computes, or loads a package."""
+    """End the process if its main thread computes or loads a package."""
     frame = _of_main()
     computes = _is_importing(frame)
     while frame is not None and not computes:
@@ -173,13 +173,13 @@ def _end_compiled() -> None:
             getattr(sys.modules[module], clean)()
     with suppress(OSError):
         if sys.stderr.isatty():
-            sys.stderr.write("\x1b[?25h\n")  # a drawn progress hides the cursor
+            sys.stderr.write("\x1b[?25h\n")  # a progress bar hides the cursor
         say()
     leave(INTERRUPTED)
 
 
 def _is_joining(frame: FrameType) -> bool:
-    """Whether a frame waits, at the end of a block, for the threads of a pool."""
+    """Whether a frame waits for the threads of a pool at the end of a block."""
     outer: FrameType | None = frame
     while outer is not None and not outer.f_code.co_filename.startswith(OURS):
         if outer.f_code.co_filename.endswith(WAITING) and outer.f_code.co_name in ("shutdown", "__exit__"):
@@ -189,5 +189,5 @@ def _is_joining(frame: FrameType) -> bool:
 
 
 def _of_main() -> FrameType | None:
-    """Where the main thread is."""
+    """The present frame of the main thread."""
     return sys._current_frames().get(threading.main_thread().ident or 0)

@@ -1,6 +1,6 @@
-"""Verbs of what a model tells of presses: evaluate, predict.
+"""Verbs for models: evaluate, predict.
 
-The verb calibrate: fit the twin to a build.
+The verb calibrate: fit the simulation to a manufactured pad.
 
 The verb of the learners: train.
 """

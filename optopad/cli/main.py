@@ -1,8 +1,8 @@
-"""Entry point: turns every outcome of a command into an exit code.
+"""Entry point: converts every outcome of a command to an exit code.
 
 0 done; 2 bad input, one message; 1 our own failure; 130 interrupted.
 
-Loading the verbs takes half a second, so all imports happen inside: Ctrl-C is answered from then on, too.
+Loading the verbs takes half a second, so all imports happen inside: Ctrl-C is handled from then on, too.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 DONE, OUR_FAILURE, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
 COLLECTED_AFTER = (100_000, 10, 10)
-"""Of the collector of circular garbage: by default it looks through what is imported again and again, 8 % of a run."""
+"""Thresholds of the garbage collector: with its defaults it scans imported modules repeatedly, 8 % of a run."""
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -32,7 +32,7 @@ def main(arguments: list[str] | None = None) -> int:
 
         listen()
         code = _run(sys.argv[1:])
-    except KeyboardInterrupt:  # before the command line's library answers it, or after
+    except KeyboardInterrupt:  # before the command line's library handles it, or after
         code = INTERRUPTED
     from optopad.cli.interrupts import be_deaf, leave
 
@@ -44,7 +44,7 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 def _told(code: int) -> int:
-    if code == INTERRUPTED:  # the command line's library says no word
+    if code == INTERRUPTED:  # the command line's library prints no message
         from optopad.cli.interrupts import say
 
         say()
@@ -54,7 +54,7 @@ def _told(code: int) -> int:
 def _run(arguments: list[str]) -> int:
     try:
         return _outcome(arguments)
-    except Exception as err:  # on purpose all: what nobody below expected
+    except Exception as err:  # all, on purpose: errors that no code below expected
         from optopad.cli.interrupts import has_arrived
 
         return INTERRUPTED if has_arrived() else _failed(err)
@@ -66,7 +66,7 @@ def _outcome(arguments: list[str]) -> int:
     import os
 
     gc.set_threshold(*COLLECTED_AFTER)
-    if os.path.expanduser("~") == "~":  # libraries would fail at their import
+    if os.path.expanduser("~") == "~":  # libraries would fail during import
         from sims.cache import NO_HOME
 
         os.environ["HOME"] = str(NO_HOME)
@@ -92,7 +92,7 @@ def _outcome(arguments: list[str]) -> int:
 
 
 def _failed(err: Exception) -> int:
-    """Tell what is missing on this machine; anything else is our own failure, whatever its type."""
+    """Report what is missing on this machine; any other error is our own failure, whatever its type."""
     if isinstance(err, ImportError):
         from optopad.doctor import explain_import_error
 

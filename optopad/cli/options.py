@@ -1,4 +1,4 @@
-"""Options that several verbs share, and what is asked of their values."""
+"""Options that several verbs share, and checks of their values."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ from design.files import folder_fault, has_file_suffix, require_folder_name, req
 
 Folder = TypeVar("Folder", Path, Path | None)
 LARGEST_SEED = 2**31 - 1
-"""What every library below takes."""
+"""Largest seed that every library below accepts."""
 
 
 def file_name(*suffixes: str, or_folder: bool = False) -> Callable[[Path | None], Path | None]:
-    """What checks the name of a file that a verb writes, before anything else is done.
+    """A check of the name of a file that a verb writes, before any other work.
 
     Parameters
     ----------
     suffixes : of the formats that are written, as ".nc"
-    or_folder : whether a name without a file's suffix is a folder's
+    or_folder : whether a name without a file suffix is that of a folder
     """
 
     def checked(file: Path | None) -> Path | None:
@@ -36,12 +36,12 @@ def file_name(*suffixes: str, or_folder: bool = False) -> Callable[[Path | None]
 
 
 def require_folder(folder: Folder) -> Folder:
-    """The folder, if it can be made and written when the work is done; nothing is left here.
+    """The folder, if it can be created and written when the work is done; nothing is created here.
 
     Raises
     ------
-    InputError : its name is that of a file.
-    OutputError : it cannot be made, or not be written.
+    InputError : the name is that of a file.
+    OutputError : the folder cannot be created or written.
     """
     if folder is None:
         return None
@@ -75,7 +75,7 @@ Details = Annotated[bool, typer.Option("--details", help="Print every figure ins
 
 DEFAULT_OUT = Path("outputs")
 
-# of the built sensor
+# options of the built sensor
 Config = Annotated[
     str,
     typer.Argument(
@@ -118,7 +118,7 @@ Bundles = Annotated[
 
 
 def checked_out(out: Path, *read: Path | str | None) -> None:
-    """Refuse to write over what the command reads: InputError."""
+    """Raise InputError if the command would overwrite a file that it reads."""
     if any(
         one is not None and Path(one).exists() and Path(one).samefile(out) for one in read if out.exists()
     ):
@@ -126,7 +126,7 @@ def checked_out(out: Path, *read: Path | str | None) -> None:
 
 
 def parsed_press(text: str) -> tuple[float, float, float]:
-    """Place and depth of one ``X,Y,DEPTH`` [mm].
+    """Location and depth of one ``X,Y,DEPTH`` [mm].
 
     Raises
     ------

@@ -1,6 +1,6 @@
-"""What a verb says: lines for people, or one JSON object for machines.
+"""Output of a verb: lines for people, or one JSON object for machines.
 
-Progress on standard error: a live bar on a terminal, a line a stage elsewhere, silence with --json.
+Progress on standard error: a live bar on a terminal, otherwise one line per stage, nothing with --json.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 
 def tell(as_json: bool, document: Callable[[], dict[str, Any]], lines: Callable[[], Iterable[str]]) -> None:
-    """What was found or made: one JSON object with ``--json``, else lines for people."""
+    """Print the result: one JSON object with ``--json``, else lines for people."""
     if as_json:
         print_json(document())
     else:
@@ -32,27 +32,27 @@ def tell(as_json: bool, document: Callable[[], dict[str, Any]], lines: Callable[
 
 
 def print_json(document: dict[str, Any]) -> None:
-    """One JSON object on standard output; an open end is null, never Infinity."""
+    """Print one JSON object on standard output; an undecided end is null, never Infinity."""
     typer.echo(json.dumps(document, indent=2, allow_nan=False))
 
 
 def say(text: str = "") -> None:
-    """A line for people on standard output."""
+    """Print a line for people on standard output."""
     typer.echo(text)
 
 
 ANNOUNCED = "kernels"
-"""A stage that is named when it begins, also where only lines are printed: it is long, and not of the user's asking."""
+"""A stage that is also announced where only lines are printed, because it is long and the user did not request it."""
 
 
 def foretell_score(
     design: SensorDesign, *, fine: bool, full: bool, quiet: bool, is_run: bool = False
 ) -> None:
-    """Say on standard error how long a score, or a whole run, will take, where it takes long.
+    """Report on standard error how long a score, or a whole run, will take, if it takes long.
 
     Raises
     ------
-    DesignError : the design breaks a rule; nothing is said.
+    DesignError : the design breaks a rule; nothing is printed.
     """
     from design.rules.check import require_valid
     from sims.score.scoring import score_cost
@@ -67,7 +67,7 @@ def foretell_score(
 
 @contextmanager
 def progress(*, quiet: bool) -> Iterator[OnStep]:
-    """A function to call with a stage's name and the share of it that is done."""
+    """A function to call with a stage's name and the finished fraction of it."""
     if quiet:
         yield lambda _stage, _share: None
     elif sys.stderr.isatty():

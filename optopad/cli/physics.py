@@ -1,12 +1,12 @@
-"""Verbs of the physics: simulate, score.
+"""Verbs for the physics: simulate, score.
 
 The verb sweep: one field at several values.
 
-The verb compare: designs side by side, or a design beside a recording of its build.
+The verb compare: several designs, or a design and a recording of its manufactured pad.
 
-Verb of the ray pictures: rays.
+The verb for ray pictures: rays.
 
-Verbs of the contact model: contact show, contact build.
+Verbs for the contact model: contact show, contact build.
 """
 
 from __future__ import annotations
@@ -225,7 +225,7 @@ def sweep(
 def parsed_sweep(text: str) -> tuple[str, list[Any]]:
     """Field and values of ``FIELD=A:B:STEP`` (both ends included) or ``FIELD=v1,v2,...``.
 
-    Whole numbers stay whole, for fields that count something.
+    Whole numbers stay whole, for fields that count parts.
 
     Raises
     ------
@@ -245,7 +245,7 @@ def parsed_sweep(text: str) -> tuple[str, list[Any]]:
     except ValueError:
         raise InputError(f"sweep: {span!r} is refused: write A:B:STEP, three numbers") from None
     steps = (last - first) / step + 1e-9 if step > 0 else math.nan
-    if not 0 <= steps < MAX_SWEEP_VALUES:  # false for a number that is not finite, too
+    if not 0 <= steps < MAX_SWEEP_VALUES:  # also false for a number that is not finite
         raise InputError(
             f"sweep: {span!r} is refused: give 1 to {MAX_SWEEP_VALUES} values, A up to B, STEP above 0"
         )
@@ -333,7 +333,7 @@ def _designs(
 
 
 def _labels(what: list[str], names: list[str]) -> list[str]:
-    """Names of designs where they differ, else what was typed."""
+    """Names of designs if they differ, else the typed arguments."""
     return names if len(set(names)) == len(names) else list(what)
 
 

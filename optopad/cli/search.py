@@ -1,6 +1,6 @@
-"""The verb from a verdict to a better design: improve.
+"""The verb for improving a design after a verdict: improve.
 
-The verb of the search: explore.
+The verb for a search: explore.
 """
 
 from __future__ import annotations
@@ -77,7 +77,7 @@ def improve(
 
 
 def _text(where: str, design: SensorDesign, *, is_changed: bool) -> str | None:
-    """The design as its author wrote it; None where changes or parts of its own are not in that file."""
+    """The text of the design file; None if changes or own parts are not contained in that file."""
     from design.io import read_design_text
     from design.preset import preset_text
 
@@ -88,7 +88,7 @@ def _text(where: str, design: SensorDesign, *, is_changed: bool) -> str | None:
         return preset_text(where)
     text = read_design_text(path / "design.toml" if path.is_dir() else path)
     first, _, rest = text.partition("\n")
-    return rest if first.startswith("# optopad design ") else text  # it names a digest, which will be another
+    return rest if first.startswith("# optopad design ") else text  # it names a digest, which will change
 
 
 def _range(text: str) -> tuple[str, tuple[float, float] | None]:
@@ -107,7 +107,7 @@ def _range(text: str) -> tuple[str, tuple[float, float] | None]:
 
 INTERRUPTED = 130
 LINE_EVERY_S = 30.0
-"""Without a terminal: a line whenever the front changes, else this often."""
+"""Without a terminal, a line is printed whenever the front changes, or else after this time [s]."""
 
 
 def explore(
@@ -162,7 +162,7 @@ def _read(where: str, changes: list[str] | None, seed: int | None) -> SearchSpac
 
 @contextmanager
 def telling(*, quiet: bool) -> Iterator[OnTried | None]:
-    """Live progress on standard error: a bar with the best so far, or lines where there is no terminal."""
+    """Live progress on standard error: a bar with the best figures so far, or lines if there is no terminal."""
     if quiet:
         yield None
     elif sys.stderr.isatty():
@@ -204,7 +204,7 @@ def _lines() -> OnTried:
 
 
 def standing(found: Findings) -> str:
-    """Best so far in each objective, the base's beside it."""
+    """Best value so far in each objective, with the base's."""
     parts = [f"front {len(found.front)}"]
     for objective in found.space.objectives:
         values = [value for one in found.front if (value := one.judged.figures[objective.figure]) is not None]

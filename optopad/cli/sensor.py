@@ -1,6 +1,6 @@
-"""Verbs of the built sensor on its port: read, record, check.
+"""Verbs for the built sensor on its port: read, record, check.
 
-The verb fake: a simulated board that read, record and check can talk to.
+The verb fake: a simulated board for read, record and check.
 
 The verb export: a recording as netCDF, with the positions of the stage that pressed.
 """
@@ -100,7 +100,7 @@ def read(
 
     source = driver_source(config, set_, bundles)
     trained = None if model is None else fitting_model(model, source.config)
-    baseline_s = BASELINE_S if trained is None else 0.0  # a model's reader takes its own
+    baseline_s = BASELINE_S if trained is None else 0.0  # a model's reader measures its own baseline
     with (
         _lines(out, as_json) as write,
         _sensor(source.config, port, rate, accept_digest, patience, baseline_s=baseline_s) as sensor,
@@ -240,7 +240,7 @@ def _sensor(
     *,
     baseline_s: float = 0.0,
 ) -> Sensor:
-    """A sensor as the options name it."""
+    """A sensor by the values of the options."""
     from fabrication.driver.sensor import Sensor
 
     return Sensor(
@@ -299,7 +299,7 @@ def _live(sensor: Sensor, frames: int | None, seconds: float | None) -> None:
 
 
 def _drawn(answers: Iterator[Answer], view: Callable[[Answer], RenderableType]) -> None:
-    """Draw ten of them a second, in one place."""
+    """Draw ten results a second, each over the one before."""
     from rich.console import Console
     from rich.live import Live
 
@@ -319,7 +319,7 @@ def _follow(
     quiet: bool,
     is_over: Callable[[], bool] = lambda: False,
 ) -> None:
-    """A line a second while frames come, until so many or so long or `is_over`."""
+    """Print a line a second while frames arrive, until the number, the time or `is_over` ends it."""
     from optopad.sensor.driver_view import link_line, strongest_change
 
     said_at = time.monotonic()
@@ -333,7 +333,7 @@ def _follow(
 
 @contextmanager
 def _lines(out: Path | None, as_json: bool) -> Iterator[Callable[[str], None] | None]:
-    """Where JSON lines go: a new file, standard output, or nowhere."""
+    """A function that writes JSON lines to a new file or to standard output; None without a target."""
     if out is None:
         yield _print_line if as_json else None
         return
@@ -342,7 +342,7 @@ def _lines(out: Path | None, as_json: bool) -> Iterator[Callable[[str], None] | 
             try:
                 yield lambda line: print(line, file=stream)
             except BaseException:
-                # ended before the first line: the same command can be given again
+                # it ended before the first line: the same command can be given again
                 if not stream.tell():
                     out.unlink(missing_ok=True)
                 raise
@@ -353,7 +353,7 @@ def _lines(out: Path | None, as_json: bool) -> Iterator[Callable[[str], None] | 
 
 
 def _print_line(line: str) -> None:
-    """A line on standard output, at once; OutputError where it goes to a full disk."""
+    """Print a line on standard output at once; raises OutputError if the disk is full."""
     try:
         print(line, flush=True)
     except BrokenPipeError:
@@ -366,18 +366,18 @@ def _print_line(line: str) -> None:
 
 
 def _drop_output() -> None:
-    """What Python would still write to standard output at its end goes nowhere."""
+    """Discard the output that Python would still write to standard output at its end."""
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 @contextmanager
 def _until_interrupted() -> Iterator[None]:
-    """Ctrl-C, or a closed pipe, is how reading and recording end when no other end was asked for."""
+    """Treat Ctrl-C, or a closed pipe, as the regular end of reading and recording."""
     try:
         yield
     except KeyboardInterrupt:
         answered()
-    except BrokenPipeError:  # as `| head` leaves it
+    except BrokenPipeError:  # for example by `| head`
         _drop_output()
 
 
@@ -388,16 +388,16 @@ def _default_file(source: DriverSource) -> Path:
 
 
 def _netcdf_beside(file: Path) -> Path | None:
-    """The netCDF of a recording that ended well; None where it cannot be made, or a file of its name exists."""
+    """The netCDF file of a complete recording; None if it cannot be made, or if a file of its name exists."""
     from fabrication.driver.recording.export import can_export, read_recorded, write_netcdf
 
     target = file.with_suffix(".nc")
-    if not can_export() or target.exists():  # another recording's is not overwritten
+    if not can_export() or target.exists():  # of another recording: not overwritten
         return None
     try:
         write_netcdf(read_recorded(file), target, file.name)
     except InputError:
-        return None  # not one frame came before the end
+        return None  # no frame arrived before the end
     return target
 
 
@@ -473,7 +473,7 @@ def fake(
 
 
 def _require_free_names(link: Path | None, stage_link: Path | None) -> None:
-    """Refuse, before the light is simulated, a port's name that is another's."""
+    """Refuse, before the light is simulated, a port name that is already in use."""
     from design.errors import InputError
     from fabrication.driver.simulated.port import require_free
 
@@ -490,7 +490,7 @@ def _require_free_names(link: Path | None, stage_link: Path | None) -> None:
 def _ports(
     printer: FakePrinter | None, *, use_socket: bool, link: Path | None, stage_link: Path | None
 ) -> tuple[Wire, FakePort | None]:
-    """The board's line and the printer's port; a name that is refused leaves no link of the other."""
+    """The board's line and the printer's port; if one name is refused, no link of the other remains."""
     from design.errors import InputError
     from fabrication.driver.simulated.port import FakePort, new_wire
 
@@ -505,7 +505,7 @@ def _ports(
 def _printer(
     said: DriverConfig, table: PressTable, path: Path | None, out: Path | None, still: bool
 ) -> FakePrinter:
-    """A printer whose tip barely touches the middle of the pad."""
+    """A printer whose tip is in first contact at the middle of the pad."""
     from design.errors import InputError
     from fabrication.stage.fake_printer import FakePrinter
 
@@ -551,7 +551,7 @@ def _serve(board: FakeBoard, wire: Wire, seconds: float | None) -> None:
     from fabrication.driver.simulated.port import FakePort
 
     end = None if seconds is None else time.monotonic() + seconds
-    signal.signal(signal.SIGTERM, signal.default_int_handler)  # a link is taken away, however it is ended
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # the link is removed, however it ends
     try:
         with FakePort(board, wire):
             while end is None or time.monotonic() < end:

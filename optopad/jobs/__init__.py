@@ -1,4 +1,4 @@
-"""What each verb does, without the terminal: a design or data in, a bundle filled.
+"""The work of each verb, without the terminal: from a design or data to a filled bundle.
 
 Imports of ours: report, results, screen, work and the rooms below.
 """

@@ -1,4 +1,4 @@
-"""The calibrate verb's work: a design and a build's recording in, the build's twin and its model out."""
+"""Calibration: fit a design to a recording of its manufactured pad, and make a model that reads this pad."""
 
 from __future__ import annotations
 
@@ -18,18 +18,18 @@ from sims.readings.dataset import read_data, require_design
 from sims.readings.press_data import PressData, data_notes
 
 MODEL_FILE = "build.optomodel"
-"""The build's model beside its design and facts."""
+"""The model of the manufactured pad, in the folder of its design and facts."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class CalibratedBuild:
-    """What a calibration gives.
+    """The result of a calibration.
 
     Attributes
     ----------
-    calibration, report : the fit, and what it says
-    model : reads the build; None where it was not asked for
-    notes : of the data, as sentences
+    calibration, report : the fit, and its report
+    model : model for the manufactured pad; None if it was not requested
+    notes : notes about the data, as sentences
     """
 
     calibration: Calibration
@@ -38,7 +38,7 @@ class CalibratedBuild:
     notes: tuple[str, ...]
 
     def to_json(self, design: SensorDesign) -> dict[str, Any]:
-        """As plain data."""
+        """The result as plain data."""
         found = self.calibration
         emitters = found.samples.emitters
         return {
@@ -59,7 +59,7 @@ class CalibratedBuild:
 def calibrate(
     design: SensorDesign, file: Path, *, with_model: bool, quick: bool, seed: int, on_step: OnStep
 ) -> CalibratedBuild:
-    """Fit a design to a recording of its build, and make the model that reads it.
+    """Fit a design to a recording of its manufactured pad, and make the model that reads this pad.
 
     Parameters
     ----------
@@ -68,7 +68,7 @@ def calibrate(
 
     Raises
     ------
-    InputError : data of another design, too few presses or untouched frames, nothing to fit.
+    InputError : data of another design, too few presses or frames without contact, or nothing to fit.
     """
     data = read_data(file, design)
     notes = [*require_design(data, design, what=str(file)), *data_notes(data)]
@@ -80,14 +80,14 @@ def calibrate(
 def build_model(
     found: Calibration, data: PressData, *, quick: bool, seed: int, on_step: OnStep
 ) -> SignalMapModel:
-    """The model of a calibrated build."""
+    """The model of a calibrated pad."""
     lightmap = mapped(found.design, quick=quick, seed=seed, on_step=on_step)
     header = map_header(found.design, data, lightmap, seed)
     return fit_signal_map(found.design, lightmap, header, data, seed=seed, on_step=on_step)
 
 
 def write_calibration(made: CalibratedBuild, design: SensorDesign, folder: Path) -> tuple[Path, ...]:
-    """Write ``design.toml``, ``calibration.json`` and ``build.optomodel`` into a folder; what was written."""
+    """Write ``design.toml``, ``calibration.json`` and ``build.optomodel`` into a folder; returns the written files."""
     names = ["design.toml", "calibration.json"]
     with written_together(folder) as hidden:
         save_design(made.calibration.design, hidden / names[0])
@@ -100,7 +100,7 @@ def write_calibration(made: CalibratedBuild, design: SensorDesign, folder: Path)
 
 
 def earlier_model_note(made: CalibratedBuild, folder: Path) -> tuple[str, ...]:
-    """That the model in a folder is none of this calibration, where it made none."""
+    """A note that the folder's model is from another calibration; empty if this calibration made a model."""
     if made.model is not None or not (folder / MODEL_FILE).exists():
         return ()
     return (

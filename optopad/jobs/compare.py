@@ -1,9 +1,9 @@
-"""Designs side by side: what differs between them, what that does to the score, and which is better at what.
+"""Comparison of designs: their differences, the effect on the score, and the better design in each figure.
 
-Each design is judged with two seeds of the light model. A figure is that of the first; its uncertainty is how far the
-second is from it, and at least what the depth step leaves (0.04 mm at a mode boundary, `sims.press`). A winner
-is marked only where it beats every other design by more than both uncertainties together. What the models leave out is
-common to all designs and no part of it.
+Each design is judged with two seeds of the light model. The figure of the first seed is reported; its uncertainty is
+the difference from the second, and at least the error of the depth step (0.04 mm at a mode boundary, `sims.press`). A
+winner is marked only if it beats every other design by more than both uncertainties together. Effects outside the
+models are common to all designs and not part of the uncertainty.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ ABSENT = "(absent)"
 SIGNAL = "untouched signal"
 USABLE = "usable depth"
 BOUNDARY_STEP_MM = 0.04
-"""How far a depth step twice as long moves a mode boundary [mm]; a deadband has two ends."""
+"""Shift of a mode boundary when the depth step is doubled [mm]; a deadband has two ends."""
 
 
 def compare(
@@ -41,12 +41,12 @@ def compare(
     seed: int,
     on_step: OnStep,
 ) -> Comparison:
-    """Judge designs and hold them against each other; table, page and figure into the first one's bundle.
+    """Judge designs and compare them; table, page and figure are written into the first one's bundle.
 
     Raises
     ------
-    InputError : fewer than two designs, too many, or the same one twice.
-    DesignError : one that breaks a rule; nothing was computed.
+    InputError : fewer than two designs, too many, or a design given twice.
+    DesignError : a design breaks a rule; nothing was computed.
     """
     _require_comparable(designs, labels)
     judged = []
@@ -69,7 +69,7 @@ def compare(
 
 
 def changes_of(designs: Sequence[SensorDesign]) -> dict[str, tuple[object, ...]]:
-    """Fields in which designs differ: the value in each, by dotted path; the name last."""
+    """Fields in which designs differ: the value in each design, by dotted path; the name is last."""
     documents = [dict(leaves(design.model_dump(mode="json"))) for design in designs]
     known = dict.fromkeys(path for document in documents for path in document)
     own = ("name", "description")
@@ -79,7 +79,7 @@ def changes_of(designs: Sequence[SensorDesign]) -> dict[str, tuple[object, ...]]
 
 
 def _given(value: object) -> object:
-    """A field that a design's table has without a value says the same as a table that is not there."""
+    """The value, or `ABSENT` for None: a field without a value equals a field of a table that does not exist."""
     return ABSENT if value is None else value
 
 
@@ -177,18 +177,18 @@ _FIGURES: dict[str, tuple[str, Better, float, Callable[[SweepRow], float | None]
 
 
 def _signal_error(row: SweepRow) -> float:
-    """Standard error of the untouched signal; two seeds may agree by chance."""
+    """Standard error of the signal without contact; two seeds may agree by chance."""
     return 0.0 if row.curve is None else row.curve.standard_error[0]
 
 
 def _usable_error(row: SweepRow) -> float:
-    """How far the light's own error may move the usable depth [mm]."""
+    """Largest change of the usable depth by the numerical error of the light model [mm]."""
     usable_mm, between_mm = row.score["usable_depth_mm"], row.score["usable_range_mm"]
     return 0.0 if between_mm is None else max(abs(float(usable_mm - end)) for end in between_mm)
 
 
 _OWN_ERRORS: dict[str, Callable[[SweepRow], float]] = {SIGNAL: _signal_error, USABLE: _usable_error}
-"""Figures whose error a row states itself."""
+"""Figures whose error is contained in their row."""
 
 
 def _pad_height_mm(design: SensorDesign) -> float:

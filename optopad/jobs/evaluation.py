@@ -1,4 +1,4 @@
-"""The evaluate verb's work: models held against a data set whose presses are known."""
+"""Evaluation of models on a data set with known presses."""
 
 from __future__ import annotations
 
@@ -28,12 +28,12 @@ FEWEST_SAMPLES = 10
 def evaluate(
     file: Path, models: Sequence[Path], design: SensorDesign | None, *, on_step: OnStep
 ) -> tuple[Accuracy, Outline]:
-    """Hold models against a data set.
+    """Evaluate models on a data set.
 
     Parameters
     ----------
-    models : model files; each must be of the data's design
-    design : whose workspace is drawn and whose published table is shown; None takes the range of the presses
+    models : model files; each must be of the same design as the data
+    design : design whose workspace is drawn and whose published table is shown; None takes the range of the presses
 
     Returns
     -------
@@ -41,7 +41,7 @@ def evaluate(
 
     Raises
     ------
-    InputError : data or models that cannot be read, are of different designs, or too few samples.
+    InputError : data or models cannot be read or are of different designs, or there are too few samples.
     """
     data = read_data(file, design)
     notes = [*(require_design(data, design, what=str(file)) if design is not None else ())]
@@ -76,12 +76,12 @@ def evaluate(
 def accuracies(
     model: TouchModel, data: PressData, workspace: Outline, *, on_step: OnStep, learner: str = ""
 ) -> list[ModelAccuracy]:
-    """Tables of one model, a test set each.
+    """Tables of one model, one per test set.
 
     Parameters
     ----------
     data : samples of the test sets
-    learner : name in the tables; the model's kind if left out
+    learner : name in the tables; the kind of the model if omitted
     """
     name, made = learner or model.header.kind, []
     numbers = np.unique(data.set_number)
@@ -96,7 +96,7 @@ def accuracies(
 
 
 def _test_samples(data: PressData) -> tuple[PressData, str]:
-    """Test sets, or all where none is marked so, and what was done."""
+    """Samples of the test sets, or all samples if no set is marked as a test set; and a note about the choice."""
     tested = data.role("test")
     told = "judged on the test sets alone"
     if not len(tested):
@@ -127,7 +127,7 @@ def _require_fit(name: str, model: TouchModel, data: PressData) -> None:
 
 
 def _named(loaded: Sequence[tuple[str, TouchModel]]) -> Mapping[str, TouchModel]:
-    """Models by kind; two of one kind are told apart by their files' names, or by their numbers."""
+    """Models by kind; models of one kind are distinguished by their file names, or by numbers."""
     kinds = [model.header.kind for _, model in loaded]
     stems = [f"{kind} ({Path(name).stem})" for kind, (name, _) in zip(kinds, loaded, strict=True)]
     found = {}

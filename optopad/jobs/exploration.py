@@ -1,14 +1,14 @@
 """A search and its folder: the study, the tables, the plots, the designs of the front, the page.
 
 outputs/<name>-<digest8>/
-  space.json       the search space as it was understood
-  places.json      places of a pad that are judged besides the map's, if there are any
-  study.db         every design that was judged (SQLite; not there when --storage names another database)
-  designs.csv      all of them, with figures and why some were stopped early
+  space.json       the search space as it was read
+  places.json      locations of a pad that are judged in addition to the map's, if there are any
+  study.db         every design that was judged (SQLite; missing if --storage names another database)
+  designs.csv      all of them, with figures and the reasons why some were stopped early
   front.csv .json  the Pareto front
-  front.svg        and a picture of it
+  front.svg        a picture of the front
   designs/         the front as design files: `optopad check`, `optopad run`
-  report.html      everything at a glance, self-contained
+  report.html      all results on one self-contained page
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ WAY_OUT = "choose another folder with --out"
 
 
 def search_folder(space: SearchSpace, out: Path) -> Path:
-    """Where a search writes: its name and the first 8 digits of its digest."""
+    """Folder of a search: its name and the first 8 digits of its digest."""
     return out / f"{space.name}-{space.digest[:8]}"
 
 
@@ -55,19 +55,19 @@ def search(
     refine: Refine | None = None,
     also_mm: Sequence[tuple[float, float]] = (),
 ) -> Search:
-    """Search, or go on with a search, and write what was found.
+    """Start or continue a search, and write its results.
 
     Parameters
     ----------
-    trials : designs in all; None takes the space's
+    trials : total number of designs; None takes the space's number
     storage : address of a database that other workers may share; None is SQLite in the search's folder
-    scheduler : address of a Dask scheduler whose workers judge the designs; None judges them here
-    first, refine : points of the space to judge before, and after, those that the sampler proposes
-    also_mm : (x, y) of places of a pad that are judged besides the map's; a search that goes on keeps its own [mm]
+    scheduler : address of a Dask scheduler whose workers judge the designs; None judges them in this process
+    first, refine : points of the space to judge before, and after, the points that the sampler proposes
+    also_mm : (x, y) of further locations of a pad to judge; a search that is continued keeps its own locations [mm]
 
     Raises
     ------
-    InputError, DesignError, OutputError : nothing that was judged is lost.
+    InputError, DesignError, OutputError : a refused input or an error; designs judged so far are kept.
     """
     from design.shape.cavity import cavity_of
     from sims.score.objective import judge, price_of
@@ -97,9 +97,9 @@ def search(
 
 
 def figures_wanted(space: SearchSpace) -> tuple[str, ...]:
-    """Figures to work out besides those of the limits: the objectives, the strength, and the usable depth.
+    """Figures to compute in addition to those of the limits: the objectives, the strength, and the usable depth.
 
-    The usable depth is left out where nothing else needs a pad's map: the map is the costly step.
+    The usable depth is left out if nothing else needs a pad's map, because the map is the costly step.
     """
     from design.shape.cavity import cavity_of, is_facing_rows
     from sims.score.objective import MAP_FIGURES
@@ -111,7 +111,7 @@ def figures_wanted(space: SearchSpace) -> tuple[str, ...]:
 
 
 def _further_places(folder: Path, wanted: Sequence[tuple[float, float]]) -> tuple[tuple[float, float], ...]:
-    """Places of the search in this folder: all its designs are judged at the same ones, whoever asked first."""
+    """Further locations of the search in this folder; all its designs are judged at those of the first call."""
     file = folder / PLACES
     if not file.exists():
         known = [] if (folder / "study.db").exists() else [list(place) for place in wanted]
@@ -127,7 +127,7 @@ def _further_places(folder: Path, wanted: Sequence[tuple[float, float]]) -> tupl
 
 
 def write_search(folder: Path, found: Findings, importance: dict[str, dict[str, float]]) -> Search:
-    """Write tables, designs, picture and page of what was found."""
+    """Write tables, designs, picture and page of the findings."""
     from optopad.report.search import search_page
     from sims.plots.front import front_svg
 
@@ -187,14 +187,14 @@ def summary(search: Search) -> dict[str, Any]:
 
 
 def plain(value: Any) -> Any:
-    """A parameter as data: a choice's label stands for its value."""
+    """A parameter as plain data; the label of a choice replaces its value."""
     if not isinstance(value, str):
         return value
     return json.loads(value)
 
 
 def table_csv(search: Search, rows: Sequence[Tried]) -> str:
-    """Designs as CSV: number, digest, fields, figures, verdict, and why the judging stopped."""
+    """Designs as CSV: number, digest, fields, figures, verdict, and the reason for an early stop."""
     found = search.findings
     figures = [name for name in FIGURES if any(name in one.judged.figures for one in found.tried)]
     paths = [field.path for field in found.space.fields]
@@ -235,7 +235,7 @@ def table_csv(search: Search, rows: Sequence[Tried]) -> str:
 
 
 def _write_designs(folder: Path, found: Findings) -> tuple[str, ...]:
-    """One file a design of the front, best first; files of a former front go."""
+    """Write one file per design of the front, best first; files of an earlier front are removed."""
     names = []
     for one in found.front:
         name = f"{one.number:04d}-{one.digest[:8]}.toml"
@@ -249,7 +249,7 @@ def _write_designs(folder: Path, found: Findings) -> tuple[str, ...]:
 
 @contextmanager
 def _alone(folder: Path) -> Iterator[None]:
-    """Keep a second search out of the folder; the lock goes with the process, however it ends."""
+    """Keep a second search out of the folder; the lock ends with the process, however that ends."""
     try:
         descriptor = os.open(folder / ".lock", os.O_RDWR | os.O_CREAT, 0o644)
     except OSError as err:

@@ -1,15 +1,15 @@
-"""From a layout to better ones: a search around it, and what is worth having judged as `optopad score` judges.
+"""Improvement of a design: a search around it, and a full score of the best candidates as by `optopad score`.
 
 outputs/improve-<name>-<digest8>/
   study.db, designs.csv, front.*, designs/, report.html   of the search (`optopad.jobs.exploration`)
-  1-fewest-changes.toml ...    the alternatives: the design file as it was, changed lines marked
-  improve.json                 before and alternatives, with their scores
+  1-fewest-changes.toml ...    the alternatives: the original design file with the changed lines marked
+  improve.json                 the design before and the alternatives, with their scores
 
     by kind, best first ──► score's light: no deadband, better than before ──► unmeasured parameters ──► alternative
     none of them        ──► all others that quick light leaves possible    ──► alternative, or the nearest
 
-Quick light mostly errs to the same side for designs that are alike: what it overrates of a margin is learnt from every
-design that is judged again, the one before included, and taken off the others.
+Quick light mostly errs in the same direction for similar designs. The amount by which it overrates a margin is learnt
+from every design that is judged again, the one before included, and subtracted from the others.
 """
 
 from __future__ import annotations
@@ -65,28 +65,28 @@ from sims.score.scoring import verdict_of
 from sims.verdict.depth_curve import DEADBAND_THRESHOLD
 
 PAD_MINUTES, ROW_MINUTES = 3.0, 2.0
-"""Budgets of a pad and of facing rows by default [min on two cores]."""
+"""Default budgets of a pad and of facing rows [min on two cores]."""
 CORES = 2
 PAD_S, PAIR_S, ROW_S = 1.9, 0.04, 0.6
-"""Processor time of a design of a pad: of any, and more a pair (measured on 16 to 64); of facing rows [s]."""
+"""Processor time of a pad design: fixed part, and part per pair (measured on 16 to 64); of facing rows [s]."""
 CURVED = 4.0
-"""So many times more for a disc or a crowned pad."""
+"""Factor of the processor time for a disc or a crowned pad."""
 SEARCH = 0.4
-"""Share of the budget that the search takes; scores take the rest [-]."""
+"""Share of the budget for the search; the rest is for scores [-]."""
 SPREAD = 0.6
-"""Share of them that a lattice over heights and thickness may take [-]."""
+"""Largest share of the search's designs for a lattice over heights and thickness [-]."""
 FEWEST, MOST = 12, 400
-"""Designs of a search at least and at most, before those around the best."""
+"""Least and largest number of designs of a search, before those around the best."""
 ATTEMPTS, ROW_ATTEMPTS = 4, 8
-"""Designs of a kind that are judged again before the kind is given up, of a pad and of facing rows."""
+"""Number of designs of a kind that are judged again before the kind is given up, of a pad and of facing rows."""
 FIRMER = 1.3
-"""After a design whose verdict an unmeasured parameter changes, similar designs need so many times its margin [-]."""
+"""Similar designs need this multiple of the margin of a design whose verdict an unmeasured parameter changes [-]."""
 MOST_JUDGED = 12
-"""Designs that are judged again before none is said to be better."""
+"""Number of designs that are judged again before the search reports that none is better."""
 LEAST_JUDGED = 2
-"""So many of them though quick light finds a deadband in all."""
+"""Number of designs that are judged again although quick light finds a deadband in all."""
 MOST_BOUNDS = 4
-"""Designs of a pad whose accuracy is worked out."""
+"""Number of designs of a pad whose accuracy is computed."""
 PLACE = "location_bound_mm"
 
 
@@ -103,17 +103,17 @@ def improve(
     on_step: OnStep | None = None,
     on_tried: OnTried | None = None,
 ) -> Improvement:
-    """Search around a design, and judge what is worth having.
+    """Search around a design, and score the best candidates.
 
     Parameters
     ----------
-    text : the design file, whose comments the alternatives keep; None writes it anew
+    text : the design file, whose comments the alternatives keep; None writes a new one
     vary, keep, more_parts : as `design.search.improve.improvement_space` takes them
-    budget_min : how long it may take about, on two idle cores [min]; None for the usual
+    budget_min : approximate time on two idle cores [min]; None for the default
 
     Raises
     ------
-    InputError, DesignError : fields, ranges or a budget that are refused.
+    InputError, DesignError : fields, ranges or a budget are refused.
     """
     require_valid(design)
     facing = is_facing_rows(cavity_of(design))
@@ -169,7 +169,7 @@ def improve(
 
 
 def trials_of(design: SensorDesign, budget_min: float | None) -> int:
-    """Designs that a budget is enough for, by what a design of this size costs; the same on every machine."""
+    """Number of designs that a budget allows at the cost of a design of this size; the same on every machine."""
     cavity = cavity_of(design)
     facing = is_facing_rows(cavity)
     budget = (ROW_MINUTES if facing else PAD_MINUTES) if budget_min is None else budget_min
@@ -183,7 +183,7 @@ def trials_of(design: SensorDesign, budget_min: float | None) -> int:
 
 
 def _first(space: SearchSpace, before: ContinuityScore, trials: int) -> list[dict[str, Any]]:
-    """Points to begin with: changes that the worst deadband's cause asks for, small steps that gain, then a lattice."""
+    """Initial points: changes that the worst deadband's cause requires, small steps that gain, then a lattice."""
     cause = before.causes[0] if before.causes else None
     side = 0 if cause is None else {"apart": 1, "used up": -1}.get(cause.lack, 0)
     sides = {**dict.fromkeys(HEIGHTS[::-1], side), CLEAR: -side} if side else {}
@@ -195,14 +195,14 @@ def _first(space: SearchSpace, before: ContinuityScore, trials: int) -> list[dic
 
 
 def _deciding_places(before: ContinuityScore) -> list[tuple[float, float]]:
-    """Where the verdict on a pad turns: its worst and its weakest place [mm]."""
+    """Locations that decide the verdict on a pad: the worst one, and the one of least margin [mm]."""
     if before.pad_map is None or before.is_facing_rows:
         return []
     return list(dict.fromkeys((one.x_mm, one.y_mm) for one in (before.pad_map.worst, before.pad_map.weakest)))
 
 
 def _write(made: Improvement, found: Search, text: str | None) -> None:
-    """Design files, page and data; what an earlier run left of them goes."""
+    """Write design files, page and data; remove those of an earlier run."""
     if text is None:
         text = dump_design(made.design).split("\n", 1)[
             1
@@ -215,7 +215,7 @@ def _write(made: Improvement, found: Search, text: str | None) -> None:
 
 
 def _clear(folder: Path, *, keep: set[str]) -> None:
-    """Remove the alternatives of an earlier run, which its improve.json names; files of the user's own stay."""
+    """Remove the alternatives of an earlier run, which its improve.json names; the user's own files remain."""
     try:
         earlier = json.loads((folder / "improve.json").read_text(encoding="utf-8"))["alternatives"]
         names = {Path(one["file"]).name for one in earlier}
@@ -226,7 +226,7 @@ def _clear(folder: Path, *, keep: set[str]) -> None:
 
 
 def _write_design(file: Path, text: str, base: SensorDesign, changes: Mapping[str, Any], kind: str) -> None:
-    """The design file with its comments; changed lines say what they were."""
+    """Write the design file with its comments; changed lines state their former values."""
     import tomlkit
 
     document, was, known = tomlkit.parse(text), base.model_dump(mode="json"), known_paths(SensorDesign)
@@ -239,12 +239,12 @@ def _write_design(file: Path, text: str, base: SensorDesign, changes: Mapping[st
 
 
 class JudgedAgain:
-    """Scores of a search's designs, each worked out once.
+    """Scores of a search's designs, each computed once.
 
     Parameters
     ----------
-    space : of the search
-    accuracy : figure that the most accurate is best in
+    space : the search space
+    accuracy : figure in which the most accurate design is best
     """
 
     def __init__(self, space: SearchSpace, accuracy: str, *, seed: int, tell: OnStep) -> None:
@@ -261,7 +261,7 @@ class JudgedAgain:
         return self.scores[design.digest]
 
     def found_by_search(self, base: Judged, tried: Sequence[Tried]) -> tuple[Tried, ...]:
-        """Take the search's figures of the design before; the same designs, the best of a pad with their accuracy."""
+        """Set the search's figures of the design before; returns the designs, the best of a pad with their accuracy."""
         self.base = replace(base, verdict=self.before.verdict)
         self._learn(base, self.before)
         best = sorted((one for one in tried if is_possible(one.judged)), key=_worth, reverse=True)[
@@ -284,7 +284,7 @@ class JudgedAgain:
         return replace(judged, figures=more.figures | judged.figures)
 
     def alternatives(self, tried: Sequence[Tried]) -> tuple[Alternative, ...]:
-        """Of every kind the first that keeps its promise, different from the others; else any that is better at all."""
+        """The first verified design of every kind, each different from the others; without any, any better design."""
         attempts = ATTEMPTS if self.accuracy == PLACE else ROW_ATTEMPTS
         deepest = self._first_of("most depth", self._picked("most depth", tried), attempts)
         most_mm = math.inf if deepest is None else deepest.score.usable_depth_mm or 0.0
@@ -314,13 +314,13 @@ class JudgedAgain:
     def _first_of(
         self, kind: Kind, candidates: list[Tried], attempts: int, least_mm: float = 0.0
     ) -> Alternative | None:
-        """The first candidate that is better by a score, and whose verdict no unmeasured parameter changes, if any.
+        """The first candidate with a better score and a verdict that no unmeasured parameter changes, if there is one.
 
         For "most depth", such a design may resolve `NEAR_BEST_MM` less than the deepest one.
 
         Parameters
         ----------
-        least_mm : usable depth that it must have [mm]
+        least_mm : required usable depth [mm]
         """
         candidates = [one for one in candidates if usable_of(one.judged) >= least_mm]
         undecided: Alternative | None = None
@@ -361,7 +361,7 @@ class JudgedAgain:
         return undecided
 
     def _next_of(self, candidates: Sequence[Tried], margin: float) -> Tried:
-        """The first that keeps a margin without what quick light overrates, else the one that is worth most."""
+        """The first that keeps a margin after subtraction of the overrated part, or else the best one."""
         safe = [one for one in candidates if margin_of(one.judged) - self.overrated >= margin]
         return safe[0] if safe else max(candidates, key=_worth)
 
@@ -385,7 +385,7 @@ class JudgedAgain:
 
     @staticmethod
     def _as_judged(quick: Judged, score: ContinuityScore) -> Judged:
-        """The score's figures, with the accuracy that quick light gave."""
+        """The score's figures, with the accuracy from quick light."""
         own = {
             "deadband_mm": score.deadband_total_mm,
             "usable_depth_mm": score.usable_depth_mm,
@@ -395,7 +395,7 @@ class JudgedAgain:
         return Judged(figures=quick.figures | own, verdict=verdict, may_be=verdict == "CONTIGUOUS")
 
     def nearest(self, tried: Sequence[Tried]) -> Nearest | None:
-        """Of the designs that were judged again the one that comes nearest to what is wanted; None without any."""
+        """The best of the designs that were judged again; None without any."""
         digests = {self.space.changed(one.parameters).digest: one for one in tried if one.digest}
         found = [
             (score, digests[digest])

@@ -1,7 +1,7 @@
-"""The pipeline that wires the rooms: each function fills one part of a design's bundle.
+"""The pipeline that connects the rooms: each function fills one part of a design's bundle.
 
-Mold and physics share nothing, so they run side by side: the mold in a process of its own
-(the CAD kernel does not survive a fork, hence a fresh one), the physics here.
+Mold and physics share nothing, so they run in parallel: the mold in a new process, because the CAD kernel does not
+survive a fork, and the physics in this one.
 """
 
 from __future__ import annotations
@@ -67,12 +67,12 @@ def write_parts(
     bed_mm: Bed | None = None,
     slice_parts: bool = False,
 ) -> tuple[dict[str, Any], Path]:
-    """Mold and tools into the bundle; returns the checks and the bundle.
+    """Write mold and tools into the bundle; returns the checks and the bundle.
 
     Parameters
     ----------
-    bed_mm : room of the printer that the checks hold the parts against; None for the usual one
-    slice_parts : whether PrusaSlicer is asked for time, filament and warnings
+    bed_mm : build volume of the printer with which the checks compare the parts; None for the default one
+    slice_parts : whether to run PrusaSlicer for time, filament and warnings
     """
     from cad.export import export_parts
 
@@ -96,16 +96,16 @@ def write_score(
     full: bool = False,
     builds: int | None = None,
 ) -> tuple[ContinuityScore, Path]:
-    """Verdict, map and their signals into the bundle; returns the score and the bundle.
+    """Write verdict, map and their signals into the bundle; returns the score and the bundle.
 
     Parameters
     ----------
     fine, full : as `sims.score.scoring.score` takes them
-    builds : how many builds are drawn for the share that keeps the verdict; None draws none
+    builds : number of units in a Monte Carlo over manufacturing tolerances; None runs none
     """
     require_valid(design)
     with _study(design, out, builds, seed) as study, bundle(design, out, seed=seed) as folder:
-        has_page = (folder / "report.html").exists()  # a bundle tells one verdict: page and gain follow it
+        has_page = (folder / "report.html").exists()  # a bundle has one verdict: page and gain are updated
         score, early = _scored(
             design,
             folder,
@@ -131,7 +131,7 @@ def write_signals(
     seed: int,
     on_step: OnStep,
 ) -> tuple[dict[str, Any], Path]:
-    """Signals of the given presses into the bundle; returns a summary and the bundle."""
+    """Write signals of the given presses into the bundle; returns a summary and the bundle."""
     from optopad.jobs.signals import simulated
 
     require_valid(design)
@@ -144,7 +144,7 @@ def write_signals(
 
 
 def write_driver_config(design: SensorDesign, out: Path, *, seed: int) -> Path:
-    """Driver configuration, wiring and bill of materials into the bundle; returns the bundle."""
+    """Write driver configuration, wiring and bill of materials into the bundle; returns the bundle."""
     require_valid(design)
     with bundle(design, out, seed=seed) as folder:
         _write_fabrication(design, folder, _known_gain(folder))
@@ -153,7 +153,7 @@ def write_driver_config(design: SensorDesign, out: Path, *, seed: int) -> Path:
 
 @contextmanager
 def _mold_beside(design: SensorDesign, folder: Path) -> Iterator[subprocess.Popen[str]]:
-    """The mold's process, started; it is stopped if the work beside it fails or is interrupted."""
+    """Start the mold's process; it is stopped if the work in parallel fails or is interrupted."""
     (folder / "cad").mkdir(exist_ok=True)
     save_design(design, folder / "design.toml")
     process = started(["-m", "cad", str(folder / "design.toml"), str(folder / "cad")])
@@ -170,7 +170,7 @@ def _finished(mold: subprocess.Popen[str], folder: Path) -> dict[str, Any]:
 
     Raises
     ------
-    OutputError, RuntimeError : its message, when it refused or broke.
+    OutputError, RuntimeError : its message, if it refused the work or failed.
     """
     _, message = mold.communicate()
     if mold.returncode == REFUSED:
@@ -187,7 +187,7 @@ def _checks(folder: Path) -> dict[str, Any]:
 
 @dataclass(frozen=True, kw_only=True)
 class _Study:
-    """Builds asked for, and where finished ones are kept."""
+    """Requested number of units of a Monte Carlo, and the store of finished ones."""
 
     builds: int
     memo: FinishedWork
@@ -195,7 +195,7 @@ class _Study:
 
 @contextmanager
 def _study(design: SensorDesign, out: Path, builds: int | None, seed: int) -> Iterator[_Study | None]:
-    """Where the builds of a design are kept until the bundle that holds them is in its place; nothing for None."""
+    """Store of a design's Monte Carlo units until the bundle that contains them is in its place; None without units."""
     if builds is None:
         yield None
         return
@@ -215,7 +215,7 @@ def _scored(
     full: bool = False,
     study: _Study | None = None,
 ) -> tuple[ContinuityScore, EarlyDrawings | None]:
-    """The score, its files, and what a page can draw of it; all but the tolerance is written beside the tolerance."""
+    """Compute and write the score, and draw a page's plots; all but the tolerance is written while that is computed."""
     from optopad.work import beside
     from sims.score.build_tolerance import with_tolerance
     from sims.score.field_steps import with_field_steps
@@ -224,7 +224,7 @@ def _scored(
 
     sims = folder / "sims"
     sims.mkdir(exist_ok=True)
-    for kind in ("svg", "png"):  # those of an earlier score: a bundle tells one verdict
+    for kind in ("svg", "png"):  # of an earlier score: a bundle has one verdict
         (sims / f"builds.{kind}").unlink(missing_ok=True)
     score = judge(design, fine=fine, full=full, seed=seed, tolerance=False, on_step=on_step)
     with beside(lambda: _without_tolerance(design, score, sims, seed, with_page=with_page)) as drawn:
@@ -243,7 +243,7 @@ def _scored(
 def _without_tolerance(
     design: SensorDesign, score: ContinuityScore, sims: Path, seed: int, *, with_page: bool
 ) -> EarlyDrawings | None:
-    """Write signals, maps and their plots; draw what a page shows of them."""
+    """Write signals, maps and their plots; draw those that a page shows."""
     from design.shape.cavity import cavity_of
     from optopad.plot_files import write_bound_plots
     from optopad.report.sections.early import early_drawings
@@ -270,7 +270,7 @@ def _with_builds(
 
 
 def _write_builds(score: ContinuityScore, sims: Path) -> None:
-    """The plot of a study of builds, if there was one."""
+    """Write the plot of a Monte Carlo over tolerances, if there was one."""
     if score.builds is None or score.tolerance is None:
         return
     from optopad.plot_files import write_plot
@@ -282,7 +282,7 @@ def _write_builds(score: ContinuityScore, sims: Path) -> None:
 
 
 def _gain_of(score: ContinuityScore) -> SimulatedGain | None:
-    """What the sheets need of a score's gain."""
+    """The part of a score's gain that the sheets need."""
     from fabrication.gain import SimulatedGain
 
     if score.readout is None or score.untouched_flux is None:
@@ -294,7 +294,7 @@ def _gain_of(score: ContinuityScore) -> SimulatedGain | None:
 
 
 def _known_gain(folder: Path) -> SimulatedGain | None:
-    """Gain of an earlier score of the same design, if the bundle holds one."""
+    """Gain of an earlier score of the same design, if the bundle contains one."""
     from fabrication.gain import SimulatedGain
 
     score = folder / "sims" / "score.json"

@@ -1,7 +1,7 @@
-"""The predict verb's work: how well presses on a design will be told, before it is built.
+"""Prediction of the errors of touch, location and depth of a design, before it is manufactured.
 
-design + protocol ──► light at its places (once) ──► signal chain, a draw a seed ──► data
-training sets ──► learners ──► models ──► test sets ──► tables, pictures, page; the bound beside them
+design + protocol ──► light at its locations (once) ──► signal chain, one draw per seed ──► data
+training sets ──► learners ──► models ──► test sets ──► tables, pictures, page; and the bound
 
 An accuracy as files: JSON, a page, and its pictures as SVG and PNG.
 """
@@ -48,11 +48,11 @@ from sims.readings.signal_chain import chain_of
 
 
 def write_accuracy(found: Accuracy, workspace: Outline, folder: Path, stem: str) -> tuple[Path, ...]:
-    """Write ``<stem>.json``, ``<stem>.html`` and the pictures ``<stem>-*`` into a folder; what was written.
+    """Write ``<stem>.json``, ``<stem>.html`` and the pictures ``<stem>-*`` into a folder; returns the files.
 
     Parameters
     ----------
-    workspace : where the presses are
+    workspace : workspace of the presses
     """
     names, drawings = [f"{stem}.html", f"{stem}.json"], {}
     with written_together(folder) as made, plain_style():
@@ -94,14 +94,14 @@ MOST_DRAWS = 50
 
 @dataclass(frozen=True, kw_only=True)
 class Effort:
-    """How thorough a prediction is.
+    """Thoroughness of a prediction.
 
     Attributes
     ----------
     protocol : name of the packaged protocol
     fit : name of the fits' settings
-    is_coarse : two thirds of the knots in depth
-    learners : by default
+    is_coarse : whether to use two thirds of the knots in depth
+    learners : default learners
     """
 
     protocol: str
@@ -128,18 +128,18 @@ def predict(
     seed: int = 0,
     on_step: OnStep,
 ) -> tuple[Accuracy, Path]:
-    """Simulate a protocol, train on it, judge; tables, page, pictures and models into the bundle.
+    """Simulate a protocol, train on it, evaluate; write tables, page, pictures and models into the bundle.
 
     Parameters
     ----------
-    learners : by name; empty takes those of the effort
-    protocol : packaged name or file; None takes that of the effort
-    draws : how often the chain is drawn and everything trained anew; tables pool them
-    seed : of the light and of the first draw
+    learners : by name; empty takes the default of the effort
+    protocol : packaged name or file; None takes the default of the effort
+    draws : number of draws of the chain, each with new training; tables pool them
+    seed : seed of the light and of the first draw
 
     Raises
     ------
-    DesignError, InputError, ModelScopeError : the design, a name, or presses outside the models' scope.
+    DesignError, InputError, ModelScopeError : a refused design or name, or presses outside the models' scope.
     """
     require_valid(design)
     chosen = _known(learners or effort.learners)
@@ -179,7 +179,7 @@ def predict(
 def bound_mm(
     design: SensorDesign, curves: ProtocolCurves, seed: int, on_step: OnStep
 ) -> dict[float, tuple[float, float]]:
-    """The Cramér-Rao bounds under the chain at the depths of the tables that the design reaches."""
+    """The Cramér-Rao bounds for the signal chain at those depths of the tables that the design reaches."""
     chain = chain_of(design, curves.readout)
     noise = replace(
         chain_noise(design, len(chain.gains), chain.gains.size),
@@ -197,7 +197,7 @@ def bound_mm(
 
 
 def _require_roles(protocol: PressProtocol) -> None:
-    """Refuse, before any light is traced, a protocol that nothing can be trained or judged on."""
+    """Refuse a protocol without training or test sets, before any light is traced."""
     for role, verb in (("train", "trained"), ("test", "judged")):
         if not any(one.role == role for one in protocol.sets):
             raise InputError(
@@ -215,7 +215,7 @@ def _cut(wanted: PressProtocol, how: PressProtocol, design: SensorDesign) -> tup
 
 
 def _known(names: Sequence[str]) -> tuple[str, ...]:
-    """Names of learners, each once; `all` stands for all."""
+    """Names of learners without repetition; `all` expands to all of them."""
     known = (*LEARNERS, SIGNAL_MAP)
     wanted = known if "all" in names else tuple(dict.fromkeys(names))
     for name in wanted:
@@ -231,7 +231,7 @@ def _draw_judged(
     seed: int,
     on_step: OnStep,
 ) -> dict[str, tuple[TouchModel, list[ModelAccuracy]]]:
-    """Every learner trained and judged on one draw of the chain."""
+    """Train and evaluate every learner on one draw of the chain."""
     data = draw(curves, seed=seed, on_step=on_step)
     train, test = data.role("train"), data.role("test")
     found = {}

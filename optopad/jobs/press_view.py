@@ -1,4 +1,4 @@
-"""One press as a person or a program looks at it: surface, load, pressure, and the load over a protocol."""
+"""One press, for people and programs: surface, load, pressure, and the load over a protocol."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
 TIP_POINTS = 400
 TIP_LENGTH = 8.0
-"""Points and length of the tip's outline in a picture [-], [tip radii]."""
+"""Number of points and length of the tip's outline in a picture [-], [tip radii]."""
 PREFIX = "contact-"
 HOW_TO_RELAX = (
     "press and retract have the same load, because relaxation is off; to turn it on, give values measured on the "
@@ -43,7 +43,7 @@ HOW_TO_RELAX = (
 
 @dataclass(frozen=True, kw_only=True)
 class ProtocolView:
-    """A load protocol, and the load over it."""
+    """A load protocol, and the load during it."""
 
     name: str
     protocol: LoadProtocol
@@ -53,19 +53,19 @@ class ProtocolView:
 
 @dataclass(frozen=True, kw_only=True)
 class PressView:
-    """Everything that is shown of one press.
+    """Results of one press.
 
     Attributes
     ----------
     design : the sensor
-    press : the deformed surface at the asked depth
+    press : the deformed surface at the requested depth
     tip_mm : radius and height above its apex of the tip's outline [mm]
     young : Young's modulus behind the loads, with its band [MPa]
-    force : load against depth, to the deepest press that is asked about
-    pressure : between tip and pad at the asked depth
-    comparison : a published load of this very press beside the computed one
-    driven : a load protocol, if one was asked for
-    warnings : what to keep in mind
+    force : load against depth, to the deepest requested press
+    pressure : between tip and pad at the requested depth
+    comparison : a published load of the same press and the computed one
+    driven : the load protocol, if one was requested
+    warnings : warnings about the press
     """
 
     design: SensorDesign
@@ -97,17 +97,17 @@ def view_press(
     protocol: str | None,
     on_step: Callable[[float], None] | None = None,
 ) -> PressView:
-    """Solve a centred press and gather what is shown of it.
+    """Solve a centred press and collect its results.
 
     Parameters
     ----------
-    depth_mm : the press to look at [mm]; 0: the untouched pad
+    depth_mm : depth of the press [mm]; 0 for the pad without contact
     protocol : name of a load protocol, or None
-    on_step : called with the fraction of the contact solution that is done
+    on_step : called with the finished fraction of the contact solution
 
     Raises
     ------
-    InputError, ModelScopeError : a depth or a protocol that is refused
+    InputError, ModelScopeError : a refused depth or protocol
     """
     driven = None if protocol is None else load_protocol(protocol)
     if depth_mm < 0.0:
@@ -195,7 +195,7 @@ def _protocol_lines(driven: ProtocolView) -> list[str]:
 
 
 def view_json(view: PressView) -> dict[str, Any]:
-    """The same as plain data; what is not known is None."""
+    """The same as plain data; unknown values are None."""
     press, force, pressure = view.press, view.force, view.pressure
     return {
         "name": view.design.name,
@@ -285,12 +285,12 @@ def view_plots(view: PressView) -> dict[str, Axes]:
 
 
 def write_pictures(view: PressView, out: Path, *, seed: int) -> list[Path]:
-    """The pictures as SVG and PNG in the design's bundle, which is complete or as it was; their paths.
+    """Write the pictures as SVG and PNG into the design's bundle, which stays complete; returns their paths.
 
     Parameters
     ----------
     out : folder that holds the bundles
-    seed : recorded in the manifest; nothing here is random
+    seed : stored in the manifest; nothing here is random
 
     Raises
     ------

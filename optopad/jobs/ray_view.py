@@ -1,4 +1,4 @@
-"""The rays verb's work: which light under which presses, its pictures and its data in the bundle."""
+"""Paths of light under presses: pictures and data for the bundle."""
 
 from __future__ import annotations
 
@@ -27,17 +27,17 @@ from sims.rays import KINDS, LOST, Pair, Press, RayChoice, RayState, kind_of, ra
 
 PREFIX = "rays"
 DEFAULT_DEPTHS = (0.2, 0.4, 0.8)
-"""Default presses, over the deepest press of the design, where no verdict says what to look at."""
+"""Depths of the default presses over the design's deepest press, if there is no verdict to choose them by."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class RayRequest:
-    """What to draw.
+    """A request for a picture.
 
     Attributes
     ----------
     emitter, receiver : number of the part, or None for all
-    presses : x, y, depth [mm]; empty: those that tell most
+    presses : x, y, depth [mm]; empty chooses the most informative ones
     count : paths drawn of the strongest kind
     """
 
@@ -48,21 +48,21 @@ class RayRequest:
 
     @property
     def pair(self) -> Pair | None:
-        """The one pair that is asked for."""
+        """The requested pair, if it is a single one."""
         return None if self.emitter is None or self.receiver is None else (self.emitter, self.receiver)
 
 
 @dataclass(frozen=True, kw_only=True)
 class RayView:
-    """Everything that is drawn.
+    """Content of a picture.
 
     Attributes
     ----------
-    name : of the light, for files: as E2-R5, E2, R5 or all
-    cut : the sections' line
-    states : untouched, then the presses
-    is_aimed : at one receiver; powers are then shares of the untouched light, else of the emitted light
-    presses_are : why these presses, in words
+    name : name of the light for files: E2-R5, E2, R5 or all
+    cut : line of the sections
+    states : without contact, then the presses
+    is_aimed : whether one receiver is requested; powers are then over the untouched light, else over the emitted light
+    presses_are : the reason for these presses, in words
     """
 
     design: SensorDesign
@@ -75,16 +75,16 @@ class RayView:
 
     @property
     def unit(self) -> float:
-        """Power that shares are of, over that of the emitters [-]."""
+        """Power that shares refer to, over that of the emitters [-]."""
         return self.states[0].total if self.is_aimed and self.states[0].total > 0.0 else 1.0
 
 
 def part_number(parts: Sequence[PlacedPart], text: str, field: str) -> int:
-    """Number from 0 of the part that is called so: by its name, as in the wiring table, or its number in it.
+    """Number, from 0, of a part that is given by its name in the wiring table or by its number there.
 
     Raises
     ------
-    InputError : no such part; the message lists those that there are.
+    InputError : no such part; the message lists the existing ones.
     """
     names = [part.name for part in parts]
     letter = names[0][0]
@@ -96,16 +96,16 @@ def part_number(parts: Sequence[PlacedPart], text: str, field: str) -> int:
 
 
 def view_rays(design: SensorDesign, request: RayRequest, out: Path, *, seed: int, on_step: OnStep) -> RayView:
-    """Choose presses where none are given, and find paths and powers.
+    """Choose presses if none are given, and find paths and powers.
 
     Parameters
     ----------
-    out : folder that holds the bundles; a verdict in the design's bundle says which presses tell most
+    out : folder of the bundles; a verdict in the design's bundle determines the most informative presses
 
     Raises
     ------
     DesignError : the design breaks a rule
-    ModelScopeError : a press outside the workspace, or one that the models refuse
+    ModelScopeError : a press is outside the workspace, or the models refuse it
     """
     require_valid(design)
     cavity = cavity_of(design)
@@ -163,7 +163,7 @@ def _middle(cavity: CavityGeometry) -> tuple[float, float]:
 
 
 def _telling_presses(design: SensorDesign, pair: Pair | None, score: Path) -> tuple[tuple[Press, ...], str]:
-    """The ends of a deadband that a verdict found, else three depths; and which it is, in words."""
+    """The ends of a deadband in the verdict, or else three depths; and a description of the choice."""
     cavity = cavity_of(design)
     place, spans = _judged(cavity, pair, _read_score(score))
     if spans:
@@ -184,7 +184,7 @@ def _telling_presses(design: SensorDesign, pair: Pair | None, score: Path) -> tu
 def _judged(
     cavity: CavityGeometry, pair: Pair | None, score: dict[str, Any]
 ) -> tuple[tuple[float, float], list[tuple[float, float]]]:
-    """Place and deadbands of a pair, or of the pad's weakest place, as far as a verdict is there."""
+    """Location and deadbands of a pair, or of the pad's location of least margin, as far as there is a verdict."""
     try:
         if pair is not None:
             name = pair_name(cavity, pair)
@@ -213,7 +213,7 @@ def _read_score(file: Path) -> dict[str, Any]:
 
 
 def view_lines(view: RayView) -> list[str]:
-    """The light of every press by kind, in a line each."""
+    """The light of every press by kind, one line each."""
     of = "of the untouched light" if view.is_aimed else "of the emitted light"
     lines = [f"light     {view.name}, powers in % {of}; presses {view.presses_are}"]
     for state in view.states:
@@ -252,7 +252,7 @@ def _state_json(state: RayState, unit: float) -> dict[str, Any]:
 
 
 def paths_json(view: RayView) -> dict[str, Any]:
-    """Everything that is drawn as plain data: the legend, and the places of every path."""
+    """Everything that is drawn as plain data: the legend, and the points of every path."""
     document = view_json(view)
     cavity = cavity_of(view.design)
     for row, state in zip(document["states"], view.states, strict=True):
@@ -284,7 +284,7 @@ def _receiver_name(cavity: CavityGeometry, number: int) -> str | None:
 
 
 def caption(view: RayView) -> str:
-    """What a picture's lines are, and what its numbers are."""
+    """The meaning of a picture's lines and numbers."""
     lost = (
         "Dotted: rays that reached the receiver while the pad was untouched, followed under the press; crosses: where "
         "they end."
@@ -301,7 +301,7 @@ def caption(view: RayView) -> str:
 
 
 def write_pictures(view: RayView, out: Path) -> list[Path]:
-    """The picture as SVG and PNG, and its data, in the design's bundle, complete or as it was; their paths.
+    """Write the picture as SVG and PNG, and its data, into the design's bundle, which stays complete; returns paths.
 
     Raises
     ------

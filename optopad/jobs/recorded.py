@@ -1,6 +1,6 @@
-"""A design beside a recording of its build: figure and figures into the design's bundle.
+"""Comparison of a design with a recording of its manufactured pad; figure and numbers go into the design's bundle.
 
-A press protocol's data set into a design's bundle: traced, drawn press by press, resumed where it was stopped.
+Data set of a press protocol for a design's bundle: traced, simulated press by press, continued after an interruption.
 """
 
 from __future__ import annotations
@@ -36,8 +36,8 @@ def write_protocol_data(
 ) -> dict[str, Any]:
     """Simulate a protocol into the bundle; returns a summary.
 
-    Light that was traced before is read from disk, and presses that an interrupted run of the same work had drawn are
-    taken up from its journal in ``out``.
+    Light that was traced before is read from disk. Presses that an interrupted run of the same work had finished are
+    taken from its journal in ``out``.
 
     Raises
     ------
@@ -65,7 +65,7 @@ def write_protocol_data(
                 on_step("data", len(writer.done) / total)
             writer.write()
         data = read_data(file)
-    writer.forget()  # the file came to its place with the bundle
+    writer.forget()  # the bundle now contains the file
     left = chain.flicker_sigma_counts()
     return {
         "name": design.name,
@@ -107,7 +107,7 @@ def data_lines(summary: dict[str, Any]) -> list[str]:
 
 @dataclass(frozen=True, kw_only=True)
 class ComparedRecording:
-    """A comparison with a recording, and where it was written."""
+    """A comparison with a recording, and the paths of its files."""
 
     press: RecordedPress
     digest: str
@@ -137,11 +137,11 @@ def compare_recording(
     seed: int,
     on_step: OnStep,
 ) -> ComparedRecording:
-    """Lay a recording over the simulated press.
+    """Compare a recording with the simulated press.
 
     Raises
     ------
-    DesignError, InputError : a design, recording, pair or place that is refused; nothing is written.
+    DesignError, InputError : a refused design, recording, pair or location; nothing is written.
     """
     from optopad.plot_files import write_plot
     from sims.plots.signal import plot_recorded

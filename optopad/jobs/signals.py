@@ -1,4 +1,4 @@
-"""The simulate verb's work: signals of chosen presses, and the plain ray tracer beside them on request."""
+"""Signals of chosen presses, and the plain ray tracer for comparison on request."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from sims.press import depth_schedule_mm
 from sims.readings.readout import save_dataset, signals_dataset
 
 ORACLE_DEPTHS_MM = (0.0, 0.5, 1.0, 2.0, 3.0, 4.0, 5.0)
-"""Depths of the default presses when the ray tracer is asked for: it needs seconds a state."""
+"""Depths of the default presses with the ray tracer, which needs seconds per state."""
 
 
 def simulated(
@@ -37,12 +37,12 @@ def simulated(
     Parameters
     ----------
     presses : rows of x, y, depth [mm]; empty for the workspace's centre at all depths
-    oracle_rays : rays per emitter and state of the ray tracer; None to leave it out
+    oracle_rays : rays per emitter and state of the ray tracer; None omits it
     """
     cavity = cavity_of(design)
     states = np.array(presses) if presses else _default_presses(design, cavity, oracle_rays is not None)
     require_presses(design, states)
-    deepest_mm = max(design.operating.max_depth_mm, float(states[:, 2].max()))  # what the trace asks for, too
+    deepest_mm = max(design.operating.max_depth_mm, float(states[:, 2].max()))  # the trace needs this depth
     solved_press(design, max_depth_mm=deepest_mm, on_step=lambda s: on_step("contact", s))
     light = trace(design, states, seed=seed, on_step=lambda done, total: on_step("light", done / total))
     save_dataset(signals_dataset(light, cavity), folder / "presses.nc")
@@ -114,9 +114,9 @@ def _oracle(design: SensorDesign, states: FloatArray, rays: int, seed: int, on_s
 
 
 def _compared(light: LightSignals, truth: LightSignals, cavity: CavityGeometry, rays: int) -> dict[str, Any]:
-    """Distance of the fast model from the ray tracer over pairs with a direct path, in standard errors.
+    """Difference of the fast model from the ray tracer over pairs with a direct path, in standard errors.
 
-    Light that crosses the crater in air, which only the ray tracer follows, is left out.
+    Light that crosses the crater in air is left out, because only the ray tracer follows it.
     """
     mask = direct_path_pairs(cavity)
     inside = truth.flux - truth.by_class["crossing"]

@@ -1,7 +1,7 @@
-"""One field at several values: judged one after another, kept as they finish, then table and figure in the bundle.
+"""One field at several values: each is judged and stored in turn; table and figure are then written to the bundle.
 
-Where neighbours disagree (`sims.score.sweep.disputed`), their rows are judged again as `optopad score --full` or
-`--fine` judges, and say so. A sweep with `--fine` has the finest light already; with `--build` a row is the score of
+If neighbours disagree (`sims.score.sweep.disputed`), their rows are judged again, as by `optopad score --full` or
+`--fine`, and marked. A sweep with `--fine` has the finest light already; with `--build` a row is the score of
 its bundle.
 """
 
@@ -42,12 +42,12 @@ def run_sweep(
 
     Parameters
     ----------
-    build : make the whole bundle of every value, its mold engraved with the value
+    build : make the whole bundle of every value, with the value engraved in its mold
 
     Raises
     ------
-    DesignError, InputError : a field or value that is refused; nothing was computed.
-    OutputError : a folder that cannot be written; finished values are kept if they can be.
+    DesignError, InputError : a field or value is refused; nothing was computed.
+    OutputError : a folder cannot be written; finished values are kept if possible.
     """
     variants = swept_designs(design, path, values)
     if build:
@@ -77,7 +77,7 @@ def run_sweep(
 
 
 def marked(design: SensorDesign, value: Any) -> SensorDesign:
-    """A design whose name and mold carry a value, so that the molds of a set can be told apart.
+    """A design with a value in its name and on its mold, so that the molds of a set can be distinguished.
 
     Raises
     ------
@@ -107,7 +107,7 @@ def _row(
 
 
 def _refined(variant: SensorDesign, row: SweepRow, kept: FinishedWork, seed: int) -> SweepRow:
-    """The row judged again: a pad with the finer map, facing pairs with finer light."""
+    """The row, judged again: a pad with the finer map, facing pairs with finer light."""
     setting = FULL if row.score["judged_by"] == "pad" else FINE
     name = f"{variant.digest}-{setting}"
     earlier = kept.get(name)

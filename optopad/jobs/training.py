@@ -1,4 +1,4 @@
-"""From data of known presses to model files."""
+"""Training: from data with known presses to model files."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ SHOWN = {
     "held_out_depth_mm": "depth, median mm",
     "touch_held_out_right": "touch, held out",
 }
-"""What of a model's settings is shown, in words; the file's header has all of them."""
+"""Settings of a model that are shown, in words; the file's header has all of them."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,8 +44,8 @@ class TrainedModel:
 
     Attributes
     ----------
-    file : where it lies
-    header : what it was trained on, and what its fit chose
+    file : path of the model
+    header : data of the training, and the values that the fit chose
     """
 
     file: Path
@@ -63,13 +63,13 @@ class TrainedModel:
 
 @dataclass(frozen=True, kw_only=True)
 class Training:
-    """What was trained on what.
+    """Models, and the data that they were trained on.
 
     Attributes
     ----------
     models : in the order of the learners
-    facts : counts of samples, locations and presses, and what was left out
-    notes : what the data do not say, and what clips
+    facts : counts of samples, locations and presses, and of omitted data
+    notes : missing information and saturation in the data
     """
 
     models: tuple[TrainedModel, ...]
@@ -85,7 +85,7 @@ class Training:
         }
 
     def lines(self) -> list[str]:
-        """Data, what was left out, and each model with its file."""
+        """Data, omitted data, and each model with its file."""
         facts = self.facts
         lines = [
             f"data      {facts['samples']} samples, {facts['touched_samples']} touched; "
@@ -125,9 +125,9 @@ def train_models(
     Parameters
     ----------
     files : data sets or recordings, .nc
-    learner : a name of the table, ``all`` of it, or ``signal-map``
-    out : the model's file for one learner, or a folder; None: beside the first of the files
-    design : what the data must be of; its force curve goes into the models
+    learner : a name of the table, ``all`` for the whole table, or ``signal-map``
+    out : the model's file for one learner, or a folder; None: in the folder of the first file
+    design : design of the data; its force curve is added to the models
 
     Raises
     ------
@@ -153,7 +153,7 @@ def train_models(
 
 
 def _learners(learner: str, design: SensorDesign | None, effort: str, seed: int) -> dict[str, Learner]:
-    """Those that see only data, all or one; the signal map where it is asked for and the design is at hand."""
+    """One or all learners that need only data, or the signal map if it is requested and the design is given."""
     if learner == ALL:
         return dict(LEARNERS)
     if learner in LEARNERS:
@@ -170,7 +170,7 @@ def _learners(learner: str, design: SensorDesign | None, effort: str, seed: int)
 
 
 def _files(names: Sequence[str], files: Sequence[Path], out: Path | None) -> dict[str, Path]:
-    """Where each model goes; the folder is made."""
+    """The file of each model; the folder is created."""
     if not files:
         raise InputError("data: none given; name at least one file")
     stem = files[0].name.partition(".")[0]
@@ -204,7 +204,7 @@ def _load_curve(design: SensorDesign) -> ForceCurve:
 
 
 def _with_header(model: Any, header: ModelHeader) -> TouchModel:
-    """Every model is a frozen dataclass with a header."""
+    """A copy of a model with a header; every model is a frozen dataclass with that field."""
     changed: TouchModel = replace(model, header=header)
     return changed
 

@@ -1,4 +1,4 @@
-"""The page on accuracy: touch, place and depth by model, beside the bound and what was published; one file."""
+"""The page on accuracy, one file: errors of touch, location and depth by model, the bound and published figures."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The section of an improvement's page: the design before and its alternatives, side by side.
+"""The section of an improvement's page that compares the design before with its alternatives.
 
 A comparison as one self-contained page.
 """
@@ -37,7 +37,7 @@ LEGEND = (
 
 
 def compare_html(found: Comparison, figure_svg: str) -> str:
-    """The comparison as a page; `figure_svg` is its figure."""
+    """The comparison as a page with the figure `figure_svg`."""
     head = "".join(
         f"<th>{escape(label)}<br><small>{digest[:8]}</small></th>" for label, digest in _heads(found)
     )
@@ -74,7 +74,7 @@ def _row(name: str, cells: Sequence[tuple[str, bool]]) -> str:
 
 
 COLOURS_END = 20.0
-"""Margin at which the colours of the maps end [noise units]: beyond it more is worth nothing."""
+"""Margin at which the colours of the maps end [noise units]; a larger margin brings no benefit."""
 SHOWN = (
     "location_bound_mm",
     "depth_bound_mm",
@@ -82,11 +82,11 @@ SHOWN = (
     "part_count",
     "pad_height_mm",
 )
-"""Figures of the search that are told beside each other, where one of the designs has them."""
+"""Figures of the search that are compared, if one of the designs has them."""
 
 
 def before_and_after(made: Improvement) -> Html:
-    """The section; nothing without alternatives."""
+    """The section; empty without alternatives."""
     if not made.alternatives:
         return Html("")
     labels = ["before", *(f"{number}: {one.kind}" for number, one in enumerate(made.alternatives, 1))]
@@ -150,7 +150,7 @@ def _figure_rows(figures: list[Figures]) -> list[list[str]]:
 
 
 def _same_pair(made: Improvement, score: ContinuityScore) -> JudgedPair:
-    """The pair that governed before; of a layout without it the one that governs now."""
+    """The pair that governed before; if the layout does not have it, the pair that governs now."""
     named = {pair.name: pair for pair in score.pairs}
     return named.get(made.before.found.governing or "") or named[score.governing or ""]
 
@@ -160,7 +160,7 @@ def _number(value: float | None) -> str:
 
 
 def _picture(made: Improvement, design: SensorDesign, score: ContinuityScore, number: int) -> Html:
-    """Of a pad its margin, place by place, all in the same colours; of facing rows the signal of the same pair."""
+    """A margin map of a pad, all in the same colours; for facing rows, the signal of the same pair."""
     with plain_style():
         if score.pad_map is not None and not score.is_facing_rows:
             axes = plot_margin_map(score.pad_map, cavity_of(design), most=COLOURS_END)

@@ -1,8 +1,8 @@
-"""Write a bundle's report: one self-contained page, and the plots on it as files.
+"""Write a bundle's report: one self-contained page, and its plots as files.
 
-The page needs no network and no other file; its links lead to the files of the bundle beside it. Its one script
-turns the view, picks pairs, slides through the maps and sets light or dark; without it, and in print, the page shows
-the same as drawings and tables.
+The page needs no network and no other file; its links lead to the files of the bundle in the same folder. Its one
+script rotates the view, selects pairs, steps through the maps and sets light or dark; without it, and in print, the
+page shows the same content as drawings and tables.
 Equal designs, scores, checks and files give equal bytes.
 """
 
@@ -65,14 +65,14 @@ TITLES = {
 
 @dataclass(frozen=True, kw_only=True)
 class Found:
-    """What a page shows beside the verdict.
+    """Content of a page apart from the verdict.
 
     Attributes
     ----------
     checks : the mold's checks, as in ``cad/checks.json``
     drawings, pictures, sheets, files : plots by name; the bundle's pictures, sheets and names of files
-    mold : for the view; None where the bundle has none
-    light : for the view; why there is none; or None without a verdict
+    mold : data for the view; None if the bundle has no mold
+    light : data for the view; a text that says why there is none; or None without a verdict
     maps : by depth; None without a map
     """
 
@@ -95,13 +95,13 @@ def write_report(
     seed: int,
     early: EarlyDrawings | None = None,
 ) -> Path:
-    """Write ``report.html`` and ``sims/plot-*.svg`` into a bundle; the page's path.
+    """Write ``report.html`` and ``sims/plot-*.svg`` into a bundle; returns the page's path.
 
     Parameters
     ----------
     folder : the bundle, with the files that the page shows and links to
     checks : the mold's checks, as in ``cad/checks.json``
-    early : what was drawn of this score before; None draws it now
+    early : drawings of this score that were made before; None makes them now
     """
     early = early or early_drawings(design, score, seed=seed)
     drawings = early.drawings | tolerance_drawings(score)

@@ -1,4 +1,4 @@
-"""The page of a search: what was found, what it was held to, and which field moved what; one self-contained file."""
+"""The page of a search, one self-contained file: results, requirements, and the effect of each field."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ LOCATIONS = {
 
 
 def search_page(search: Search, improvement: Improvement | None = None) -> str:
-    """The whole page as HTML text; of a search around a design with what came of it first."""
+    """The whole page as HTML text; for a search around a design, its result comes first."""
     found = search.findings
     first = Html("") if improvement is None else before_and_after(improvement)
     sections = [
@@ -80,7 +80,7 @@ def _base_digest(search: Search) -> str:
 
 
 def _gains(search: Search) -> list[str]:
-    """The best of each objective beside the base's."""
+    """The best design of each objective compared with the base."""
     found, parts = search.findings, []
     for objective in found.space.objectives:
         values = [float(one.judged.figures[objective.figure] or 0.0) for one in found.front]
@@ -141,7 +141,7 @@ def _front_section(search: Search) -> Html:
 
 
 def _light(search: Search) -> str:
-    """Which light judged the rows, and what it leaves undecided."""
+    """The kind of light that judged the rows, and verdicts that it leaves undecided."""
     accuracy = search.findings.space.accuracy
     if accuracy == "score":
         return "The rows were judged by the light of optopad score, each location traced once."
@@ -163,7 +163,7 @@ def _coordinates_section(search: Search) -> Html:
         for field in found.space.fields
         if field.choices is not None
     ]
-    # It has too many axes to be squeezed onto a phone: there it is moved sideways.
+    # The drawing has too many axes to fit on a phone, where it is scrolled sideways.
     drawn = element("div", _svg(picture), style="width: max-content; min-width: 100%; background: #fff")
     wide = element(
         "div", drawn, class_="scroll", tabindex="0", role="region", aria_label="Parallel coordinates"
@@ -206,7 +206,7 @@ def _stopped_section(search: Search) -> Html:
 
 
 def _kind(reason: str) -> str:
-    """The reason without the numbers of the one design."""
+    """The reason without the numbers of the single design."""
     if ", required " in reason:
         return f"misses {reason.partition(', required ')[2]}"
     return reason.partition("(")[0].strip() or reason

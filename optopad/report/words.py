@@ -1,22 +1,22 @@
-"""The files that pages are made of, the page that needs no script, and the one script of the others.
+"""The files of which pages consist, the page without a script, and the one script of the other pages.
 
-The policy of a page lets that script run and no other. Every part of it looks for its own elements and does nothing
-without them. Data for it is stored in the page as JSON, which a browser reads and does not run; a closing tag inside
+The policy of a page allows that script and no other. Every part of it looks for its own elements and does nothing
+without them. Its data are stored in the page as JSON, which a browser reads and does not run; a closing tag inside
 is escaped.
 
-Building HTML safely: text becomes markup in one place only, and is escaped there.
+Safe HTML: text becomes markup in one function only, which escapes it.
 
-`element` escapes every child that is not `Html` already, so whatever a design file says stays text.
+`element` escapes every child that is not `Html` already, so the content of a design file remains text.
 
-The build sheet's Markdown as HTML: headings, paragraphs, lists, tables, fenced code, code in a line.
+The build sheet's Markdown as HTML: headings, paragraphs, lists, tables, fenced code, inline code.
 
-Only what `fabrication.sheets.casting` writes; text is escaped after the sheet's own escapes are taken back, so that
-what a design says stays text.
+Only the Markdown of `fabrication.sheets.casting` is covered. Its own escapes are removed before text is escaped, so
+that the content of a design remains text.
 
 The verdict in words, the figures next to it, its bounds, and the units that keep it.
 
-The words follow the definitions of the verdict: a deadband is an interval of depth over which a signal
-changes by less than so many standard deviations of one reading.
+The words follow the definitions of the verdict: a deadband is an interval of depth over which a signal changes by less
+than a given number of standard deviations of one reading.
 """
 
 from __future__ import annotations
@@ -66,27 +66,27 @@ def still_page(
 
 
 def script_text() -> str:
-    """All parts one after the other."""
+    """All parts of the script, one after the other."""
     return "\n".join(map(asset, PARTS))
 
 
 def script_policy() -> str:
-    """The part of the page's policy that lets the script run, by its hash."""
+    """The part of the page's policy that allows the script, by its hash."""
     digest = base64.b64encode(hashlib.sha256(script_text().encode()).digest()).decode("ascii")
     return f"; script-src 'sha256-{digest}'"
 
 
 def script_element() -> Html:
-    """The script, for the end of the page."""
+    """The script element for the end of the page."""
     return element("script", Html(script_text()))
 
 
 def data_element(identifier: str, data: Any) -> Html:
-    """Data for the script.
+    """An element with data for the script.
 
     Parameters
     ----------
-    data : what JSON can hold; no NaN and no infinity
+    data : any data for JSON without NaN and infinity
     """
     text = json.dumps(data, separators=(",", ":"), allow_nan=False, ensure_ascii=False)
     return element("script", Html(text.replace("<", "\\u003c")), type="application/json", id=identifier)
@@ -106,7 +106,7 @@ def element(tag: str, *children: str, **attributes: str | None) -> Html:
 
     Parameters
     ----------
-    attributes : values; None leaves one out; ``class_`` stands for class, ``aria_label`` for aria-label
+    attributes : values; None leaves one out; ``class_`` sets class, ``aria_label`` sets aria-label
     """
     inside = "".join(
         f' {name.rstrip("_").replace("_", "-")}="{escape(value)}"'
@@ -119,7 +119,7 @@ def element(tag: str, *children: str, **attributes: str | None) -> Html:
 
 
 def joined(parts: Iterable[str], between: str = "") -> Html:
-    """Markup and text one after the other; text is escaped."""
+    """Concatenated markup and text; text is escaped."""
     return Html(escape(between).join(part if isinstance(part, Html) else escape(part) for part in parts))
 
 
@@ -129,7 +129,7 @@ def bullets(items: Iterable[str], class_: str | None = None) -> Html:
 
 
 def radios(name: str, labels: Iterable[str]) -> list[Html]:
-    """One radio button a label, with its number as value; the first is chosen."""
+    """One radio button per label, with its number as value; the first is selected."""
     return [
         element(
             "label",
@@ -152,8 +152,8 @@ def table(
 
     Parameters
     ----------
-    label : read out by a screen reader, and the name of the scrolling region
-    numeric : columns that are aligned to the right and never broken
+    label : text for a screen reader, and the name of the scrolling region
+    numeric : columns that are aligned to the right and not wrapped
     """
     looks = ["number" if column in numeric else None for column in range(len(heads))]
     head = element(
@@ -196,7 +196,7 @@ _CELLS = re.compile(r"(?<!\\)\|")
 
 
 def html_of(text: str, *, deepest_heading: int = 4) -> Html:
-    """Blocks of a sheet, its title left out; second-level headings become third-level ones, and so on."""
+    """Blocks of a sheet without its title; second-level headings become third-level ones, and so on."""
     return joined(_blocks(text, deepest_heading))
 
 
@@ -227,7 +227,7 @@ def _block(lines: list[str], deepest: int) -> Iterator[Html]:
 
 
 def _joined_lines(lines: list[str]) -> list[str]:
-    """Lines that go on joined to what they go on from; a sentence on a line of its own stays its own paragraph."""
+    """Join continued lines; a sentence on its own line remains its own paragraph."""
     found: list[str] = []
     for line in lines:
         goes_on = line.startswith(" ") or (_kind(line) == "text" and found and _kind(found[-1]) == "text")
@@ -272,7 +272,7 @@ def _table(rows: list[str]) -> Html:
 
 
 def _inline(text: str) -> Html:
-    """Code in a line, the rest as text."""
+    """Inline code as elements, the rest as text."""
     pieces = re.split(r"(?<!\\)`([^`]*)`", text)
     return joined(
         element("code", piece) if number % 2 else _plain(piece) for number, piece in enumerate(pieces)
@@ -285,11 +285,11 @@ def _plain(text: str) -> str:
 
 Tile = tuple[str, str, str]
 MICROMETRES_BELOW_MM = 0.1
-"""The headline gives smaller bounds in micrometres [mm]."""
+"""Bounds below this are given in micrometres in the headline [mm]."""
 ORIGINS = {"open value": "unmeasured parameter"}
-"""Origins of a tolerance that are named otherwise in the table."""
+"""Origins of a tolerance that have another name in the table."""
 MOST_NAMED = 3
-"""Values named in the words; the plot and the table have all."""
+"""Largest number of values named in the words; the plot and the table have all."""
 SYMBOLS: dict[Verdict, str] = {
     "CONTIGUOUS": "\N{CHECK MARK}",
     "DEADBAND": "\N{SQUARE WITH UPPER RIGHT TO LOWER LEFT FILL}",
@@ -308,12 +308,12 @@ def ranked(score: ContinuityScore) -> list[JudgedPair]:
 
 
 def governing(score: ContinuityScore) -> JudgedPair:
-    """The pair that stands for the rest."""
+    """The pair that represents all pairs."""
     return next(pair for pair in score.pairs if pair.name == score.governing)
 
 
 def clipping(pair: JudgedPair) -> str:
-    """What to keep in mind about a pair that reads above full scale; empty for the others."""
+    """A warning for a pair that reads above full scale; empty for other pairs."""
     if not pair.score.is_clipped:
         return ""
     share = f"{pair.score.clipped_share:.0%} of the depth"
@@ -321,7 +321,7 @@ def clipping(pair: JudgedPair) -> str:
 
 
 def reading(pair: JudgedPair) -> str:
-    """What the curves of one pair say."""
+    """The curves of one pair in words."""
     gap, dead = pair.score.modes.gap_mm, pair.score.deadbands_mm
     if gap is None:
         apart = "Mode 2 does not begin within the depth"
@@ -332,7 +332,7 @@ def reading(pair: JudgedPair) -> str:
 
 
 def rests_on(score: ContinuityScore) -> Html | None:
-    """The warning in one line: how many values nobody measured, and which of them turn the verdict."""
+    """The warning in one line: the number of unmeasured parameters, and those that change the verdict."""
     band = score.tolerance
     if band is None or not (band.rows or band.unbanded):
         return None
@@ -359,7 +359,7 @@ def rests_on(score: ContinuityScore) -> Html | None:
 
 
 def _error(score: ContinuityScore, figure: str, digits: int = 3) -> str:
-    """What the light trace's error does to a figure; nothing where it was not worked out."""
+    """The numerical error of the light model in a figure; empty if it was not computed."""
     if score.figure_errors is None:
         return ""
     return f", ± {score.figure_errors[figure]:.{digits}f} by numerical error"
@@ -447,7 +447,7 @@ def _gap_tile(score: ContinuityScore, of: str) -> Tile:
 
 
 def banner(design: SensorDesign, score: ContinuityScore) -> Html:
-    """The verdict as a box: word, symbol, the answer in the screen's sentences, and the rule behind it."""
+    """The verdict as a box: word, symbol, the sentences of the screen, and the rule behind it."""
     said = answer_of(design, score)
     word = element(
         "p",
@@ -473,13 +473,13 @@ def banner(design: SensorDesign, score: ContinuityScore) -> Html:
 
 
 def _sentence(text: str) -> str:
-    """With a capital, unless it begins with the path of a field, and a full stop."""
+    """The text with a full stop, and with a capital unless it begins with the path of a field."""
     is_path = "." in text.split(" ", 1)[0]
     return f"{text if is_path else text[:1].upper() + text[1:]}."
 
 
 def bounds_tile(score: ContinuityScore) -> Tile | None:
-    """Label, value and note for the headline; None where nothing was bounded."""
+    """Label, value and note for the headline; None without bounds."""
     bounds = score.bounds
     if bounds is None:
         return None
@@ -506,7 +506,7 @@ def bounds_tile(score: ContinuityScore) -> Tile | None:
 
 
 def bounds_words(score: ContinuityScore) -> list[Html]:
-    """The summary of the bounds in a paragraph."""
+    """A paragraph that summarises the bounds."""
     bounds = score.bounds
     if bounds is None:
         return []
@@ -563,7 +563,7 @@ def _felt_words(bounds: PadBounds) -> str:
 
 
 def losses_table(score: ContinuityScore) -> Html:
-    """The pad without each part in turn; nothing where that was not asked."""
+    """The bounds of the pad without each part in turn; empty if they were not requested."""
     bounds = score.bounds
     if bounds is None or not bounds.losses or score.is_facing_rows:
         return Html("")
@@ -621,7 +621,7 @@ def _mm(value: float) -> str:
 
 
 def builds_tile(study: BuildStudy | None) -> Tile | None:
-    """Label, value and note for the headline; None where no builds were drawn."""
+    """Label, value and note for the headline; None without a Monte Carlo."""
     if study is None:
         return None
     low, high = study.kept_interval
@@ -633,7 +633,7 @@ def builds_tile(study: BuildStudy | None) -> Tile | None:
 
 
 def builds_words(study: BuildStudy) -> Html:
-    """The share with its interval, what is in doubt, and what matters most."""
+    """The share of units that keep the verdict with its interval, undecided units, and the strongest tolerances."""
     low, high = study.kept_interval
     verdict = "a deadband" if study.as_designed.deadband_mm else "no deadband"
     found = study.rank_correlations()
@@ -653,7 +653,7 @@ def builds_words(study: BuildStudy) -> Html:
 
 
 def builds_table(study: BuildStudy) -> Html:
-    """Every value that was varied, the one that matters most first."""
+    """Every tolerance that was varied, the one with the strongest effect first."""
     found = study.rank_correlations()
     rows = []
     for number in study.ranking:

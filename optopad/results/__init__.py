@@ -1,4 +1,4 @@
-"""What a job found: figures as plain data, with their text, plots and form in a notebook.
+"""Results of jobs: figures as plain data, with their text, plots and form in a notebook.
 
-Imports of ours: design, sims, screen; drawing libraries inside the plots alone.
+Imports of ours: design, sims, screen. Only the plots import drawing libraries.
 """

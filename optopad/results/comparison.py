@@ -1,4 +1,4 @@
-"""What a comparison of designs found: the fields in which they differ, and the figures of each."""
+"""The result of a comparison of designs: the fields in which they differ, and the figures of each."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 WIDEST = 26
-"""Longest value that is shown whole."""
+"""Longest value that is shown uncut [characters]."""
 Better = Literal["lower", "higher", ""]
 
 
@@ -25,10 +25,10 @@ class Measure:
 
     Attributes
     ----------
-    name, unit, better : what it is, and which way is better; empty where neither is
-    values : one a design; None where it does not exist
-    uncertainty : likewise, in the same unit
-    winner : number of the design that is better than all others by more than the uncertainties; None without one
+    name, unit, better : name and unit of the figure, and which way is better; empty where neither way is
+    values : one per design; None where the figure does not exist
+    uncertainty : one per design, in the same unit
+    winner : number of the design that is better than all others by more than the uncertainties; None if there is none
     """
 
     name: str
@@ -57,16 +57,16 @@ class Measure:
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Comparison(Result):
-    """Designs side by side.
+    """Designs compared with each other.
 
     Attributes
     ----------
-    labels, digests : one a design, the first is what the others are held against
-    rows : score and shown curve of each
-    changes : fields in which the designs differ: the value in each, by dotted path
-    measures : figures of all
-    winner_of_verdict : number of the only design without a deadband; None otherwise, or where a verdict is undecided
-    folder, stem : where it was written
+    labels, digests : one per design; the others are compared with the first
+    rows : score and shown curve of each design
+    changes : fields in which the designs differ: the value in each design, by dotted path
+    measures : figures of all designs
+    winner_of_verdict : number of the only design without a deadband; None otherwise, or if a verdict is undecided
+    folder, stem : folder and file stem of the written comparison
     """
 
     labels: tuple[str, ...]
@@ -79,7 +79,7 @@ class Comparison(Result):
 
     @property
     def winner_of_verdict(self) -> int | None:
-        """Number of the only contiguous design, no verdict being undecided."""
+        """Number of the only contiguous design; None if any verdict is undecided."""
         if any(row.score["is_open"] for row in self.rows):
             return None
         safe = [number for number, row in enumerate(self.rows) if row.score["verdict"] == "CONTIGUOUS"]
@@ -97,11 +97,11 @@ class Comparison(Result):
 
     @property
     def winners(self) -> dict[str, str]:
-        """Figures in which one design is better than all others by more than the uncertainties: its name."""
+        """For each figure with a winner, the name of the design that is better by more than the uncertainties."""
         return {one.name: self.labels[one.winner] for one in self.measures if one.winner is not None}
 
     def plot(self) -> Figure:
-        """Signal against depth, a panel a design."""
+        """Signal against depth, one panel per design."""
         from sims.plots.style import plain_style
         from sims.plots.sweep import plot_sweep
 
@@ -109,7 +109,7 @@ class Comparison(Result):
             return plot_sweep("designs", self.rows)
 
     def lines(self) -> list[str]:
-        """The comparison as text: designs, what differs, figures; a star marks a winner."""
+        """The comparison as text: designs, differences, figures; a star marks a winner."""
         labels = [shown_value(label) for label in self.labels]
         verdicts = [
             row.headline + (" *" if number == self.winner_of_verdict else "")
@@ -170,7 +170,7 @@ class Comparison(Result):
 
 
 def labelled(designs: Mapping[str, SensorDesign] | Sequence[SensorDesign]) -> dict[str, SensorDesign]:
-    """Designs by a name each; names that are alike get their number."""
+    """Designs by name; designs with equal names are numbered."""
     if isinstance(designs, Mapping):
         return dict(designs)
     names = [design.name for design in designs]

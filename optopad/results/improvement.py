@@ -1,4 +1,4 @@
-"""The result of an improvement: the design before, better designs, and the nearest one where there are none."""
+"""The result of an improvement: the design before, better designs, and the nearest design if none is better."""
 
 from __future__ import annotations
 
@@ -17,19 +17,19 @@ from sims.score.result import ContinuityScore
 
 Figures = dict[str, float | None]
 WHOLE = 12
-"""Lines that any text may take: nothing is cut."""
+"""Number of lines that no text exceeds, so that nothing is cut."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Alternative:
-    """A verified design that is better.
+    """A verified design that is better than the one before.
 
     Attributes
     ----------
-    kind : in what it is best
+    kind : the quantity in which it is best
     changes : new values by dotted path
-    design, file : itself, and its file in the folder
-    figures, score : as the search judged it, and as `optopad score` does
+    design, file : the design, and its file in the folder
+    figures, score : figures of the search, and the result of `optopad score`
     """
 
     kind: Kind
@@ -42,13 +42,13 @@ class Alternative:
 
 @dataclass(frozen=True, kw_only=True)
 class Nearest:
-    """The best of the designs that were judged as a score judges, where none is better than the design before.
+    """The best of the designs that were scored with full light, if none is better than the design before.
 
     Attributes
     ----------
     changes : new values by dotted path
-    judged, score : as the search judged it, and as `optopad score` does
-    at_ends : fields at an end of their range
+    judged, score : figures of the search, and the result of `optopad score`
+    at_ends : fields that are at an end of their range
     """
 
     changes: dict[str, Any]
@@ -75,11 +75,11 @@ class Improvement(Result):
 
     Attributes
     ----------
-    design, before, figures : the design, its score, and its figures as the search judged it
-    alternatives : better designs, one of a kind at most
-    nearest : without any, what came nearest
-    tried, judged_again : designs judged by the search's quick light, and as a score judges
-    folder : with their files
+    design, before, figures : the design, its score, and its figures from the search
+    alternatives : better designs, at most one of each kind
+    nearest : the design that came nearest, if there are no alternatives
+    tried, judged_again : designs judged by the search's quick light, and designs judged again as a score judges
+    folder : folder with their files
     is_interrupted : whether the search was stopped before its end
     """
 
@@ -95,32 +95,32 @@ class Improvement(Result):
 
     @property
     def designs(self) -> tuple[SensorDesign, ...]:
-        """The alternatives; empty where nothing in reach is better."""
+        """The alternatives; empty if no design in reach is better."""
         return tuple(one.design for one in self.alternatives)
 
     @property
     def kinds(self) -> tuple[str, ...]:
-        """In what each is best."""
+        """The quantity in which each alternative is best."""
         return tuple(one.kind for one in self.alternatives)
 
     @property
     def changes(self) -> tuple[dict[str, Any], ...]:
-        """New values of each by dotted path."""
+        """New values of each alternative by dotted path."""
         return tuple(one.changes for one in self.alternatives)
 
     @property
     def scores(self) -> tuple[Score, ...]:
-        """The verdict on each."""
+        """The score of each alternative."""
         return tuple(Score(design=one.design, found=one.score) for one in self.alternatives)
 
     @property
     def files(self) -> tuple[Path, ...]:
-        """Design file of each."""
+        """Design file of each alternative."""
         return tuple(self.folder / one.file for one in self.alternatives)
 
     @property
     def page(self) -> Path:
-        """The page with before and after."""
+        """The page with the design before and the alternatives."""
         return self.folder / "report.html"
 
     def to_json(self) -> dict[str, Any]:
@@ -145,7 +145,7 @@ class Improvement(Result):
         }
 
     def lines(self) -> list[str]:
-        """Before, up to four alternatives with what they cost, the next command; as `optopad improve` prints them."""
+        """The design before, up to four alternatives with costs, and the next command, as `optopad improve` prints."""
         judged = f"; {self.tried} designs judged, {self.judged_again} of them at score accuracy"
         lines = row("design", f"{self.design.name} ({self.design.digest[:8]}){judged}", WHOLE)
         lines += row("before", answer_of(self.design, self.before.found).verdict, WHOLE)
@@ -163,7 +163,7 @@ class Improvement(Result):
         return [*lines, labelled("report", str(self.folder / "report.html")), *self._next()]
 
     def _next(self) -> list[str]:
-        """The next command, or how to search further; none of a search that was stopped."""
+        """The next command, or how to search further; empty after a search that was interrupted."""
         if self.is_interrupted:
             return []
         if self.alternatives:
@@ -173,7 +173,7 @@ class Improvement(Result):
         return row("next", "widen a range with --vary FIELD=A:B, allow --more-parts, or raise --budget")
 
     def _resolution(self, one: Alternative) -> str:
-        """Verdict, confidence and margin by the score's light; the bound of the location by the search's."""
+        """Verdict, confidence and margin from the score's light; the bound of the location from the search's."""
         said = answer_of(one.design, one.score)
         parts = [verdict_words(one.score), said.sure.partition(":")[0]]
         parts.append(
@@ -185,7 +185,7 @@ class Improvement(Result):
         return "; ".join(part for part in parts if part)
 
     def _nearest(self) -> list[str]:
-        """The best design that was judged, and what it lacks."""
+        """The best design that was judged, and the reason why it is not better."""
         none = "no better design" if self.before.verdict == "DEADBAND" else "no significantly better design"
         lines = row("none", f"{none} among {self.tried}", WHOLE)
         nearest = self.nearest

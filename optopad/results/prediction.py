@@ -1,7 +1,4 @@
-"""A predicted accuracy: the errors of touch, location and depth.
-
-The errors by model and test set, with the bound and the published figures.
-"""
+"""A predicted accuracy: the errors of touch, location and depth by model and test set, the bound, published figures."""
 
 from __future__ import annotations
 
@@ -47,9 +44,9 @@ class ModelAccuracy:
     ----------
     learner : kind of the model, as `kernel-ridge`
     test_set : name of the set
-    is_ambient : whether it was taken in ambient light
-    presses : samples and answers
-    touch, errors : the tables
+    is_ambient : whether the set was recorded in ambient light
+    presses : samples and the model's estimates
+    touch, errors : tables of the classification of touch, and of the errors
     """
 
     learner: str
@@ -61,7 +58,7 @@ class ModelAccuracy:
 
     @property
     def title(self) -> str:
-        """Model and set."""
+        """Names of the model and of the test set."""
         return f"{self.learner}, {self.test_set}"
 
 
@@ -71,12 +68,12 @@ class Accuracy:
 
     Attributes
     ----------
-    name, digest : of the design; the digest is None where a recording does not say
-    found : in the order of models, then of sets
-    bound_mm : depth to the Cramér-Rao bound of place and of depth, standard deviations [mm]; infinite where the light's
-        own error leaves it open; empty where none was asked for
-    published : of the same sensor; None for others
-    notes : what was done and what is assumed
+    name, digest : of the design; the digest is None if a recording does not state it
+    found : results in the order of models, then of sets
+    bound_mm : depth to the Cramér-Rao bound of location and of depth, standard deviations [mm]; infinite where the
+        numerical error of the light model leaves it undecided; empty if no bound was requested
+    published : published figures of the same sensor; None for other sensors
+    notes : how the prediction was made, and its assumptions
     settings : plain data: seeds, protocol, samples
     """
 
@@ -90,11 +87,11 @@ class Accuracy:
 
     @property
     def learners(self) -> tuple[str, ...]:
-        """Models by name, in order."""
+        """Names of the models, in order."""
         return tuple(dict.fromkeys(one.learner for one in self.found))
 
     def findings(self) -> tuple[str, ...]:
-        """Where touch is not decided well, why as far as known, and the way out; often empty."""
+        """Depths where touch is not classified well, the cause as far as it is known, and a fix; often empty."""
         return tuple(
             text for learner, one in self.pooled().items() for text in self._findings_of(learner, one)
         )
@@ -123,7 +120,7 @@ class Accuracy:
         return made
 
     def pooled(self) -> dict[str, ModelAccuracy]:
-        """Every model on all of its test sets as one."""
+        """Results of every model over all of its test sets."""
         return {
             learner: accuracy_of(
                 learner, "all test sets", True, [one.presses for one in self.found if one.learner == learner]
@@ -132,7 +129,7 @@ class Accuracy:
         }
 
     def to_json(self) -> dict[str, Any]:
-        """Plain data; `touch` and `errors` are those of the first model, its sets together."""
+        """Plain data; `touch` and `errors` are the results of the first model over all test sets."""
         pooled = self.pooled()
         first = next(iter(pooled.values()))
         return {
@@ -193,7 +190,7 @@ def _why_missed(learner: str) -> str:
 def accuracy_of(
     learner: str, test_set: str, is_ambient: bool, presses: Sequence[JudgedPresses]
 ) -> ModelAccuracy:
-    """Tables of one model on one set, from one or several draws of it."""
+    """Tables of one model on one test set, from one draw of it or several."""
     together = joined(presses)
     return ModelAccuracy(
         learner=learner,
@@ -206,7 +203,7 @@ def accuracy_of(
 
 
 def accuracy_lines(found: Accuracy) -> list[str]:
-    """Findings first, then the tables as text, every model on all of its sets together."""
+    """Findings first, then the tables as text, each model over all test sets."""
     lines = [f"finding   {text}" for text in found.findings()]
     for learner, one in found.pooled().items():
         lines += [f"{learner}", *_touch_lines(one.touch, found.published), *_error_lines(one.errors, found)]
@@ -267,11 +264,11 @@ def _medians(row: ErrorRow) -> dict[str, Any]:
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Prediction:
-    """What the paper's collection on this pad would lead to.
+    """The accuracy that the paper's data collection would give on this pad.
 
     Attributes
     ----------
-    design : what was pressed
+    design : the design that was pressed
     found : tables of every model and test set (`optopad.results.prediction.Accuracy`)
     folder : the bundle, with page, pictures and trained models
     """
@@ -282,7 +279,7 @@ class Prediction:
 
     @property
     def touch(self) -> xr.DataArray:
-        """(learner, depth) share of samples that are classified correctly as touched or untouched [-]."""
+        """(learner, depth) fraction of samples that are classified correctly as touched or untouched [-]."""
         import xarray as xr
 
         pooled = self.found.pooled()
@@ -320,11 +317,11 @@ class Prediction:
         return {name: file for name, file in files.items() if file.is_file()}
 
     def to_dict(self) -> dict[str, Any]:
-        """The same as `optopad predict --json`."""
+        """The same data as `optopad predict --json`."""
         return self.found.to_json()
 
     def plot_errors(self) -> Figure:
-        """Errors of location and depth against depth, with the bound where it was computed."""
+        """Errors of location and depth against depth, with the bound if it was computed."""
         from sims.plots.accuracy import plot_errors
         from sims.plots.style import plain_style
 
@@ -333,7 +330,7 @@ class Prediction:
             return plot_errors(rows, self.found.bound_mm)
 
     def plot_touch(self) -> Figure:
-        """Share of correctly classified samples against depth."""
+        """Fraction of correctly classified samples against depth."""
         from sims.plots.accuracy import plot_touch
         from sims.plots.style import plain_style
 

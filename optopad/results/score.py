@@ -1,7 +1,4 @@
-"""A scored design: verdict, figures, maps and plots; and the bundle that a run makes of it.
-
-What a check of a design found.
-"""
+"""Results of one design: findings of a check, a score with figures, maps and plots, and the bundle of a run."""
 
 from __future__ import annotations
 
@@ -27,12 +24,12 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Checked:
-    """Findings of the rules: errors stop a design, warnings are to be kept in mind.
+    """Findings of the design rules; errors stop a design, warnings do not.
 
     Attributes
     ----------
-    design : what was checked
-    findings : severity, field, value, limit, message and way out of each
+    design : the design that was checked
+    findings : severity, field, value, limit, message and fix of each
     """
 
     design: SensorDesign
@@ -40,12 +37,12 @@ class Checked:
 
     @property
     def errors(self) -> tuple[Finding, ...]:
-        """What stops the design."""
+        """Findings that stop the design."""
         return tuple(one for one in self.findings if one.severity == "error")
 
     @property
     def warnings(self) -> tuple[Finding, ...]:
-        """What lets it through."""
+        """Findings that do not stop the design."""
         return tuple(one for one in self.findings if one.severity == "warning")
 
     @property
@@ -72,7 +69,7 @@ class Score(KeyFigures):
 
     Attributes
     ----------
-    design : what was judged
+    design : the design that was scored
     found : the whole score (`sims.score.ContinuityScore`): pairs, map, bounds and tolerance
     """
 
@@ -94,16 +91,16 @@ class Score(KeyFigures):
         return tuple(pair.name for pair in self.found.pairs)
 
     def to_dict(self) -> dict[str, Any]:
-        """The same as `score.json` of a bundle."""
+        """The same data as `score.json` of a bundle."""
         return self.found.to_json()
 
     @cached_property
     def maps(self) -> xr.Dataset:
-        """Everything known place by place: deadbands, bounds, lightest press; the same as `maps.nc` of a bundle.
+        """Everything that is known at each location: deadbands, bounds, detection threshold; as `maps.nc` of a bundle.
 
         Raises
         ------
-        InputError : the models do not answer for this design.
+        InputError : the models do not cover this design.
         """
         from sims.score.maps_file import maps_dataset
 
@@ -111,11 +108,11 @@ class Score(KeyFigures):
 
     @cached_property
     def signals(self) -> xr.Dataset:
-        """Light behind the map, by state, emitter and receiver; the same as `signals.nc` of a bundle.
+        """Light of the map's presses, by state, emitter and receiver; the same as `signals.nc` of a bundle.
 
         Raises
         ------
-        InputError : the models do not answer for this design.
+        InputError : the models do not cover this design.
         """
         from sims.readings.readout import signals_dataset
 
@@ -125,11 +122,11 @@ class Score(KeyFigures):
         return signals_dataset(light, cavity_of(self.design), counts_per_flux=readout.counts_per_flux)
 
     def plot_signal(self, pair: str | None = None, ax: Axes | None = None) -> Axes:
-        """Signal of a pair against depth, its modes and deadbands; without a name, of the governing pair.
+        """Signal of a pair against depth, with its modes and deadbands; without a name, of the governing pair.
 
         Raises
         ------
-        InputError : no such judged pair.
+        InputError : no judged pair has this name.
         """
         from sims.plots.signal import plot_signal
 
@@ -143,7 +140,7 @@ class Score(KeyFigures):
         return drawn(lambda own: plot_spans(pairs, own), ax, 1.0 + 0.22 * len(self.pairs))
 
     def plot_map(self, ax: Axes | None = None) -> Axes:
-        """Deadband at each place of the pad."""
+        """Deadband at each location of the pad."""
         from sims.plots.maps import plot_deadband_map
 
         found = self._answered().pad_map
@@ -151,7 +148,7 @@ class Score(KeyFigures):
         return drawn(lambda own: plot_deadband_map(found, cavity_of(self.design), own), ax, 4.8)
 
     def plot_margin(self, ax: Axes | None = None) -> Axes:
-        """How far each place of the pad is from a deadband, in noise units."""
+        """Margin of each location of the pad over the deadband limit, in noise standard deviations."""
         from sims.plots.maps import plot_margin_map
 
         found = self._answered().pad_map
@@ -178,7 +175,7 @@ class Score(KeyFigures):
         return block(head, rest, picture(self._sheet, f"score-{self.design.digest[:8]}"))
 
     def _sheet(self) -> Figure:
-        """The signal of the governing pair on a figure of its own, which no window shows."""
+        """The signal of the governing pair on its own figure, which no window shows."""
         from matplotlib.figure import Figure
 
         sheet = Figure(figsize=(WIDTH_IN, 3.6), layout="constrained")
@@ -194,7 +191,7 @@ class Score(KeyFigures):
         raise InputError(f"plot_signal: {wanted!r} is no judged pair; there are {', '.join(self.pairs)}")
 
     def _answered(self) -> ContinuityScore:
-        """The whole score; refused where the models do not cover the design."""
+        """The whole score; raises InputError if the models do not cover the design."""
         if self.found.pad_map is None or not self.found.pairs:
             raise InputError(f"{self.design.name}: nothing was computed, {self.reason or 'a verdict only'}")
         return self.found
@@ -217,7 +214,7 @@ class Bundle:
 
     @property
     def report(self) -> Path:
-        """The page with everything at a glance."""
+        """The report page with all results."""
         return self.folder / "report.html"
 
     @property

@@ -1,6 +1,6 @@
-"""How results show themselves: as the command line's text; in a notebook as a headline, a small table, one picture.
+"""How results are shown: as text on the command line; in a notebook as a headline, a small table and a picture.
 
-What a search left behind.
+The result of a search.
 """
 
 from __future__ import annotations
@@ -26,11 +26,11 @@ WIDTH_IN = 6.4
 
 
 class Result(ABC):
-    """A result that prints as the command line does."""
+    """A result that prints the same text as the command line."""
 
     @property
     def found(self) -> Self:
-        """This result; scripts for earlier versions ask it for the figures."""
+        """This result; scripts for earlier versions use it to reach the figures."""
         return self
 
     @abstractmethod
@@ -38,19 +38,19 @@ class Result(ABC):
         """Plain data for JSON."""
 
     def to_dict(self) -> dict[str, Any]:
-        """The same as the command line prints with ``--json``."""
+        """The data that the command line prints with ``--json``."""
         return self.to_json()
 
     @abstractmethod
     def lines(self) -> list[str]:
-        """The same as the command line prints, a line an entry."""
+        """The lines that the command line prints."""
 
     def __repr__(self) -> str:
         return "\n".join(self.lines())
 
 
 def block(title: str, lines: Iterable[str], *parts: str) -> str:
-    """A headline, lines below it, then ready HTML."""
+    """A headline, lines below it, then finished HTML."""
     text = "".join(f"<div>{escape(line)}</div>" for line in lines)
     return f"<div><strong>{escape(title)}</strong>{text}{''.join(parts)}</div>"
 
@@ -63,7 +63,7 @@ def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
 
 
 def picture(draw: Callable[[], Figure], salt: str) -> str:
-    """A figure as SVG inside a page, in the plots' own style."""
+    """A figure as SVG inside a page, in the style of the plots."""
     from sims.plots.style import plain_style, svg_text
 
     with plain_style():
@@ -71,7 +71,7 @@ def picture(draw: Callable[[], Figure], salt: str) -> str:
 
 
 def drawn(draw: Callable[[Axes], Axes], ax: Axes | None, height_in: float) -> Axes:
-    """Axes given, or those of a new figure of pyplot, which a notebook shows and `plt.show()` opens."""
+    """The given axes, or those of a new pyplot figure, which a notebook shows and `plt.show()` opens."""
     from sims.plots.style import plain_style
 
     with plain_style():
@@ -88,21 +88,21 @@ def number(value: float | None, digits: int = 2, missing: str = "-") -> str:
 
 
 QUICK_ERRORS = {"draft": 3.0, "search": 2.0, "score": 0.0}
-"""How far margins may be from the score's, by the accuracy of a search [noise units]: the largest difference was 1.94
-on 13 pads (docs/how-to/search-layouts.md), and 0.86 without that one. Of draft light it was 2.9 on four pads
-of 4 + 4 parts. The largest of so few is no bound."""
+"""Largest difference from the score's margins, by the accuracy of a search [noise units]. In search mode it was 1.94
+on 13 pads (docs/how-to/search-layouts.md), and 0.86 without one of them. With draft light it was 2.9 on four pads
+of 4 + 4 parts. The largest difference of so few pads is no bound."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Search:
-    """What a search left behind.
+    """The result of a search.
 
     Attributes
     ----------
-    folder : with tables, designs and page
-    findings : what was found
+    folder : folder with tables, designs and page
+    findings : designs and figures that the search found
     files : design file of each design on the front, relative to the folder
-    importance : share of each field by objective; empty when too little was judged
+    importance : share of each field by objective; empty if too few designs were judged
     """
 
     folder: Path
@@ -112,11 +112,11 @@ class Search:
 
     @property
     def base_headline(self) -> str:
-        """The base design's verdict in the words of a score."""
+        """The base design's verdict as a score words it."""
         return self._headline(self.findings.base, self.findings.space.base)
 
     def headline(self, one: Tried) -> str:
-        """A design's verdict in the words of a score, undecided where the search's light may err; empty without one."""
+        """A design's verdict as a score words it; undecided if the search's light may err; empty without a verdict."""
         design = self.findings.space.design_at(one.parameters) if one.judged.verdict else None
         return self._headline(one.judged, design)
 

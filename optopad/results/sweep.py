@@ -41,9 +41,9 @@ class Sweep(Result):
     ----------
     field : dotted path of the field
     rows : in the order of the values
-    taken_up : how many rows an interrupted run had finished
-    folder : the bundle with table and figure
-    bundles : with ``--build``, the bundle of every value
+    taken_up : number of rows that an interrupted run had finished
+    folder : the bundle with the table and the figure
+    bundles : with ``--build``, the bundle of each value
     """
 
     field: str
@@ -64,14 +64,14 @@ class Sweep(Result):
 
     @property
     def headlines(self) -> tuple[str, ...]:
-        """Verdict at each value in the words of `optopad score`, with usable depth, and undecided where it is."""
+        """Verdict at each value as `optopad score` words it, with usable depth; undecided verdicts are marked."""
         return tuple(row.headline for row in self.rows)
 
     @property
     def table(self) -> xr.Dataset:
         """Figures over the field's values, whose coordinate has the field's dotted path as its name.
 
-        NaN where a figure does not exist. Lengths in mm, light over emitted power.
+        Figures that do not exist are NaN. Lengths are in mm; light is over emitted power.
         """
         import xarray as xr
 
@@ -98,7 +98,7 @@ class Sweep(Result):
         return document
 
     def to_csv(self) -> str:
-        """The table as CSV; open or unknown entries are empty."""
+        """The table as CSV; undecided or unknown entries are empty."""
         text = io.StringIO()
         writer = csv.writer(text, lineterminator="\n")
         writer.writerow([self.field, *COLUMNS])
@@ -110,7 +110,7 @@ class Sweep(Result):
         return text.getvalue()
 
     def plot(self) -> Figure:
-        """Signal against depth, a panel a value."""
+        """Signal against depth, one panel per value."""
         from sims.plots.style import plain_style
         from sims.plots.sweep import plot_sweep
 
@@ -118,7 +118,7 @@ class Sweep(Result):
             return plot_sweep(self.field, self.rows)
 
     def lines(self) -> list[str]:
-        """The short table, as `optopad sweep` prints it."""
+        """The short table that `optopad sweep` prints."""
         width = max(len(self.field), *(len(str(row.value)) for row in self.rows))
         words = max(len("verdict"), *(len(row.headline) for row in self.rows if row.is_judged), 0)
         lines = [
@@ -194,8 +194,8 @@ COLUMNS = (
     "swing",
     "resolvable_steps",
 )
-"""Columns of the table after the value. Verdict, deadband and usable depth (with what the light's own error leaves of
-it) are the design's; what follows `shown_pair` is that pair's, loads with the ends of the modulus's band."""
+"""Columns of the table after the value. Verdict, deadband and usable depth, with its range by the light model's
+numerical error, are the design's; those after `shown_pair` are that pair's, loads at the ends of the modulus's band."""
 
 
 def table_row(row: SweepRow) -> dict[str, Any]:

@@ -1,11 +1,11 @@
-"""The sentences of a verdict: what holds, why, how robust it is, the resolution, what helps, how to measure a value.
+"""The sentences of a verdict: result, cause, fix, confidence, resolution, and the tool that measures a parameter.
 
-Tools by kind of quantity, coarsest first, with what each resolves. A calliper reads 0.01 or 0.02 mm and is 0.05 mm off
-on small or soft bodies; a measuring microscope is good to 0.01 mm. What a calibration resolves is the error of fitted
-values over ten simulated builds of thirty presses (docs/validation/calibration.md), rounded up: on a build it may be
-more. The other tools are usual ones of an optics bench, by order of magnitude.
+The tools are listed by kind of quantity, coarsest first, each with its resolution. A calliper reads 0.01 or 0.02 mm and
+is 0.05 mm off on small or soft bodies; a measuring microscope is good to 0.01 mm. A calibration's resolution is the
+error of fitted values over ten simulated units of thirty presses (docs/validation/calibration.md), rounded up; on a
+manufactured unit the error may be larger. The other tools are usual ones of an optics bench, by order of magnitude.
 
-Numbers as the page writes them: depths to the hundredth of a millimetre, open ends as words.
+Numbers are written as on the page: depths to the hundredth of a millimetre, undecided ends as words.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ def counted(count: int, one: str, many: str | None = None) -> str:
 USABLE_DOUBT_MM = 0.2
 """Width of the usable depth's range from which on the range is reported."""
 LEAST_SHARE = 0.01
-"""Shares below are reported as less than this."""
+"""Smaller shares are reported as "less than" this value."""
 UNITS = (
     ("_mm", " mm"),
     ("_deg", "°"),
@@ -78,16 +78,16 @@ NAMES = {
 
 @dataclass(frozen=True, kw_only=True)
 class Answer:
-    """A verdict in sentences; those that have nothing to say are empty.
+    """A verdict in sentences; sentences without content are empty.
 
     Attributes
     ----------
     verdict : the verdict, with the location and the depths that decide it
-    why : the mechanism of the worst interval that is not resolved; of a pad that has none, its margin
+    why : the mechanism of the worst interval that is not resolved; the margin of a pad without such an interval
     fix : the moves that a trial found to help, with the verdict that was traced with them
     sure : the confidence: whether an unmeasured parameter, or the numerical error of the light model, changes the
         verdict, and which parameter to measure how well
-    worth : the resolution: the Cramér-Rao bound of one frame, of noise alone and near the true press
+    worth : the resolution: the Cramér-Rao bound of one frame, for noise alone and near the true press
     """
 
     verdict: str
@@ -111,7 +111,7 @@ def answer_of(design: SensorDesign, score: ContinuityScore) -> Answer:
 
 
 def verdict_words(score: ContinuityScore) -> str:
-    """The headline, with the range that the numerical error of the light model leaves to the usable depth."""
+    """The headline, with the range of the usable depth that the numerical error of the light model leaves."""
     asked = None if score.force is None else float(score.force.depth_mm[-1])
     depth = score.usable_depth_mm
     words = headline(score.verdict, is_open=score.is_open, usable_mm=depth, asked_mm=asked)
@@ -153,14 +153,14 @@ def _verdict(design: SensorDesign, score: ContinuityScore) -> str:
 
 
 def _other_pairs(count: int, every: int) -> str:
-    """Pairs beside the named one that do not resolve depth either; empty where there is none."""
+    """The number of further pairs that do not resolve depth either; empty if there is none."""
     if not count:
         return ""
     return f"; {count} more of {every} pairs {'has a deadband' if count == 1 else 'have deadbands'}, too"
 
 
 def _margin(score: ContinuityScore) -> str:
-    """The margin of a pad that resolves depth everywhere, and where it is least."""
+    """The margin of a pad that resolves depth everywhere, and the location of the least margin."""
     if score.pad_map is None or score.is_facing_rows:
         return ""
     weakest = score.pad_map.weakest
@@ -172,14 +172,14 @@ def _margin(score: ContinuityScore) -> str:
 
 
 def _why(score: ContinuityScore) -> str:
-    """The mechanism of the worst interval, and that no move fixes it; without such an interval, the margin."""
+    """The mechanism of the worst interval, and a note if no move fixes it; without such an interval, the margin."""
     if not score.causes:
         return _margin(score)
     return "; ".join(filter(None, [cause_sentence(score.causes[0]), no_fix_words(score.trial)]))
 
 
 def cause_sentence(cause: Cause) -> str:
-    """The mechanism by name, with what is missing."""
+    """The mechanism by name, and the missing light or change of signal."""
     typical = cause.typical
     if typical is None:
         return "no pair near: no line from an emitter to a receiver passes under the tip"
@@ -231,7 +231,7 @@ def _sure(design: SensorDesign, score: ContinuityScore) -> str:
 
 
 def _none_changes(count: int) -> str:
-    """That no unmeasured parameter changes the verdict on its own."""
+    """A statement that no unmeasured parameter changes the verdict on its own."""
     match count:
         case 0:
             return "no unmeasured parameter has an uncertainty band"
@@ -242,7 +242,7 @@ def _none_changes(count: int) -> str:
 
 
 def _without_band(count: int) -> str:
-    """How many more parameters could not be varied; empty where there is none."""
+    """The number of further parameters that could not be varied; empty if there is none."""
     if not count:
         return ""
     return f"; {counted(count, 'parameter has', 'parameters have')} no uncertainty band"
@@ -263,7 +263,7 @@ def at_mm(x_mm: float, y_mm: float) -> str:
 
 
 def _turn(band: ToleranceBand, row: ToleranceRow, values: dict[str, float]) -> tuple[str, float] | None:
-    """A path whose band changes the verdict, and how far from the design's value, by a linear margin."""
+    """A path whose band changes the verdict, and the necessary change of its value, by a linear margin."""
     if not row.flips or row.path not in values:
         return None
     found = []
@@ -282,7 +282,7 @@ def unit_of(path: str) -> str:
 
 
 def changes_words(design: SensorDesign, changes: Mapping[str, Any]) -> str:
-    """What changes, from which value to which, by dotted path."""
+    """The changed fields by dotted path, each with its value before and after."""
     was = design.model_dump(mode="json")
     told = (
         f"{path} {_plain(get_at(was, path))} to {_plain(value)}{unit_of(path)}"
@@ -318,7 +318,7 @@ def _worth(score: ContinuityScore) -> str:
 
 
 def unresolved(bounds: PadBounds, *, is_facing: bool) -> str:
-    """The share of the volume where one frame does not resolve x, y and depth together; empty where there is none.
+    """The share of the volume where one frame does not resolve x, y and depth together; empty if there is none.
 
     Facing rows are pressed at known locations, for which the share has no meaning.
     """
@@ -330,7 +330,7 @@ def unresolved(bounds: PadBounds, *, is_facing: bool) -> str:
 
 
 def fix_words(trial: Trial | None) -> str:
-    """What helps, and the verdict that was traced with it; empty where nothing that was tried helps."""
+    """The fix, and the verdict that was traced with it; empty if nothing that was tried helps."""
     if trial is None or trial.found == "none":
         return ""
     moved = ", ".join(_moved(one) for one in trial.moves)
@@ -346,14 +346,14 @@ def trial_words(trial: Trial) -> str:
 
 
 def command_words(trial: Trial) -> str:
-    """What the next command does, in short: the components that it moves, and the traced verdict."""
+    """A short description of the next command: the components that it moves, and the traced verdict."""
     parts = " and ".join(one.parts for one in trial.moves if one.parts)
     moves = f"moves {parts}; " if parts else ""
     return f"{moves}trial: {trial_words(trial)}"
 
 
 def no_fix_words(trial: Trial | None) -> str:
-    """That no move helps, and what was tried; empty where one does or none was tried."""
+    """A statement that no move helps, with the tried moves; empty if a move helps or none was tried."""
     if trial is None or trial.found == "move" or not trial.tried:
         return ""
     helps = "reaches deeper" if trial.kind == "fade" else "fixes it at every location"
@@ -379,7 +379,7 @@ def _moved(move: Move) -> str:
 
 
 PRESSES = 30
-"""Presses of the calibrations that `CALIBRATED` is from."""
+"""Number of presses of the calibrations that `CALIBRATED` is taken from."""
 CALIBRATED = {
     "height_mm": 0.015,
     "clear_thickness_mm": 0.015,
@@ -390,12 +390,12 @@ CALIBRATED = {
     "absorption_db_per_cm": 0.002,
     "reflectance": 0.0015,
 }
-"""What a calibration resolves, by the end of a field's path [unit of the field]."""
+"""Resolution of a calibration, by the end of a field's path [unit of the field]."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class _Tool:
-    """A tool by name, and what it resolves [unit of the field]."""
+    """The name of a tool, and its resolution [unit of the field]."""
 
     name: str
     resolves: float
@@ -416,7 +416,7 @@ TOOLS: dict[str, tuple[_Tool, ...]] = {
     "reflectance": (_Tool(name="a lamp and a photodiode against a white standard", resolves=0.01),),
     "_ohm": (_Tool(name="a multimeter", resolves=1.0),),
 }
-"""By the end of a field's path, the coarsest first; the first end that fits counts."""
+"""Tools by the end of a field's path, the coarsest first; the first end that fits is used."""
 
 
 def tool_words(path: str, within: float) -> str:
@@ -425,7 +425,7 @@ def tool_words(path: str, within: float) -> str:
     Parameters
     ----------
     path : dotted path of the field
-    within : how finely it must be known [unit of the field]
+    within : required resolution [unit of the field]
     """
     tools = next((found for end, found in TOOLS.items() if path.endswith(end)), ())
     reach = next((value for end, value in CALIBRATED.items() if path.endswith(end)), None)

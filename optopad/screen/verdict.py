@@ -41,9 +41,9 @@ LABEL = 12
 FIRST = ("full scale", "do not settle", "cannot light", "too much current", "stay tacky")
 """Words of warnings that come first: with such a fault the pad would not work."""
 FINDING_LINES = 4
+"""Most lines of a finding."""
 EIGHT_BIT_PRESCALER = 16
-"""At 16 MHz an AVR's converter runs at 1 MHz then, where about 8 of its bits are exact (data sheet)."""
-"""Lines of a finding at most."""
+"""Prescaler at which an AVR's converter runs at 1 MHz from 16 MHz; about 8 of its bits are then exact (data sheet)."""
 
 
 def verdict_screen(
@@ -59,10 +59,10 @@ def verdict_screen(
 
     Parameters
     ----------
-    closing : finished lines for the end, such as where the files are
+    closing : finished lines for the end, such as the paths of the files
     command : the design and its changes as given on the command line, for the next command; empty names none
-    is_built : whether the bundle with mold and report is there
-    learner : the sentence of `learner_line`; it comes below the bound of a pad where there is room
+    is_built : whether the bundle contains mold and report
+    learner : the sentence of `learner_line`; it is shown below the bound of a pad if there is room
     """
     said = answer_of(design, score)
     head = [
@@ -75,14 +75,14 @@ def verdict_screen(
     left = LINES - len(head) - len(figures) - len(foot) - 1
     head += [*row("cause" if score.causes else "margin", said.why, max(left, 2)), *figures]
     reached = row("learner", learner, 2) if said.worth and not score.is_facing_rows else []
-    if len(head) + len(reached) + len(foot) < LINES:  # one is left for warnings
+    if len(head) + len(reached) + len(foot) < LINES:  # one line is left for warnings
         head += reached
     room = max(LINES - len(head) - len(foot), 1)
     return [*head, *_warnings(_to_show(score), room), *foot]
 
 
 def rate_words(design: SensorDesign) -> str:
-    """Frames a second that the board can do, the rate wanted, and what would make it faster."""
+    """The frame rate of the board, the required rate, and changes that would raise it."""
     use, board = design.board, board_of(design)
     ways = []
     if board.divides_clock and use.adc_prescaler > EIGHT_BIT_PRESCALER:
@@ -98,7 +98,7 @@ def findings_screen(name: str, findings: Sequence[Finding], *, command: str, rat
     """Findings of the rules, errors first and notes last, as many whole ones as there is room for; the next command.
 
     command : verb and design, as `score pad.toml`
-    rate : what `rate_words` says of the board; shown where there is no error
+    rate : the sentence of `rate_words` about the board; shown if there is no error
     """
     errors = [one for one in findings if one.severity == "error"]
     notes = [one for one in findings if one.severity == "note"]
@@ -120,7 +120,7 @@ def findings_screen(name: str, findings: Sequence[Finding], *, command: str, rat
 
 
 def row(label: str, text: str, most: int = 1) -> list[str]:
-    """A sentence behind its label, on as many lines as it may take; nothing for an empty one."""
+    """A sentence behind its label, on as many lines as it may take; no lines for an empty sentence."""
     if not text:
         return []
     room = WIDTH - LABEL
@@ -134,8 +134,8 @@ def row(label: str, text: str, most: int = 1) -> list[str]:
 def _to_show(score: ContinuityScore) -> list[str]:
     """Warnings that no other line reports, the worst first, then the rest in their order.
 
-    The numerical error of the light model has a line where it leaves the verdict undecided; otherwise it concerns the
-    figures of single pairs alone.
+    The numerical error of the light model has its own line if it leaves the verdict undecided; otherwise it affects the
+    figures of single pairs only.
     """
     shown = (RESTS, UNDECIDED, NUMERICAL)
     left = [text for text in score.warnings if not text.startswith(shown)]
@@ -143,7 +143,7 @@ def _to_show(score: ContinuityScore) -> list[str]:
 
 
 def _warnings(texts: Sequence[str], room: int) -> list[str]:
-    """One line each; those without room are counted."""
+    """One line for each warning; warnings without room are counted."""
     shown = list(texts) if len(texts) <= room else list(texts[: max(room - 1, 0)])
     lines = [line for text in shown for line in row("warning", _clause(text))]
     left = len(texts) - len(shown)
@@ -162,7 +162,7 @@ def _clause(text: str) -> str:
 
 
 def _next(score: ContinuityScore, command: str, fix: str, *, is_built: bool) -> str:
-    """The exact next command, and what it does."""
+    """The exact next command, and its purpose."""
     if score.verdict == "OUT_OF_MODEL_SCOPE":
         return f"remove the reason that the verdict names, then optopad check {command}"
     if score.trial is not None and score.trial.found == "move":
@@ -179,12 +179,12 @@ def _next(score: ContinuityScore, command: str, fix: str, *, is_built: bool) -> 
 
 
 def as_typed(design: str, changes: Sequence[str] | None) -> str:
-    """A design and its changes as on the command line, for the next command."""
+    """A design and its changes as typed on the command line, for the next command."""
     return " ".join([shlex.quote(design), *(f"--set {shlex.quote(one)}" for one in changes or ())])
 
 
 LEAST_CHANGE_MM = 0.01
-"""Changes of a depth from which on they are reported."""
+"""Smallest change of a depth that is reported."""
 
 
 def score_lines(score: ContinuityScore) -> list[str]:
@@ -206,12 +206,12 @@ def score_lines(score: ContinuityScore) -> list[str]:
 
 
 def labelled(label: str, text: str) -> str:
-    """A whole sentence behind its label, however long."""
+    """A whole sentence behind its label, of any length."""
     return f"{label:<{LABEL}}{text}"
 
 
 def finding_line(finding: dict[str, Any]) -> str:
-    """A check of the mold that failed, with its note: where, or what to do."""
+    """A check of the mold that failed, with its note on the location or the fix."""
     unit = f" {finding['unit']}" if finding["unit"] else ""
     held = f"{finding['value']:g}{unit} (limit {finding['limit']:g}{unit})"
     return f"{finding['state']:<9} {finding['name']}: {held}" + (
@@ -220,7 +220,7 @@ def finding_line(finding: dict[str, Any]) -> str:
 
 
 def checks_line(checks: dict[str, Any]) -> str:
-    """The mold's checks in a line."""
+    """The checks of the mold in one line."""
     return f"mold      {checks_words(checks)}"
 
 
@@ -303,7 +303,7 @@ def build_lines(study: BuildStudy) -> list[str]:
 
 
 def step_lines(steps: FieldSteps) -> list[str]:
-    """The sensitivity to each parameter: the effect of a small step, the parameter whose step gains most first."""
+    """The sensitivity to each parameter: the effect of a small step, the parameter with the largest gain first."""
     order = list(steps.better_sides())
     rows = sorted(steps.rows, key=lambda row: order.index(row.path) if row.path in order else len(order))
     lines = []
@@ -348,7 +348,7 @@ def _band_line(score: ContinuityScore) -> str:
 def bound_lines(bounds: PadBounds, *, is_facing: bool) -> list[str]:
     """Median bounds, coverage and dead volume, detection threshold, and the most important component.
 
-    Facing rows are pressed at known locations: their line is that of the depth alone.
+    Facing rows are pressed at known locations, so their line reports the depth alone.
     """
     lines = [_depth_alone_line(bounds)] if is_facing else [_median_line(bounds), _volume_line(bounds)]
     lines += [] if bounds.felt is None else [_contact_line(bounds.felt)]
@@ -422,15 +422,15 @@ def _mm(value: float) -> str:
 
 
 LEAST_DEPTH_MM = 1.0
-"""Depth from which on errors are reported: a lighter press is detected, but hardly located [mm]."""
+"""Least depth for which errors are reported [mm]: a lighter press is detected, but hardly located."""
 
 
 def learner_line(design: SensorDesign, bundle: Path, command: str) -> str:
-    """One sentence for the screen; empty where there is neither a prediction nor a way to one.
+    """One sentence for the screen; empty if there is no prediction and no way to make one.
 
     Parameters
     ----------
-    bundle : the design's bundle, where `optopad predict` leaves its tables
+    bundle : the design's bundle, where `optopad predict` writes its tables
     command : the design and its changes as given on the command line
     """
     document = _prediction(bundle / "sims" / f"{STEM}.json")
@@ -443,7 +443,7 @@ def learner_line(design: SensorDesign, bundle: Path, command: str) -> str:
 
 
 def _prediction(file: Path) -> dict[str, Any] | None:
-    """The tables of a prediction; None where there are none that can be read."""
+    """The tables of a prediction; None if there is no readable file."""
     try:
         found = json.loads(file.read_text(encoding="utf-8"))
     except (OSError, ValueError):
@@ -452,9 +452,9 @@ def _prediction(file: Path) -> dict[str, Any] | None:
 
 
 def _reached(document: Mapping[str, Any]) -> str:
-    """The best learner's median errors from `LEAST_DEPTH_MM` on, and its false alarms; empty where there are none."""
+    """The best learner's median errors from `LEAST_DEPTH_MM` on, and its false alarms; empty if there are none."""
     try:
-        every = document.get("learners", [document])  # earlier files have those of the first alone
+        every = document.get("learners", [document])  # earlier files have the first learner's tables only
         found = [(medians, one) for one in every if all(medians := _medians(one["errors"]))]
         if not found:
             return ""
@@ -469,7 +469,7 @@ def _reached(document: Mapping[str, Any]) -> str:
 
 
 def _medians(rows: Sequence[Mapping[str, Any]]) -> tuple[list[float], list[float]]:
-    """Medians of the location's and of the depth's errors by depth, from `LEAST_DEPTH_MM` on [mm]."""
+    """Medians of the errors of location and depth by depth, from `LEAST_DEPTH_MM` on [mm]."""
     deep = [row for row in rows if row["depth_mm"] >= LEAST_DEPTH_MM]
     location, depth = (
         [float(row[name]) for row in deep if row[name] is not None]

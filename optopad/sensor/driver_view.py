@@ -1,9 +1,9 @@
-"""What `driver read` and `driver check` show: a live table and heat map for a terminal, lines and JSON for the rest.
+"""Output of `driver read` and `driver check`: a live table and heat map for a terminal, otherwise lines and JSON.
 
-Which driver configuration a word on the command line means, and the simulated light that goes with it.
+Choice of the driver configuration by an argument of the command line, and its simulated light.
 
-A `driver.toml` is taken as it is; a bundle's folder gives the one in it; a design or preset gives that of its bundle
-in `outputs`, or, where it has none yet, one made here, in memory.
+A `driver.toml` is used directly; a bundle's folder contains one; a design or preset uses that of its bundle in
+`outputs`, or, if the bundle has none, one that is made in memory.
 """
 
 from __future__ import annotations
@@ -34,14 +34,14 @@ if TYPE_CHECKING:
     from sims.learning.inference.touch_model import TouchModel
 
 TABLE_DEPTHS_MM = (0.0, 0.1, 0.25, 0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 5.0)
-"""Depths of a table that is simulated for the fake board; those beyond the design's are left out, its end is added."""
+"""Depths of a table simulated for the fake board; deeper ones than the design's are left out, its end is added."""
 
 TABLE_ACCURACY = "draft"
 
 
 @dataclass(frozen=True, kw_only=True)
 class DriverSource:
-    """A configuration, the design it was made from where that is known, and the bundle it lies in."""
+    """A configuration, its design if that is known, and its bundle."""
 
     config: DriverConfig
     design: SensorDesign | None
@@ -49,17 +49,17 @@ class DriverSource:
 
 
 def driver_source(where: str, changes: list[str] | None, out: Path) -> DriverSource:
-    """What a word on the command line means.
+    """The configuration that an argument of the command line names.
 
     Parameters
     ----------
     where : driver.toml, bundle folder, design file or preset
     changes : `--set` of a design
-    out : folder that holds the bundles
+    out : folder of the bundles
 
     Raises
     ------
-    InputError, DesignError : nothing of the kind, or damaged; `--set` of what is no design.
+    InputError, DesignError : no such file or preset, a damaged one, or `--set` for something other than a design.
     """
     path = Path(where)
     file = path / "fabrication" / "driver.toml" if path.is_dir() else path
@@ -75,22 +75,22 @@ def driver_source(where: str, changes: list[str] | None, out: Path) -> DriverSou
 
 
 def with_expected_pattern(source: DriverSource, *, seed: int, on_step: OnStep) -> DriverConfig:
-    """The configuration with what the untouched pad should read, simulated here where it is not there yet.
+    """The configuration with the expected readings of the untouched pad, simulated if they are missing.
 
     Raises
     ------
-    InputError : it has none, and the design that could be simulated is not known.
+    InputError : they are missing, and the design to simulate is not known.
     """
     if source.config.expected is not None:
         return source.config
     if source.design is None:
-        untouched_table(source.config)  # says what to do
+        untouched_table(source.config)  # raises an error that says what to do
     assert source.design is not None
     return _config(source.design, simulated_gain(source.design, seed=seed, on_step=on_step))
 
 
 def press_table(source: DriverSource, *, seed: int, on_step: OnStep) -> tuple[DriverConfig, PressTable]:
-    """Readings under presses: of the bundle's signals, else simulated at draft, else only the untouched pad."""
+    """Readings under presses: from the bundle's signals, else from a draft simulation, else only without contact."""
     if source.bundle is not None and source.config.gain.counts_per_flux is not None:
         signals = source.bundle / "sims" / "signals.nc"
         if signals.is_file():
@@ -102,7 +102,7 @@ def press_table(source: DriverSource, *, seed: int, on_step: OnStep) -> tuple[Dr
 
 
 def simulated_gain(design: SensorDesign, *, seed: int, on_step: OnStep) -> SimulatedGain:
-    """Gains, and light of the untouched pad, as a score sets them."""
+    """Gains, and light of the untouched pad, computed as by a score."""
     from design.shape.cavity import cavity_of, judged_pairs, mask_of
     from fabrication.gain import SimulatedGain
     from sims.readings.readout import readout_of
@@ -150,7 +150,7 @@ def _config(design: SensorDesign, gain: SimulatedGain | None) -> DriverConfig:
 
 
 def source_of(design: SensorDesign, out: Path) -> DriverSource:
-    """The configuration of a design: its bundle's, or, where it has none yet, one made here.
+    """The configuration of a design: that of its bundle, or, if there is none, one that is made here.
 
     Raises
     ------
@@ -169,11 +169,11 @@ def source_of(design: SensorDesign, out: Path) -> DriverSource:
 
 
 def fitting_model(file: Path, config: DriverConfig) -> TouchModel:
-    """A trained model of a sensor; refused before a port is opened.
+    """A trained model of a sensor; other files are refused before a port is opened.
 
     Raises
     ------
-    InputError : no model, or another design's; the message names the file.
+    InputError : no model, or a model of another design; the message names the file.
     """
     from fabrication.driver.descriptor import descriptor_of
     from fabrication.driver.touch_reader import require_fits
@@ -193,11 +193,11 @@ def _bundle_of(file: Path) -> Path | None:
 
 
 def _is_driver_file(file: Path) -> bool:
-    """Whether a file is a driver configuration and no design: it says so by its format version."""
+    """Whether a file is a driver configuration and not a design, by its format version."""
     try:
         return file.is_file() and "format_version" in parsed_toml(read_design_text(file))
     except (DesignError, ValueError):
-        return file.name == "driver.toml"  # a damaged one has its own message
+        return file.name == "driver.toml"  # a damaged file has its own message
 
 
 FULL_CHANGE = 0.5
@@ -209,11 +209,11 @@ FAINTEST = 0.1
 CELL_WIDTH = 6
 
 LESS, MORE = (31, 102, 209), (209, 92, 20)
-"""Colours (red, green, blue) of less and of more light than untouched; between them the terminal's own."""
+"""Colours (red, green, blue) of less and of more light than without contact; the terminal's own is between them."""
 
 
 def frame_json(frame: Frame, digits: int = 5) -> dict[str, Any]:
-    """A frame as plain data; a ratio over nearly nothing is null."""
+    """A frame as plain data; a ratio with a denominator near zero is null."""
     ratio = None if frame.baseline is None else _plain(np.round(frame.normalised, digits))
     return {
         "connection": frame.connection,
@@ -229,7 +229,7 @@ def frame_json(frame: Frame, digits: int = 5) -> dict[str, Any]:
 
 
 def link_json(sensor: Sensor) -> dict[str, Any]:
-    """Port, board, and what happened on the line, as plain data."""
+    """Port, board, and events on the line, as plain data."""
     counts = sensor.counts
     return {
         "port": sensor.port,
@@ -243,7 +243,7 @@ def link_json(sensor: Sensor) -> dict[str, Any]:
 
 
 def link_line(sensor: Sensor) -> str:
-    """One line: rate and losses."""
+    """Rate and losses in one line."""
     counts, rate = sensor.counts, sensor.rate_hz
     told = "-" if rate is None else f"{rate:.1f}"
     text = f"{counts.frames} frames, {told} Hz, {counts.lost} lost, {counts.damaged} damaged"
@@ -262,7 +262,7 @@ def strongest_change(frame: Frame, sensor: Sensor) -> str:
 
 
 def live_table(frame: Frame, sensor: Sensor) -> RenderableType:
-    """Heat map of normalised signals, a row an emitter, between a line about the link and a line of explanation."""
+    """Heat map of normalised signals, one row per emitter, between a line about the link and a line of explanation."""
     from rich.console import Group
     from rich.table import Table
     from rich.text import Text
@@ -282,7 +282,7 @@ def live_table(frame: Frame, sensor: Sensor) -> RenderableType:
 
 
 def check_lines(verdict: Verdict) -> list[str]:
-    """A check's outcome for people."""
+    """The result of a check for people."""
     lines = [
         f"{'problem' if problem.is_error else 'note':<9} {problem.kind}: {problem.message}"
         for problem in verdict.problems

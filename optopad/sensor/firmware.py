@@ -1,4 +1,4 @@
-"""Firmware into the bundle: the sketch folder always, the compiled image where there is a compiler."""
+"""Firmware into the bundle: the sketch folder always, the compiled image if there is a compiler."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ FIRMWARE = Path("fabrication") / "firmware"
 
 @dataclass(frozen=True, kw_only=True)
 class FirmwareFiles:
-    """What was written.
+    """The written files.
 
     Attributes
     ----------
     sketch : folder that the Arduino IDE opens
-    image_file, image : the compiled program; None where it could not be compiled
-    no_image_because : the reason then, else ""
+    image_file, image : the compiled program; None if it could not be compiled
+    no_image_because : the reason in that case, else ""
     """
 
     sketch: Path
@@ -38,11 +38,11 @@ class FirmwareFiles:
 
 
 def write_firmware(design: SensorDesign, out: Path, *, seed: int) -> FirmwareFiles:
-    """The sketch folder into the design's bundle, and the image where it can be compiled.
+    """Write the sketch folder into the design's bundle, and the image if it can be compiled.
 
     Raises
     ------
-    DesignError : the design breaks a rule, or its board's entry does not say enough to program it.
+    DesignError : the design breaks a rule, or its board's entry lacks data for programming it.
     OutputError : the folder cannot be written.
     """
     require_valid(design)
@@ -62,7 +62,7 @@ def write_firmware(design: SensorDesign, out: Path, *, seed: int) -> FirmwareFil
 
 
 def image_to_upload(design: SensorDesign, out: Path, *, seed: int) -> Path:
-    """The image of a design, compiled now, or found in its bundle where there is no compiler.
+    """The image of a design, compiled now, or taken from its bundle if there is no compiler.
 
     Raises
     ------
@@ -78,18 +78,18 @@ def image_to_upload(design: SensorDesign, out: Path, *, seed: int) -> Path:
 
 
 def board_setup(design: SensorDesign) -> BoardSetup:
-    """The board as the driver sees it: its USB identities, its line."""
+    """The board for the driver: its USB identities and its line."""
     from fabrication.driver_config import driver_config
 
     return driver_config(design).board
 
 
 def given_image(file: Path) -> Path:
-    """An image that the user names.
+    """An image that the user gives.
 
     Raises
     ------
-    InputError : no such file, or no Intel HEX.
+    InputError : no such file, or not an Intel HEX file.
     """
     try:
         first = file.read_text(encoding="ascii")[:1]

@@ -1,4 +1,4 @@
-"""A press protocol (`design.press_protocol`) as the presses that a stage makes: places shuffled within each set."""
+"""A press protocol (`design.press_protocol`) as presses for a stage: locations are shuffled within each set."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ def protocol_presses(design: SensorDesign, protocol: str, *, seed: int = 0) -> P
     Parameters
     ----------
     protocol : name of a packaged one, or a file
-    seed : of the order of places within each set
+    seed : seed of the order of locations within each set
 
     Raises
     ------
-    DesignError, InputError, ModelScopeError : no such protocol, or none for this design.
+    DesignError, InputError, ModelScopeError : no such protocol, or one that does not suit this design.
     """
     said = load_protocol_file(protocol)
     depths = said.depth_mm.tolist()

@@ -1,4 +1,4 @@
-"""What `driver read --model` shows: the pad with the touch on it, numbers with their uncertainty; lines and JSON."""
+"""Output of `driver read --model`: a picture of the touch on the pad, numbers with uncertainty; lines and JSON."""
 
 from __future__ import annotations
 
@@ -19,17 +19,17 @@ PICTURE_ROWS, PICTURE_COLUMNS = 15, 31
 
 LIGHT_MM, DEEP_MM = 0.5, 2.0
 MARKS = ("○", "◉", "●")
-"""Of a touch: lighter than 0.5 mm, lighter than 2 mm, deeper."""
+"""Marks of a touch: lighter than 0.5 mm, lighter than 2 mm, deeper."""
 
 ODD_S = 5.0
 FAR_START = 0.1
-"""Start levels that are so far from the training data beyond gains are worth a word."""
+"""Difference of start levels from the training data, beyond gains, above which a note is shown."""
 
 AXES = ("x", "y", "depth")
 
 
 def touch_json(touch: Touch, digits: int = 4) -> dict[str, Any]:
-    """A frame's answer as plain data; place, uncertainty and depth are null where nothing touches."""
+    """The estimate from a frame as plain data; location, uncertainty and depth are null without a touch."""
     frame, drift = touch.frame, touch.drift
     told = touch.is_touched
     return {
@@ -56,7 +56,7 @@ def touch_json(touch: Touch, digits: int = 4) -> dict[str, Any]:
 
 
 def touch_line(touch: Touch) -> str:
-    """One line: where it is touched."""
+    """The location of the touch in one line."""
     if not touch.is_touched:
         return "untouched" + _note(touch)
     parts = [f"{axis} {_with_sigma(touch, k)}" for k, axis in enumerate(AXES)]
@@ -65,7 +65,7 @@ def touch_line(touch: Touch) -> str:
 
 
 def touch_view(touch: Touch, reader: TouchReader) -> RenderableType:
-    """Picture of the pad beside the numbers, between a line about the link and a line of explanation."""
+    """Picture of the pad next to the numbers, between a line about the link and a line of explanation."""
     from rich.console import Group
     from rich.table import Table
     from rich.text import Text
@@ -82,7 +82,7 @@ def touch_view(touch: Touch, reader: TouchReader) -> RenderableType:
 
 
 def picture(touch: Touch, reader: TouchReader) -> list[str]:
-    """The pad from above, y upward, a line a row: parts where they are, and the touch."""
+    """The pad from above, y upward, one string per row: parts at their positions, and the touch."""
     said = reader.sensor.descriptor
     places = np.concatenate([said.emitters.position_mm, said.receivers.position_mm])[:, :2]
     low, high = places.min(axis=0), places.max(axis=0)
@@ -98,7 +98,7 @@ def picture(touch: Touch, reader: TouchReader) -> list[str]:
 
 
 def start_note(reader: TouchReader) -> str:
-    """A line where the start is far from what the model was trained on; empty where it is not."""
+    """A note if the start is far from the training data of the model; otherwise empty."""
     far = reader.tracker.start_mismatch
     if far < FAR_START:
         return ""

@@ -1,4 +1,4 @@
-"""What the buttons start: verbs of optopad, and the mold, each as a process of its own that can be ended."""
+"""Programs that the buttons start: verbs of optopad, and the mold, each in its own process that can be ended."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ Tell = Callable[[Said], None]
 
 @dataclass(frozen=True, kw_only=True)
 class Ghost:
-    """An alternative that `improve` verified: what kind of better, what changes, the design."""
+    """An alternative that `improve` verified: the kind of improvement, the changes, the design."""
 
     kind: str
     changes: dict[str, Any]
@@ -35,12 +35,12 @@ class Ghost:
 
 
 class Task:
-    """One program at a time: `improve`, `run`, or what else has files for its result.
+    """One running program at a time: `improve`, `run`, or another that writes its result to files.
 
     Parameters
     ----------
-    out : folder that holds the bundles
-    tell : is told how far it is, on a thread of the task
+    out : folder of the bundles
+    tell : called with the progress, on a thread of the task
     """
 
     def __init__(self, out: Path, tell: Tell) -> None:
@@ -51,11 +51,11 @@ class Task:
 
     @property
     def is_running(self) -> bool:
-        """Whether one is under way."""
+        """Whether a task is running."""
         return self._process is not None and self._process.poll() is None
 
     def improve(self, design: SensorDesign, done: Callable[[tuple[Ghost, ...]], None]) -> bool:
-        """Search around a design; `done` gets what it found. False: another task is under way."""
+        """Search around a design; `done` receives the result. Returns False if another task is running."""
 
         began = time.time()
 
@@ -74,12 +74,12 @@ class Task:
     def _made_since(self, began: float, pattern: str) -> Path:
         """The file that a task has just written."""
         found = sorted(self.out.glob(pattern), key=lambda file: file.stat().st_mtime)
-        if not found or found[-1].stat().st_mtime < began - 2.0:  # file systems' clocks are coarse
+        if not found or found[-1].stat().st_mtime < began - 2.0:  # clocks of file systems are coarse
             raise FileNotFoundError(f"{self.out / pattern}")
         return found[-1]
 
     def build(self, design: SensorDesign, done: Callable[[Path], None]) -> bool:
-        """Make the whole bundle; `done` gets its folder. False: another task is under way."""
+        """Make the whole bundle; `done` receives its folder. Returns False if another task is running."""
         folder = self.out / bundle_name(design)
 
         def finish() -> None:
@@ -89,7 +89,7 @@ class Task:
         return self._start("run", design, finish)
 
     def end(self) -> None:
-        """End what is under way; finished parts of it are found again."""
+        """End the running task; a later one reuses its finished parts."""
         with self._lock:
             self._is_ended = True
             process = self._process
@@ -147,7 +147,7 @@ class Task:
                 OSError,
                 LookupError,
                 ValueError,
-            ) as err:  # its files were moved, or are damaged
+            ) as err:  # its files were moved or are damaged
                 self._tell(Said(text=f"{verb}: its result cannot be read: {err}", is_bad=True))
 
 
@@ -158,11 +158,11 @@ def _found(count: int, folder: Path) -> str:
 
 
 class MoldShop:
-    """Makes the mold of the newest design, as it is printed, in a process that a newer one ends.
+    """Makes the printable mold of the newest design in a process; a newer design ends that process.
 
     Parameters
     ----------
-    post : gets the digest and the mesh in the cavity frame, or the text of a refusal, on a thread of the shop
+    post : receives the digest and the mesh in the cavity frame, or the text of a refusal, on a thread of the shop
     """
 
     def __init__(self, post: Callable[[str, Mesh | str], None]) -> None:
@@ -172,7 +172,7 @@ class MoldShop:
         self._digest = ""
 
     def want(self, design: SensorDesign) -> None:
-        """Begin with a design, unless its mold is made or under way."""
+        """Start the mold of a design, unless it is finished or in progress."""
         with self._lock:
             if design.digest == self._digest:
                 return
@@ -186,7 +186,7 @@ class MoldShop:
             threading.Thread(target=self._follow, args=arguments, name="studio-mold", daemon=True).start()
 
     def end(self) -> None:
-        """End what is under way."""
+        """End the running process."""
         with self._lock:
             self._end()
             self._digest = ""

@@ -1,4 +1,4 @@
-"""What the studio's work finds, piece by piece, each with the digest of the design that it is of."""
+"""Results of the studio's work, one class per piece, each with the digest of its design."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ class Look:
 
     Attributes
     ----------
-    press : where, how deep
+    press : location and depth
     points_mm : (n, 3) of the top's mesh [mm]; triangles : (m, 3) numbers of points
-    force_n, contact_radius_mm : of the press; 0 where untouched
+    force_n, contact_radius_mm : of the press; 0 without contact
     """
 
     digest: str
@@ -34,7 +34,7 @@ class Look:
 
 @dataclass(frozen=True, kw_only=True)
 class Curves:
-    """Pairs under the tip against depth."""
+    """Signals of the pairs under the tip against depth."""
 
     digest: str
     found: PlaceCurves
@@ -42,7 +42,7 @@ class Curves:
 
 @dataclass(frozen=True, kw_only=True)
 class Ray:
-    """One sample path of light: the key of its kind, its pair's name, places (n, 3) [mm]."""
+    """One sample path of light: the key of its kind, the name of its pair, points (n, 3) [mm]."""
 
     kind: str
     pair: str
@@ -51,7 +51,7 @@ class Ray:
 
 @dataclass(frozen=True, kw_only=True)
 class Rays:
-    """Sample paths under the press as it is."""
+    """Sample paths under the present press."""
 
     digest: str
     press: Press
@@ -60,11 +60,11 @@ class Rays:
 
 @dataclass(frozen=True, kw_only=True)
 class Readings:
-    """What a built sensor should read.
+    """Expected readings of a manufactured sensor.
 
     Attributes
     ----------
-    untouched, pressed : (emitter, receiver) of the untouched pad, and under the press [counts]
+    untouched, pressed : (emitter, receiver) without contact, and under the press [counts]
     """
 
     digest: str
@@ -79,7 +79,7 @@ class Judged:
 
     Attributes
     ----------
-    level : draft (a search's light), score (as `optopad score`, tolerance to come), whole (all of it)
+    level : draft (light of a search), score (as `optopad score`, without its tolerance), whole (complete)
     score : verdict, map, bounds
     """
 
@@ -90,7 +90,7 @@ class Judged:
 
 @dataclass(frozen=True, kw_only=True)
 class Progress:
-    """What is being worked at, and the share of it that is done; an empty stage: nothing."""
+    """The stage of the running work, and the finished fraction of it; an empty stage if no work is running."""
 
     stage: str
     share: float
@@ -98,7 +98,7 @@ class Progress:
 
 @dataclass(frozen=True, kw_only=True)
 class Failed:
-    """Why there is no answer for a design."""
+    """The reason why there is no result for a design."""
 
     digest: str
     text: str

@@ -1,10 +1,10 @@
-"""The design file under edit: its text with comments, what is saved into it, and whether somebody else changed it.
+"""The edited design file: its text with comments, saving, and detection of changes by other programs.
 
-A design file's text under edit: only what differs changes, and every comment stays.
+In the text of an edited design file only different fields change, and every comment is kept.
 
-edited_text       the same text, field by field
-standalone_text   a text of its own with the same comments, for what cannot be edited in place: own parts or a tip
-                  in files that do not lie beside the new one, TOML written in ways that `tomlkit` cannot change
+edited_text       the same text with changed fields
+standalone_text   a complete new text with the same comments, for files that cannot be edited in place: own parts or a
+                  tip in files of another folder, or TOML in a form that `tomlkit` cannot change
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from design.preset import PRESETS, preset, preset_text
 from design.spec import SensorDesign
 
 CATALOG = "catalog"
-"""Own parts stand in files beside a design; the studio does not edit them."""
+"""Own parts are defined in files next to a design; the studio does not edit them."""
 _TOKEN = re.compile(
     r'"""(?:\\.|[^\\])*?"""|\'\'\'.*?\'\'\'|"(?:\\.|[^"\\\n])*"|\'[^\'\n]*\'|(?P<comment>#[^\r\n]*)',
     re.DOTALL,
@@ -39,7 +39,7 @@ _TOKEN = re.compile(
 
 
 def edited_text(text: str, was: SensorDesign, now: SensorDesign) -> str:
-    """A design file's text with the fields changed that differ between two designs; all else is left alone."""
+    """A design file's text in which the fields that differ between two designs are changed, and nothing else."""
     plain = text.replace("\r\n", "\n")
     is_windows = plain != text and "\n" not in text.replace("\r\n", "")
     plain = plain if is_windows else text
@@ -50,7 +50,7 @@ def edited_text(text: str, was: SensorDesign, now: SensorDesign) -> str:
 
 
 def standalone_text(text: str, now: SensorDesign) -> str:
-    """A design with every value spelled out, and the comments of a former text."""
+    """A design with every value written out, and the comments of an earlier text."""
     _, _, whole = dump_design(now).partition(
         "\n"
     )  # its first line names the digest, which the next edit changes
@@ -64,7 +64,7 @@ def comments_of(text: str) -> tuple[str, ...]:
 
 
 def _with_comments(text: str, former: str) -> str:
-    """The text, with comments of a former one at its end that it has no more."""
+    """The text, followed by those comments of an earlier text that it does not contain."""
     gone = Counter(comments_of(former)) - Counter(
         one for comment in comments_of(text) for one in _nested(comment)
     )
@@ -74,7 +74,7 @@ def _with_comments(text: str, former: str) -> str:
 
 
 def _nested(comment: str) -> tuple[str, ...]:
-    """A comment, and the one inside it: of a line that was made a comment."""
+    """A comment, and the comment inside it if it is a commented-out line."""
     return (comment, *comments_of(comment[1:]))
 
 
@@ -114,7 +114,7 @@ def _edit_list(item: Array, new: list[Any]) -> None:
 
 
 def _drop(target: Any, key: str) -> None:
-    """Take a key out; a line with a comment becomes a comment."""
+    """Remove a key; a line with a comment becomes a comment."""
     if key not in target:
         return
     line = _as_comment(target, key) if isinstance(target, Table) else None
@@ -127,7 +127,7 @@ def _drop(target: Any, key: str) -> None:
 
 
 def _as_comment(table: Table, key: str) -> Comment | None:
-    """A table's line as a comment, if it holds one; else there is nothing to keep."""
+    """A table's line as a comment, if it contains one; otherwise None."""
     item = table.value.item(key)
     if isinstance(item, Table | AoT | OutOfOrderTableProxy) or "\n" in item.as_string():
         return None
@@ -146,7 +146,7 @@ def _add(target: Any, key: str, item: Any) -> None:
 
 
 def _cut_rest(table: Table) -> list[Any]:
-    """Take off a table's end from the first blank line after its last key on."""
+    """Remove a table's end, from the first blank line after its last key on."""
     body = _body(table)
     last = max((n for n, (name, _) in enumerate(body) if name is not None), default=-1)
     blank = (n for n in range(last + 1, len(body)) if isinstance(body[n][1], Whitespace))
@@ -162,7 +162,7 @@ def _body(table: Any) -> list[Any]:
 
 
 def _edit_layout(target: Any, old: list[dict[str, Any]], new: list[dict[str, Any]]) -> None:
-    """Entries that stay keep their text; where as many of the same patterns stay, only their fields change."""
+    """Keep the text of unchanged entries; if the patterns and their number are the same, change only their fields."""
     given = target["layout"]
     if [one["pattern"] for one in old] == [one["pattern"] for one in new]:
         for table, before, after in zip(given, old, new, strict=True):
@@ -174,7 +174,7 @@ def _edit_layout(target: Any, old: list[dict[str, Any]], new: list[dict[str, Any
 
 
 def _entries(given: list[tuple[dict[str, Any], Table]], new: list[dict[str, Any]]) -> AoT:
-    """Tables of a layout: those that stay as they are, new ones where there were others, with the others' comments."""
+    """Tables of a layout: unchanged ones, and new ones with the comments of those that they replace."""
     rest = _cut_rest(given[-1][1]) or [(None, Whitespace("\n"))]
     left = list(given)
     entries: list[tuple[Table, bool]] = []
@@ -195,7 +195,7 @@ def _entries(given: list[tuple[dict[str, Any], Table]], new: list[dict[str, Any]
 
 
 def _comment_lines(table: Table) -> list[str]:
-    """What a table says in comments, a line each; a key's with the key."""
+    """The comments of a table, one per line; a key's comment includes the key."""
     lines = [table.trivia.comment] if table.trivia.comment else []
     for key, item in _body(table):
         if isinstance(item, Comment):
@@ -218,7 +218,7 @@ def _put_first(table: Table, lines: list[str]) -> None:
 
 
 def _inline_entries(new: list[dict[str, Any]]) -> Array:
-    """A layout in brackets, an entry a line."""
+    """A layout in brackets, one entry per line."""
     found = tomlkit.array()
     for one in new:
         entry = tomlkit.inline_table()
@@ -238,19 +238,19 @@ def _item(value: Any) -> Any:
 
 BYTE_ORDER_MARK = "\ufeff"
 _CANNOT_EDIT = (TOMLKitError, LookupError, TypeError, ValueError, AttributeError)
-"""What tomlkit raises where it cannot change a text in place."""
+"""Errors of tomlkit if it cannot change a text in place."""
 _NOT_IN_NAMES = re.compile(r'[<>:"/\\|?*\x00-\x1f\x7f]')
 """Characters that lead to another folder, or that a file system refuses."""
 
 
 class DesignFile:
-    """Where a design comes from and goes to.
+    """The file of the edited design.
 
     Attributes
     ----------
     path : the file; None for a preset or a bundle's design, which are saved under a new name
-    saved : the design that the file holds, as last read or written
-    is_in_step : whether the file was last seen to hold it: neither gone nor made unusable
+    saved : the design in the file, as last read or written
+    is_in_step : whether the file contained that design when it was last read: neither removed nor made unusable
     """
 
     def __init__(self, where: str) -> None:
@@ -258,7 +258,7 @@ class DesignFile:
 
         Raises
         ------
-        DesignError, InputError : as for every verb.
+        DesignError, InputError : as for every verb
         """
         path = Path(where)
         self.path: Path | None = None
@@ -276,22 +276,22 @@ class DesignFile:
 
     @property
     def default_name(self) -> str:
-        """The name that a save is offered: the file's own, or a new one after the design."""
+        """The name proposed for saving: the file's own, or a new one after the design."""
         return f"{self.saved.name}.toml" if self.path is None else self.path.name
 
     @property
     def folder(self) -> Path:
-        """Where a save writes: the file's folder; for a preset or a bundle's design, the current one."""
+        """The folder for saving: the file's folder; for a preset or a bundle's design, the current one."""
         return Path() if self.path is None else self.path.parent
 
     def changed_outside(self) -> SensorDesign | None:
-        """The design of a file that somebody changed since it was last read or written; None: nobody did.
+        """The design of a file that was changed since it was last read or written; None if it was not changed.
 
-        Another text of the same design, as a comment more, is taken up without a word.
+        Another text of the same design, such as one with a new comment, is accepted without a message.
 
         Raises
         ------
-        DesignError : the file as it is now is no usable design; said once for each state of it.
+        DesignError : the present file contains no usable design; raised once for each state of it.
         """
         state = self._state()
         if self.path is None or state == self._seen:
@@ -305,7 +305,7 @@ class DesignFile:
         return None if found.digest == former.digest else found
 
     def save(self, design: SensorDesign, target: str | None = None) -> Path:
-        """Write a design with the file's comments; loading what was written gives the same digest.
+        """Write a design with the file's comments; loading the written file gives the same digest.
 
         Parameters
         ----------
@@ -313,8 +313,8 @@ class DesignFile:
 
         Raises
         ------
-        InputError, OutputError : no name, a path or a device in its place, another file in the way, a file that
-            somebody changed since it was last looked at, a folder that cannot be written; nothing is changed.
+        InputError, OutputError : no name, a path or a device instead of a name, an existing other file, a file that was
+            changed since it was last read, or a folder that cannot be written; nothing is changed.
         """
         file = self._target(target)
         self._text = _write_checked(file, self._texts(design), design)
@@ -323,7 +323,7 @@ class DesignFile:
         return file
 
     def _texts(self, design: SensorDesign) -> Iterator[str]:
-        """What may be written, the best first."""
+        """Possible texts of the file, the best first."""
         mark = BYTE_ORDER_MARK if self._text.startswith(BYTE_ORDER_MARK) else ""
         text = self._text.removeprefix(mark)
         with suppress(*_CANNOT_EDIT):
@@ -366,12 +366,12 @@ class DesignFile:
 def _is_same(file: Path, other: Path) -> bool:
     try:
         return file.absolute() == other.absolute() or file.samefile(other)
-    except (OSError, ValueError):  # one is not there, or has no name of a file
+    except (OSError, ValueError):  # one does not exist, or has no valid file name
         return False
 
 
 def _write_checked(file: Path, texts: Iterator[str], design: SensorDesign) -> str:
-    """Write the first text that is the design, through a file beside the target that was read back; that text."""
+    """Write the first text that reads back as the design, through a file next to the target; returns that text."""
     name = ""
     try:
         handle, name = tempfile.mkstemp(dir=file.parent, prefix=".optopad-", suffix=".toml")
@@ -400,12 +400,12 @@ def _is_read_as(file: Path, text: str, design: SensorDesign) -> bool:
 
 
 def _read(path: Path) -> str:
-    """The text as it is, byte order mark and ends of lines too."""
+    """The text of a file, including byte order mark and line ends."""
     with path.open(encoding="utf-8", newline="") as stream:
         return stream.read()
 
 
 def _without_digest(text: str) -> str:
-    """A written design's text without its first line, which names the digest of what it was."""
+    """A written design's text without its first line, which contains the digest."""
     first, _, rest = text.partition("\n")
     return rest if first.startswith("# optopad design ") else text

@@ -1,6 +1,6 @@
-"""Drawings of the panel as SVG text: pairs under the tip, the map of the pad, a sensor's readings beside the simulated.
+"""Drawings of the panel as SVG text: pairs under the tip, map of the pad, a sensor's readings and the simulated ones.
 
-Text and axes take the page's own colour, so that a drawing serves light and dark pages alike.
+Text and axes take the page's own colour, so that a drawing suits light and dark pages.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ WIDTH = 400
 LEFT, RIGHT, TOP = 40, 8, 8
 ROW, PLOT = 15, 130
 MOST_SHARE = 4.0
-"""Of an untouched signal: a pair that hardly sees light untouched may see many times as much under a press."""
+"""Largest drawn signal over the untouched one: a pair with little untouched light may get far more under a press."""
 
 _HATCH = (
     '<defs><pattern id="dead" width="5" height="5" patternTransform="rotate(45)" patternUnits="userSpaceOnUse">'
@@ -38,7 +38,7 @@ _HATCH = (
 
 
 def curves_svg(found: PlaceCurves, depth_mm: float) -> str:
-    """Signals of the pairs under the tip against depth, and below them where each one's modes and deadbands lie."""
+    """Signals of the pairs under the tip against depth, and below them each pair's modes and deadbands."""
     deepest = float(found.pairs[0].curves.depth_mm[-1])
     shares = [_share_of_untouched(pair.curves.total) for pair in found.pairs]
     highest = max(1.05, 1.05 * max(float(share.max()) for share in shares))
@@ -73,7 +73,7 @@ def curves_svg(found: PlaceCurves, depth_mm: float) -> str:
 
 
 def _share_of_untouched(signal: FloatArray) -> FloatArray:
-    """A signal over that of the untouched pad, drawn to `MOST_SHARE` of it; none where there is none untouched [-]."""
+    """A signal over that of the untouched pad, limited to `MOST_SHARE`; zero without an untouched signal [-]."""
     if not signal[0] > 0:
         return np.zeros_like(signal)
     return np.asarray(np.minimum(signal / signal[0], MOST_SHARE), dtype=np.float64)
@@ -100,7 +100,7 @@ def _axes(x: Place, y: Place, deepest: float, highest: float) -> list[str]:
 
 
 def _spans(pair: JudgedPair, number: int, top: float, x: Place, deepest: float) -> list[str]:
-    """A row of a pair: mode 1 above, mode 2 below, deadbands hatched, fade grey."""
+    """A row for a pair: mode 1 above, mode 2 below, deadbands hatched, saturation grey."""
     modes, score = pair.score.modes, pair.score
     bars = [(modes.mode1_mm, MODE_1, top + 2, 4, "mode 1")]
     if modes.mode2_mm[0] is not None:
@@ -132,15 +132,15 @@ def _legend(y: float) -> str:
 
 @dataclass(frozen=True, kw_only=True)
 class Quantity:
-    """What a map shows.
+    """Content of a map.
 
     Attributes
     ----------
-    title, unit : its words
-    values : (ny, nx); infinite or NaN where there is none
+    title, unit : words for the quantity
+    values : (ny, nx); infinite or NaN where there is no value
     x_mm, y_mm : lines of its grid [mm]
-    good, bad : values that take the ends of the scale
-    absent : the word for none
+    good, bad : values at the ends of the scale
+    absent : word for a missing value
     """
 
     title: str
@@ -157,7 +157,7 @@ QUANTITIES = ("deadband", "usable depth", "margin", "location bound", "depth bou
 
 
 def quantity(name: str, score: ContinuityScore) -> Quantity | None:
-    """One of `QUANTITIES` of a score; None where it is not known (yet)."""
+    """One of `QUANTITIES` of a score; None if it is not known (yet)."""
     pad, bounds = score.pad_map, score.bounds
     if pad is None:
         return None
@@ -224,8 +224,7 @@ def _middle(values: FloatArray) -> float:
 
 
 def map_svg(cavity: CavityGeometry, shown: Quantity | None, press: Press, bad: Sequence[str] = ()) -> str:
-    """The pad from above: a quantity place by place, parts with their names, the tip; on a disc what lies in the
-    workspace.
+    """The pad from above: a quantity at each location of the workspace, parts with their names, the tip.
 
     Parameters
     ----------
@@ -299,7 +298,7 @@ def _pitch(lines: tuple[float, ...], span: float) -> float:
 
 
 def _shade(good: float) -> str:
-    """From red (bad) by sand to green (good), pale enough for text of either page."""
+    """A colour from red (bad) by sand to green (good), pale enough for text of either page."""
     bad, middle, fine = np.array([209, 36, 47]), np.array([230, 190, 90]), np.array([0, 158, 115])
     share = min(max(good, 0.0), 1.0)
     colour = (
@@ -324,7 +323,7 @@ def _part(part: PlacedPart, x: Place, y: Place, *, is_bad: bool) -> str:
 
 
 def nearest_place(pad: PadMap, press: Press) -> int:
-    """Number of the map's place nearest to a press."""
+    """Number of the map's location nearest to a press."""
     away = [(place.x_mm - press.x_mm) ** 2 + (place.y_mm - press.y_mm) ** 2 for place in pad.places]
     return int(np.argmin(away))
 
@@ -336,12 +335,12 @@ def readings_svg(
     simulated: FloatArray | None,
     bad: Sequence[str] = (),
 ) -> str:
-    """A cell a pair: the live reading above, the simulated one below [counts]; what is far from it stands out.
+    """One cell per pair: the live reading above, the simulated one below [counts]; large differences are coloured.
 
     Parameters
     ----------
     live, simulated : (emitter, receiver) [counts]
-    bad : names of parts or pairs that a check found wrong
+    bad : names of parts or pairs that failed a check
     """
     left, top = 34.0, 16.0
     wide, tall = (WIDTH - left - 2) / max(len(receivers), 1), 24.0
@@ -380,7 +379,7 @@ def _bad(name: str, bad: Sequence[str]) -> str:
 
 
 def _difference(live: float, simulated: float | None) -> str:
-    """Orange where there is less light than simulated, blue where there is more."""
+    """A colour: orange for less light than simulated, blue for more."""
     if simulated is None or simulated < 4.0:
         return "rgb(128 128 128 / 0.15)"
     apart = float(np.clip((live - simulated) / simulated, -1.0, 1.0))

@@ -1,4 +1,4 @@
-"""Fields of a design that the studio offers for editing: label, unit, limits, and what each is."""
+"""Fields of a design that the studio offers for editing: label, unit, limits, and meaning."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ SIZES = ("cavity.length_mm", "cavity.width_mm", "cavity.diameter_mm")
 ANGLES_DEG = (-360.0, 360.0)
 PATTERNS = ("alternating ring", "facing rows", "by side")
 ROUND_PATTERNS = ("disc ring",)
-"""Of a whole layout, for straight walls and for round ones; `by hand` is anything else."""
+"""Patterns of a whole layout, for straight walls and for round ones; any other layout is `by hand`."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -40,13 +40,13 @@ class EditableField:
     Attributes
     ----------
     path : dotted path in the design
-    group, label, unit : where it stands, its words, its unit (empty: a plain number)
+    group, label, unit : group in the panel, label, unit (empty for a pure number)
     kind : number, whole (number) or choice
-    value : what the design has
-    low, high : limits of the field; None: open
-    step : of a click on the field's arrows
-    choices : of a choice
-    tells : what it is, in a sentence
+    value : value in the design
+    low, high : limits of the field; None: no limit
+    step : step of the field's arrows
+    choices : options of a choice
+    tells : meaning of the field, in a sentence
     """
 
     path: str
@@ -91,10 +91,10 @@ def editable_fields_of(design: SensorDesign) -> tuple[EditableField, ...]:
 
 
 def changes_of(design: SensorDesign, path: str, value: Any) -> dict[str, Any]:
-    """What to change for one field's new value.
+    """Changes of the design for a new value of one field.
 
-    The mold's outside follows the pad's inside. Of a ring with a number for each wall, where one alone would leave the
-    sum odd, the opposite wall takes as much more or less.
+    The mold's outer size follows the pad's inner size. If a ring has a number for each wall and one new number would
+    make the sum odd, the opposite wall changes by the same number, upwards or downwards.
     """
     if path == "layout":
         return {} if value == pattern_of(design) else {"layout": relaid(design, str(value))}
@@ -109,7 +109,7 @@ def changes_of(design: SensorDesign, path: str, value: Any) -> dict[str, Any]:
 
 
 def _opposite_too(design: SensorDesign, path: str, value: int) -> dict[str, Any]:
-    """What the wall opposite takes, so that the sum stays even."""
+    """The change of the opposite wall that keeps the sum even."""
     ring, _, wall = path.rpartition(".")
     counts = get_at(design.model_dump(mode="json"), ring)
     change = value - counts[int(wall)]
@@ -121,7 +121,7 @@ def _opposite_too(design: SensorDesign, path: str, value: int) -> dict[str, Any]
 
 
 def relaid(design: SensorDesign, pattern: str) -> list[dict[str, Any]]:
-    """A layout of another pattern with about as many parts; of "by hand" the parts as they stand, one by one."""
+    """A layout of another pattern with about as many parts; for "by hand", the present parts one by one."""
     from optopad.studio.moves import placed_singles
 
     emitters, walls = _count(design, "emitter"), _walls(design)
@@ -163,7 +163,7 @@ def pattern_of(design: SensorDesign) -> str:
 
 
 def _disc_ring(design: SensorDesign) -> dict[str, Any]:
-    """As many emitters as there are, or receivers where these are more, from the first emitter's direction on."""
+    """A disc ring with the larger of the two numbers of parts, starting in the first emitter's direction."""
     count = max(_count(design, "emitter"), _count(design, "receiver"))
     places = expand(design.layout, design.cavity)
     first = next((one.angle_deg for one in places if one.kind == "emitter"), None) or 0.0
@@ -171,7 +171,7 @@ def _disc_ring(design: SensorDesign) -> dict[str, Any]:
 
 
 def _walls(design: SensorDesign) -> dict[str, float]:
-    """The straight walls that parts share: name and length [mm]."""
+    """The straight walls that parts can share: name and length [mm]."""
     return {line.name: line.length_mm for line in plan_of(design).walls}
 
 
@@ -183,7 +183,7 @@ def _count(design: SensorDesign, kind: str | None = None) -> int:
 def _numbers(design: SensorDesign) -> Iterator[EditableField]:
     document = design.model_dump(mode="json")
     for group, path, label, step, tells in _FIXED:
-        if not is_value(document, path):  # of another outline, or of no crown
+        if not is_value(document, path):  # of another outline, or without a crown
             continue
         if path == "gain.target_counts" and not isinstance(design.gain.feedback_ohm, str):
             continue
@@ -345,7 +345,7 @@ def _first_angle(at: str, value: float) -> EditableField:
 
 
 def _pitch(at: str, given_mm: float | None, even_mm: float) -> EditableField:
-    """The pitch, or what it is where none is given."""
+    """The field of the pitch, with the even pitch as value if none is given."""
     value = round(even_mm, 3) if given_mm is None else given_mm
     return _along(at, "pitch_mm", "pitch", value, "Distance between neighbours.")
 
@@ -367,9 +367,9 @@ def _along(at: str, name: str, label: str, value: float, tells: str) -> Editable
 
 
 def limits_of(path: str) -> tuple[float | None, float | None]:
-    """Least and largest value that the specification takes at a path without list items; None: open.
+    """Least and largest value that the specification allows at a path without list items; None: no limit.
 
-    An open end ("above 0") is given as the limit itself.
+    An exclusive limit ("above 0") is given as the limit itself.
     """
     schema = _schema()
     found = schema

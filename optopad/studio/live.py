@@ -1,17 +1,17 @@
-"""The built sensor as the studio sees it: a thread reads it through the driver, and the newest snapshot waits.
+"""The manufactured sensor in the studio: a thread reads it through the driver and keeps the newest snapshot.
 
     with LiveSensor(design, port=None, model=None, bundles=Path("outputs")) as live:
         live.start()
         view = live.latest()
 
-The driver's own thread empties the port into its queue; the thread here takes frames from there and makes a frozen
-snapshot. Whoever draws takes a reference to it, so that drawing never holds up reading. Nothing here simulates: the
-expected pattern of the untouched pad comes from the bundle, or from the owner by `set_expected`.
+The driver's own thread empties the port into its queue; the thread here takes frames from there and makes an immutable
+snapshot. The drawing code takes a reference to it, so drawing never delays reading. Nothing is simulated here: the
+expected pattern of the untouched pad comes from the bundle, or is set with `set_expected`.
 
-Leave the pad alone for the first 1.5 s after every connection: baseline, check of the wiring and the model's levels
-are taken then. A press at that time is taken for the untouched pad until `rebase`.
+Do not touch the pad for the first 1.5 s after every connection: baseline, check of the wiring and the model's levels
+are measured then. A press at that time counts as the untouched pad until `rebase`.
 
-A simulated board as a process of its own, for want of a real one: `optopad driver fake`, which ends with us.
+A simulated board can replace a real one. It is a process of `optopad driver fake`, which ends with this one.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ from optopad.work import started
 STARTING_BOARD = "starting the simulated board"
 
 GENTLE_S = 1.0
-"""How long it may take to end before it is killed."""
+"""Time for it to end before it is killed."""
 
 BOARD_PROGRAM = """
 import os, signal, threading
@@ -60,7 +60,7 @@ threading.Thread(target=follow, daemon=True).start()
 from optopad.cli import main
 main()
 """
-"""`optopad`, which ends when the other end of its standard input does, however that came about."""
+"""The program `optopad`, which ends when the other end of its standard input ends, for whatever reason."""
 
 
 class BoardProcess:
@@ -68,7 +68,7 @@ class BoardProcess:
 
     Parameters
     ----------
-    say : is told how far it is
+    say : called with the progress
     """
 
     def __init__(self, design: SensorDesign, bundles: Path, seed: int, say: Callable[[str], None]) -> None:
@@ -84,16 +84,16 @@ class BoardProcess:
 
     @property
     def has_ended(self) -> bool:
-        """Whether it ended, although nobody asked it to."""
+        """Whether it ended without a request."""
         return self._process is not None and self._process.poll() is not None
 
     def port(self) -> str:
-        """Name of its port; it is started where it does not run.
+        """Name of its port; it is started if it does not run.
 
         Raises
         ------
-        DeviceError : closed meanwhile.
-        InputError : it ended before it had a port, and its own words why.
+        DeviceError : it was closed meanwhile.
+        InputError : it ended before it had a port; the message contains its own message.
         """
         if self._process is not None and not self.has_ended:
             return self._port
@@ -114,14 +114,14 @@ class BoardProcess:
         )
 
     def end(self) -> None:
-        """End it, by force where it does not listen; it is not started again."""
+        """End it, by force if it does not react; it is not started again."""
         with self._lock:
             self._is_closed = True
         if self._process is not None:
             _end(self._process)
 
     def tidy(self) -> None:
-        """Close its pipes and remove its folder, when nobody listens to it any more; twice is once."""
+        """Close its pipes and remove its folder, once nobody reads from it; a second call has no effect."""
         if self._process is not None:
             _close_pipes(self._process)
         self._folder.cleanup()
@@ -155,17 +155,17 @@ def _close_pipes(process: subprocess.Popen[str]) -> None:
 
 
 FAKE = "fake"
-"""The port's name that asks for a simulated board."""
+"""Name of the port that requests a simulated board."""
 
 START_S, START_FRAMES = 0.8, 5
-"""Of the untouched pad, for baseline and check; with a model its own levels are taken after that."""
+"""Time and frames of the untouched pad for baseline and check; a model's own levels are measured after that."""
 
 POLL_S = 0.2
 SILENCE_S = 1.0
-"""Without a frame for so long, and three frames long, the sensor is said to be silent."""
+"""The sensor is reported as silent after this time without a frame, and at least three frame times."""
 
 OPEN_AGAIN_S = 10.0
-"""The driver looks for a port that went away by itself; after so long without a frame it is opened anew."""
+"""The driver looks for a lost port by itself; after this time without a frame the port is opened anew."""
 
 TRY_EVERY_S = 2.0
 SHOW_EVERY_S = 0.01
@@ -174,22 +174,22 @@ CLOSE_S = 2.0
 
 @dataclass(frozen=True, kw_only=True)
 class LiveView:
-    """What is known of the sensor now. Numbers of a sensor that went away stay.
+    """Present state of the sensor. The numbers of a disconnected sensor are kept.
 
     Attributes
     ----------
     status : one sentence for people
-    is_reading : whether frames come
-    frames, lost, damaged, reconnects : on the line since `start`, see `LinkCounts`
-    view_lost : frames that the driver received and that were never handed on here, by the sequence numbers
+    is_reading : whether frames arrive
+    frames, lost, damaged, reconnects : counts of the line since `start`, see `LinkCounts`
+    view_lost : frames that the driver received but did not hand on to this class, by their sequence numbers
     rate_hz : frames a second by the board's clock; None before two frames
-    signals : (emitter, receiver) less the dark state's [counts]; None before the first frame
+    signals : (emitter, receiver) minus the dark state's [counts]; None before the first frame
     baseline : (emitter, receiver) signals of the untouched pad, 0.8 s after the first frame [counts]
-    normalised : (emitter, receiver) signals over the baseline; NaN where that is below 4 counts [-]
-    saturated : (emitter, receiver) whether lit or dark reading is at full scale
-    expected : (emitter, receiver) untouched by simulation [counts]; None where that is not known
-    touch : what the model says of the newest frame; None without a model
-    problems : what the check of the wiring found, errors first; empty before it, too
+    normalised : (emitter, receiver) signals over the baseline; NaN where the baseline is below 4 counts [-]
+    saturated : (emitter, receiver) whether the lit or dark reading is at full scale
+    expected : (emitter, receiver) simulated without contact [counts]; None if not known
+    touch : the model's estimate from the newest frame; None without a model
+    problems : findings of the check of the wiring, errors first; also empty before the check
     """
 
     status: str
@@ -214,17 +214,17 @@ class LiveSensor:
 
     Parameters
     ----------
-    design : the sensor's
+    design : design of the sensor
     port : name of the port; None finds the board by its USB identity; "fake" starts a simulated one
     model : file of a trained model of this design; None shows no touch
-    bundles : folder that holds the bundles; the design's gives the expected pattern where it is there
-    seed : of the simulated board
-    accept_digest : first 8 digits or more of a foreign design's digest that is accepted none the less
-    patience_s : longest wait for the board when its port is opened [s]; None as `Sensor`
+    bundles : folder of the bundles; the design's bundle provides the expected pattern if it exists
+    seed : seed of the simulated board
+    accept_digest : first 8 or more digits of another design's digest that is accepted nevertheless
+    patience_s : longest wait for the board when its port is opened [s]; None: the default of `Sensor`
 
     Raises
     ------
-    InputError, DesignError : a model of another design, or damaged; digits that name no design.
+    InputError, DesignError : a model of another design, a damaged model, or digits that match no design.
     """
 
     def __init__(
@@ -273,29 +273,29 @@ class LiveSensor:
         self.close()
 
     def start(self) -> None:
-        """Begin to read; once."""
+        """Begin to read; call it once."""
         self._say("looking for the board" if self._board is None else STARTING_BOARD)
         self._thread.start()
 
     def latest(self) -> LiveView | None:
-        """The newest snapshot, at once; None before `start`."""
+        """The newest snapshot, without waiting; None before `start`."""
         return self._view
 
     @property
     def expected(self) -> FloatArray | None:
-        """(emitter, receiver) untouched by simulation [counts]; None where the bundle has none and none was set."""
+        """(emitter, receiver) simulated without contact [counts]; None if neither in the bundle nor set."""
         return self._expected
 
     def set_expected(self, counts: ArrayLike) -> None:
-        """Say what the untouched pad should read; the wiring is checked against it.
+        """Set the expected readings of the untouched pad; the wiring is checked against them.
 
         Parameters
         ----------
-        counts : (emitter, receiver), as of `SimulatedGain.untouched_readings` [counts]
+        counts : (emitter, receiver), as from `SimulatedGain.untouched_readings` [counts]
 
         Raises
         ------
-        InputError : another shape, or no numbers.
+        InputError : a wrong shape, or no numbers.
         """
         given = np.array(counts, dtype=np.float64)
         needed = len(self._said.emitters.names), len(self._said.receivers.names)
@@ -308,24 +308,24 @@ class LiveSensor:
         self._is_to_check = True
 
     def rebase(self) -> None:
-        """Take baseline, check and the model's levels anew: leave the pad alone for the next 1.5 s."""
+        """Measure baseline, check and the model's levels again; do not touch the pad for the next 1.5 s."""
         self._rebase.set()
 
     def close(self) -> None:
-        """End thread, sensor and simulated board; twice is once.
+        """End thread, sensor and simulated board; a second call has no effect.
 
-        A port that is silent while it is greeted is closed when the greeting's time is over, up to `patience_s` later.
+        A port that does not respond to the greeting is closed when the time for it is over, up to `patience_s` later.
         """
         self._over.set()
         if self._board is not None:
-            self._board.end()  # first: the thread may wait for its words
+            self._board.end()  # first: the thread may wait for its output
         if self._thread.is_alive():
             self._thread.join(CLOSE_S)
         if self._board is not None:
             self._board.tidy()
 
     def _say(self, status: str) -> None:
-        """Change the status alone: the numbers stay."""
+        """Change the status only: the numbers are kept."""
         shown = self._view or LiveView(status=status, expected=self._expected)
         self._view = replace(shown, status=status, is_reading=False)
 
@@ -335,17 +335,17 @@ class LiveSensor:
                 self._read()
             except DeviceError as err:
                 self._reason = str(err)
-            except InputError as err:  # no simulated board, and trying again gives no other
+            except InputError as err:  # no simulated board, and another attempt gives none either
                 self._say(str(err))
                 return
-            except Exception as err:  # our own fault is told and raised: no old number may pass for a new one
+            except Exception as err:  # our own fault is shown and raised: old numbers must not pass for new
                 self._say(f"reading has ended: {type(err).__name__}: {err}; this is optopad's own failure")
                 raise
             self._say_silent()
             self._over.wait(TRY_EVERY_S)
 
     def _read(self) -> None:
-        """Open the sensor and read it until it is over, or has been silent for long."""
+        """Open the sensor and read it until `close`, or until it has been silent for long."""
         port = self._port if self._board is None else self._board.port()
         opened = Sensor(
             self._config,
@@ -372,11 +372,11 @@ class LiveSensor:
         return has_ended or self._silent_s() > max(OPEN_AGAIN_S, self._silence_s)
 
     def _silent_s(self) -> float:
-        """How long the open sensor has been silent [s]."""
+        """Time since the open sensor last sent a frame [s]."""
         return time.monotonic() - max(self._heard_s or 0.0, self._opened_s)
 
     def _take(self, sensor: Sensor) -> None:
-        """What comes within a fifth of a second; a word where nothing came for long."""
+        """Process the frames of a fifth of a second; report a long silence."""
         if self._rebase.is_set():
             self._rebase.clear()
             self._begin_anew()
@@ -385,7 +385,7 @@ class LiveSensor:
             for frame, touch in self._arriving(sensor):
                 self._heard_s, self._reason = time.monotonic(), ""
                 self._follow(sensor, frame, touch)
-        except DeviceError as err:  # the driver's thread goes on looking for the board
+        except DeviceError as err:  # the driver's thread continues to look for the board
             self._reason = str(err)
             self._over.wait(POLL_S)
         if self._silent_s() > self._silence_s:
@@ -410,12 +410,12 @@ class LiveSensor:
             self._view = self._snapshot(sensor, frame, touch)
 
     def _begin_anew(self) -> None:
-        """The pad is untouched from now on for a while: what is measured then is measured again."""
+        """Discard the measurements of the untouched pad; it is measured again from now on."""
         self._connection, self._start, self._reader = None, [], None
         self._is_settled = self._is_to_check = False
 
     def _settle(self, sensor: Sensor) -> None:
-        """Baseline, check and the model's levels, as soon as there is enough for them."""
+        """Measure baseline, check and the model's levels as soon as there are enough frames."""
         if not self._is_settled and _is_enough(self._start):
             self._baseline = np.mean([frame.signals for frame in self._start], axis=0)
             self._is_settled = self._is_to_check = True
@@ -463,27 +463,27 @@ class LiveSensor:
         self._say(f"no frames for {silent_s:.0f} s: is the cable in? trying again{reason}")
 
     def _counts(self, sensor: Sensor) -> LinkCounts:
-        """Since `start`, over all the times that the sensor was opened."""
+        """Counts since `start`, over all connections."""
         now, past = sensor.counts, self._past
         names = type(now).__dataclass_fields__
         return LinkCounts(**{name: getattr(past, name) + getattr(now, name) for name in names})
 
 
 class _Passed:
-    """Frames that were handed on, and how many never were: gaps of the sequence that the line did not make."""
+    """Counter of frames that were never handed on: gaps of the sequence that were not caused by the line."""
 
     def __init__(self) -> None:
         self.missed = 0
         self._last: Frame | None = None
 
     def take(self, frame: Frame) -> None:
-        """The next one."""
+        """Count the next frame."""
         last, self._last = self._last, frame
         if last is not None and last.connection == frame.connection:
             self.missed += max(frame.sequence - last.sequence - 1 - frame.lost_before, 0)
 
     def skip(self) -> None:
-        """Others are handed on elsewhere before the next one."""
+        """Ignore the gap before the next frame; other code takes the frames in between."""
         self._last = None
 
 

@@ -1,11 +1,11 @@
-"""A part dragged by hand: what of the design that changes.
+"""A part dragged by hand: the resulting changes of the design.
 
-Along its wall a part of a pattern leaves the pattern, whose parts then stand one by one where they stood; their names
-and order stay. With its whole row, the pattern's pitch or shift changes. In height a part takes all of its kind with
-it, unless it has a height of its own.
+A part of a pattern that is moved along its wall leaves the pattern, whose parts then become single ones at the same
+positions; their names and order remain. If the whole row moves, the pattern's pitch or shift changes. A change of
+height applies to all parts of a kind, unless the part has its own height.
 
-In a round wall a part goes by its direction from the centre: out of a ring, whose parts then have an angle each, or
-with the whole ring. Parts that were given by angles share their height with the others of their entry.
+In a round wall the direction from the centre changes: either the part leaves its ring, whose parts then have an angle
+each, or the whole ring rotates. Parts that were given by angles share their height with the others of their entry.
 """
 
 from __future__ import annotations
@@ -20,9 +20,9 @@ from design.spec import SensorDesign
 from design.spec.layout import AtAngles, DiscRing, FacingRows, PerSide, Ring, Single, expand
 
 STEP_MM = 0.05
-"""What a dragged place is rounded to [mm]: finer than any mold is printed."""
+"""Grid of a dragged position [mm]; it is finer than the print of any mold."""
 STEP_DEG = 0.1
-"""The same of a direction [degrees]: 0.05 mm on a disc of 57 mm."""
+"""Grid of a dragged direction [degrees]: 0.05 mm on a disc of 57 mm."""
 LEAST_MM = 0.01
 
 
@@ -49,23 +49,23 @@ def moved(
     height_mm: float | None = None,
     with_row: bool = False,
 ) -> dict[str, Any]:
-    """Changes that bring a part to a place on its wall.
+    """Changes that move a part to a position on its wall.
 
     Parameters
     ----------
-    along_mm : in a straight wall, from its low end [mm]; None: as it is
-    angle_deg : in a round wall, direction from its centre [degrees]; None: as it is
-    height_mm : above the clear layer's bottom [mm]; None: as it is
-    with_row : move the whole row of its pattern along, too
+    along_mm : in a straight wall, from its low end [mm]; None: unchanged
+    angle_deg : in a round wall, direction from its centre [degrees]; None: unchanged
+    height_mm : above the clear layer's bottom [mm]; None: unchanged
+    with_row : move the whole row of its pattern, too
 
     Returns
     -------
-    dotted path and value; empty where nothing moves
+    dotted path and value; empty if nothing moves
 
     Raises
     ------
-    InputError : no such part, a place that is no number, or of the other kind of wall.
-    DesignError : a place that the layout does not take.
+    InputError : no such part, a position that is not a number, or one of the other kind of wall.
+    DesignError : a position that the layout does not allow.
     """
     part = part_named(design, name)
     if part.angle_deg is not None and along_mm is not None:
@@ -86,9 +86,9 @@ def moved(
 
 
 def placed_singles(design: SensorDesign, numbers: Iterable[int]) -> list[dict[str, Any]]:
-    """The layout with some of its patterns taken apart into parts by themselves at the same places.
+    """The layout with some of its patterns resolved into single parts at the same positions.
 
-    In straight walls one entry a part; of a ring one of each kind, with an angle a part.
+    Straight walls get one entry per part; a ring gets one entry per kind, with an angle per part.
     """
     document = design.model_dump(mode="json")["layout"]
     apart = set(numbers)
@@ -126,7 +126,7 @@ def _angles_of(design: SensorDesign, number: int) -> list[dict[str, Any]]:
 
 
 def _turned(design: SensorDesign, part: PlacedPart, angle_deg: float, *, with_row: bool) -> dict[str, Any]:
-    """A part of a round wall, or its whole pattern, in another direction."""
+    """Changes that move a part of a round wall, or its whole pattern, to another direction."""
     if not math.isfinite(angle_deg):
         raise InputError(f"{part.name}: angle_deg: {angle_deg} is refused: must be a finite number")
     turn = _around(angle_deg - (part.angle_deg or 0.0))
@@ -197,7 +197,7 @@ def _rank(design: SensorDesign, part: PlacedPart) -> int:
 
 
 def _row_moved(design: SensorDesign, part: PlacedPart, along_mm: float) -> dict[str, Any]:
-    """A shifted row where the pattern has a shift, else a wider or narrower one."""
+    """Changes of the shift of a row if the pattern has one, or else of its pitch."""
     pattern = design.layout[int(part.origin.split(".")[1])]
     if isinstance(pattern, PerSide):
         return {f"{part.origin}.shift_mm": _plain(pattern.shift_mm + along_mm - part.along_mm)}
@@ -221,7 +221,7 @@ def _on_wall(design: SensorDesign, part: PlacedPart) -> int:
 
 
 def _at_height(part: PlacedPart, height_mm: float, others: dict[str, Any]) -> dict[str, Any]:
-    """A height of its own stays its own, also where the part has just left its pattern."""
+    """Changes of a part's own height, also if the part has just left its pattern, or of its kind's height."""
     field = part.height_field
     if "layout" in others and field.startswith("layout."):
         others["layout"][int(part.origin.split(".")[1])]["height_mm"] = height_mm
@@ -230,7 +230,7 @@ def _at_height(part: PlacedPart, height_mm: float, others: dict[str, Any]) -> di
 
 
 def _place(wanted_mm: float | None, is_mm: float, what: str) -> float | None:
-    """The place on the grid of `STEP_MM`; None where nothing is wanted, or no more than where it stands."""
+    """The position on the grid of `STEP_MM`; None if no move was requested or it rounds to zero."""
     if wanted_mm is None:
         return None
     if not math.isfinite(wanted_mm):

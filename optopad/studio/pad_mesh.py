@@ -1,9 +1,9 @@
 """The untouched pad as meshes for a picture: its outline in plan, walls, layers and top; lengths in mm.
 
-The outline is a polygon with the plan's corners among its own; under a crown straight walls are divided, so that their
-upper edge follows it.
+The outline is a polygon that contains the plan's corners; under a crown straight walls are divided, so that their upper
+edge follows it.
 
-A mesh cut open along a plane, for a look inside.
+A mesh cut open along a plane, to show its inside.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from design.shape.cavity import Plan, edge_mm
 
 
 def cut_open(points_mm: FloatArray, triangles: IntArray, y_mm: float) -> tuple[FloatArray, IntArray]:
-    """The part of a surface with y above a value, triangles across it cut there; the cut stays open.
+    """The part of a surface with y above a value; triangles across this plane are cut, and the cut remains open.
 
     Parameters
     ----------
@@ -47,13 +47,13 @@ def cut_open(points_mm: FloatArray, triangles: IntArray, y_mm: float) -> tuple[F
 
 
 def _turned(triangles: IntArray, marked: BoolArray) -> IntArray:
-    """Triangles with their one marked corner first, the sense of rotation kept."""
+    """Triangles that start with their one marked corner, with the same sense of rotation."""
     first = marked.argmax(axis=1)[:, None]
     return np.take_along_axis(triangles, (first + np.arange(3)) % 3, axis=1)
 
 
 def _crossing(points: FloatArray, height: FloatArray, start: IntArray, end: IntArray) -> FloatArray:
-    """Where edges cross the plane."""
+    """Points where edges cross the plane."""
     share = (height[start] / (height[start] - height[end]))[:, None]
     return np.asarray(points[start] + share * (points[end] - points[start]), dtype=np.float64)
 
@@ -61,7 +61,7 @@ def _crossing(points: FloatArray, height: FloatArray, start: IntArray, end: IntA
 RINGS = 14
 """Rings from the middle of a crown to its edge."""
 LOOKS = 400
-"""Heights at which a ray is compared with a crown."""
+"""Number of heights at which a ray is compared with a crown."""
 
 
 def outline_mm(plan: Plan) -> FloatArray:
@@ -70,7 +70,7 @@ def outline_mm(plan: Plan) -> FloatArray:
 
 
 def top_mm(plan: Plan, x_mm: FloatArray, y_mm: FloatArray) -> FloatArray:
-    """(...,) height of the untouched top at (...,) places [mm]; 0 where a crown that is too tight has none."""
+    """(...,) height of the untouched top at (...,) locations [mm]; 0 where a too tight crown has none."""
     return np.nan_to_num(plan.top.height_mm(x_mm, y_mm), nan=0.0)
 
 
@@ -112,7 +112,7 @@ def ring_triangles(rings: int, spokes: int) -> IntArray:
 
 
 def struck_place(plan: Plan, eye_mm: FloatArray, way: FloatArray) -> tuple[float, float] | None:
-    """Where a ray from above first lies under the untouched top (x, y) [mm]; None where it misses the pad.
+    """Location (x, y) where a ray from above first meets the untouched top [mm]; None if it misses the pad.
 
     Parameters
     ----------

@@ -1,9 +1,9 @@
-"""What is on the table: the design under edit with its history, the press, pinned designs, and what was said last.
+"""State of the studio: the edited design with its history, the press, pinned designs, and the last message.
 
-    edit ──► fields refuse it: nothing changes, the refusal is said
-        └──► a new version; rules that it breaks are findings: shown in red, not judged, not saved
+    edit ──► refused by the fields: nothing changes, a message says why
+        └──► a new version; broken rules are findings: shown in red, not judged, not saved
 
-Every change is told to the listener, in the thread that made it. No browser, no physics.
+Every change is reported to the listeners, in the thread that made it. No browser, no physics.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from optopad.studio.editable_fields import changes_of
 from optopad.studio.moves import moved, part_named
 
 MERGE_S = 1.5
-"""Edits of one thing that follow each other so soon are one step of the history [s]."""
+"""Edits of one field that follow each other within this time are one step of the history [s]."""
 MOST_VERSIONS = 500
 
 
@@ -37,9 +37,9 @@ class Version:
 
     Attributes
     ----------
-    design : as it is after the step
-    findings : what the rules say of it
-    words : what was changed
+    design : the design after the step
+    findings : findings of the design rules
+    words : description of the change
     """
 
     design: SensorDesign
@@ -48,13 +48,13 @@ class Version:
 
     @property
     def errors(self) -> tuple[Finding, ...]:
-        """What keeps it from being built, judged and saved."""
+        """Findings that prevent fabrication, a verdict and saving."""
         return tuple(one for one in self.findings if one.severity == "error")
 
 
 @dataclass(frozen=True, kw_only=True)
 class Press:
-    """Where the tip is: x, y in the cavity frame and depth [mm]."""
+    """Location of the tip, x and y in the cavity frame, and depth [mm]."""
 
     x_mm: float
     y_mm: float
@@ -68,19 +68,19 @@ class Press:
 
 @dataclass(frozen=True, kw_only=True)
 class Said:
-    """A sentence for the user; whether it is bad news."""
+    """A message for the user, and whether it is a problem."""
 
     text: str
     is_bad: bool = False
 
 
 class Session:
-    """The design on the table. Safe to be used by several threads.
+    """The present design with its history. Safe for use by several threads.
 
     Parameters
     ----------
-    file : what is edited
-    start : the design to begin with, where it differs from the file's (`--set`)
+    file : the edited file
+    start : the initial design, if it differs from the file's (`--set`)
 
     Raises
     ------
@@ -104,36 +104,36 @@ class Session:
 
     @property
     def now(self) -> Version:
-        """The design on the table."""
+        """The present version."""
         return self._done[-1]
 
     @property
     def design(self) -> SensorDesign:
-        """The design on the table."""
+        """The present design."""
         return self.now.design
 
     @property
     def is_saved(self) -> bool:
-        """Whether the file holds it."""
+        """Whether the file contains the present design."""
         is_there = self.file.path is not None and self.file.is_in_step
         return is_there and self.design.digest == self.file.saved.digest
 
     @property
     def can_undo(self) -> bool:
-        """Whether there is a step to take back."""
+        """Whether there is a step to undo."""
         return len(self._done) > 1
 
     @property
     def can_redo(self) -> bool:
-        """Whether there is a step to take again."""
+        """Whether there is a step to redo."""
         return bool(self._undone)
 
     def listen(self, call: Callable[[], None]) -> None:
-        """Have something called after every change."""
+        """Register a function to call after every change."""
         self._listeners.append(call)
 
     def set_field(self, path: str, value: Any) -> bool:
-        """Give one field a value; False where it was refused, which is then said."""
+        """Give one field a value; False if it was refused, which a message then reports."""
         return self._edit(lambda: changes_of(self.design, path, value), merge=path)
 
     def move_part(
@@ -145,8 +145,8 @@ class Session:
         height_mm: float | None = None,
         with_row: bool = False,
     ) -> bool:
-        """Bring a part to a place on its wall, on a disc by its direction; False where it was refused, which is then
-        said.
+        """Move a part to a position on its wall, or to a direction on a disc; False if it was refused, which a message
+        then reports.
         """
         where = {"along_mm": along_mm, "angle_deg": angle_deg, "height_mm": height_mm}
         return self._edit(
@@ -156,7 +156,7 @@ class Session:
         )
 
     def take(self, design: SensorDesign, words: str) -> None:
-        """Put another design on the table, as a step of the history; the same one is no step.
+        """Make another design the present one, as a step of the history; the same design is no step.
 
         Raises
         ------
@@ -168,7 +168,7 @@ class Session:
             self._say(words)
 
     def undo(self) -> None:
-        """Take the last step back."""
+        """Undo the last step."""
         with self._lock:
             if self.can_undo:
                 last = self._done.pop()
@@ -177,7 +177,7 @@ class Session:
                 self._say(f"undone: {last.words}")
 
     def redo(self) -> None:
-        """Take the step again that was taken back last."""
+        """Redo the step that was undone last."""
         with self._lock:
             if self.can_redo:
                 again = self._undone.pop()
@@ -188,7 +188,7 @@ class Session:
     def move_tip(
         self, *, x_mm: float | None = None, y_mm: float | None = None, depth_mm: float | None = None
     ) -> None:
-        """Press elsewhere or deeper; kept within the workspace and the range of use."""
+        """Move the press, within the workspace and the range of use."""
         with self._lock:
             now = self.press
             self.press = self._within(
@@ -202,7 +202,7 @@ class Session:
                 self._tell()
 
     def save(self, target: str | None = None) -> bool:
-        """Write the design; False where that was refused, which is then said."""
+        """Write the design; False if that was refused, which a message then reports."""
         with self._lock:
             if self.now.errors:
                 more = f" (and {len(self.now.errors) - 1} more)" if len(self.now.errors) > 1 else ""
@@ -217,7 +217,7 @@ class Session:
             return True
 
     def look_at_file(self) -> None:
-        """Take up what an editor made of the file; what is no design is said, and the edits stay."""
+        """Load an external change of the file; an unusable file is reported, and the edits remain."""
         with self._lock:
             was_in_step = self.file.is_in_step
             try:
@@ -235,20 +235,20 @@ class Session:
                 self._say(f"{self.file.path} is readable again")
 
     def pin(self) -> None:
-        """Keep the design to compare others with."""
+        """Pin the design for comparison."""
         with self._lock:
             if all(one.design.digest != self.design.digest for one in self.pinned):
                 self.pinned = (*self.pinned, self.now)[-4:]
                 self._say(f"pinned: {self.design.digest[:8]}")
 
     def unpin(self, digest: str) -> None:
-        """Drop a pinned design."""
+        """Remove a pinned design."""
         with self._lock:
             self.pinned = tuple(one for one in self.pinned if one.design.digest != digest)
             self._tell()
 
     def say(self, text: str, *, is_bad: bool = False) -> None:
-        """Tell the user something."""
+        """Show a message to the user."""
         with self._lock:
             self._say(text, is_bad=is_bad)
 
@@ -281,13 +281,13 @@ class Session:
         return bool(merge) and key == merge and time.monotonic() - at < MERGE_S and len(self._done) > 1
 
     def _before(self, merge: str) -> SensorDesign:
-        """What the step of an edit begins with."""
+        """The design before the step that an edit belongs to."""
         return self._done[-2].design if self._is_going_on(merge) else self.design
 
     def _push(self, version: Version, merge: str) -> None:
         if not self._is_going_on(merge):
             self._done = [*self._done, version][-MOST_VERSIONS:]
-        elif version.design.digest == self._done[-2].design.digest:  # back where the step began
+        elif version.design.digest == self._done[-2].design.digest:  # the same design as before the step
             self._done, merge = self._done[:-1], ""
         else:
             self._done[-1] = version
@@ -300,7 +300,7 @@ class Session:
         self.press = self._within(self.press)
 
     def _within(self, wanted: Press) -> Press:
-        """The nearest press of the workspace; of a pad that has none, the nearest in the pad."""
+        """The nearest press in the workspace; if the pad has none, the nearest press in the pad."""
         size, space = self.design.cavity, workspace_of(self.design)
         if space.is_empty:
             space = space.in_box((0.0, 0.0, size.length_mm, size.width_mm))
@@ -318,7 +318,7 @@ class Session:
 
 
 def _version(design: SensorDesign, words: str) -> Version:
-    """A step of the history; a design with a part that no catalogue has could not be drawn and is refused."""
+    """A step of the history; a design with an unknown part could not be drawn and is refused."""
     try:
         cavity_of(design)
         findings = check(design)
@@ -328,7 +328,7 @@ def _version(design: SensorDesign, words: str) -> Version:
 
 
 def _words(design: SensorDesign, wanted: dict[str, Any]) -> str:
-    """What changes, for the history."""
+    """The changes in words, for the history."""
     if "layout" in wanted:
         return "parts moved"
     document = design.model_dump(mode="json")
@@ -341,7 +341,7 @@ def _words(design: SensorDesign, wanted: dict[str, Any]) -> str:
 
 
 def _place_words(design: SensorDesign, name: str) -> str:
-    """Where a part sits."""
+    """The position of a part in words."""
     part = part_named(design, name)
     if part.angle_deg is not None:
         return f"{name}: at {part.angle_deg:g}°, {part.height_mm:g} mm high"
@@ -349,11 +349,11 @@ def _place_words(design: SensorDesign, name: str) -> str:
 
 
 def _hundredth(wanted_mm: float | None, is_mm: float) -> float:
-    """A place to a hundredth [mm]; as it is where none is wanted, or no number."""
+    """A position to a hundredth [mm]; the present one if none is requested, or no number."""
     return is_mm if wanted_mm is None or not math.isfinite(wanted_mm) else round(wanted_mm, 2)
 
 
 def _first_fault(err: Exception) -> str:
-    """A message's first finding, without the line over a list of them."""
+    """A message's first finding, without the heading of a list of findings."""
     lines = [line.strip() for line in str(err).splitlines() if line.strip()]
     return lines[1] if len(lines) > 1 and lines[0].endswith("not a usable design") else lines[0]

@@ -1,6 +1,6 @@
-"""The pressed top as a mesh for a picture: rings around the press axis, drawn out to the pad's own outline.
+"""The pressed top as a mesh for a picture: rings around the press axis, extended to the pad's own outline.
 
-On a crown the rings lie on the untouched top, each point raised along the normal of the place that is pressed, by the
+On a crown the rings are on the untouched top, and each point is raised along the normal at the press location by the
 press's height at its distance from the axis.
 """
 
@@ -18,15 +18,15 @@ from sims.contact.pad_surface import PadSurface, curve_height_mm, pad_surface
 
 SPOKES, RINGS = 72, 28
 BORDER_STEPS = 6
-"""Steps that bring a raised point of the border back into its wall, each some ten times nearer."""
+"""Steps that return a raised border point into its wall; each reduces the distance about tenfold."""
 REST_MM = 0.5
-"""Nodes of the smooth rest of the height: straight between them it is off by 0.01 mm at most, near the contact."""
+"""Node spacing of the smooth part of the height: linear interpolation errs by 0.01 mm at most, near the contact."""
 
 
 def pressed_top(
     design: SensorDesign, place_mm: tuple[float, float], depth_mm: float
 ) -> tuple[FloatArray, IntArray, PadSurface | None]:
-    """Points (n, 3) [mm] and triangles (m, 3) of the top in the cavity frame, and the surface; None where untouched.
+    """Points (n, 3) [mm] and triangles (m, 3) of the top in the cavity frame, and the surface; None without contact.
 
     Raises
     ------
@@ -51,7 +51,7 @@ def pressed_top(
 
 
 def _pressed_crown(plan: Plan, surface: PadSurface, points: FloatArray, is_border: BoolArray) -> FloatArray:
-    """(n, 3) the pressed top over points (n, 3) of the untouched one; border points stay in their walls [mm]."""
+    """(n, 3) the pressed top over points (n, 3) of the untouched one; border points remain in their walls [mm]."""
     normal = np.array(plan.normal(*surface.at_mm))
     foot = np.array([*surface.at_mm, plan.top_mm(*surface.at_mm)])
 
@@ -70,7 +70,7 @@ def _pressed_crown(plan: Plan, surface: PadSurface, points: FloatArray, is_borde
 
 
 def _height(surface: PadSurface, radius: FloatArray, x_mm: FloatArray, y_mm: FloatArray) -> FloatArray:
-    """The curve around the axis, and outside the contact the smooth rest between its own nodes."""
+    """The curve around the axis and, outside the contact, the smooth rest, interpolated between its own nodes."""
     near = curve_height_mm(surface.near, radius)
     lines = [np.linspace(0.0, size, math.ceil(size / REST_MM) + 1) for size in surface.size_mm]
     rest = surface.beside_mm(*lines)
@@ -89,7 +89,7 @@ def _height(surface: PadSurface, radius: FloatArray, x_mm: FloatArray, y_mm: Flo
 
 
 def _angles(outline: FloatArray, place_mm: tuple[float, float]) -> FloatArray:
-    """Even angles, with those of the outline's corners among them."""
+    """Even angles, together with the angles of the outline's corners."""
     corners = np.arctan2(outline[:, 1] - place_mm[1], outline[:, 0] - place_mm[0])
     even = np.linspace(-np.pi, np.pi, SPOKES, endpoint=False)
     return np.unique(np.round(np.concatenate([even, corners]), 9))
@@ -106,7 +106,7 @@ def _reach(outline: FloatArray, place_mm: tuple[float, float], angles: FloatArra
 
 
 def _radii(surface: PadSurface | None, tip_mm: float, farthest_mm: float) -> FloatArray:
-    """Rings: dense under and beside the tip, wide beyond; the last beyond every corner [mm]."""
+    """Radii of the rings: dense under and near the tip, wide beyond; the last one is beyond every corner [mm]."""
     edge = tip_mm if surface is None else max(surface.near.contact_radius_mm, 0.3 * tip_mm)
     near = np.linspace(0.0, edge, RINGS // 3)
     beside = edge + np.linspace(0.0, 2.0 * tip_mm, RINGS // 2)[1:]

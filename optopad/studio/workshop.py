@@ -1,12 +1,12 @@
-"""The work behind the page: one thread, the newest request first, older work given up as soon as it is stale.
+"""The work behind the page: one thread, the newest request first; outdated work is stopped.
 
-    pairs under the tip ──► pressed top ──► rays ──► draft map ──► draft bounds ──► score ──► tolerance, what matters
+    pairs under the tip ──► pressed top ──► rays ──► draft map ──► draft bounds ──► score ──► tolerance, sensitivity
                                                                                         ──► the same pairs, finely
 
-A request is a design, a press and whether rays are shown. Another design gives up what is under way, but for the pairs
-under the tip, which are done in a moment and keep a drag alive. Another press leaves a score under way: the new top and
-pairs are worked out in between, between two pieces of its light (`sims.optics.engine.threads.between_pieces`).
-Light that was traced once is found again on disk, so that work given up is not lost.
+A request is a design, a press and whether rays are shown. Another design stops the running work, except for the pairs
+under the tip, which take a moment and keep a drag smooth. Another press does not stop a running score: the new top and
+pairs are computed in between, between two pieces of its light (`sims.optics.engine.threads.between_pieces`).
+Traced light is found again on disk, so that stopped work is not lost.
 """
 
 from __future__ import annotations
@@ -29,21 +29,21 @@ from optopad.studio.session import Press
 Post = Callable[[Answer], None]
 TOLD_EVERY_S = 0.15
 OF_A_PRESS = ("curves", "look", "rays", "readings", "fine curves")
-"""Pieces that another press makes stale."""
+"""Pieces that another press makes outdated."""
 RAY_PAIRS = 4
 RAYS_A_PAIR = 8
 
 
 @dataclass(frozen=True, kw_only=True)
 class Request:
-    """What is to be shown.
+    """A request for results.
 
     Attributes
     ----------
-    design, press : a design that fits, and where it is pressed
-    with_rays : whether sample rays are drawn
-    with_readings : whether readings of a built sensor are wanted
-    is_thorough : whether drafts are followed by the score itself
+    design, press : a design without errors, and its press
+    with_rays : whether to compute sample rays
+    with_readings : whether to compute readings of a manufactured sensor
+    is_thorough : whether to compute the score itself after the drafts
     """
 
     design: SensorDesign
@@ -54,16 +54,16 @@ class Request:
 
 
 class _StaleError(Exception):
-    """The work under way is of a design that is no longer on the table."""
+    """The running work is for a design that is no longer the present one."""
 
 
 class Workshop:
-    """Works out answers to the newest request, on a thread of its own.
+    """Computes results for the newest request, on its own thread.
 
     Parameters
     ----------
-    post : takes every answer, on that thread; must not block
-    seed : of the light's offsets
+    post : receives every result, on that thread; must not block
+    seed : seed of the light's offsets
     """
 
     def __init__(self, post: Post, *, seed: int = 0) -> None:
@@ -83,22 +83,22 @@ class Workshop:
         self._thread = threading.Thread(target=self._run, name="studio-workshop", daemon=True)
 
     def start(self) -> None:
-        """Begin to work."""
+        """Start the work."""
         self._thread.start()
 
     def want(self, request: Request | None) -> None:
-        """Replace the request; None: there is nothing to work at."""
+        """Replace the request; None stops the work."""
         with self._changed:
             self._request = request
             self._changed.notify()
 
     @property
     def running_jobs(self) -> int:
-        """How many designs are being worked at now."""
+        """Number of designs that are being computed."""
         return self._jobs
 
     def close(self, wait_s: float = 5.0) -> None:
-        """End the work; what is under way is given up between two pieces of it."""
+        """End the work; the running computation stops between two pieces of it."""
         with self._changed:
             self._is_closing = True
             self._changed.notify()
@@ -125,7 +125,7 @@ class Workshop:
             self._changed.wait_for(lambda: self._is_closing or self._next(self._request) is not None)
 
     def _work_once(self) -> bool:
-        """Do the next piece; whether there was one."""
+        """Do the next piece; returns whether there was one."""
         request = self._request
         found = self._next(request)
         if request is None or found is None:
@@ -151,7 +151,7 @@ class Workshop:
             raise
         except OptopadError as err:
             self._give_up(request, key, str(err), is_of_all=isinstance(err, DesignError))
-        except Exception as err:  # on purpose all: the page must live on
+        except Exception as err:  # all, on purpose: the page must live on
             traceback.print_exception(err)
             self._give_up(
                 request, key, f"optopad's own failure ({type(err).__name__}: {err}); please report it"
@@ -166,7 +166,7 @@ class Workshop:
     def _give_up(
         self, request: Request, key: tuple[object, ...], text: str, *, is_of_all: bool = False
     ) -> None:
-        """Try it no more; nor else anything of this press where it was of the press, nor of a design with a fault."""
+        """Mark failed work as done: the piece, all pieces of its press, or all pieces of a faulty design."""
         keys = {one for _, one, _ in self._pieces(request)}
         if not is_of_all:
             keys = {one for one in keys if one[0] in OF_A_PRESS} if key[0] in OF_A_PRESS else {key}
@@ -184,7 +184,7 @@ class Workshop:
     def _pieces(
         self, request: Request
     ) -> list[tuple[str, tuple[object, ...], Callable[[Request], Answer | None]]]:
-        """Name, what makes it stale, and the work, in order."""
+        """Name, key of validity, and function of each piece, in order."""
         press = request.press
         pieces: list[tuple[str, tuple[object, ...], Callable[[Request], Answer | None]]] = [
             ("curves", ("curves", press.place_mm), self._curves),
@@ -203,7 +203,7 @@ class Workshop:
         return pieces
 
     def _attend(self) -> None:
-        """Between two pieces of light: give up what is stale, and serve a new press at once."""
+        """Between two pieces of light, stop outdated work, and serve a new press at once."""
         request = self._request
         if self._is_closing or request is None:
             raise _StaleError
@@ -218,7 +218,7 @@ class Workshop:
             self._serve(request)
 
     def _serve(self, request: Request) -> None:
-        """One piece of another press, in the middle of what is of the design alone."""
+        """Do one piece for another press, during a computation that depends on the design only."""
         piece = self._next(request)
         if piece is None or piece[0] not in OF_A_PRESS or piece[0] == "fine curves":
             return
@@ -226,7 +226,7 @@ class Workshop:
         try:
             self._do(*piece, request)
         except _StaleError:
-            pass  # a newer press, or no request at all: what is under way looks for itself
+            pass  # a newer press, or no request: the running work checks by itself
         finally:
             self._is_nested = False
 
@@ -235,7 +235,7 @@ class Workshop:
         self._attend()
 
     def _contact_step(self, share: float) -> None:
-        """Of a press that is solved live, which takes long: not finished for a design that is no longer wanted."""
+        """Progress of a live contact solution, which takes long; it is stopped if its design is no longer requested."""
         self._doing("contact", share)
         request = self._request
         if self._is_closing or request is None or request.design.digest != self._digest:
@@ -265,7 +265,7 @@ class Workshop:
         from sims.contact.indentation import round_press
         from sims.score.objective import curves_under
 
-        round_press(request.design, on_step=self._contact_step)  # where it is solved live
+        round_press(request.design, on_step=self._contact_step)  # only if it is solved live
         found = curves_under(request.design, request.press.place_mm, seed=self._seed)
         return Curves(digest=request.design.digest, found=found)
 
@@ -311,7 +311,7 @@ class Workshop:
         return Rays(digest=request.design.digest, press=press, rays=tuple(rays))
 
     def _readings(self, request: Request) -> Readings:
-        """The untouched pad as for `driver check`, and how much of it the press leaves of each pair."""
+        """Readings of the untouched pad as in `driver check`, and readings under the press by each pair's share."""
         from optopad.sensor.driver_view import simulated_gain
         from sims.optics.tracing import trace
 
@@ -346,7 +346,7 @@ class Workshop:
         )
 
     def _score(self, request: Request) -> Judged:
-        """As `optopad score` does it, told in two steps."""
+        """The same score as by `optopad score`, posted in two steps."""
         from sims.score.build_tolerance import with_tolerance
         from sims.score.field_steps import with_field_steps
         from sims.score.scoring import score

@@ -1,4 +1,4 @@
-// Maps over the pad, depth by depth: one quantity at a time, a slider of depth, and one place's values against depth.
+// Maps over the pad, depth by depth: one quantity at a time, a slider of depth, and a location's values against depth.
 (() => {
 "use strict";
 const box = document.getElementById("maps-view"), source = document.getElementById("maps-data");
@@ -28,7 +28,7 @@ function colourOf(share) {
   const stops = current.colours.map(parsed), at = share * (stops.length - 1), k = Math.min(stops.length - 2, Math.floor(at));
   return stops[k].map((value, n) => Math.round(value + (at - k) * (stops[k + 1][n] - value)));
 }
-// whether white stands out more on a colour than black does: relative luminance below 0.179
+// whether white contrasts more with a colour than black does: relative luminance below 0.179
 const isDeep = (colour) => colour.map((value) => value / 255).map((v) => v <= 0.04045 ? v / 12.92 : ((v + 0.055) / 1.055) ** 2.4)
   .reduce((sum, v, k) => sum + v * [0.2126, 0.7152, 0.0722][k], 0) < 0.179;
 
@@ -38,13 +38,13 @@ function words(value) {
   if (current.names) return current.names[value];
   return `${numberOf(value, digits)} ${unit}`;
 }
-// the ends that a value may have, where they are known
+// the limits of a value, if they are known
 function endsOf(d, p) {
   if (!current.ends || valueAt(d, p) === null) return "";
   const [low, high] = current.ends[d][p];
   return ` (${low === null ? "open" : numberOf(low, current.digits)} to ${high === null ? "open" : numberOf(high, current.digits)} ${current.endsOf})`;
 }
-// three digits that matter, and no more after the point than the quantity has
+// three significant digits, and no more decimals than the quantity has
 function numberOf(value, digits) {
   if (value === 0) return "0";
   return value.toFixed(Math.max(0, Math.min(digits, 2 - Math.floor(Math.log10(Math.abs(value))))));
@@ -165,7 +165,7 @@ function tell() {
   Object.assign(box.dataset, {quantity: current.key, depth: mm, place});
 }
 
-// another quantity at the depth nearest to the one that was shown
+// another quantity, at the depth nearest to the one that was shown
 function take(number, mm) {
   which = number;
   current = data.maps[which];
@@ -201,7 +201,7 @@ map.addEventListener("keydown", (event) => {
   place = nextPlace(...move);
   show();
 });
-// the nearest place ahead, no more aside than ahead; the same place where there is none
+// the nearest location ahead, no more aside than ahead; the same location if there is none
 function nextPlace(right, upward) {
   const [row, column] = data.cells[place];
   let found = place, nearest = Infinity;

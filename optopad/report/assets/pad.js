@@ -2,10 +2,10 @@
 const optopadPad = (data) => {
 "use strict";
 const SECTORS = 40;
-// sharper turns of the outline are edges [radians]
+// sharper angles of the outline are edges [radians]
 const CORNER = 0.35;
 // the outline counter-clockwise, and its walls: two ends with the heights of their top, outward normal, and whether the
-// outline has an edge where they start
+// outline has an edge at the start of the wall
 const EDGE = data.edge;
 const WALLS = EDGE.map((a, k) => {
   const b = EDGE[(k + 1) % EDGE.length], before = EDGE[(k + EDGE.length - 1) % EDGE.length];
@@ -15,7 +15,7 @@ const WALLS = EDGE.map((a, k) => {
 });
 const inPlan = (x, y) => WALLS.every(({a, outward}) => (x - a[0]) * outward[0] + (y - a[1]) * outward[1] <= 1e-9);
 
-// the frame of the presses: places of the top by their way along its first two axes and over the untouched top
+// the frame of the presses: points of the top by coordinates along its two axes and height over the untouched top
 const {origin: ORIGIN, axes: AXES, crown: CROWN, along: ALONG} = data.press;
 const inFrame = (u, v, w) => ORIGIN.map((value, k) => value + u * AXES[0][k] + v * AXES[1][k] + w * AXES[2][k]);
 const seenFromIt = (place) => AXES.map((axis) => axis.reduce((sum, value, k) => sum + value * (place[k] - ORIGIN[k]), 0));
@@ -34,7 +34,7 @@ const DIRECTIONS = (() => {
 })();
 const REACH = Math.max(...EDGE.map((place) => { const [u, v] = seenFromIt(place); return Math.hypot(u, v); }));
 
-// places of the top from the press to the rim in one direction
+// points of the top from the press to the rim in one direction
 function spokeOf(angle, rings, curve) {
   const c = Math.cos(angle), s = Math.sin(angle), found = [];
   let before = 0;
@@ -64,7 +64,7 @@ function heightAt(curve, radius) {
   return 0;
 }
 
-// four-cornered pieces of the top: each its corners in the block's frame
+// four-cornered pieces of the top, each by its corners in the block's frame
 const meshes = data.states.map(({curve}) => {
   const rings = curve.length ? curve.slice() : [[0, 0]];
   for (let last = rings[rings.length - 1][0]; last < 1.05 * REACH;) { last += REACH / 10; rings.push([last, 0]); }
@@ -87,7 +87,7 @@ function pieces(spokes) {
   return found;
 }
 
-// the convex hull of places on the screen (Andrew 1979)
+// the convex hull of points on the screen (Andrew 1979)
 function hull(places) {
   const sorted = places.slice().sort((a, b) => a[0] - b[0] || a[1] - b[1]);
   const half = (row) => row.reduce((kept, p) => {

@@ -8,7 +8,7 @@ parent.append(made);
 return made;
 };
 
-// Slanted lines that fill a shape by a name: how far apart, and how thick if not as the page has it.
+// Slanted lines that fill a shape, by name: their distance, and their width if it is not the page's.
 const optopadHatch = (parent, id, apart, style) => {
 "use strict";
 const pattern = optopadDrawn(optopadDrawn(parent, "defs", {}), "pattern", {id, width: apart, height: apart, patternUnits: "userSpaceOnUse", patternTransform: "rotate(45)"});

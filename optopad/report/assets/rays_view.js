@@ -1,6 +1,6 @@
-// Turns the pad of the report in three dimensions: mold, block, parts, deformed top, tip, and sample paths of light.
-// Orthographic, seen from above or from the side; far things first, so that near ones cover them. What lies in the
-// cavity is seen past the walls that are cut away, or through the mold's mouth.
+// Rotates the pad of the report in three dimensions: mold, block, parts, deformed top, tip, and sample paths of light.
+// The view is orthographic, from above or from the side; far things are drawn first, so that near ones cover them. The
+// inside of the cavity is visible past the walls that are cut away, or through the mold's mouth.
 (() => {
 "use strict";
 const box = document.getElementById("rays-view");
@@ -14,15 +14,15 @@ const mold = moldData ? JSON.parse(moldData.textContent) : null;
 const solid = mold ? optopadSolid(mold) : null, closed = mold && mold.lid ? optopadSolid(mold, mold.lid) : null;
 const START = {yaw: -32, pitch: 24, zoom: 1};
 const TURN = 6, ZOOM = 1.15, MARK = 2.2;
-// lines of a pair and kind when all pairs are shown
+// number of lines of a pair and kind when all pairs are shown
 const FEW = Math.max(4, Math.round(36 / data.pairs.length));
 const [LENGTH, WIDTH, TOP, BLACK] = data.box;
 const CENTRE = [LENGTH / 2, WIDTH / 2, TOP / 2];
 const TIP_TOP = data.tip[data.tip.length - 1][1];
 const HEAD = Math.max(0.9 * data.tip[data.tip.length - 1][0], 1);
-// walls stay where they are seen from so steep that they hide nothing
+// walls are not cut away in views so steep that they hide nothing
 const STEEP = 76, SHARP_AFTER_MS = 160;
-// a mold with round walls is cut through its middle, in as many directions
+// a mold with round walls is cut through its middle, in directions at this spacing
 const CUT_TURN = Math.PI / 12;
 const {walls: WALLS, edge: EDGE, axes: AXES, meshes, tip: TIP, hull} = optopadPad(data);
 let show = mold ? "cut" : "none", resting = null;
@@ -43,7 +43,7 @@ function colours() {
     : {body: [[176, 187, 201], [230, 126, 60], [88, 158, 214], [196, 206, 184]], section: [[128, 138, 152], [178, 84, 26], [42, 104, 156], [150, 162, 136]], edge: [[74, 83, 95], [110, 50, 12], [22, 62, 96], [86, 96, 76]]};
 }
 
-// place in millimetres to [x, y] in pixels and the distance away from the onlooker
+// point in millimetres to [x, y] in pixels and the distance from the viewer
 function seen(x, y, z) {
   const across = turn.c * (x - CENTRE[0]) - turn.s * (y - CENTRE[1]);
   const away = turn.s * (x - CENTRE[0]) + turn.c * (y - CENTRE[1]);
@@ -75,7 +75,7 @@ function polygon(corners, fill, stroke, width) {
 
 const facing = ([x, y]) => -(turn.s * x + turn.c * y) > 0;
 
-// the walls that face the onlooker, or the others, in runs of neighbours
+// the walls that face the viewer, or the others, in runs of neighbours
 function runs(front) {
   const chosen = WALLS.map(({outward}) => facing(outward) === front), found = [];
   const start = chosen.findIndex((is, k) => is && !chosen[(k + chosen.length - 1) % chosen.length]);
@@ -89,7 +89,7 @@ function runs(front) {
   return found;
 }
 
-// the planes that the cut leaves the far side of: normal x and y, and limit
+// the planes of the cut, beyond which the mold is drawn: normal x and y, and limit
 function planes() {
   if (!hasLid() && (show !== "cut" || view.pitch > STEEP)) return [];
   if (data.round) {
@@ -100,7 +100,7 @@ function planes() {
   return sides.filter(([x, y]) => facing([-x, -y]));
 }
 
-// the mold at once in the pixels of the screen while it turns, smooth when it rests
+// draw the mold at screen resolution during a rotation, and smoothly at rest
 function drawSolid() {
   const ratio = window.devicePixelRatio || 1, sharp = Math.min(3, 2 * ratio);
   const told = {seen, turn, planes: planes(), floor: -BLACK, looks: look.solid, width: size[0], height: size[1]};
@@ -109,7 +109,7 @@ function drawSolid() {
   pen.drawImage(picture, 0, 0, ...size);
 }
 
-// what is in the cavity is seen through the mouth of a whole mold only; the tip above the rim is in front of it
+// the inside of the cavity is visible only through the mouth of a whole mold; the tip above the rim is in front of it
 function throughMouth(paint) {
   if (show === "none" || planes().length) { paint(-Infinity, Infinity); return; }
   const z = Math.max(mold.mouth.z, TOP), rim = mold.mouth.ring.map(([x, y]) => [x, y, mold.mouth.z]);
@@ -122,7 +122,7 @@ function throughMouth(paint) {
   drawTip(z, Infinity);
 }
 
-// places of the untouched top above a level: a crown stands out of its mold
+// points of the untouched top above a level: a crown rises above its mold
 const crown = (level) => data.press.crown ? meshes[0].flatMap(({corners}) => corners.filter((place) => place[2] > level)) : [];
 
 function drawTip(low, high) {
@@ -358,7 +358,7 @@ box.addEventListener("change", (event) => {
   tell();
   later();
 });
-// a browser keeps choices over a reload: follow them
+// a browser keeps choices over a reload: apply them
 for (const input of box.querySelectorAll("input[name=rays-kind]")) if (!input.checked) hidden.add(input.value);
 state = Number((box.querySelector("input[name=rays-press]:checked") || {value: 0}).value);
 const chosen = box.querySelector("select[name=rays-pair]");

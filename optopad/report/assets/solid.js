@@ -1,5 +1,5 @@
 // Draws closed meshes with a depth buffer, in parallel projection, without a graphics card: mold and bodies of parts.
-// Walls that face the onlooker can be cut away; what is seen of a mesh's inside through the cut is drawn as its section.
+// Walls that face the viewer can be cut away; the visible inside of a mesh in the cut is drawn as its section.
 const optopadSolid = (() => {
 "use strict";
 const LIGHTS = [[0.35, 0.25, 0.90, 0.62], [-0.80, 0.45, 0.40, 0.30]];
@@ -28,7 +28,7 @@ function addMesh(mesh, material, faces, edges) {
   for (let k = 0; k < creases.length; k += 2) edges.push([[place(creases[k]), place(creases[k + 1])], material]);
 }
 
-// faces and edges of everything, each with the number of its material: 0 mold, 1 emitter, 2 receiver, 3 lid
+// faces and edges of all bodies, each with the number of its material: 0 mold, 1 emitter, 2 receiver, 3 lid
 function gathered(data, lid) {
   const faces = [], edges = [];
   addMesh(data, 0, faces, edges);
@@ -48,7 +48,7 @@ function normalOf([a, b, c]) {
   return n.map((value) => value / length);
 }
 
-// the part of a polygon or line where a place, by its weights, is beyond a limit
+// the part of a polygon or line where a point, by its weights, is beyond a limit
 function halfOf(corners, [wx, wy, wz], limit) {
   const found = [], closed = corners.length > 2, beyond = ([x, y, z]) => wx * x + wy * y + wz * z - limit;
   corners.forEach((corner, k) => {
@@ -64,7 +64,7 @@ function halfOf(corners, [wx, wy, wz], limit) {
   return found;
 }
 
-// what is left of a polygon when everything before the upright planes (normal x, y, and limit) and above a floor is gone
+// what remains of a polygon without the part before the upright planes (normal x, y, and limit) and above a floor
 function cutBy(corners, planes, floor) {
   const low = halfOf(corners, [0, 0, -1], -floor);
   const high = planes.reduce((rest, [x, y, limit]) => rest.length ? halfOf(rest, [x, y, 0], limit) : rest, halfOf(corners, [0, 0, 1], floor));
@@ -136,8 +136,8 @@ return (data, lid) => {
     return (255 << 24 | byte(b) << 16 | byte(g) << 8 | byte(r)) >>> 0;
   };
 
-  // seen: place to [x, y, distance away]; turn: cosines and sines of yaw and pitch; looks: colours of the materials,
-  // of their section and of edges; returns a canvas of width x height times ratio
+  // seen: point to [x, y, distance from the viewer]; turn: cosines and sines of yaw and pitch; looks: colours of the
+  // materials, their sections and edges; returns a canvas of width x height times ratio
   return ({seen, turn, planes, floor, looks, width, height, ratio}) => {
     sized(Math.max(1, Math.round(width * ratio)), Math.max(1, Math.round(height * ratio)));
     const scaled = (place) => { const [x, y, z] = seen(...place); return [x * ratio, y * ratio, z]; };

@@ -1,4 +1,4 @@
-// Light or dark: as the reader's system has it, or as the reader chose on the page.
+// Light or dark: by the reader's system, or by the reader's choice on the page.
 const optopadTheme = (() => {
 "use strict";
 const root = document.documentElement, system = window.matchMedia("(prefers-color-scheme: dark)"), heard = [];

@@ -1,4 +1,4 @@
-"""What the views of a page show, as data and as still pictures: pad, pairs, rays, mold.
+"""The views of a page, as data and as still pictures: pad, pairs, rays, mold.
 
 Imports of ours: text and the rooms below.
 """

@@ -1,7 +1,7 @@
-"""Why depth is not told, as a picture: the section through a pair under the press, and which of its light is missing.
+"""The cause of unresolved depth as a picture: the section through a pair under the press, with the missing light.
 
-The section runs along the chord of the cause's typical pair. Hatched: the tip where the blind interval begins; dashed:
-where it ends. Between them no reading changes enough.
+The section runs along the chord of the cause's typical pair. The hatched tip is where the unresolved interval begins,
+the dashed tip where it ends. Between them no reading changes enough.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from sims.verdict.causes import GONE, WHOLE, Cause, Witness
 
 SMALL = 7.5
 WORDS = 0.3
-"""Share of the section that words take."""
+"""Share of the section's length that the labels take."""
 
 
 def plot_cause(design: SensorDesign, cause: Cause, ax: Axes | None = None) -> Axes | None:
@@ -58,12 +58,12 @@ def _chord(cavity: CavityGeometry, pair: str) -> tuple[PlacedPart, PlacedPart, C
 def _draw_light(
     ax: Axes, design: SensorDesign, cut: Cut, heights_mm: tuple[float, float], witness: Witness
 ) -> None:
-    """The straight path and the one that the untouched top mirrors, each with the share of its light that is left."""
+    """The straight path and the path mirrored at the untouched top, each with its remaining share of light."""
     (low, high), length = heights_mm, cut.length_mm
     top = cut.plane(ceiling_mm(design)).untouched_mm(cavity_of(design).plan)
     along, height = top.T
     way = np.hypot(along, height - low) + np.hypot(length - along, height - high)
-    shortest = np.flatnonzero(np.diff(np.sign(np.diff(way)))) + 1  # light goes where its way is stationary
+    shortest = np.flatnonzero(np.diff(np.sign(np.diff(way)))) + 1  # light takes paths of stationary length
     mirror = top[shortest[np.abs(shortest - len(way) // 2).argmin()] if len(shortest) else len(way) // 2]
     over_words = float(height[along <= WORDS * length].max())
     shift = 0.02 * length

@@ -1,7 +1,7 @@
-"""The layout with its dimensions: the mold from above, and cut open, to one scale.
+"""The layout with its dimensions: the mold from above and in section, at one scale.
 
-Kinds of parts that stand at several heights are shown once each; in the section they are turned into its plane. It runs
-along x, under a crown that is straight along x across it.
+Kinds of parts at several heights are shown once each; in the section they are rotated into its plane. The section runs
+along x, but along y under a crown that is straight along x.
 """
 
 from __future__ import annotations
@@ -29,22 +29,22 @@ from sims.plots.style import BLUE, GRID, INK, MUTED, PALE_BLUE, VERMILLION, WIDT
 SMALL, MEDIUM = 7.0, 8.5
 LINE: dict[str, Any] = {"color": MUTED, "linewidth": 0.7, "solid_capstyle": "butt"}
 MOST_NUMBERS = 40
-"""Parts with their places along the wall written beside them; more would overlap."""
+"""Largest number of parts whose positions along the wall are labelled; more labels would overlap."""
 
 DIAMETER = "\N{LATIN CAPITAL LETTER O WITH STROKE}"
 DIMENSION_GAPS = (0.48, 0.80), (0.55, 0.84)
-"""From the mold to the sizes of cavity and outside, along x and along y, over the room around it."""
+"""Distances of the dimension lines of cavity and outside from the mold, along x and y, over the room around it."""
 CROWN_POINTS = 81
 ROUND_GAP = 2.8
-"""Of a name from its part's face on a round wall, over that on a straight one: the name is centred there."""
+"""Distance of a name from its part's face on a round wall, over that on a straight one; the name is centred."""
 LEVEL = 0.2
-"""Sine below which a direction counts as level or upright, where words are put beside it."""
+"""Sine below which a direction counts as level or upright, for labels next to it."""
 NEAR_CORNER = 0.12
-"""Share of a wall within which a part's name goes towards the wall's middle."""
+"""Share of a wall's length from a corner within which a part's name is aligned towards the wall's middle."""
 
 
 def plot_layout(design: SensorDesign) -> Axes:
-    """Plan and section of a design; the plan's axes."""
+    """Draw plan and section of a design; returns the plan's axes."""
     cavity, outline = cavity_of(design), outline_of(design)
     room = 0.21 * max(outline.outer_length_mm, outline.outer_width_mm)
     across = outline.outer_length_mm + 2 * room
@@ -126,7 +126,7 @@ def _write_name(ax: Axes, part: PlacedPart, cavity: CavityGeometry) -> None:
     aside, level = "center", "center"
     if part.angle_deg is not None:
         gap *= ROUND_GAP
-    else:  # beside a corner, out of the way of the other wall's names
+    else:  # near a corner: clear of the other wall's names
         aside, share = {"west": "left", "east": "right"}.get(part.wall, "center"), y / cavity.width_mm
         level = "bottom" if share <= NEAR_CORNER else "top" if share >= 1.0 - NEAR_CORNER else "center"
     look: dict[str, Any] = {"ha": aside, "va": level, "fontsize": SMALL, "color": INK}
@@ -139,7 +139,7 @@ def _body(part: PlacedPart, **look: Any) -> Patch:
 
 
 def _write_place(ax: Axes, socket: Socket, cavity: CavityGeometry) -> None:
-    """How far along its wall a part is, or the direction of its own facet, outside the mold."""
+    """The position of a part along its wall, or the direction of its own facet, outside the mold."""
     part, wall = socket.part, socket.frame.thickness_mm
     x, y, _ = part.position_mm
     right, up = part.line.outward
@@ -164,7 +164,7 @@ class _Section:
     Attributes
     ----------
     is_across : whether it runs along y
-    start_mm, end_mm : where the faces of an emitter and of a receiver are, turned into it
+    start_mm, end_mm : positions of the faces of an emitter and of a receiver, rotated into the plane
     length_mm, wall_mm : inner length of the cavity, and thickness of the mold's wall
     """
 
@@ -177,7 +177,7 @@ class _Section:
     wall_mm: float
 
     def top_mm(self) -> FloatArray:
-        """(n, 2) place along the section and height of the untouched top [mm]."""
+        """(n, 2) position along the section and height of the untouched top [mm]."""
         plan = self.cavity.plan
         along = np.linspace(self.start_mm, self.end_mm, 2 if plan.top.is_flat else CROWN_POINTS)
         x, y = plan.centre_mm
@@ -278,14 +278,14 @@ def _draw_body(ax: Axes, part: PlacedPart, wall_x: float, side: int) -> None:
 
 
 def _heights(ax: Axes, part: PlacedPart, at_mm: float, colour: str) -> None:
-    """How high the middle of a part's active area is above the clear layer's bottom."""
+    """The height of the middle of a part's active area above the clear layer's bottom."""
     _arrow(ax, (at_mm, 0.0), (at_mm, part.height_mm), colour)
     words = f" {part.kind} {part.height_mm:.4g}"
     ax.text(at_mm, part.height_mm / 2, words, ha="left", va="center", fontsize=SMALL, color=colour)
 
 
 def _across(ax: Axes, start: float, end: float, y: float, words: str, *, from_mm: float) -> None:
-    """A dimension along x, with lines up to what it measures."""
+    """A dimension along x, with extension lines."""
     _arrow(ax, (start, y), (end, y))
     for x in (start, end):
         ax.plot((x, x), (from_mm, y), **LINE)
@@ -293,7 +293,7 @@ def _across(ax: Axes, start: float, end: float, y: float, words: str, *, from_mm
 
 
 def _upright(ax: Axes, low: float, high: float, x: float, words: str, *, from_mm: float) -> None:
-    """A dimension along y, with lines to what it measures."""
+    """A dimension along y, with extension lines."""
     _arrow(ax, (x, low), (x, high))
     for y in (low, high):
         ax.plot((from_mm, x), (y, y), **LINE)

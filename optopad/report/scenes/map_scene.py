@@ -1,6 +1,6 @@
-"""Maps over the pad as data for the page: one value a place and depth, how it is coloured, and what it means.
+"""Maps over the pad as data for the page: one value per location and depth, its colour, and its meaning.
 
-The maps at a few depths side by side: what the page shows in print and where scripts do not run.
+The maps at a few depths in a row: the page shows them in print and without scripts.
 """
 
 from __future__ import annotations
@@ -36,19 +36,19 @@ class DepthMap:
     Attributes
     ----------
     key, title, unit : short name, title, unit
-    tells : what it means, a sentence or two
+    tells : meaning of the quantity, in a sentence or two
     depth_mm : (depth,) depths; one NaN for a quantity that has none
-    values : (depth, place); NaN where there is none
-    is_hatched : (depth, place) what stands out; places without a value do in any case
-    hatched : what a hatched place is
-    ends : (depth, place, 2) between which a value lies, and what of; None where not known
+    values : (depth, location); NaN where there is none
+    is_hatched : (depth, location) values to mark; locations without a value are marked in any case
+    hatched : meaning of a hatched location
+    ends : (depth, location, 2) limits of each value, and their meaning; None if not known
     absent : the word for none
     colours : from the low to the high end of the scale
     low, high : ends of the scale; values beyond take the colour of the end
     is_logarithmic : scale
     digits : after the point
     names : words in place of numbers 0, 1 ...
-    limit : what to note about the scale
+    limit : a note about the scale
     """
 
     key: str
@@ -100,7 +100,7 @@ class DepthMap:
 
 @dataclass(frozen=True, kw_only=True)
 class MapScene:
-    """All maps of a pad on one grid of depths and places."""
+    """All maps of a pad on one grid of depths and locations."""
 
     cavity: CavityGeometry
     tip_mm: float
@@ -110,11 +110,11 @@ class MapScene:
 
     @property
     def pitch_mm(self) -> float:
-        """Side of a cell where the places lie in one line only [mm]."""
+        """Side of a cell of a grid with one line of locations only [mm]."""
         return _pitch_mm(self.pad_map)
 
     def data(self) -> dict[str, Any]:
-        """For the page's script; `cells` are row and column of each place."""
+        """For the page's script; `cells` are the row and column of each location."""
         pad, deepest = self.pad_map, float(self.profile.depth_mm[-1])
         weakest = pad.places.index(pad.weakest)
         dead = pad.weakest.deadbands_mm
@@ -134,7 +134,7 @@ class MapScene:
 
 
 def depth_maps(profile: PadProfile) -> list[DepthMap]:
-    """What the verdict's own rule says depth by depth."""
+    """Maps of the change of the signals and of the dead zones, by depth, as the verdict defines them."""
     found = [_dead_zones(profile)]
     if profile.change is not None:
         found.insert(0, _change(profile, profile.change))
@@ -195,7 +195,7 @@ def _number(value: float) -> float | None:
 
 
 MOST = 6
-"""Maps altogether."""
+"""Largest number of maps in total."""
 PANEL_IN = 1.45
 """Width of a map [inch]."""
 

@@ -1,9 +1,9 @@
 """The mold and the bodies of its parts as data for the page's three-dimensional view.
 
-The mesh is the one that is printed, moved back into the cavity frame. Places are whole steps of a box's
-longest side over 32 000, that is 2 µm for a mold of 66 mm: finer than the mesh itself. Triangles and creases
-are vertex numbers. Arrays are little-endian and written in base 64. The lid of a crowned pad is turned back from its
-file onto the mold.
+The mesh is the printed one, moved back into the cavity frame. Coordinates are whole steps of a box's longest
+side over 32 000, that is 2 µm for a mold of 66 mm, which is finer than the mesh itself. Triangles and creases
+are vertex numbers. Arrays are little-endian and written in base 64. The lid of a crowned pad is rotated from the
+orientation in its file onto the mold.
 """
 
 from __future__ import annotations
@@ -25,18 +25,18 @@ if TYPE_CHECKING:
 
 
 STEPS = 32_000
-"""Steps that the longest side of the mesh is divided into."""
+"""Number of steps along the longest side of the mesh."""
 MOLD_STL, LID_STL = "cad/mold.stl", "cad/lid.stl"
 
 
 def mold_scene(design: SensorDesign, folder: Path) -> dict[str, Any] | None:
-    """The mold of a bundle and its parts for the view; None where the bundle has no mold.
+    """The mold of a bundle and its parts for the view; None if the bundle has no mold.
 
     Returns
     -------
     step [mm], low (3) [mm], points (n, 3) in steps above low, triangles (m, 3) and creases (k, 2) as vertex numbers;
     outer: low and high corner of the mold [mm]; bodies: kind and eight corners [mm]; mouth: corners of the opening at
-    the rim, and its z [mm]; lid: the same as of the mold, as it lies on it, None without one
+    the rim, and its z [mm]; lid: the same data as for the mold, as it rests on it, None without one
     """
     stl = folder / MOLD_STL
     if not stl.is_file():
@@ -70,7 +70,7 @@ def _solid(mesh: Mesh, places_mm: FloatArray) -> dict[str, Any]:
 
 
 def _lid(design: SensorDesign, stl: Path) -> dict[str, Any] | None:
-    """The lid as it lies on the mold; None where there is none."""
+    """The lid in its position on the mold; None if there is none."""
     if not stl.is_file():
         return None
     from cad.lid import lid_size, turned_over

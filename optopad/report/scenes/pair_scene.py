@@ -1,4 +1,4 @@
-"""The judged pairs as data for the page's picker: curves, modes, deadbands, and where each pair lies."""
+"""The judged pairs as data for the page's selection: curves, modes, deadbands, and the position of each pair."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from sims.score.result import ContinuityScore, JudgedPair
 from sims.verdict.figure_errors import Load
 
 STEPS = 10_000
-"""Steps that a pair's untouched light is divided into."""
+"""Number of steps of a pair's untouched light."""
 
 
 def pair_scene(design: SensorDesign, score: ContinuityScore) -> dict[str, Any]:
@@ -76,7 +76,7 @@ def _pair(pair: JudgedPair) -> dict[str, Any]:
 
 
 def _loads(pair: JudgedPair) -> str:
-    """Loads at the boundaries of the modes; empty where they are not known."""
+    """Loads at the boundaries of the modes; empty if they are not known."""
     forces = pair.forces
     if forces is None:
         return ""

@@ -1,7 +1,7 @@
-"""The light that the page shows in three dimensions: which pairs, which presses, and as data for the page's script.
+"""The light that the page shows in three dimensions: pairs, presses, and the data for the page's script.
 
-Pairs are those that the verdict's weakest place lies nearest to, in facing rows the facing ones; presses are at
-that place, the ends of its deadband among them.
+The pairs are those nearest to the location of least margin, in facing rows the facing ones. The presses are at that
+location; the ends of its deadband are among them.
 """
 
 from __future__ import annotations
@@ -27,29 +27,29 @@ MOST_PAIRS = 8
 PATHS_A_PAIR = 12
 POOL_PER_PATH = 4
 MOST_RAYS = 20_000
-"""Rays tried for an emitter under one press; with six presses and eight emitters about a second at most."""
+"""Rays tried for an emitter under one press; six presses and eight emitters take about a second at most."""
 DEPTH_SHARES = (0.1, 0.2, 0.4, 0.6, 1.0)
 """Depths shown, over the deepest press [-]."""
 NEAR_MM = 0.2
-"""A depth so near to an end of the deadband is left out [mm]."""
+"""A depth closer than this to an end of the deadband is left out [mm]."""
 CURVE_TOLERANCE_MM = 0.01
-"""How far the drawn surface may be from the computed one [mm]."""
+"""Largest distance of the drawn surface from the computed one [mm]."""
 TIP_LENGTH = 2.4
 """Length of the drawn tip [tip radii]."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class RayScene:
-    """What the view shows.
+    """Content of the view.
 
     Attributes
     ----------
     design, cavity : the sensor
     pairs : emitter and receiver numbers
     place_mm : (x, y) of the presses [mm]
-    is_middle : whether that is the middle facing pair's middle, in place of the pad's weakest place
+    is_middle : whether that is the middle of the middle facing pair, not the pad's location of least margin
     labels : words for each state
-    states : untouched first
+    states : states of the pad, the untouched one first
     """
 
     design: SensorDesign
@@ -67,7 +67,7 @@ class RayScene:
 
     @property
     def kinds(self) -> list[LightKind]:
-        """Kinds that are drawn or carry power, in the order of a legend."""
+        """Kinds of light that are drawn or carry power, in the order of a legend."""
         present = {
             kind_of(path.fate).key: kind_of(path.fate) for state in self.states for path in state.paths
         }
@@ -83,7 +83,7 @@ class RayScene:
         )
 
     def share(self, state: int, kind: LightKind, pair: int | None = None) -> float | None:
-        """Power of a kind over the untouched light of the pairs, or of one pair; None: not in the light model [-]."""
+        """Power of a kind over the untouched light of the pairs, or of one pair; None if not in the light model [-]."""
         chosen = slice(None) if pair is None else slice(pair, pair + 1)
         untouched = sum(float(flux[chosen].sum()) for flux in self.states[0].power.values())
         found = [flux for name, flux in self.states[state].power.items() if kind_of(name).key == kind.key]
@@ -93,11 +93,11 @@ class RayScene:
 
 
 def ray_scene(design: SensorDesign, score: ContinuityScore, *, seed: int) -> RayScene | None:
-    """The view of a design's verdict; None where there is no verdict.
+    """The view of a design's verdict; None without a verdict.
 
     Parameters
     ----------
-    seed : of the random paths
+    seed : seed of the random paths
     """
     if not score.pairs or (score.pad_map is None and not score.is_facing_rows):
         return None
@@ -135,7 +135,7 @@ def _weakest(score: ContinuityScore) -> tuple[tuple[float, float], tuple[Interva
 
 
 def _marked_depths(dead_mm: tuple[Interval, ...], deepest_mm: float) -> dict[float, str]:
-    """Depths to show, each with what is special about it."""
+    """Depths to show, each with a note if it is special."""
     found: dict[float, str] = {}
     if dead_mm:
         start, end = max(dead_mm, key=lambda span: span[1] - span[0])
@@ -149,7 +149,7 @@ def _marked_depths(dead_mm: tuple[Interval, ...], deepest_mm: float) -> dict[flo
 
 
 def _nearest_pairs(cavity: CavityGeometry, place_mm: tuple[float, float]) -> tuple[Pair, ...]:
-    """The judged pairs whose chords pass nearest to a place, the nearest first."""
+    """The judged pairs whose chords pass nearest to a location, the nearest first."""
     pairs = judged_pairs(cavity)
     return tuple(
         sorted(pairs, key=lambda pair: round(beside_chord(cavity, pair, place_mm)[0], 6))[:MOST_PAIRS]
@@ -157,7 +157,7 @@ def _nearest_pairs(cavity: CavityGeometry, place_mm: tuple[float, float]) -> tup
 
 
 def scene_json(scene: RayScene) -> dict[str, Any]:
-    """Everything that the page's script draws; lengths in mm, places of paths in hundredths of a millimetre."""
+    """All data that the page's script draws; lengths in mm, points of paths in hundredths of a millimetre."""
     cavity, kinds = scene.cavity, scene.kinds
     keys = [kind.key for kind in kinds]
     return {
@@ -203,7 +203,7 @@ def scene_json(scene: RayScene) -> dict[str, Any]:
 
 
 def _frame(scene: RayScene) -> dict[str, Any]:
-    """Where the presses go in and along what, and the crown that they meet; its radius is None for a flat top."""
+    """Origin and axes of the presses, and the radius of the crown under them, which is None for a flat top."""
     frame = press_frame(scene.design, scene.place_mm)
     return {
         "origin": frame.origin_mm.tolist(),
@@ -214,7 +214,7 @@ def _frame(scene: RayScene) -> dict[str, Any]:
 
 
 def _shares(scene: RayScene, number: int, pair: int | None) -> list[float | None]:
-    """Share of every kind, and of all together last [-]."""
+    """Share of every kind of light, followed by the share of all kinds together [-]."""
     shares = [scene.share(number, kind, pair) for kind in scene.kinds]
     return [_rounded(share) for share in (*shares, sum(share or 0.0 for share in shares))]
 
@@ -224,7 +224,7 @@ def _rounded(share: float | None) -> float | None:
 
 
 def _rays(state: RayState, keys: list[str], pairs: tuple[Pair, ...]) -> list[list[Any]]:
-    """Number of the kind, number of the pair, and places of every path; lost light counts as its former pair's."""
+    """Number of the kind, number of the pair, and points of every path; lost light counts for its former pair."""
     numbers = {pair: number for number, pair in enumerate(pairs)}
     arriving = [
         _ray(path, keys.index(kind_of(path.fate).key), numbers[path.emitter, path.receiver])
@@ -242,7 +242,7 @@ def _ray(path: LightPath, kind: int, pair: int) -> list[Any]:
 
 
 def _curve(state: RayState) -> list[list[float]]:
-    """The surface, radius and height over the untouched top, from the axis outward; empty where untouched [mm]."""
+    """The surface from the axis outward, as radius and height over the untouched top; empty if untouched [mm]."""
     press = state.indentation
     if press is None:
         return []
@@ -251,7 +251,7 @@ def _curve(state: RayState) -> list[list[float]]:
 
 
 def _tip(scene: RayScene) -> list[list[float]]:
-    """The tip's outline, radius and height above its apex [mm]."""
+    """The tip's outline, as radius and height above its apex [mm]."""
     points = _thinned(tip_points_mm(scene.design.indenter, TIP_LENGTH, 200), 0.02)
     return [[round(float(r), 2), round(float(z), 3)] for r, z in points]
 

@@ -1,4 +1,4 @@
-"""The sections of a page, one a file.
+"""The sections of a page, one per file.
 
 Imports of ours: scenes, text, optopad.work and the rooms below.
 """

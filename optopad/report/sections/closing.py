@@ -1,4 +1,4 @@
-"""The last sections: warnings, what the models leave out, the bundle's files, where the numbers come from."""
+"""The last sections: warnings, limits of the models, the bundle's files, the origin of the numbers."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ SHAPED_WALLS = (
     "top's mean curvature. Left out: a nearer wall on one side, the thinning of the layer towards the "
     "rim, and the difference of a cylinder's two curvatures."
 )
-"""For discs and crowned pads."""
+"""Model limits for discs and crowned pads."""
 LEFT_OUT = (
     "Contact is static, axisymmetric and frictionless: no sliding, no adhesion, no slow bonding and detaching at the "
     "walls. Hysteresis of the load is an option for one protocol and never enters the light.",
@@ -74,25 +74,25 @@ KNOWN_FILES = {
     "fabrication/firmware/optopad/config.h": "the firmware's pins and settings",
 }
 WRITTEN_LAST = ("design.toml", "manifest.json", "report.html")
-"""Files of every bundle that are not there yet when the page is made."""
+"""Files of every bundle that do not exist yet when the page is made."""
 
 
 def warnings_section(score: ContinuityScore) -> Html:
-    """Everything to keep in mind about this design and this verdict."""
+    """All warnings about this design and this verdict."""
     found = list(score.warnings)
     body = bullets(found, class_="warnings") if found else element("p", "None.")
     return section("warnings", "Warnings", body)
 
 
 def limits_section(design: SensorDesign) -> Html:
-    """What no figure on the page includes."""
+    """Effects that no figure on the page includes."""
     is_plain = plan_of(design).is_block
     said = [SHAPED_WALLS if words is WALLS and not is_plain else words for words in LEFT_OUT]
     return section("limits", "What the models leave out", bullets(said))
 
 
 def bundle_files(folder: Path) -> list[str]:
-    """Names of the bundle's files, those to come included; hidden work in progress is not."""
+    """Names of the bundle's files, files that are written later included, hidden work in progress excluded."""
     found = {
         path.relative_to(folder).as_posix()
         for path in folder.rglob("*")
@@ -102,7 +102,7 @@ def bundle_files(folder: Path) -> list[str]:
 
 
 def files_section(names: Sequence[str]) -> Html:
-    """Links to the files beside the page."""
+    """Links to the files in the page's folder."""
     items = (
         element(
             "li",
@@ -120,7 +120,7 @@ def files_section(names: Sequence[str]) -> Html:
 
 
 def origin_section(design: SensorDesign, score: ContinuityScore, seed: int, versions: dict[str, str]) -> Html:
-    """What made the page: design, seed, versions."""
+    """The origin of the page: design, seed, versions."""
     return section(
         "origin",
         "Where the numbers come from",

@@ -1,4 +1,4 @@
-"""The plots of a report as SVG, by file name, and how they are set into the page."""
+"""The plots of a report as SVG, by file name, and their place in the page."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ if TYPE_CHECKING:
 
 PREFIX = "plot-"
 PROTOCOL = "piacenza2017"
-"""The load protocol that a page shows for a pad whose load relaxes."""
+"""The load protocol that a page shows for a pad with a relaxing load."""
 THEMED = {
     "#ffffff": "var(--plot-ground)",
     INK: "var(--plot-ink)",
@@ -73,14 +73,14 @@ THEMED = {
 }
 """Colours of the plots by the page's names for them."""
 MOST_CAUSES = 3
-"""Causes that get a picture each."""
+"""Largest number of causes that are drawn."""
 MOST_FACING = 8
-"""Facing pairs that get a plot each; more are in the table only."""
+"""Largest number of facing pairs that are plotted; further ones are only in the table."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Drawing:
-    """A plot as a file: its stem, what it shows in one sentence, and its SVG text."""
+    """A plot as a file: its stem, a sentence about its content, and its SVG text."""
 
     stem: str
     shows: str
@@ -93,7 +93,7 @@ class Drawing:
 
 
 def shown_pairs(score: ContinuityScore) -> list[tuple[JudgedPair, str]]:
-    """Pairs that get a plot, and as what: all facing ones; of a pad the governing, worst, median and best."""
+    """Pairs to plot, each with its role: all facing pairs; of a pad the governing, worst, median and best pair."""
     if not score.pairs:
         return []
     if score.is_facing_rows:
@@ -128,7 +128,7 @@ def drawings_of(
 def drawings_without_tolerance(
     design: SensorDesign, score: ContinuityScore, maps: MapScene | None
 ) -> dict[str, Drawing]:
-    """The plots of `drawings_of` that can be drawn before builds are tried."""
+    """The plots of `drawings_of` that can be drawn before the tolerance is computed."""
     with plain_style():
         return _all_drawn(
             {
@@ -146,7 +146,7 @@ def drawings_without_tolerance(
 
 
 def tolerance_drawings(score: ContinuityScore) -> dict[str, Drawing]:
-    """The plots of `drawings_of` that tell of a score's tolerance, builds and field steps."""
+    """The plots of `drawings_of` that show a score's tolerance, manufactured units and field steps."""
     with plain_style():
         return _all_drawn({**_tolerance_plots(score), **_build_plots(score), **_step_plots(score)})
 
@@ -214,7 +214,7 @@ def _map_plots(design: SensorDesign, score: ContinuityScore) -> dict[str, tuple[
 
 
 def _depth_plots(maps: MapScene | None) -> dict[str, tuple[Axes, str]]:
-    """Every quantity of the maps but those that are nothing where nothing is dead."""
+    """Every quantity of the maps; dead zones are left out if there are none."""
     if maps is None:
         return {}
     told = [one for one in maps.maps if not one.names or one.is_hatched.any()]
@@ -240,7 +240,7 @@ def _press_plots(design: SensorDesign, score: ContinuityScore) -> dict[str, tupl
 
 
 def _protocol_plots(design: SensorDesign, force: ForceCurve) -> dict[str, tuple[Axes, str]]:
-    """The paper's load protocol, for a design whose load relaxes and whose press is deep enough."""
+    """The paper's load protocol, for a design with a relaxing load and a deep enough press."""
     solid, protocol = solid_of(design), load_protocol(PROTOCOL)
     if solid is None or protocol.deepest_mm.value > force.depth_mm[-1]:
         return {}
@@ -292,12 +292,12 @@ def _step_plots(score: ContinuityScore) -> dict[str, tuple[Axes, str]]:
 
 
 def _card(drawing: Drawing) -> str:
-    """A map's cells keep their colours, and so their ground; all others follow the page, light or dark."""
+    """CSS class: a map's cells keep their colours and their background; other plots follow the page, light or dark."""
     return "card" if drawing.stem.startswith(f"{PREFIX}map-") else "card themed"
 
 
 def _themed(svg: str) -> str:
-    """A plot's colours as those of the page: the style names of matplotlib's own attributes."""
+    """Replace a plot's colours by those of the page, in the style attributes that matplotlib writes."""
     return re.sub(
         r'(?:style|fill)="[^"]*"',
         lambda found: re.sub(r"#[0-9a-f]{6}", lambda colour: THEMED.get(colour[0], colour[0]), found[0]),
@@ -306,7 +306,7 @@ def _themed(svg: str) -> str:
 
 
 def inline_svg(svg: str, label: str) -> Html:
-    """SVG text made part of a page: no prologue, no style of its own, no size, no names of groups."""
+    """SVG text for use inside a page: without prologue, own style, size and names of groups."""
     body = svg[svg.index("<svg") :]
     body = re.sub(r"<defs>\s*<style[^>]*>.*?</style>\s*</defs>", "", body, flags=re.DOTALL)
     body = _themed(re.sub(r'<g id="[^"]*"', "<g", body))

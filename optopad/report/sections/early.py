@@ -1,4 +1,4 @@
-"""What a page shows that can be drawn before the tolerance of a verdict is known."""
+"""Drawings of a page that do not depend on the tolerance of a verdict."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from sims.score.result import ContinuityScore
 
 @dataclass(frozen=True, kw_only=True)
 class EarlyDrawings:
-    """What is drawn of a score.
+    """Drawings of a score.
 
     Attributes
     ----------
     drawings : plots by stem without the prefix
     maps : by depth; None without a map
-    light : paths of light; why there are none; or None without a verdict
+    light : paths of light; a text that says why there are none; or None without a verdict
     """
 
     drawings: dict[str, Drawing]
@@ -31,11 +31,11 @@ class EarlyDrawings:
 
 
 def early_drawings(design: SensorDesign, score: ContinuityScore, *, seed: int) -> EarlyDrawings:
-    """All that a score has data for, but plots of its tolerance.
+    """All drawings that a score has data for, except those of its tolerance.
 
     Parameters
     ----------
-    seed : of the random paths of light
+    seed : seed of the random paths of light
     """
     with beside(lambda: _light(design, score, seed)) as light:
         maps = map_scene(design, score)
@@ -44,7 +44,7 @@ def early_drawings(design: SensorDesign, score: ContinuityScore, *, seed: int) -
 
 
 def _light(design: SensorDesign, score: ContinuityScore, seed: int) -> RayScene | str | None:
-    """The view of the light, or why there is none although there is a verdict: a page without it is still a page."""
+    """The view of the light, or the reason why there is none in spite of a verdict; the page is valid without it."""
     try:
         return ray_scene(design, score, seed=seed)
     except (InputError, ModelScopeError) as err:

@@ -1,6 +1,6 @@
-"""The section on the press: load and its band, the load that was published, press and retract.
+"""The section on the press: load and its band, the published load, press and retract.
 
-The section on making it: pictures of mold and sockets, what to weigh, print, fit and cast, buy and wire.
+The section on fabrication: pictures of mold and sockets, masses, printing, fitting, casting, purchase and wiring.
 """
 
 from __future__ import annotations
@@ -147,7 +147,7 @@ def _text(path: Path) -> str:
 
 
 def build_section(sheets: Sheets, pictures: Pictures) -> Html:
-    """The build sheet, its bill and its wiring; nothing where the bundle has no sheets."""
+    """The build sheet, its bill of materials and its wiring; empty if the bundle has no sheets."""
     parts = [
         mold_figure(pictures),
         lid_figure(pictures),

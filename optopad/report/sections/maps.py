@@ -1,6 +1,6 @@
-"""The section on the pad, place by place and depth by depth.
+"""The section on the pad, by location and depth.
 
-What the readings can tell at best, and the load, as maps by depth.
+The best possible resolution of the readings, and the load, as maps by depth.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ def map_scene(design: SensorDesign, score: ContinuityScore) -> MapScene | None:
 
 
 def map_section(score: ContinuityScore, drawings: Drawings, scene: MapScene | None) -> Html:
-    """The pad: maps by depth to slide through, and the verdict's own maps over all depths."""
+    """The pad: maps by depth with a slider, and the verdict's own maps over all depths."""
     pad_map = score.pad_map
     if pad_map is None:
         return Html("")
@@ -108,7 +108,7 @@ def _still(score: ContinuityScore, drawings: Drawings) -> list[Html]:
 
 
 def _by_depth(scene: MapScene | None, drawings: Drawings) -> list[Html]:
-    """The maps that the script slides through, at a few depths each."""
+    """The maps that the script steps through, at a few depths each."""
     maps = () if scene is None else scene.maps
     named = ((drawings.get(f"map-by-depth-{one.key}"), one) for one in maps)
     return [figure_of(drawing, f"{one.title}. {one.tells}") for drawing, one in named if drawing is not None]
@@ -163,7 +163,7 @@ ONE_FRAME = (
 
 
 def bound_maps(score: ContinuityScore) -> list[DepthMap]:
-    """Resolution of location and depth, and the detection threshold; of facing rows depth alone, at a known place."""
+    """Resolution of location and depth, and detection threshold; for facing rows of depth at a known location only."""
     bounds = score.bounds
     if bounds is None:
         return []
@@ -265,7 +265,7 @@ def _felt(felt: DetectionThreshold) -> DepthMap:
 
 
 def load_map(design: SensorDesign, pad_map: PadMap, depth_mm: FloatArray) -> DepthMap:
-    """Load of a press at each place, near walls included, at depths beyond contact."""
+    """Load of a press at each location, with the effect of near walls, at depths beyond contact."""
     curves = [place_force(design, (place.x_mm, place.y_mm)) for place in pad_map.places]
     depths = depth_mm[depth_mm > 0.0]
     loads = np.array([[curve.at(float(depth)) for curve, _ in curves] for depth in depths])

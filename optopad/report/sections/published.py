@@ -1,4 +1,4 @@
-"""What the paper says about load, to hold the computed curve against where the sensor is the paper's."""
+"""The published load, with which the computed curve is compared if the sensor is the paper's."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from sims.contact.force_curve import ForceCurve
 
 @dataclass(frozen=True, kw_only=True)
 class PublishedLoad:
-    """A load that was stated for one sensor.
+    """A published load of one sensor.
 
     Attributes
     ----------
-    depth_mm, force_n : the point; both ends of "corresponds to about"
-    source, short_source : where it is stated
-    tip_radius_mm, clear_mm, black_mm, material, mixing_ratio : the press that it was stated for
+    depth_mm, force_n : the point; both values of "corresponds to about"
+    source, short_source : publication of the load
+    tip_radius_mm, clear_mm, black_mm, material, mixing_ratio : the press for which the load was published
     """
 
     depth_mm: float
@@ -52,13 +52,13 @@ class PublishedLoad:
 
 @dataclass(frozen=True, kw_only=True)
 class LoadComparison:
-    """A stated load beside the computed one.
+    """A published load and the computed one.
 
     Attributes
     ----------
-    stated : the load that was stated
+    stated : the published load
     force_n, low_n, high_n : the load computed there, and the ends of its band [N]
-    needed_modulus_mpa : modulus at which the computed load would be the stated one [MPa]
+    needed_modulus_mpa : modulus at which the computed load would equal the published one [MPa]
     """
 
     stated: PublishedLoad
@@ -69,17 +69,17 @@ class LoadComparison:
 
     @property
     def miss(self) -> float:
-        """Computed over stated load, less 1 [-]."""
+        """Computed over published load, less 1 [-]."""
         return self.force_n / self.stated.force_n - 1.0
 
     @property
     def is_in_band(self) -> bool:
-        """Whether the stated load lies in the band of the modulus."""
+        """Whether the published load is within the band of the modulus."""
         return self.low_n <= self.stated.force_n <= self.high_n
 
     @property
     def words(self) -> str:
-        """The comparison in plain words, a miss included."""
+        """The comparison in plain words, including a disagreement."""
         side = "above" if self.miss > 0.0 else "below"
         band = "inside" if self.is_in_band else "OUTSIDE"
         return (
@@ -91,12 +91,12 @@ class LoadComparison:
 
 
 def compared(stated: PublishedLoad, force: ForceCurve, modulus_mpa: float) -> LoadComparison:
-    """Hold a computed curve against a stated load.
+    """Compare a computed curve with a published load.
 
     Parameters
     ----------
-    force : the curve, at least as deep as the stated point
-    modulus_mpa : Young's modulus that it was computed with [MPa]
+    force : the curve, at least as deep as the published point
+    modulus_mpa : Young's modulus of the computed curve [MPa]
     """
     force_n, low_n, high_n = force.at(stated.depth_mm)
     return LoadComparison(

@@ -1,6 +1,6 @@
-"""The section on where the light goes: a view of the pad to turn, a sheet for print, and the numbers behind it.
+"""The section on the paths of light: a rotatable view of the pad, a sheet for print, and the numbers.
 
-Mold, bodies of the parts, pad, tip and light are drawn by the page's script from the data that lie beside it.
+The page's script draws mold, bodies of the parts, pad, tip and light from data that are stored in the page.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from sims.rays import LOST, LightKind
 
 TITLE = "The sensor and its light in three dimensions"
 THIN = 2
-"""One path in so many is drawn on the sheet: files stay small."""
+"""One path of this many is drawn on the sheet, to keep the files small."""
 BUTTONS = (
     ("left", "\N{ANTICLOCKWISE OPEN CIRCLE ARROW}", "Rotate left"),
     ("right", "\N{CLOCKWISE OPEN CIRCLE ARROW}", "Rotate right"),
@@ -40,11 +40,11 @@ CAPTION = (
 
 
 def rays_section(scene: RayScene | str | None, mold: dict[str, Any] | None = None) -> Html:
-    """The view with its controls, the sheet, the table, and the data; or why there is none.
+    """The view with its controls, the sheet, the table, and the data; or the reason why there is no view.
 
     Parameters
     ----------
-    mold : as `optopad.report.scenes.mold_scene` gives it; None shows the pad without a mold
+    mold : result of `optopad.report.scenes.mold_scene`; None shows the pad without a mold
     """
     if scene is None:
         return Html("")
@@ -146,7 +146,7 @@ def _title(kind: LightKind) -> str:
 
 
 def _sheet(scene: RayScene) -> Html:
-    """Section and plan of the untouched pad and of the middle press, for print and where scripts do not run."""
+    """Section and plan of the untouched pad and of the middle press, for print and for readers without scripts."""
     cut = cut_of_pair(
         scene.cavity, min(scene.pairs, key=lambda pair: beside_chord(scene.cavity, pair, scene.place_mm)[0])
     )
@@ -164,7 +164,7 @@ def _sheet(scene: RayScene) -> Html:
 
 
 def _table(scene: RayScene) -> Html:
-    """What arrives of each kind under each press: the view in numbers."""
+    """The received light of each kind under each press: the view in numbers."""
     kinds = [kind for kind in scene.kinds if kind is not LOST]
     rows = [
         (label, *(_share(scene.share(number, kind)) for kind in kinds), _share(_total(scene, number, kinds)))

@@ -1,4 +1,4 @@
-"""Sections on the thing itself: its pictures, what it is made of, and whether the mold can be printed."""
+"""Sections on the sensor: its pictures, its parts and materials, and whether the mold can be printed."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ STATES = {"ok": "\N{CHECK MARK} ok", "warning": "! warning", "error": "\N{MULTIP
 
 @dataclass(frozen=True, kw_only=True)
 class Pictures:
-    """Pictures of a bundle as data addresses, None where a file is missing; and whether x and y start at a corner."""
+    """Pictures of a bundle as data addresses, None if a file is missing; and whether x and y start at a corner."""
 
     mold: str | None
     wiring: str | None
@@ -90,7 +90,7 @@ def _address(kind: str, content: bytes) -> str:
 
 
 def sensor_section(design: SensorDesign, drawings: dict[str, Drawing]) -> Html:
-    """What the sensor is, with its dimensions."""
+    """The sensor with its dimensions."""
     cavity = cavity_of(design)
     about = facts(_facts(design, cavity))
     described = true_description(design)
@@ -113,7 +113,7 @@ def _layout_words(cavity: CavityGeometry) -> str:
 
 
 def mold_figure(pictures: Pictures) -> Html:
-    """The mold's picture; nothing where the bundle has none."""
+    """The mold's picture; empty if the bundle has none."""
     if pictures.mold is None:
         return Html("")
     seen = (
@@ -128,7 +128,7 @@ def mold_figure(pictures: Pictures) -> Html:
 
 
 def lid_figure(pictures: Pictures) -> Html:
-    """Lid and mold, cut through; nothing where the bundle has no lid."""
+    """Lid and mold in section; empty if the bundle has no lid."""
     if pictures.lid is None:
         return Html("")
     words = "The lid on the mold, cut along x through the middle"
@@ -136,7 +136,7 @@ def lid_figure(pictures: Pictures) -> Html:
 
 
 def wiring_figure(pictures: Pictures) -> Html:
-    """The wiring drawing; nothing where the bundle has none."""
+    """The wiring drawing; empty if the bundle has none."""
     if pictures.wiring is None:
         return Html("")
     words = "Layout and wiring of emitters and receivers"
@@ -144,7 +144,7 @@ def wiring_figure(pictures: Pictures) -> Html:
 
 
 def orientation_figure(pictures: Pictures) -> Html:
-    """Sections through the sockets; nothing where the bundle has none."""
+    """Sections through the sockets; empty if the bundle has none."""
     if pictures.orientation is None:
         return Html("")
     words = "Each kind of part in its socket, cut across the wall"
@@ -152,7 +152,7 @@ def orientation_figure(pictures: Pictures) -> Html:
 
 
 def schematic_figure(pictures: Pictures) -> Html:
-    """The schematic; nothing where the bundle has none."""
+    """The schematic; empty if the bundle has none."""
     if pictures.schematic is None:
         return Html("")
     words = "Schematic: a transistor switch for each emitter, an amplifier for each receiver"
@@ -164,7 +164,7 @@ def _picture(address: str, words: str, caption: str, file: str) -> Html:
     words_below = element("figcaption", f"{caption}: ", element("a", file, href=file))
     look = (
         "card themed" if address.startswith("data:image/png") else "card"
-    )  # the drawing has its own white ground
+    )  # the drawing has its own white background
     return element("figure", element("div", image, class_=look), words_below)
 
 
@@ -209,7 +209,7 @@ def _parts(parts: tuple[PlacedPart, ...]) -> str:
 
 
 def checks_section(checks: dict[str, Any]) -> Html:
-    """The mold's checks, what is wrong first."""
+    """The mold's checks, failed ones first."""
     findings = sorted(checks.get("findings", []), key=lambda row: list(STATES)[::-1].index(row["state"]))
     wrong = {state: sum(row["state"] == state for row in findings) for state in ("error", "warning")}
     lead = "The files can be printed." if checks.get("ok") else "The files can NOT be printed as they are."

@@ -1,4 +1,4 @@
-"""Sections on what the light does: signals of pairs, all judged pairs, what matters, tolerance."""
+"""Sections on the signals: selected pairs, all judged pairs, sensitivity, tolerance."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ LACKS = {
     "used up": "saturated",
     "dim": "too little light",
 }
-"""What a pair lacks, in words, where the name alone would not do."""
+"""Words for what a pair lacks, if its name alone is not clear."""
 CAUSE_HEADS = (
     "pair",
     "lacks",
@@ -85,7 +85,7 @@ PAIR_HEADS = (
 
 
 def causes_section(score: ContinuityScore, drawings: Drawings) -> Html:
-    """Why depth is not resolved where it is not: a section with the light that is left, and the pairs under the tip."""
+    """Causes of unresolved depth: a section with the remaining light, and the pairs under the tip."""
     causes = shown_causes(score)
     if not causes:
         return Html("")
@@ -133,7 +133,7 @@ def causes_section(score: ContinuityScore, drawings: Drawings) -> Html:
 
 
 def _trial_parts(trial: Trial | None) -> list[Html]:
-    """The moves that were tried, each with what was traced for it."""
+    """The moves that were tried, each with its traced result."""
     if trial is None:
         return []
     rows = [
@@ -153,7 +153,7 @@ def _trial_parts(trial: Trial | None) -> list[Html]:
 
 
 def signal_section(design: SensorDesign, score: ContinuityScore, drawings: Drawings) -> Html:
-    """Signal against depth: a picker over all judged pairs, and the pairs that matter as drawings."""
+    """Signal against depth: a selection over all judged pairs, and drawings of the most important pairs."""
     lead = (
         "Facing rows are judged by their facing pairs, the middle one first."
         if score.is_facing_rows
@@ -184,7 +184,7 @@ def signal_section(design: SensorDesign, score: ContinuityScore, drawings: Drawi
 
 
 def _picker(score: ContinuityScore) -> Html:
-    """The view that the page's script fills: one pair at a time, worst first in the list."""
+    """The view that the page's script fills: one pair at a time, the worst first in the list."""
     numbers = {pair.name: number for number, pair in enumerate(score.pairs)}
     listed = score.pairs if score.is_facing_rows else ranked(score)
     options = (element("option", _option(pair), value=str(numbers[pair.name])) for pair in listed)
@@ -304,7 +304,7 @@ def _pair_row(pair: JudgedPair) -> tuple[str, ...]:
 
 
 def tolerance_section(score: ContinuityScore, drawings: Drawings) -> Html:
-    """How firm the verdict is."""
+    """The confidence in the verdict."""
     band = score.tolerance
     if band is None:
         return Html("")
@@ -340,7 +340,7 @@ def tolerance_section(score: ContinuityScore, drawings: Drawings) -> Html:
 
 
 def matters_section(score: ContinuityScore, drawings: Drawings) -> Html:
-    """What a step of each field changes."""
+    """The sensitivity to each parameter: the effect of a small step."""
     if score.steps is None or "field-steps" not in drawings:
         return Html("")
     x_mm, y_mm, depth_mm = score.steps.bounds_at_mm
@@ -358,7 +358,7 @@ def matters_section(score: ContinuityScore, drawings: Drawings) -> Html:
 
 
 def _builds(score: ContinuityScore, drawings: Drawings) -> list[Html]:
-    """The builds with everything off at once, where some were drawn."""
+    """The Monte Carlo over all tolerances; empty if no units were drawn."""
     study = score.builds
     if study is None:
         return []

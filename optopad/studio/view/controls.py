@@ -1,8 +1,8 @@
-"""The left panel: what can be changed, and the buttons.
+"""The left panel: editable fields and buttons.
 
-What the buttons of the page do: improve, build, open the report, export the picture.
+Actions of the page's buttons: improve, build, open the report, export the picture.
 
-The right panel: what was said, the verdict, the pairs under the tip, the map, pinned designs, the sensor.
+The right panel: last message, verdict, pairs under the tip, map, pinned designs, sensor.
 """
 
 from __future__ import annotations
@@ -33,14 +33,14 @@ LEAST_PX = (800, 600)
 
 
 class BackgroundJobs:
-    """The buttons' work.
+    """Actions of the buttons.
 
     Parameters
     ----------
-    server : of the page
-    session, task : what is on the table, what is under way
-    changed : is called when a task begins or ends
-    found : gets the alternatives of improve
+    server : server of the page
+    session, task : the present design, and the running task
+    changed : called when a task begins or ends
+    found : receives the alternatives of improve
     """
 
     def __init__(
@@ -56,7 +56,7 @@ class BackgroundJobs:
         self._changed, self._found = changed, found
 
     def improve(self) -> None:
-        """Look for up to three verified alternatives."""
+        """Search for up to three verified alternatives."""
 
         def done(ghosts: tuple[Ghost, ...]) -> None:
             self._found(ghosts)
@@ -69,7 +69,7 @@ class BackgroundJobs:
         self._begin(lambda: self._task.build(self._session.design, lambda _folder: self._changed()))
 
     def end(self) -> None:
-        """End what is under way."""
+        """End the running task."""
         if not self._task.is_running:
             self._session.say("no running job")
         self._task.end()
@@ -85,7 +85,7 @@ class BackgroundJobs:
         self._session.say(f"opened: {report}")
 
     def export_picture(self) -> None:
-        """What the browser shows of the scene, as a PNG among the bundles."""
+        """Save the browser's view of the scene as a PNG in the folder of the bundles."""
         clients = list(self._server.get_clients().values())
         if not clients:
             self._session.say("no open page to take a picture of", is_bad=True)
@@ -128,15 +128,15 @@ NO_GHOST, NO_PIN = "none", "…"
 
 
 class AnswersPanel:
-    """What the page tells.
+    """Results on the page.
 
     Parameters
     ----------
-    gui : of the page
-    session : what is on the table
-    live : a sensor; None: none
-    later : keeps a call for the page's thread, the newest of a name, after some seconds
-    redraw_map : is called when another quantity is wanted
+    gui : interface of the page
+    session : the present design
+    live : a sensor, or None
+    later : schedules a call on the page's thread after some seconds; a newer call of the same name replaces it
+    redraw_map : called when another quantity is selected
     """
 
     def __init__(
@@ -187,11 +187,11 @@ class AnswersPanel:
 
     @property
     def follows_touch(self) -> bool:
-        """Whether the press goes where the sensor feels one."""
+        """Whether the press follows the sensor's touch."""
         return bool(self._follows.value)
 
     def draw_words(self, answers: Mapping[type, Answer], judged: Mapping[str, Judged]) -> None:
-        """Message, verdict, pinned designs."""
+        """Show message, verdict and pinned designs."""
         session, now = self._session, self._session.now
         failed, progress = answers.get(Failed), answers.get(Progress)
         why_not = failed.text if isinstance(failed, Failed) and failed.digest == now.design.digest else ""
@@ -211,7 +211,7 @@ class AnswersPanel:
         )
 
     def draw_curves(self, answers: Mapping[type, Answer]) -> None:
-        """Pairs under the tip; those of an earlier design are faint."""
+        """Show the pairs under the tip; those of an earlier design are faint."""
         curves, look, press = answers.get(Curves), answers.get(Look), self._session.press
         if not isinstance(curves, Curves):
             return
@@ -228,7 +228,7 @@ class AnswersPanel:
         self._curves.content = _padded(curves_svg(curves.found, press.depth_mm), faint)
 
     def draw_map(self, judged: Mapping[str, Judged]) -> None:
-        """The chosen quantity, place by place."""
+        """Show the selected quantity at each location."""
         now = self._session.now
         found = judged.get(now.design.digest)
         try:
@@ -239,19 +239,19 @@ class AnswersPanel:
         self._map.content = _padded(map_svg(cavity, shown, self._session.press, bad_parts(now, cavity.parts)))
 
     def offer_ghosts(self, ghosts: tuple[Ghost, ...]) -> None:
-        """Alternatives to choose from."""
+        """Offer alternatives for selection."""
         self._ghosts = ghosts
         self._choose.visible = bool(ghosts)
         _offer(self._choose, (NO_GHOST, *(_title(number, ghost) for number, ghost in enumerate(ghosts))))
 
     def draw_sensor(self, view: LiveView, answers: Mapping[type, Answer], bad: Sequence[str]) -> None:
-        """The line's state, and every pair's reading beside its simulated one."""
+        """Show the line's state, and every pair's reading with its simulated one."""
         self._sensor.content = sensor_html(view)
         if view.signals is None:
             return
         found = answers.get(Readings)
         simulated = found.pressed if isinstance(found, Readings) else view.expected
-        if simulated is not None and simulated.shape != view.signals.shape:  # another layout is on the table
+        if simulated is not None and simulated.shape != view.signals.shape:  # another layout now
             simulated = None
         self._readings.content = _padded(
             readings_svg(*self._built, view.signals.astype(np.float64), simulated, bad)
@@ -286,22 +286,22 @@ def _padded(svg: str, style: str = "") -> str:
 
 
 TYPED_S = 0.35
-"""Typing is taken for done after so long without a key [s]: a field tells every key."""
+"""Typing counts as finished after this time without a key [s]; a field reports every key."""
 GROUPS = ("Pad", "Layout", "Parts", "Press", "Material", "Signal")
 OPEN = ("Pad", "Layout", "Parts")
 MOLDS = ("hidden", "cut", "whole")
 
 
 class Controls:
-    """Fields of the design, the press, and buttons; kept in step with the session.
+    """Fields of the design, the press, and buttons, synchronised with the session.
 
     Parameters
     ----------
-    gui : of the page
-    session : takes the edits
-    later : keeps a call for the page's thread, the newest of a name, after some seconds
-    redraw : is called when only the picture changes
-    buttons : what they do
+    gui : interface of the page
+    session : receives the edits
+    later : schedules a call on the page's thread after some seconds; a newer call of the same name replaces it
+    redraw : called when only the picture changes
+    buttons : actions of the buttons
     """
 
     def __init__(
@@ -327,17 +327,17 @@ class Controls:
 
     @property
     def shows_rays(self) -> bool:
-        """Whether sample rays are wanted."""
+        """Whether to show sample rays."""
         return bool(self._rays.value)
 
     @property
     def mold(self) -> str:
-        """How the mold is drawn, of `MOLDS`."""
+        """How to draw the mold: one of `MOLDS`."""
         return str(self._mold.value)
 
     @property
     def moves_rows(self) -> bool:
-        """Whether a dragged part takes its row along."""
+        """Whether a dragged part moves its row."""
         return bool(self._row.value)
 
     @property
@@ -347,11 +347,11 @@ class Controls:
 
     @property
     def file_name(self) -> str:
-        """The name to save under."""
+        """The file name for saving."""
         return str(self._name.value)
 
     def follow(self) -> None:
-        """Show the session's values; fields that are being typed in are left alone."""
+        """Show the session's values; fields that the user is typing in are not changed."""
         design, press = self._session.design, self._session.press
         for group in GROUPS:
             self._follow_group(group, [field for field in editable_fields_of(design) if field.group == group])
@@ -543,5 +543,5 @@ def _range(field: EditableField) -> str:
 
 
 def _fine(step: float) -> float:
-    """A step with so many decimals that a typed value is not cut."""
+    """A step with enough decimals that a typed value is not rounded."""
     return step if step < 0.01 else 0.01 if step < 1.0 else 0.1 if step < 10 else 1.0

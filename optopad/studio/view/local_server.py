@@ -1,8 +1,8 @@
-"""The page's server: for this machine and this page alone, on a port of its own.
+"""The page's server, for this machine and this page only, on its own port.
 
-viser serves its page and its websocket to whoever asks, also to any web page that the user has open. So every request
-and handshake is checked before viser sees it: it must ask for the address served (a foreign name may be made to point
-here), come from this page or from no page, and carry the token, which is random and part of the address.
+viser serves its page and its websocket to any client, also to any web page that the user has open. So every request
+and handshake is checked before viser receives it: it must name the served address (a foreign name may resolve to this
+machine), come from this page or from no page, and contain the token, which is random and part of the address.
 """
 
 from __future__ import annotations
@@ -34,11 +34,11 @@ HOST = "127.0.0.1"
 FIRST_PORT, PORTS = 8080, 50
 LARGEST_MESSAGE_B = LARGEST_PICTURE_B + 2**10
 COLLECT_S = 1.0
-"""Memory is collected so long after the end of a connection that brought large messages [s]."""
+"""Memory is collected this long after the end of a connection with large messages [s]."""
 
 _LOG = logging.getLogger(__name__)
 _LOG.addFilter(lambda record: record.getMessage() != "opening handshake failed")
-"""Says nothing of bytes that are no request, as of a port scan."""
+"""Bytes that are no request, as from a port scan, are not reported."""
 _PATCHING = threading.Lock()
 
 
@@ -47,15 +47,15 @@ class LocalServer(viser.ViserServer):
 
     Parameters
     ----------
-    port : to serve at; 0: a free one
+    port : port to serve at; 0: a free one
 
     Attributes
     ----------
-    token : first part of the address's path; nothing is answered without it
+    token : first part of the address's path; requests without it are refused
 
     Raises
     ------
-    InputError : viser does not let its requests be checked.
+    InputError : viser does not allow its requests to be checked.
     """
 
     def __init__(self, port: int) -> None:
@@ -80,12 +80,12 @@ class LocalServer(viser.ViserServer):
         return None
 
     def fault_of(self, raw: str | bytes) -> str | None:
-        """Why a message of the page is refused, in one line; None: it is taken."""
+        """The reason why a message of the page is refused, in one line; None if it is accepted."""
         return fault_of(raw, self.gui._gui_input_handle_from_uuid)
 
     @contextlib.contextmanager
     def _checked(self) -> Iterator[None]:
-        """While viser starts: the server that it opens gets `_Connection`, which checks every request."""
+        """While viser starts, make the server that it opens use `_Connection`, which checks every request."""
         serve = websockets.asyncio.server.serve
 
         def checked(*arguments: Any, **options: Any) -> Any:
@@ -113,7 +113,7 @@ class _Connection(ServerConnection):
         self._page, self._is_large = page, False
 
     async def handshake(self, process_request: Any = None, *more: Any, **options: Any) -> None:
-        """Check the request, then have viser answer it, below the token's path."""
+        """Check the request, then let viser answer it, below the token's path."""
 
         def checked(connection: ServerConnection, request: Request) -> Response | None:
             first, _, rest = request.path.removeprefix("/").partition("?")[0].partition("/")
@@ -127,7 +127,7 @@ class _Connection(ServerConnection):
         await super().handshake(checked, *more, **options)
 
     def _refusal(self, request: Request, token: str) -> str | None:
-        """Why a request is refused, in one line; None: it is of this page."""
+        """The reason why a request is refused, in one line; None if it is from this page."""
         port = self.local_address[1]
         here = [f"{name}:{port}" for name in (HOST, "localhost", "[::1]")]
         hosts = [host.lower() for host in request.headers.get_all("Host")]
@@ -151,7 +151,7 @@ class _Connection(ServerConnection):
         raise self.protocol.close_exc
 
     def connection_lost(self, exc: Exception | None) -> None:
-        """Say that a message was too large to be received at all; free what large messages leave."""
+        """Report a message that was too large to be received; free the memory of large messages."""
         super().connection_lost(exc)
         if self._is_large:
             self.loop.call_later(COLLECT_S, _free)
@@ -161,9 +161,9 @@ class _Connection(ServerConnection):
 
 
 def _free() -> None:
-    """Free the last messages, which viser's ended tasks hold in circles, and the spare pages of the C library."""
+    """Free the last messages, which viser's ended tasks hold in cycles, and the spare pages of the C library."""
     gc.collect()
-    with contextlib.suppress(OSError, AttributeError, TypeError):  # the GNU C library alone has it
+    with contextlib.suppress(OSError, AttributeError, TypeError):  # only the GNU C library has it
         ctypes.CDLL(None).malloc_trim(0)
 
 
@@ -180,14 +180,14 @@ def local_server(port: int | None) -> LocalServer:
     """
     wanted = free_port(port)
     server = LocalServer(wanted)
-    if wanted and server.get_port() != wanted:  # somebody was quicker
+    if wanted and server.get_port() != wanted:  # another program was faster
         server.stop()
         raise InputError(f"--port: {wanted} is taken on this machine; choose another, or leave it out")
     return server
 
 
 def free_port(wanted: int | None) -> int:
-    """The wanted port if it is free, or the first free one.
+    """The given port if it is free, or the first free one.
 
     Raises
     ------

@@ -1,7 +1,7 @@
-"""The page: takes what the user does to the session, and shows what session, workshop and sensor have.
+"""The page: passes the user's actions to the session, and shows the state of session, workshop and sensor.
 
-One thread of the page's own applies edits and draws, at most thirty times a second; the browser's messages and the
-answers of the work are only noted down by whoever brings them.
+One thread of the page applies edits and draws, at most thirty times a second; other threads only note the browser's
+messages and the results of the work.
 """
 
 from __future__ import annotations
@@ -34,10 +34,10 @@ IDLE_S = 0.1
 FILE_EVERY_S = 0.5
 TOUCH_EVERY_S = 0.1
 MOLD_AFTER_S = 1.0
-"""The mold is made anew after so long without an edit [s]."""
+"""The mold is made again after this time without an edit [s]."""
 KEPT_VERDICTS = 12
 NARROW_PX = 300
-"""A picture narrower than this beside both panels: the left one is folded away."""
+"""If both panels leave less width than this for the picture, the left one is folded away [px]."""
 RIGHT_PX, LEFT_PX, NARROW_RIGHT_PX = 400, 290, 320
 
 EVERYTHING = frozenset({"design", "press", "words", "curves", "map", "rays", "mold", "theme", "ghosts"})
@@ -51,7 +51,7 @@ OF_ANSWER: dict[type, tuple[str, ...]] = {
     found_by_work.Progress: ("words",),
     Failed: ("press", "words"),
 }
-"""What is drawn anew when an answer comes."""
+"""Parts of the page that are drawn again when a result arrives."""
 
 
 class Page:
@@ -59,11 +59,11 @@ class Page:
 
     Parameters
     ----------
-    session : the design on the table
-    out : folder that holds the bundles
-    port : of the page; None: the first free one
-    seed : of the light's offsets
-    live : a sensor to show; None: none
+    session : the present design
+    out : folder of the bundles
+    port : port of the page; None: the first free one
+    seed : seed of the light's offsets
+    live : a sensor to show, or None
 
     Raises
     ------
@@ -94,11 +94,11 @@ class Page:
 
     @property
     def url(self) -> str:
-        """Address of the page on this machine, with the token that it asks for."""
+        """Address of the page on this machine, including the required token."""
         return self.server.url
 
     def start(self) -> None:
-        """Begin to work and to draw."""
+        """Start the work and the drawing."""
         self.workshop.start()
         if self._live is not None:
             self._live.start()
@@ -150,7 +150,7 @@ class Page:
         self.server.on_client_connect(self._fit)
 
     def _fit(self, client: viser.ClientHandle) -> None:
-        """Fold the left panel away where both leave too little room for the picture."""
+        """Fold the left panel away if both panels leave too little room for the picture."""
 
         def looked(camera: viser.CameraHandle) -> None:
             if camera.image_width < NARROW_PX and not self._is_folded:
@@ -173,7 +173,7 @@ class Page:
         self._wake.set()
 
     def _request(self) -> Request | None:
-        """What is to be worked at; nothing for a design that breaks a rule."""
+        """The request to the workshop; None for a design that breaks a rule."""
         now = self.session.now
         if now.errors:
             return None
@@ -195,14 +195,14 @@ class Page:
             if isinstance(answer, Judged):
                 self._judged[answer.digest] = answer
                 self._forget_some()
-            if isinstance(answer, (Judged, Look)):  # there is an answer again
+            if isinstance(answer, (Judged, Look)):  # there is a result again
                 self._answers.pop(Failed, None)
         if isinstance(answer, Readings) and self._live is not None and self._live.expected is None:
             self._live.set_expected(answer.untouched)
         self._mark(*OF_ANSWER[type(answer)])
 
     def _forget_some(self) -> None:
-        """Drop the oldest verdicts, but of what is pinned or on the table."""
+        """Drop the oldest verdicts, except those of pinned designs and of the present one."""
         kept = {one.design.digest for one in (*self.session.pinned, self.session.now)}
         for digest in [one for one in self._judged if one not in kept][:-KEPT_VERDICTS]:
             self._judged.pop(digest)
@@ -233,7 +233,7 @@ class Page:
                     looked_at = began
                     self.session.look_at_file()
                 self._draw()
-            except Exception as err:  # on purpose all: one bad drawing must not end the page
+            except Exception as err:  # all, on purpose: one bad drawing must not end the page
                 if self._is_closing:
                     return
                 traceback.print_exception(err)

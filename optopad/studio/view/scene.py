@@ -1,7 +1,7 @@
 """The picture in three dimensions: layers, parts, mold, tip, pressed top, rays, ghosts; lengths in mm.
 
-Parts and tip are dragged: the pointer's ray is cut with what the thing moves in, the wall's inner face for a part
-(along it or in height, not both), a plane of one height for the tip (with shift: along the normal, which is depth).
+Parts and tip can be dragged: the pointer's ray is intersected with the surface of motion. That is the wall's inner face
+for a part (along it or in height, not both), and a level plane for the tip (with shift: along the normal, for depth).
 """
 
 from __future__ import annotations
@@ -48,18 +48,18 @@ CLEAR, BLACK, MOLD, TIP, BAD, GHOST = (
 )
 PART_COLOURS = {"emitter": (230, 159, 0), "receiver": (0, 114, 178)}
 FACE_MM = 0.25
-"""How far a part's active face is drawn out of its wall [mm]."""
+"""Distance of a part's active face, as drawn, from its wall [mm]."""
 
 
 class Scene:
-    """What is drawn, kept in step with the session.
+    """The drawn scene, synchronised with the session.
 
     Parameters
     ----------
-    server : of the page
-    session : gets drags and clicks
-    later : keeps a call for the page's own thread, the newest of a name; callbacks of the page must be quick
-    with_row : says whether a dragged part takes its row along
+    server : server of the page
+    session : receives drags and clicks
+    later : schedules a call on the page's own thread, the newest of a name; callbacks of the page must be quick
+    with_row : whether a dragged part moves its row
     """
 
     def __init__(
@@ -92,11 +92,11 @@ class Scene:
         server.initial_camera.up = (0.0, 0.0, 1.0)
 
     def draw_design(self, design: SensorDesign, bad: Sequence[str], *, is_bad: bool) -> None:
-        """Layers and parts.
+        """Draw layers and parts.
 
         Parameters
         ----------
-        bad : names of parts that do not fit
+        bad : names of parts with errors
         is_bad : whether the design breaks a rule
         """
         cavity = cavity_of(design)
@@ -165,13 +165,13 @@ class Scene:
         node.on_drag("left")(dragged)
 
     def _dragged_to(self, event: PartDrag, part: PlacedPart) -> dict[str, float]:
-        """Where the pointer drags a part: along its straight wall [mm], in its round one [degrees], or in height."""
+        """The target of a dragged part: along its straight wall [mm], in its round wall [degrees], or in height."""
         if part.angle_deg is None:
             return self._drag_straight(event, part)
         return self._drag_round(event, part, part.angle_deg)
 
     def _drag_straight(self, event: PartDrag, part: PlacedPart) -> dict[str, float]:
-        """Where on its straight wall a part is dragged [mm]."""
+        """The target of a part on its straight wall [mm]."""
         here, eye = np.array(part.position_mm), np.array(event.client.camera.position)
         axis = int(np.argmax(np.abs(part.line.outward)))
         if event.phase == "start":
@@ -187,7 +187,7 @@ class Scene:
         return {"along_mm": from_mm + is_along * along, "height_mm": from_up_mm + is_up * rise}
 
     def _drag_round(self, event: PartDrag, part: PlacedPart, angle_deg: float) -> dict[str, float]:
-        """In what direction of its round wall, and how high [mm], a part is dragged."""
+        """The target of a part in its round wall: its direction, and its height [mm]."""
         here, eye = np.array(part.position_mm), np.array(event.client.camera.position)
         arcs = self._plan.outline.bare.arcs
         wall = min(arcs, key=lambda arc: math.dist(arc.centre_mm, part.position_mm[:2]))
@@ -203,7 +203,7 @@ class Scene:
         return {"angle_deg": from_deg + is_along * turn, "height_mm": from_mm + is_up * rise}
 
     def draw_top(self, look: Look) -> None:
-        """The pressed top."""
+        """Draw the pressed top."""
         self._scene.add_mesh_simple(
             "/pad/top",
             look.points_mm,
@@ -215,7 +215,7 @@ class Scene:
         )
 
     def draw_untouched_top(self, design: SensorDesign, *, is_bad: bool) -> None:
-        """The untouched top of a design that is not worked at, or not yet."""
+        """Draw the untouched top of a design without results."""
         points, triangles = untouched_top(cavity_of(design).plan)
         self._scene.add_mesh_simple(
             "/pad/top",
@@ -228,7 +228,7 @@ class Scene:
         )
 
     def draw_tip(self, design: SensorDesign, press: Press) -> None:
-        """The tip where it presses, along the normal of the untouched top there."""
+        """Draw the tip at the press, along the normal of the untouched top there."""
         shape = design.indenter.model_dump_json()
         if self._tip is None or shape != self._tip_shape:
             self._tip = self._new_tip(design)
@@ -280,7 +280,7 @@ class Scene:
                 self._later("tip", lambda: self._session.move_tip(x_mm=x, y_mm=y))
 
     def draw_rays(self, rays: Rays | None, *, is_dark: bool) -> None:
-        """Sample paths, a colour a kind; None: none."""
+        """Draw sample paths, one colour per kind; None removes them."""
         for kind in (*KINDS, LOST):
             name = f"/rays/{kind.key}"
             mine = [one.places_mm for one in rays.rays if one.kind == kind.key] if rays is not None else []
@@ -297,11 +297,11 @@ class Scene:
             )
 
     def set_mold(self, digest: str, mesh: Mesh) -> None:
-        """The mold as it is printed, of a design."""
+        """Set the printable mold of a design."""
         self._mold = (digest, mesh)
 
     def draw_mold(self, design: SensorDesign, shown: str) -> None:
-        """The mold: "hidden", "cut" open or "whole"; its outline until the solid is made."""
+        """Draw the mold: "hidden", "cut" open or "whole"; its outline until the solid is finished."""
         for name in ("/mold/solid", "/mold/outline"):
             self._scene.remove_by_name(name)
         if shown == "hidden":
@@ -320,7 +320,7 @@ class Scene:
         )
 
     def draw_ghosts(self, ghosts: Sequence[Ghost]) -> None:
-        """Parts and top of verified alternatives, to be clicked."""
+        """Draw parts and top of verified alternatives, which can be clicked."""
         for frame in self._ghosts:
             frame.remove()
         self._ghosts = []
@@ -361,7 +361,7 @@ class Scene:
         node.on_click(clicked)
 
     def draw_touch(self, touch: Touch | None) -> None:
-        """The sensor's touch with its uncertainty, two standard deviations wide; None or no touch: nothing."""
+        """Draw the sensor's touch with its uncertainty, two standard deviations wide; nothing without a touch."""
         if touch is None or not touch.is_touched or not np.isfinite(touch.press_mm).all():
             self._scene.remove_by_name("/touch")
             return
@@ -378,7 +378,7 @@ class Scene:
 
 
 def _key(part: PlacedPart) -> str:
-    """What a part's picture depends on, but its place."""
+    """The properties, except position, that determine a part's picture."""
     return f"{part.kind} {part.part_id} {part.half_width_mm} {part.half_height_mm}"
 
 

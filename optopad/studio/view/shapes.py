@@ -1,9 +1,9 @@
-"""Bodies, turns and cuts of the picture in three dimensions, as plain numbers; lengths in mm.
+"""Bodies, rotations and cuts of the picture in three dimensions, as plain numbers; lengths in mm.
 
-Which messages of the page are taken: known kinds, with every field of its type. viser itself checks none.
+Check of the page's messages: known kinds, with every field of its type. viser itself checks none.
 
-A message that viser or a callback cannot use would end in a traceback on the terminal, and some kinds (uploads, forms)
-would be kept without a bound. The types are those of viser's own messages.
+A message that viser or a callback cannot use would cause a traceback on the terminal, and some kinds (uploads, forms)
+would be stored without a limit. The types are those of viser's own messages.
 """
 
 from __future__ import annotations
@@ -37,19 +37,19 @@ KINDS: dict[str, Any] = {
         kinds.ViewerCameraMessage,
     )
 }
-"""What the studio's page sends: hotkeys, exported pictures, fields and buttons, clicks, drags, its camera."""
+"""Messages of the studio's page: hotkeys, exported pictures, fields and buttons, clicks, drags, its camera."""
 LARGEST_PICTURE_B, LARGEST_B = 16 * 2**20, 64 * 2**10
 """The largest exported picture, and the largest message of any other kind [bytes]."""
 LARGEST_NUMBER = 1e9
-"""No coordinate [mm], angle or size [px] is larger; squares of it stay finite."""
+"""Limit of every coordinate [mm], angle and size [px]; squares of it are finite."""
 
 
 def fault_of(raw: str | bytes, inputs: Mapping[str, Any]) -> str | None:
-    """Why a message is refused, in one line; None: it is taken.
+    """The reason why a message is refused, in one line; None if it is accepted.
 
     Parameters
     ----------
-    raw : as it came
+    raw : the received message
     inputs : viser's handles of the fields and buttons, by uuid
     """
     if isinstance(raw, str):
@@ -68,7 +68,7 @@ def fault_of(raw: str | bytes, inputs: Mapping[str, Any]) -> str | None:
 
 
 def _fault_of_fields(name: str, found: dict[str, Any]) -> str | None:
-    """A field that is missing, unknown or of another type, or a number that no page has."""
+    """A missing or unknown field, one of another type, or a number that no page sends; None if there is no fault."""
     unknown = [str(key) for key in found.keys() - {field.name for field in fields_of(KINDS[name])}]
     if unknown:
         return f"unknown field {unknown[0]!r:.60}"
@@ -81,7 +81,7 @@ def _fault_of_fields(name: str, found: dict[str, Any]) -> str | None:
 
 
 def _fault_of_use(name: str, found: dict[str, Any], inputs: Mapping[str, Any]) -> str | None:
-    """What the types alone do not say of a click and of a field."""
+    """A fault of a click or a field that the types alone do not show; None if there is none."""
     if name == "ScenePointerMessage":
         is_click = found["event_type"] == "click" and len(found["screen_pos"]) == 1
         has_ray = found["ray_origin"] is not None and found["ray_direction"] is not None
@@ -92,12 +92,12 @@ def _fault_of_use(name: str, found: dict[str, Any], inputs: Mapping[str, Any]) -
         return f"updates {sorted(found['updates'])!s:.60}, where a page changes a value alone"
     handle, value = inputs.get(found["uuid"]), found["updates"]["value"]
     if handle is None or _fits(value, handle.value, getattr(handle, "options", None)):
-        return None  # viser passes over a field that is gone
+        return None  # viser ignores a removed field
     return f"value {value!r:.60}, where the field has {handle.value!r:.60}"
 
 
 def _fits(value: Any, now: Any, options: tuple[str, ...] | None) -> bool:
-    """Whether a field that has a value can take another one."""
+    """Whether a field with the present value can take another one."""
     if options is not None:
         return value in options
     if isinstance(now, int | float) and not isinstance(now, bool):
@@ -123,13 +123,13 @@ TIP_TURNS = 40
 
 
 def facing(part: PlacedPart) -> Quaternion:
-    """The turn about z that brings x to the outward direction of a part's wall, and y along the wall."""
+    """The rotation about z that brings x to the outward direction of a part's wall, and y along the wall."""
     half = math.atan2(*part.line.outward[::-1]) / 2.0
     return math.cos(half), 0.0, 0.0, math.sin(half)
 
 
 def along_normal(normal: tuple[float, float, float]) -> Quaternion:
-    """The least turn that brings z to a unit vector that points upward."""
+    """The smallest rotation that brings z to a unit vector that points upward."""
     x, y, z = normal
     real = math.sqrt((1.0 + z) / 2.0)
     return real, -y / (2.0 * real), x / (2.0 * real), 0.0
@@ -144,7 +144,7 @@ def body_box(part: PlacedPart) -> Box:
 
 
 def tip_apex_mm(plan: Plan, place_mm: tuple[float, float], depth_mm: float) -> FloatArray:
-    """(3,) apex of the tip: as deep below the untouched top at its place, along the normal there."""
+    """(3,) apex of the tip: at this depth below the untouched top at its location, along the normal there."""
     foot = np.array([*place_mm, np.nan_to_num(plan.top_mm(*place_mm), nan=0.0)])
     return np.asarray(foot - depth_mm * np.array(plan.normal(*place_mm)), dtype=np.float64)
 
@@ -178,7 +178,7 @@ def mold_edges(design: SensorDesign) -> FloatArray:
 
 
 def plane_cut(eye_mm: FloatArray, point_mm: FloatArray, axis: int, level_mm: float) -> FloatArray:
-    """(3,) where the ray from the eye through a point meets the plane of one coordinate."""
+    """(3,) point where the ray from the eye through a point meets the plane of one coordinate."""
     way = point_mm - eye_mm
     if abs(way[axis]) < 1e-9:
         return point_mm
@@ -188,9 +188,9 @@ def plane_cut(eye_mm: FloatArray, point_mm: FloatArray, axis: int, level_mm: flo
 def round_cut(
     eye_mm: FloatArray, point_mm: FloatArray, centre_mm: Point, radius_mm: float, near_mm: FloatArray
 ) -> FloatArray:
-    """(3,) where the ray from the eye through a point meets a cylinder about a centre (x, y), on the side of a place.
+    """(3,) point where the ray from the eye through a point meets a cylinder about a centre (x, y), nearest to a point.
 
-    A ray that passes beside the cylinder is taken where it is nearest to the middle.
+    If a ray misses the cylinder, its point nearest to the axis is used.
     """
     way, start = point_mm - eye_mm, eye_mm[:2] - centre_mm
     square, half = float(way[:2] @ way[:2]), float(start @ way[:2])
@@ -202,12 +202,12 @@ def round_cut(
 
 
 def turn_deg(centre_mm: Point, start_mm: FloatArray, end_mm: FloatArray) -> float:
-    """The turn about a centre (x, y) from one place to another, from -180 to 180 [degrees]."""
+    """The rotation about a centre (x, y) from one point to another, from -180 to 180 [degrees]."""
     (x0, y0), (x1, y1) = (one[:2] - centre_mm for one in (start_mm, end_mm))
     return math.degrees(math.atan2(x0 * y1 - y0 * x1, x0 * x1 + y0 * y1))
 
 
 def along_one_way(along_mm: float, height_mm: float) -> tuple[bool, bool]:
-    """Whether a drag goes along the wall or in height, whichever it does more: a hand's wobble is no second change."""
+    """Whether a drag goes along the wall or in height: the larger component counts, to ignore an unsteady hand."""
     is_along = abs(along_mm) >= abs(height_mm)
     return is_along, not is_along
