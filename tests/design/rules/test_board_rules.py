@@ -243,6 +243,8 @@ def test_the_timing_model_gives_a_teensy_a_thousand_frames_a_second() -> None:
 
 def test_averages_that_miss_the_rate_are_named() -> None:
     found = [str(one) for one in check(good(**{"board.averages": 20})) if one.severity == "error"]
-    assert any("allows 13.1 frames a second" in one and "lower it, board.averages," in one for one in found), found
+    assert any(
+        "allows 13.1 frames a second" in one and "lower it, board.averages," in one for one in found
+    ), found
     teensy = good(**{"board.kind": "teensy-40", "board.averages": 200})
     assert any("or name a faster board" in str(one) for one in check(teensy))
