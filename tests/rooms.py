@@ -81,6 +81,12 @@ def modules() -> dict[Place, Path]:
     return {path.relative_to(ROOT).with_suffix("").parts: path for path in sorted(paths)}
 
 
+@cache
+def tree_of(path: Path) -> ast.Module:
+    """Read once for all tests, which look and do not change."""
+    return ast.parse(path.read_text(encoding="utf-8"), filename=str(path))
+
+
 def _resolved(name: str) -> Place | None:
     """The module that a dotted name means, or lies in; None outside the house."""
     parts = tuple(name.split("."))
@@ -105,7 +111,7 @@ def imports() -> dict[Place, frozenset[Place]]:
     """What each module imports of the house, lazily or for its types as well."""
     found = {}
     for place, path in modules().items():
-        names = _names(ast.parse(path.read_text(encoding="utf-8")))
+        names = _names(tree_of(path))
         found[place] = frozenset(other for name in names if (other := _resolved(name)) not in (None, place))
     return found
 

@@ -11,13 +11,24 @@ import sys
 import tomllib
 import zipfile
 from collections.abc import Iterator
-from functools import cache
 from pathlib import Path
 
 import pytest
 
 from tests.house_map import PICTURE, picture
-from tests.rooms import FLOORS, MOST_FILES, REASON, arrows, circle, files_in, folders, imports, table, upward
+from tests.rooms import (
+    FLOORS,
+    MOST_FILES,
+    REASON,
+    arrows,
+    circle,
+    files_in,
+    folders,
+    imports,
+    table,
+    tree_of,
+    upward,
+)
 
 ROOT = Path(__file__).parents[1]
 ROOMS = ("design", "cad", "sims", "fabrication", "optopad")
@@ -85,12 +96,6 @@ def python_files(*folders: str) -> list[Path]:
 
 def name_of(path: Path) -> str:
     return path.relative_to(ROOT).as_posix()
-
-
-@cache
-def tree_of(path: Path) -> ast.Module:
-    """Read once for all tests, which look and do not change."""
-    return ast.parse(path.read_text(encoding="utf-8"), filename=str(path))
 
 
 def imported_modules(tree: ast.Module) -> Iterator[str]:

@@ -280,6 +280,7 @@ def test_threads_that_write_one_bundle_at_a_time_keep_all_their_files(tmp_path: 
     assert set(json.loads((folder / MANIFEST).read_text())["files"]) >= {f"sims/{name}" for name in "abcd"}
 
 
+@pytest.mark.slow
 def test_processes_that_write_one_bundle_at_a_time_keep_all_their_files(tmp_path: Path) -> None:
     processes = [started_writer(name, tmp_path) for name in "abc"]
     for process in processes:

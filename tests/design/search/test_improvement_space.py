@@ -224,6 +224,7 @@ def test_each_change_of_the_best_design_is_taken_back_by_itself(around_thick):
     assert refinements(space, found.tried, 99) == []
 
 
+@pytest.mark.slow
 def test_a_search_goes_on_around_its_best_until_nothing_new_is_asked_for(tmp_path):
     space = space_of(THICK)
     url = f"sqlite:///{tmp_path / 'study.db'}"

@@ -106,6 +106,7 @@ def test_the_front_comes_as_tables_and_as_designs_that_load(whole):
     }
 
 
+@pytest.mark.slow
 def test_more_trials_go_on_and_the_seed_repeats(space, tmp_path, capsys, whole):
     explored(space, tmp_path / "a", capsys, "--trials", "8")
     resumed = explored(space, tmp_path / "a", capsys, "--trials", "12")

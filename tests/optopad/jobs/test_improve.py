@@ -181,6 +181,7 @@ def test_a_base_whose_deadband_a_quick_map_misses_is_mended_all_the_same(design_
     assert said["alternatives"][0]["kind"] == "fewest changes"
 
 
+@pytest.mark.slow
 def test_none_is_never_said_over_a_design_that_a_score_finds_better(design_file, capsys, monkeypatch):
     """Quick light that sees a deadband everywhere has the best designs judged by the score's all the same."""
 
@@ -196,6 +197,7 @@ def test_none_is_never_said_over_a_design_that_a_score_finds_better(design_file,
     assert said["nearest"] is None
 
 
+@pytest.mark.slow
 def test_what_comes_nearest_is_told_with_the_verdict_of_a_score(design_file, capsys, monkeypatch):
     monkeypatch.setattr(improvement, "verdict_of", lambda design, **_: dead_score(design))
     said = improved(design_file, capsys, "--out", "dead")

@@ -110,6 +110,7 @@ def test_rows_whose_verdict_differs_from_both_neighbours_are_in_dispute_with_the
     assert disputed(rows_of(dead, sound, sound, dead, sound)) == (2, 3, 4)
 
 
+@pytest.mark.slow
 def test_a_depth_lost_that_rises_and_falls_beyond_the_sampling_error_is_in_dispute():
     lengths = [dead_for(mm) for mm in (0.4, 0.8, 0.5)]
     assert disputed(rows_of(*lengths)) == (0, 1, 2)
@@ -128,6 +129,7 @@ def test_neighbours_are_those_of_the_values_and_categories_have_none():
     assert disputed([*rows_of(sound), sweep_row(PAD, 6.0, out_of_scope_score(PAD)), *rows_of(sound)]) == ()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("design", "setting"), [(PAD, "full"), (PAIR, "fine")])
 def test_rows_in_dispute_are_judged_again_more_finely_and_say_so(monkeypatch, tmp_path, design, setting):
     asked = []

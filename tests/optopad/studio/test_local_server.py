@@ -385,6 +385,7 @@ def test_a_message_that_is_too_large_is_refused_in_one_line(page: Page, said: Sa
     )
 
 
+@pytest.mark.slow
 def test_memory_returns_after_large_messages(page: Page, said: Said) -> None:
     picture = msgspec.msgpack.encode(
         {"type": "GetRenderResponseMessage", "payload": bytes(12 * 2**20), "render_uuid": "none asked for"}

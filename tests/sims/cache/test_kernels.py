@@ -78,6 +78,7 @@ class Sources:
         return self.begin(*program).communicate()[0].split()
 
 
+@pytest.mark.slow
 def test_another_checkout_with_the_same_sources_compiles_nothing(tmp_path: Path) -> None:
     kept = tmp_path / "kept"
     assert Sources(tmp_path / "one", kept).run() == ["compiled", "4.0"]

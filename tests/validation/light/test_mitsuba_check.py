@@ -19,6 +19,7 @@ FIELD_STEP_MM = 0.25
 SAMPLED = 200
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("state", STATES, ids=lambda state: state.name)
 def test_every_mesh_lies_on_the_surface_that_the_oracle_traces(state: State) -> None:
     """A vertex moved by 0.1 µm along its normal leaves the elastomer, the other way it enters."""
