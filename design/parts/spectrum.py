@@ -18,7 +18,7 @@ The points are processed in this order, and the table records each change:
 - Values below 0 by up to 2 % of the largest become 0; angles beyond 90 degrees by up to 1 become 90.
 - Points are sorted; of points at one angle or wavelength the mean is taken.
 - Angles on both sides of the axis are folded: the mean of both sides, where both have values.
-- A first angle of up to 2 degrees is taken for the axis.
+- A first angle of up to 2 degrees counts as the axis.
 - More than 181 points become 181 at equal distances, by linear interpolation.
 """
 

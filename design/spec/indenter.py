@@ -120,8 +120,8 @@ class Piece:
     Attributes
     ----------
     start, end : radius and height above the apex
-    centre : of an arc; (0, 0) for a line
-    radius : of an arc, which bulges outward; 0 for a line
+    centre : centre of an arc; (0, 0) for a line
+    radius : radius of an arc, which bulges outward; 0 for a line
     """
 
     start: tuple[float, float]

@@ -39,7 +39,7 @@ class Tolerance:
     distribution : uniform from end to end, or normal about the middle with the ends at two standard deviations, cut
         off there
     origin : it is unmeasured, manufacturing adds it, or the design sets it
-    source : where the ends come from
+    source : source of the ends
     """
 
     path: str

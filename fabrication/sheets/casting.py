@@ -115,7 +115,7 @@ def casting_md(design: SensorDesign, gain: SimulatedGain | None = None) -> str:
 
     Parameters
     ----------
-    gain : what the simulation set; without it a gain by a rule leaves the feedback open
+    gain : the simulated gain; without it a gain by a rule leaves the feedback undecided
 
     Raises
     ------

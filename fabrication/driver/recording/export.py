@@ -39,7 +39,7 @@ class Recorded:
 
     Attributes
     ----------
-    config : of the sensor
+    config : configuration of the sensor
     counts : (time, state, receiver) readings [counts]
     connection, sequence : (time,)
     device_s : (time,) the board's clock since its reset [s]

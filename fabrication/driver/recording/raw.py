@@ -91,7 +91,7 @@ class Recorder:
     Parameters
     ----------
     file : a new file; an existing one is refused
-    config : of the sensor
+    config : configuration of the sensor
     opened : function that opens the file, for tests
 
     Attributes
