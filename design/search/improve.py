@@ -370,7 +370,7 @@ def is_sound(judged: Judged, safe: float = SAFE_MARGIN) -> bool:
 
 
 def betters(base: Judged, judged: Judged, accuracy: str, safe: float = SAFE_MARGIN) -> bool:
-    """Whether a design is better in depth, accuracy or a small margin, or by having no deadband if the base has one.
+    """Whether a design is better in depth, accuracy or a scarce margin, or may have no deadband if the base has one.
 
     Parameters
     ----------

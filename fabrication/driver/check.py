@@ -66,7 +66,7 @@ class Verdict:
     gain : median of readings over expected ones [-]; None where nothing could be compared
     mismatch : median distance of a pair from the expected pattern, as a factor less 1 [-]
     compared : number of pairs that could be compared
-    clipped_by_design : number of pairs that are expected at full scale
+    clipped_by_design : pairs that are expected at full scale
     frames : number of frames in the check
     """
 

@@ -19,8 +19,8 @@ guard are discarded when a touch begins. The pad counts as touched if either
 A change is a gain step if gains explain 95 % or more of it, and it exceeds 0.5 % and five times its noise, for 1 s
 without a break: a part was plugged in, warmed up or lost supply, or drift continued under a touch that has ended. The
 step is counted and reported, and b is multiplied by it, even while the model reports a touch. A part that loses more
-than half is reported and not tracked. Layouts with fewer than 16 degrees of freedom beyond the gains (3 x 3 parts have
-4) have no gain steps.
+than half is reported and not tracked. Gain steps are not detected in layouts with fewer than 16 degrees of freedom
+beyond the gains (3 x 3 parts have 4).
 
 The tracker has four limits. A contact at the start counts as the untouched pad (`start_mismatch` is its difference from
 the training data beyond gains). A contact that grows so slowly that the rest stays below the threshold within tau is

@@ -242,7 +242,7 @@ class Collector:
         ]
 
     def lights(self, numbers: Iterable[int]) -> list[SetEntry]:
-        """The first set after every change of the room's light along these presses."""
+        """The first set, and the first one after every change of the room's light, along these presses."""
         changes: list[SetEntry] = []
         for number in numbers:
             entry = self._presses.sets[self._presses.presses[number].set_number]
