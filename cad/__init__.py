@@ -1,1 +1,1 @@
-"""Design to printable solids: mold, checks, export."""
+"""Printable solids of a design: mold, checks, export."""

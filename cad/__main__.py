@@ -1,7 +1,7 @@
-"""``python -m cad DESIGN FOLDER``: a design's parts as files, in a process of their own.
+"""``python -m cad DESIGN FOLDER`` exports a design's parts as files, in a separate process.
 
-The pipeline makes the mold this way beside the physics: the CAD kernel does not survive a fork, and a
-fresh interpreter asks nothing of the caller's main module.
+The pipeline makes the mold this way in parallel with the physics: the CAD kernel does not survive a fork,
+and a fresh interpreter does not depend on the caller's main module.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from design.io import load_design
 
 
 def main(design_file: str, folder: str) -> int:
-    """Export; returns the exit code: 0 done, 2 refused, with the message on standard error."""
+    """Export a design's parts; return 0 when done, or 2 when refused, with the message on standard error."""
     try:
         export_parts(load_design(design_file), Path(folder))
     except OptopadError as err:

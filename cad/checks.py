@@ -1,22 +1,22 @@
-r"""Is the file that goes to the printer the part that was meant, and can it be printed?
+r"""Checks of printed files: each file is the intended part, and the part can be printed.
 
-Checked on the STL as written, not on the solid: one closed body with consistent winding (trimesh
+The checks read the STL as written, not the solid: one closed body with consistent winding (trimesh
 finds open seams that CAD kernels pass), a manifold by manifold3d, volume against the formula and
-against the solid, size, faces that overhang, the cavity and a lid's dish against the optical model. Walls and webs
+against the solid, size, overhanging faces, the cavity and a lid's dish against the optical model. Walls and webs
 come from the parameters (`design.mold.webs`, `cad.lid`).
-Left out: slicing, warping, how a given printer renders a thin wall.
+The checks leave out slicing, warping, and the quality of thin walls on a given printer.
 
-Whether the printed cavity is the cavity that light travels in.
+The printed cavity is compared with the cavity of the light model.
 
-The optical model knows a plan (`design.shape.cavity`): flat walls that carry active areas flush with their face, round
-walls between their facets, the bottom at -black thickness, and the top. Rays from inside are followed to
+The optical model has a plan (`design.shape.cavity`): flat walls with active areas flush with their face, round
+walls between their facets, the bottom at -black thickness, and the top. Rays from inside are traced to
 the printed mold's triangles and compared with that plan wherever no socket opens the wall and no hole the floor. A
-round wall is compared by the distance of the printed place from it, since chords lie a little inside.
+round wall is compared by the distance of the printed point from it, since chords are slightly inside.
 
-A crowned top is cast by the lid. Rays go straight up from the bottom of the clear layer to the lid's triangles, in the
-mold's frame, wherever the lid forms the top: over the whole plan but the play around its plug.
+The lid casts a crowned top. Vertical rays are traced up from the bottom of the clear layer to the lid's triangles, in
+the mold's frame, wherever the lid forms the top: over the whole plan except the play around its plug.
 
-Intersection: the barycentric form of Moeller and Trumbore, "Fast, minimum storage ray-triangle intersection", 1997.
+Intersections use the barycentric form of Moeller and Trumbore, "Fast, minimum storage ray-triangle intersection", 1997.
 """
 
 from __future__ import annotations
@@ -53,11 +53,11 @@ Floats = FloatArray
 
 CHUNK_RAYS = 64
 EDGE_MM = 1e-6
-"""Rays that end this close to a window's edge or the fill level belong to both sides; they are left out."""
+"""Rays that end within this distance of a window's edge or the fill level are ambiguous, and are left out."""
 CHORD_EDGE_MM = 0.02
-"""The same where an edge is round, and printed as chords."""
+"""The same distance for a round edge, which is printed as chords."""
 FAR_MM = 1000.0
-"""Stands for the end of a ray that meets nothing: it left through a slot, or through a hole in the mesh."""
+"""Length of a ray without a hit: it left through a slot, or through a hole in the mesh."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -66,10 +66,10 @@ class CavityAgreement:
 
     Attributes
     ----------
-    compared, windows : rays that end on a wall or the bottom; rays that leave through a socket
+    compared, windows : number of rays that end on a wall or the bottom; number that leave through a socket
     worst_mm : largest distance between the printed and the modelled end of a ray to a flat wall or the bottom
     worst_round_mm : largest distance of a printed end from the round wall; 0 without one
-    shallowest_window_mm : least depth behind the wall at which a ray through a socket ends; None without
+    shallowest_window_mm : least depth behind the wall at which a ray through a socket ends; None without one
     """
 
     compared: int
@@ -85,8 +85,8 @@ class DishAgreement:
 
     Attributes
     ----------
-    compared : rays that end in the dish
-    worst_mm : largest distance of a printed place from the top, along its normal
+    compared : number of rays that end in the dish
+    worst_mm : largest distance of a printed point from the top, along its normal
     """
 
     compared: int
@@ -103,7 +103,7 @@ def first_hits_mm(mesh: Mesh, origins_mm: Floats, directions: Floats) -> Floats:
 
     Returns
     -------
-    (n,) distance [mm]; infinite where a ray meets nothing
+    (n,) distance [mm]; infinite for a ray without a hit
     """
     planes = _planes(mesh)
     pieces = [
@@ -140,7 +140,7 @@ def _planes(mesh: Mesh) -> _Planes:
 
 
 def _nearest(planes: _Planes, origins: Floats, directions: Floats) -> Floats:
-    """Triple products written as matrix products: with o + t d = a + u e1 + v e2 and m = o x d,
+    """Nearest hits from triple products as matrix products: with o + t d = a + u e1 + v e2 and m = o x d,
 
     t = (n.a - n.o) / n.d,   u = (d.(e2 x a) - m.e2) / n.d,   v = (m.e1 - d.(e1 x a)) / n.d
     """
@@ -161,7 +161,7 @@ def cavity_agreement(design: SensorDesign, mesh: Mesh, *, rays: int = 400, seed:
     Parameters
     ----------
     mesh : the mold as in its file, print bed at z = 0
-    rays : number of rays, from random places in the clear layer in random directions
+    rays : number of rays, from random points in the clear layer in random directions
     """
     outline = outline_of(design)
     origins, directions = _random_rays(outline, rays, seed)
@@ -192,7 +192,7 @@ def dish_agreement(design: SensorDesign, mesh: Mesh, *, rays: int = 1000, seed: 
     Parameters
     ----------
     mesh : the lid as in its file, back on the bed
-    rays : number of rays, straight up from random places
+    rays : number of vertical rays, from random points
     """
     outline, size = outline_of(design), lid_size(design)
     assert size is not None, f"{design.name}: a flat top has no lid"
@@ -213,7 +213,7 @@ def dish_agreement(design: SensorDesign, mesh: Mesh, *, rays: int = 1000, seed: 
 
 
 def _random_rays(outline: MoldOutline, count: int, seed: int) -> tuple[Floats, Floats]:
-    """Rays from within the clear layer; of a disc and below a crown from the places of the box that lie in it."""
+    """Rays from within the clear layer; on a disc and below a crown from points of the box inside the layer."""
     random = np.random.default_rng(seed)
     plan = outline.plan
     size = np.array([outline.length_mm, outline.width_mm, plan.rim_mm[0]])
@@ -225,7 +225,7 @@ def _random_rays(outline: MoldOutline, count: int, seed: int) -> tuple[Floats, F
 
 
 def _exits(outline: MoldOutline, origins: Floats, directions: Floats) -> tuple[Floats, Floats, BoolArray]:
-    """Distance to the modelled cavity, up to the rim, where it ends, and whether on the round wall."""
+    """Distance to the modelled cavity, up to the rim; the end point; and whether it is on the round wall."""
     plan = outline.plan
     to_flat = [_to_level(directions[:, 2], origins[:, 2], outline.cavity_bottom_mm, outline.top_mm)]
     for wall in plan.walls:
@@ -246,13 +246,13 @@ def _to_level(speed: Floats, height: Floats, low: float, high: float) -> Floats:
 
 
 def _where_positive(gap: Floats, speed: Floats) -> Floats:
-    """Gap over speed where a ray approaches; else infinite."""
+    """Gap over speed where a ray approaches, else infinite."""
     steps: Floats = np.divide(gap, speed, out=np.full(len(gap), np.inf), where=speed > 0)
     return steps
 
 
 def _to_arc(arc: Arc, origins: Floats, directions: Floats) -> Floats:
-    """Distance along each ray to a round wall; infinite for one that leaves elsewhere."""
+    """Distance along each ray to a round wall; infinite for a ray that leaves elsewhere."""
     from_middle, level = origins[:, :2] - np.array(arc.centre_mm), directions[:, :2]
     speed2 = np.einsum("ij,ij->i", level, level)
     towards = np.einsum("ij,ij->i", from_middle, level)
@@ -264,7 +264,7 @@ def _to_arc(arc: Arc, origins: Floats, directions: Floats) -> Floats:
 
 
 def _off_round_wall_mm(outline: MoldOutline, places: Floats) -> Floats:
-    """Distance of places from the nearest round wall that they lie before or behind; infinite without one [mm]."""
+    """Distance of points from the nearest round wall in front of or behind them; infinite without one [mm]."""
     off = np.full(len(places), np.inf)
     for arc in outline.plan.outline.bare.arcs:
         x, y = (places[:, :2] - np.array(arc.centre_mm)).T
@@ -275,7 +275,7 @@ def _off_round_wall_mm(outline: MoldOutline, places: Floats) -> Floats:
 
 
 def _in_filling_holes(outline: MoldOutline, ends: Floats) -> BoolArray:
-    """Which ends lie on the floor in a filling hole, or too close to its edge to tell."""
+    """Whether each end is on the floor in a filling hole, or too close to its edge to decide."""
     found = np.zeros(len(ends), dtype=bool)
     on_floor = ends[:, 2] < outline.cavity_bottom_mm + EDGE_MM
     for hole in outline.filling:
@@ -285,7 +285,7 @@ def _in_filling_holes(outline: MoldOutline, ends: Floats) -> BoolArray:
 
 
 def _beside_facets(outline: MoldOutline, ends: Floats) -> BoolArray:
-    """Which ends on the round wall lie too close to a facet to tell."""
+    """Whether each end on the round wall is too close to a facet to decide."""
     corners = [wall.point(along) for wall in outline.plan.walls for along in (0.0, wall.length_mm)]
     found = np.zeros(len(ends), dtype=bool)
     for x, y in corners:
@@ -294,7 +294,7 @@ def _beside_facets(outline: MoldOutline, ends: Floats) -> BoolArray:
 
 
 def _windows(outline: MoldOutline, ends: Floats) -> tuple[BoolArray, BoolArray]:
-    """Which ends lie in a socket's opening, and which too close to an opening's edge to tell."""
+    """Whether each end is in a socket's opening, and whether it is too close to an opening's edge to decide."""
     inside = np.zeros(len(ends), dtype=bool)
     near = np.zeros(len(ends), dtype=bool)
     for socket in outline.sockets:
@@ -305,7 +305,7 @@ def _windows(outline: MoldOutline, ends: Floats) -> tuple[BoolArray, BoolArray]:
 
 
 def _inside_window_mm(socket: Socket, ends: Floats) -> Floats:
-    """How far each end lies within a socket's opening; negative outside of it or on another wall."""
+    """Distance of each end inside a socket's opening; negative outside of it or on another wall."""
     line, pocket = socket.frame.line, socket.pocket
     across, along = _outward_mm(line, ends), (ends[:, :2] - np.array(line.origin)) @ np.array(line.tangent)
     inward = np.minimum.reduce([along - pocket.along0, pocket.along1 - along, ends[:, 2] - pocket.floor])
@@ -315,7 +315,7 @@ def _inside_window_mm(socket: Socket, ends: Floats) -> Floats:
 
 
 def _outward_mm(line: Line, points: Floats) -> Floats:
-    """How far points lie outside of a flat wall; negative inside."""
+    """Distance of points outside a flat wall; negative inside."""
     return np.asarray((points[:, :2] - np.array(line.origin)) @ np.array(line.outward))
 
 
@@ -328,22 +328,22 @@ def _behind_wall_mm(outline: MoldOutline, points: Floats) -> Floats:
 State = Literal["ok", "warning", "error"]
 
 VOLUME_LIMIT = 1e-3
-"""Share of the volume that chords of round faces may take away."""
+"""Share of the volume that chords of round faces may remove."""
 SOLID_LIMIT = 1e-6
-"""The solid and the formula describe the same shape; only rounding is left."""
+"""The solid and the formula describe the same shape; only rounding remains."""
 WALL_LIMIT_MM = 1e-4
 """Single-precision coordinates of a file, at sizes up to 400 mm: 3e-5 mm."""
 OVERHANG_DEG = 45.0
-"""Faces that lean out further than this from the vertical need support."""
+"""Faces that overhang by more than this angle from the vertical need support."""
 THIN_LAYER_MM = 0.1
-"""Of a finely printed lid: its steps in the dish, where they are not smoothed."""
+"""Layer of a finely printed lid: height of the steps in the dish if they are not smoothed."""
 OVERHANG_LIMIT_MM2 = 0.5
-"""Area of overhang below which no support is worth the mark it leaves."""
+"""Area of overhang below which support is not justified, because it leaves a mark."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class PartFile:
-    """A printed part: its file's content and the two volumes to hold it against [mm3]."""
+    """A printed part: its file's content and the two volumes for comparison [mm3]."""
 
     name: str
     stl: bytes
@@ -357,10 +357,10 @@ class Finding:
 
     Attributes
     ----------
-    name : what was measured, with the part's name in front
-    value, limit, unit : the measured value and what it has to be
+    name : name of the measured value, preceded by the part's name
+    value, limit, unit : the measured value and its limit
     state : ok, warning (the part can be made) or error
-    note : the place, or what to do
+    note : the location, or the way out
     """
 
     name: str
@@ -377,10 +377,10 @@ class Checks:
 
     Attributes
     ----------
-    digest : of the design
-    findings : in the order of the parts
-    volumes_mm3 : by part: `stl`, `solid` and `formula`
-    prints : by part, where it was sliced: `minutes` and `filament_g`
+    digest : digest of the design
+    findings : findings in the order of the parts
+    volumes_mm3 : volumes of each part: `stl`, `solid` and `formula`
+    prints : print of each sliced part: `minutes` and `filament_g`
     """
 
     digest: str
@@ -390,7 +390,7 @@ class Checks:
 
     @property
     def is_ok(self) -> bool:
-        """Whether nothing is in error; warnings are allowed."""
+        """Whether no finding is an error; warnings are permitted."""
         return all(finding.state != "error" for finding in self.findings)
 
     def as_dict(self) -> dict[str, Any]:
@@ -409,7 +409,7 @@ def check_parts(design: SensorDesign, parts: tuple[PartFile, ...], *, bed_mm: Be
 
     Parameters
     ----------
-    bed_mm : room of the printer, x, y and height; None for the usual one
+    bed_mm : build volume of the printer, x, y and height; None for the usual one
     """
     bed, bridged = bed_mm or usual_bed_mm(), bridged_mm2(design)
     findings: list[Finding] = []
@@ -433,7 +433,7 @@ def check_parts(design: SensorDesign, parts: tuple[PartFile, ...], *, bed_mm: Be
 def with_slices(
     checks: Checks, design: SensorDesign, parts: tuple[PartFile, ...], bed_mm: Bed | None
 ) -> Checks:
-    """The same with the slicer's opinion of every part that is printed.
+    """The checks with the slicer's findings about every printed part.
 
     Raises
     ------
@@ -452,7 +452,7 @@ def with_slices(
 
 
 def _slicing(part: PartFile, one: Sliced) -> list[Finding]:
-    """The slicer's volumes against ours, and its warnings."""
+    """Comparison of the slicer's volumes with the computed ones, and the slicer's warnings."""
     ratio = one.extruded_mm3 / part.formula_mm3
     is_whole = EXTRUDED_LOW <= ratio <= EXTRUDED_HIGH
     return [
@@ -506,7 +506,7 @@ def design_findings(design: SensorDesign) -> tuple[Finding, ...]:
 
 
 def _lid(design: SensorDesign) -> Iterator[Finding]:
-    """What is thinnest of a lid, and how its dish becomes smooth enough for light."""
+    """Findings about the thinnest sections of a lid, and about the optical smoothness of its dish."""
     for one in lid_clearances(design):
         state: State = "ok" if one.is_kept else "warning"
         note = "" if one.is_kept else f"raise {one.field}; dowels in the fixing holes replace the pins"
@@ -541,7 +541,7 @@ def _lid(design: SensorDesign) -> Iterator[Finding]:
 
 
 def _lettering(design: SensorDesign) -> Iterator[Finding]:
-    """Narrowest strokes and gaps of what is to be read, the widest bridge, and names without room."""
+    """Findings about the narrowest strokes and gaps of texts, the widest bridge, and names without room."""
     outline, narrowest = outline_of(design), printer("narrowest_stroke").value
     widths = {"numbers": [one.stroke_mm for one in outline.numbers]}
     widths["label"] = [outline.label.stroke_mm] if outline.label.strokes else []
@@ -633,7 +633,7 @@ def _volumes(part: PartFile, stl_mm3: float) -> list[Finding]:
 
 
 def bridged_mm2(design: SensorDesign) -> dict[str, float]:
-    """Area of the ceilings that bridge, by part: strokes of label and numbers, the leads' channels [mm2]."""
+    """Area of bridging ceilings, by part: strokes of label and numbers, the leads' channels [mm2]."""
     outline = outline_of(design)
     channels = [(s.channel, s.holes) for s in outline.sockets if s.channel is not None]
     below = outline.label.area_mm2 + sum(
@@ -645,7 +645,7 @@ def bridged_mm2(design: SensorDesign) -> dict[str, float]:
 
 
 def _printing(name: str, mesh: Mesh, bed_mm: Bed, bridged: float) -> list[Finding]:
-    """The ceilings of strokes and channels bridge: their area is no overhang."""
+    """Findings about printing; the ceilings of strokes and channels bridge, so their area is not overhang."""
     size = np.ptp(mesh.vertices, axis=0)
     fits = max(size[:2]) <= max(bed_mm[:2]) and min(size[:2]) <= min(bed_mm[:2]) and size[2] <= bed_mm[2]
     return [
@@ -673,7 +673,7 @@ def _printing(name: str, mesh: Mesh, bed_mm: Bed, bridged: float) -> list[Findin
 
 
 def overhang_area_mm2(mesh: Mesh) -> float:
-    """Area of faces above the bed that lean out by more than `OVERHANG_DEG` from the vertical [mm2]."""
+    """Area of faces above the bed that overhang by more than `OVERHANG_DEG` from the vertical [mm2]."""
     corners = mesh.corners
     areas = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1) / 2
     lean = np.degrees(np.arcsin(np.clip(-unit_normals(mesh)[:, 2], -1.0, 1.0)))

@@ -1,10 +1,10 @@
 """The files of the printed parts: STL, STEP and 3MF of the mold, STL of its pieces, lid and tools, the checks.
 
 In every file the print bed is z = 0 and x, y are those of the cavity frame; the lid is turned over, and the tools have
-frames of their own (see their modules). Equal designs give equal bytes: STEP is written without time and counters.
+their own frames (see their modules). Equal designs give equal bytes: STEP is written without time and counters.
 
-A folder gets either all files or none of the new ones: they are written beside it and moved into
-place. A tool or piece left over from another design of the same name is removed when this one has none.
+A folder receives either all new files or none: they are written next to it and then moved in. A tool or piece
+that remains from another design of the same name is removed if the present design has none.
 """
 
 from __future__ import annotations
@@ -49,8 +49,8 @@ FILES = (
 )
 
 ADAPTIVE_SHARE = 1e-7
-"""Demanded of a lid's volume. The kernel's plain rule is 3e-6 off over a face that a cone and a cylinder bound, its
-adaptive one 1e-9."""
+"""Required relative accuracy of a lid's volume. Over a face between a cone and a cylinder the error of the kernel's
+plain rule is 3e-6, and that of its adaptive rule 1e-9."""
 _STEP_TIME = "1970-01-01T00:00:00"
 
 
@@ -65,9 +65,9 @@ def export_parts(
 
     Parameters
     ----------
-    folder : made if missing; files of the same names are replaced
-    bed_mm : room of the printer that the checks hold the parts against; None for the usual one
-    slice_parts : whether PrusaSlicer is asked too: seconds a part
+    folder : created if missing; files of the same names are replaced
+    bed_mm : build volume of the printer for the checks; None for the usual one
+    slice_parts : whether PrusaSlicer also slices the parts, which takes seconds per part
 
     Returns
     -------
@@ -79,7 +79,7 @@ def export_parts(
     ------
     DesignError : the design breaks a rule, such as a web that is too thin; nothing has been written.
     OutputError : the folder, or temporary files, cannot be written.
-    InputError : the slicer is asked for and not there; nothing has been written.
+    InputError : the slicer is requested but not installed; nothing has been written.
     """
     contents = part_files(design, bed_mm=bed_mm, slice_parts=slice_parts)
     target = Path(folder)
@@ -117,7 +117,7 @@ def part_files(
 
 @dataclass(frozen=True, kw_only=True)
 class _Part:
-    """A solid to print, what lifts it onto the bed or its mesh as it lies there, and its volume by formula."""
+    """A solid to print, its lift onto the bed or its mesh on the bed, and its volume by formula."""
 
     name: str
     solid: cq.Workplane
@@ -127,7 +127,7 @@ class _Part:
 
 
 def _chord_mm(design: SensorDesign) -> float | None:
-    """Of the mold's faces: round walls are printed finely, the few round faces of other molds as ever."""
+    """Chord height of the mold's faces: fine for round walls, the default for the few round faces of other molds."""
     return CHORD_MM if plan_of(design).outline.arcs else None
 
 

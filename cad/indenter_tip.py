@@ -8,7 +8,7 @@ r"""The indenter's tip: the outline of the design's tip on a plain shank, for a 
       +-------+    bed
       <  2 R  >
 
-Printed upright, the tip has layer steps: sand it, or use it as a gauge for a turned tip.
+A tip printed upright has layer steps: sand it, or use it as a gauge for a turned tip.
 The pole tessellates with one degenerate triangle, which `cad.mesh` drops.
 """
 
@@ -37,7 +37,7 @@ def indenter_tip_volume_mm3(design: SensorDesign) -> float:
 
 
 def indenter_tip(design: SensorDesign) -> cq.Workplane:
-    """The tip standing on the print bed, apex up, axis at x = y = 0."""
+    """The tip upright on the print bed, apex up, axis at x = y = 0."""
     radius, shank = design.indenter.tip_radius_mm, shank_mm(design)
     pieces = tip_outline(design.indenter)
     apex = shank + pieces[-1].end[1]

@@ -1,6 +1,6 @@
 """The leveling blade: drawn over the wet black layer, it leaves exactly that layer's thickness.
 
-Its shoulders rest on the rim and its tongue reaches down into the cavity. Printed flat, bevel up:
+Its shoulders rest on the rim and its tongue extends down into the cavity. It is printed flat, bevel up:
 
         outer side of the mold
       +------------------------------+  ^ grip
@@ -12,8 +12,8 @@ Its shoulders rest on the rim and its tongue reaches down into the cavity. Print
           play                play
 
 It spans the shorter side of the cavity and is drawn along the longer one. In a round wall it spans the diameter between
-the facets and is turned about the middle. Parts whose body stands above the rim are in its way
-(`design.mold.webs.bodies_above_rim`). A crowned pad has none: its black layer is poured last, upside down.
+the facets and is turned about the middle. Parts with a body above the rim are in its way
+(`design.mold.webs.bodies_above_rim`). A crowned pad has no blade: its black layer is poured last, upside down.
 """
 
 from __future__ import annotations
@@ -28,11 +28,11 @@ from design.shape.cavity import cavity_of, plan_of
 from design.spec import SensorDesign
 
 PLAY_MM = 0.3
-"""Between the tongue's ends and the cavity's walls: prints come out up to this much too large."""
+"""Gap between the tongue's ends and the cavity's walls: prints are too large by up to this length."""
 GRIP_MM = 12.0
-"""Height of the shoulders' bar: what two fingers hold."""
+"""Height of the shoulders' bar, for two fingers."""
 THICKNESS_MM = 3.0
-"""Stiff enough not to bow over the cavity."""
+"""Thickness that is stiff enough not to bow over the cavity."""
 EDGE_MM = 1.0
 """Thickness of the bevelled edge that touches the silicone."""
 
@@ -44,7 +44,7 @@ class BladeSize:
     Attributes
     ----------
     span_mm, tongue_mm : length of the bar and of the tongue
-    reach_mm : from the shoulders down to the edge
+    reach_mm : height from the shoulders down to the edge
     """
 
     span_mm: float
@@ -60,7 +60,7 @@ class BladeSize:
 
 
 def blade_size(design: SensorDesign) -> BladeSize | None:
-    """Lengths of a design's blade; None when there is no black layer to level, or when it is poured last."""
+    """Lengths of a design's blade; None without a black layer, or if it is poured last."""
     if design.cavity.black_thickness_mm == 0 or is_cast_under_lid(plan_of(design)):
         return None
     spans_y = design.cavity.width_mm <= design.cavity.length_mm
@@ -81,7 +81,7 @@ def _tongue_mm(design: SensorDesign) -> float:
 
 
 def leveling_blade(design: SensorDesign) -> cq.Workplane | None:
-    """The blade lying on the print bed, edge along x at y = 0; None where no blade levels the black layer."""
+    """The blade flat on the print bed, edge along x at y = 0; None where no blade levels the black layer."""
     size = blade_size(design)
     if size is None:
         return None

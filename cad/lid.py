@@ -1,6 +1,6 @@
-r"""The lid that casts a crowned top: it lies on the rim while the mold is filled upside down through its floor.
+r"""The lid that casts a crowned top: it is on the rim while the mold is filled upside down through its floor.
 
-Cut through, as it lies on the mold, for a dome and for a cylinder whose middle line is level with the rim:
+The sections show it on the mold, for a dome and for a cylinder whose middle line is level with the rim:
 
       ______________________________         ______________________________  back
      |            _____             |       |                              |
@@ -8,13 +8,13 @@ Cut through, as it lies on the mold, for a dome and for a cylinder whose middle 
      notch | |    dish        | |             | | \     ''----''     / | |    plug, sides drafted
            |_|                |_|             |_|  '                '  |_|    pins, in the fixing holes
 
-The dish is the pad's top. Above the rim it is sunk into the flange; below the rim it is the end of a plug that fills
-the cavity's plan, of a disc a circle within its facets. Around the plug silicone rises to the rim: a ridge as wide as
-the play and the draft, of a disc up to the round wall. A plug less deep than `LEAST_PLUG_MM` is left out.
+The dish is the pad's top. Above the rim it is sunk into the flange. Below the rim it is the end of a plug that fills
+the cavity's plan; on a disc the plug is a circle within its facets. Around the plug silicone rises to the rim, as a
+ridge as wide as the play and the draft, and on a disc up to the round wall. A plug shallower than `LEAST_PLUG_MM` is
+left out.
 
-Printed on its back, dish up, without support: the file is turned over about the middle line along x.
-
-A lid in numbers: what `cad.lid` builds, and what volume, checks and pictures need without a CAD kernel.
+The lid is printed on its back, dish up, without support: the file is turned over about the middle line along x.
+A lid's numbers (`LidSize`) serve the solid, and volume, checks and pictures without a CAD kernel.
 """
 
 from __future__ import annotations
@@ -36,39 +36,39 @@ from design.shape.cavity import Plan, facet
 from design.spec import SensorDesign
 
 PLAY_MM = 0.15
-"""Between plug and cavity at the rim, between pins and their holes: all around."""
+"""Gap all around between plug and cavity at the rim, and between pins and their holes."""
 DRAFT_DEG = 2.0
-"""Of the plug's sides, so that it leaves the cured pad."""
+"""Draft angle of the plug's sides, so that it leaves the cured pad."""
 FLANGE_MM = 3.0
-"""Thickness over the rim, at least."""
+"""Least thickness over the rim."""
 OVER_CROWN_MM = 2.5
-"""Thickness over the crown's highest place, at least."""
+"""Least thickness over the crown's highest point."""
 BELOW_MM = 0.5
-"""How much deeper than its lowest place a plug is made; the dish cuts the rest away."""
+"""Extra depth of a plug below its lowest point; the dish removes the excess."""
 LEAST_PLUG_MM = 0.05
-"""Half of a thin layer: a plug less deep does not print, and the top's edge is level to that."""
+"""Half of a thin layer: a shallower plug does not print, and the top's edge is level within this length."""
 CLEAR_OF_TANGENT_MM = 0.005
-"""A cylinder's middle line level with the rim touches the flange along a line, which no boolean likes: the flange then
-starts this much higher. On the mold the lid lies that much lower: a twentieth of a thin layer."""
+"""A cylinder's middle line level with the rim touches the flange along a line, where booleans fail. The flange then
+starts higher by this length, and the lid is lower on the mold by it: a twentieth of a thin layer."""
 PIN_MM, PIN_CHAMFER_MM = 3.0, 0.5
 """Length of the pins, at most half of the mold's height, and the chamfer at their ends."""
 NOTCH_WIDTH_MM, NOTCH_DEPTH_MM, NOTCH_HEIGHT_MM = 6.0, 1.5, 1.5
-"""Of the two notches for a screwdriver, at most: inward a third of the wall, upward half of the flange."""
+"""Largest size of the two notches for a screwdriver: inward a third of the wall, upward half of the flange."""
 LEAST_NOTCH_MM = 1.0
 """Narrower notches are left out."""
 NOTCH_TURNS_DEG = range(0, 180, 5)
-"""Directions tried for the notches of a round lid under a sphere. Under a cylinder they tell how the lid is turned."""
+"""Candidate directions for the notches of a round lid under a sphere. Under a cylinder they mark its orientation."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Plug:
-    """What hangs into the cavity.
+    """The part of a lid that extends into the cavity.
 
     Attributes
     ----------
     half_mm : half of its length and width at the seat, or twice its radius there
     is_round : whether it is round
-    floor_mm : level below its lowest place
+    floor_mm : level below its lowest point
     """
 
     half_mm: tuple[float, float]
@@ -76,11 +76,11 @@ class Plug:
     floor_mm: float
 
     def inset_mm(self, depth_mm: float) -> float:
-        """How far its sides have come in, below the seat [mm]."""
+        """Inset of its sides at a depth below the seat [mm]."""
         return depth_mm * math.tan(math.radians(DRAFT_DEG))
 
     def reaches(self, x_mm: float, y_mm: float, depth_mm: float, margin_mm: float) -> bool:
-        """Whether a place, counted from the middle, lies a margin within its sides at a depth below the seat."""
+        """Whether a point, relative to the middle, is a margin within its sides at a depth below the seat."""
         across, deep = (half - self.inset_mm(depth_mm) - margin_mm for half in self.half_mm)
         if self.is_round:
             return math.hypot(x_mm, y_mm) <= across
@@ -102,10 +102,10 @@ class LidSize:
     Attributes
     ----------
     seat_mm, back_mm : underside and back of the flange
-    plug : None where the dish lies wholly in the flange
+    plug : None if the dish is completely in the flange
     has_dish : whether the crown rises above the seat or a plug ends in it
-    pins : from their ends up to the seat
-    notches : at opposite sides
+    pins : pins from their ends up to the seat
+    notches : notches at opposite sides
     """
 
     seat_mm: float
@@ -121,7 +121,7 @@ class LidSize:
         return self.back_mm - self.seat_mm
 
     def forms_top(self, plan: Plan, x_mm: float, y_mm: float, *, margin_mm: float = 0.0) -> bool:
-        """Whether the dish is there at a place of the plan, not the play around the plug, a margin from its edge."""
+        """Whether a point of the plan is under the dish, a margin from its edge, not in the play around the plug."""
         (x, y), depth = plan.centre_mm, self.seat_mm - plan.top_mm(x_mm, y_mm)
         if depth <= 0.0:
             return self.has_dish
@@ -155,7 +155,7 @@ def lid_size(design: SensorDesign) -> LidSize | None:
 
 
 def turned_over(mesh: Mesh, design: SensorDesign, size: LidSize) -> Mesh:
-    """A lid between the cavity frame and its file, where it lies on its back at z = 0; the same way there and back."""
+    """A lid moved between the cavity frame and its file, on its back at z = 0; the function is its own inverse."""
     flip = np.array([1.0, -1.0, -1.0])
     move = np.array([0.0, design.cavity.width_mm, float(np.float32(size.back_mm))])
     turned = mesh.vertices.astype(np.float64) * flip + move
@@ -163,7 +163,7 @@ def turned_over(mesh: Mesh, design: SensorDesign, size: LidSize) -> Mesh:
 
 
 def lid_clearances(design: SensorDesign) -> Iterator[Clearance]:
-    """What is thinnest of a lid, against what it needs; nothing for a flat top."""
+    """Clearances of a lid's thinnest sections; there are none for a flat top."""
     size, web = lid_size(design), design.mold.min_web_mm
     if size is None:
         return
@@ -201,7 +201,7 @@ def pin_chamfer_mm(hole: Hole) -> float:
 
 
 def _notches(outline: MoldOutline, seat_mm: float, back_mm: float, web_mm: float) -> Iterator[Notch]:
-    """Two, opposite to each other and a web away from the pins."""
+    """Two notches, opposite to each other and a web away from the pins."""
     depth = min(NOTCH_DEPTH_MM, min(outline.wall_x_mm, outline.wall_y_mm) / 3)
     top = seat_mm + min(NOTCH_HEIGHT_MM, (back_mm - seat_mm) / 2)
     for frame in _notched_walls(outline, depth):
@@ -221,7 +221,7 @@ def _notches(outline: MoldOutline, seat_mm: float, back_mm: float, web_mm: float
 
 
 def _notched_walls(outline: MoldOutline, depth_mm: float) -> list[WallFrame]:
-    """The two long walls of a rectangle; of a disc opposite places: furthest from the pins, or along a cylinder."""
+    """The two long walls of a rectangle; opposite positions on a disc, furthest from the pins or along a cylinder."""
     plan = outline.plan
     if plan.has_origin_corner:
         along_x = plan.length_mm >= plan.width_mm
@@ -249,14 +249,14 @@ def _round_wall(outline: MoldOutline, turn_deg: float) -> WallFrame:
 
 
 def _notch_half_mm(frame: WallFrame, outline: MoldOutline, depth_mm: float, web_mm: float) -> float:
-    """Half a notch's width: clear of the pins, and open to a round face over all of it."""
+    """Half a notch's width: clear of the pins, and open to a round face over its full width."""
     half = min(NOTCH_WIDTH_MM / 2, frame.length_mm / 2, _to_pins_mm(frame, outline, depth_mm) - web_mm)
     radius = frame.outer_radius_mm
     return min(half, math.sqrt(radius * depth_mm - depth_mm**2 / 4)) if frame.is_facet else half
 
 
 def _to_pins_mm(frame: WallFrame, outline: MoldOutline, depth_mm: float) -> float:
-    """From the notch's middle to where a pin's hole starts, less the notch's depth [mm]."""
+    """Distance from the notch's middle to the edge of a pin's hole, less the notch's depth [mm]."""
     x, y = frame.point(frame.length_mm / 2, frame.thickness_mm)
     holes = outline.fixing_holes
     apart = min((math.hypot(hole.x - x, hole.y - y) - hole.radius for hole in holes), default=math.inf)
@@ -264,7 +264,7 @@ def _to_pins_mm(frame: WallFrame, outline: MoldOutline, depth_mm: float) -> floa
 
 
 def lid(design: SensorDesign) -> cq.Workplane | None:
-    """The lid as it lies on the mold, in the cavity frame; None for a flat top."""
+    """The lid in position on the mold, in the cavity frame; None for a flat top."""
     outline, size = outline_of(design), lid_size(design)
     if size is None:
         return None
@@ -276,7 +276,7 @@ def lid(design: SensorDesign) -> cq.Workplane | None:
         cutters.append(crown_body(outline.plan))
     if cutters:
         body = body.cut(*cutters)
-    pins = [solid for hole in size.pins for solid in _pin(hole)]  # last: the crown's body reaches to them
+    pins = [solid for hole in size.pins for solid in _pin(hole)]  # last: the crown's body extends to them
     pieces = body.fuse(*pins).Solids() if pins else body.Solids()
     assert len(pieces) == 1, f"{design.name}: the lid falls into {len(pieces)} pieces"
     return cq.Workplane(obj=pieces[0])
@@ -314,7 +314,7 @@ def crown_body(plan: Plan) -> cq.Solid:
 
 
 def _pin(hole: Hole) -> tuple[cq.Solid, cq.Solid]:
-    """Cylinder and chamfered end."""
+    """Cylinder and chamfered end of a pin."""
     up, chamfer = cq.Vector(0, 0, 1), pin_chamfer_mm(hole)
     foot = cq.Vector(hole.x, hole.y, hole.z0)
     end = cq.Solid.makeCone(hole.radius - chamfer, hole.radius, chamfer, foot, up)

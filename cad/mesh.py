@@ -1,19 +1,19 @@
 """Solids as triangles: one mesh for every file, so that STL and 3MF cannot disagree.
 
-Faces of a solid are triangulated one by one; their vertices are joined where they are equal as
-single-precision numbers, which is what a binary STL holds. Triangles with two equal corners (at the
-pole of a dome) are dropped: nothing is left open by that.
+Faces of a solid are triangulated one by one. Vertices that are equal in single precision, as in a
+binary STL, are joined. Triangles with two equal corners (at the pole of a dome) are dropped, which
+leaves no opening.
 
-By default chords keep to a share of their face's size, as a printer needs them. Round walls and dishes, which light
-meets, are meshed with chords of a given height instead.
+By default the height of chords is a share of their face's size, fine enough for printing. The optical surfaces, round
+walls and dishes, are meshed with chords of a given height instead.
 
-A shaded picture of a printed part, drawn without a display.
+The module also draws shaded pictures of printed parts without a display.
 
-Parallel projection seen from above and the south-west, so that the origin corner is in front. Triangles go into
-a depth buffer at twice the final size; edges between faces that meet at an angle are drawn over it.
-Shading is a cosine to two fixed lights: a picture to recognise the part by, no measurement.
+The parallel projection is from above and the south-west, so that the origin corner is in front. Triangles are drawn
+into a depth buffer at twice the final size, and edges between faces that meet at an angle are drawn over it.
+Shading is a cosine to two fixed lights: the picture identifies the part and is not a measurement.
 
-Parts that belong together are shown cut along x, their south half taken away: a lid on its mold.
+Parts that belong together, as a lid on its mold, are shown cut along x without their south half.
 """
 
 from __future__ import annotations
@@ -42,9 +42,9 @@ TOLERANCE_MM = 0.05
 CHORD_MM = 0.003
 """Height of the chords of round walls and dishes: a twentieth of a print's usual error."""
 CHORD_LIMIT_MM = 0.005
-"""What the kernel's mesher makes of it at worst, and single precision."""
+"""Largest actual chord height of the kernel's mesher, including single precision."""
 ANGULAR_TOLERANCE_RAD = 0.1
-"""Chords of a circle turn by at most this: it sets the number of triangles."""
+"""Largest angle between chords of a circle, which sets the number of triangles."""
 
 _STL_HEADER = b"optopad, binary STL, millimetres".ljust(80)
 _STL_ROW = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
@@ -73,7 +73,7 @@ class Mesh:
 
 
 def mesh_of(part: cq.Workplane, lift_mm: float = 0.0, *, chord_mm: float | None = None) -> Mesh:
-    """Triangles of a solid, raised by `lift_mm`; with chords no higher than `chord_mm`, where it is given."""
+    """Triangles of a solid, raised by `lift_mm`; chords are no higher than `chord_mm`, if it is given."""
     if chord_mm is not None:
         _mesh_finely(part, chord_mm)
     points, triples = part.val().tessellate(TOLERANCE_MM, ANGULAR_TOLERANCE_RAD)  # type: ignore[union-attr]
@@ -86,7 +86,7 @@ def mesh_of(part: cq.Workplane, lift_mm: float = 0.0, *, chord_mm: float | None 
 
 
 def _mesh_finely(part: cq.Workplane, chord_mm: float) -> None:
-    """Meshes a solid with chords of an absolute height, where cadquery's are relative to the size of each face."""
+    """Mesh a solid with chords of an absolute height; those of cadquery are relative to the size of each face."""
     from OCP.BRepMesh import BRepMesh_IncrementalMesh
     from OCP.BRepTools import BRepTools
 
@@ -96,7 +96,7 @@ def _mesh_finely(part: cq.Workplane, chord_mm: float) -> None:
 
 
 def read_stl(content: bytes) -> Mesh:
-    """The mesh of a binary STL, equal vertices joined."""
+    """The mesh of a binary STL, with equal vertices joined."""
     (count,) = struct.unpack_from("<I", content, 80)
     rows = np.frombuffer(content, dtype=_STL_ROW, count=count, offset=84)
     vertices, index = np.unique(rows["corners"].reshape(-1, 3), axis=0, return_inverse=True)
@@ -156,14 +156,14 @@ Floats = FloatArray
 
 AZIMUTH_DEG, ELEVATION_DEG = 245.0, 42.0
 CUT_ELEVATION_DEG = 16.0
-"""Lower, so that the cut faces are seen."""
+"""Lower elevation, so that the cut faces are visible."""
 OVERSAMPLING = 2
 MARGIN = 0.04
 CREASE_DEG = 25.0
 BODY_RGB = (0.56, 0.62, 0.70)
 EDGE_RGB = (0.13, 0.16, 0.21)
 LIGHTS = (((0.35, 0.25, 0.90), 0.62), ((-0.80, 0.45, 0.40), 0.30))
-"""Directions in the viewer's frame (right, up, towards the viewer) and strengths."""
+"""Directions of the lights in the viewer's frame (right, up, towards the viewer) and their strengths."""
 AMBIENT = 0.22
 
 
@@ -174,12 +174,12 @@ def mold_picture(
     height_px: int = 640,
     elevation_deg: float = ELEVATION_DEG,
 ) -> bytes:
-    """PNG of a part, on a transparent ground.
+    """PNG of a part, on a transparent background.
 
     Parameters
     ----------
     part : a mesh, or the path of a binary STL
-    elevation_deg : how far above the horizon the viewer is
+    elevation_deg : elevation of the viewer above the horizon
     """
     mesh = part if isinstance(part, Mesh) else read_stl(Path(part).read_bytes())
     size = (height_px * OVERSAMPLING, width_px * OVERSAMPLING)
@@ -207,7 +207,7 @@ def section_picture(
 
 
 def northern_half(mesh: Mesh, y_mm: float) -> Mesh:
-    """What of a closed mesh lies north of a level y, closed again."""
+    """The part of a closed mesh north of a level y, closed again."""
     triangles = np.asarray(mesh.triangles, dtype=np.uint32)
     whole = manifold3d.Manifold(manifold3d.Mesh(mesh.vertices, triangles))
     half = whole.trim_by_plane((0.0, 1.0, 0.0), y_mm).to_mesh()
@@ -248,7 +248,7 @@ def _shaded(corners: Floats, normals: Floats, size: tuple[int, int]) -> tuple[Fl
 
 
 def _fill(image: Floats, depth: Floats, corners: Floats, normal: Floats, colour: Floats) -> None:
-    """One triangle: pixels inside of its three edges and nearer than what is there."""
+    """Draw a triangle: pixels inside its three edges that are nearer than the depth buffer."""
     low = np.maximum(np.floor(corners[:, :2].min(axis=0)).astype(int), 0)
     high = np.ceil(corners[:, :2].max(axis=0)).astype(int) + 1
     x, y = np.arange(low[0], high[0]) + 0.5, (np.arange(low[1], high[1]) + 0.5)[:, None]
@@ -279,7 +279,7 @@ def creases(mesh: Mesh) -> IntArray:
 
 
 def _draw_edges(image: Floats, depth: Floats, points: Floats, edges: IntArray) -> None:
-    """Lines two pixels wide where they are not behind the faces drawn so far."""
+    """Draw lines two pixels wide where they are not behind the faces drawn so far."""
     for a, b in points[edges]:
         steps = int(np.abs(b - a)[:2].max()) + 2
         line = a + np.linspace(0.0, 1.0, steps)[:, None] * (b - a)

@@ -1,6 +1,6 @@
 r"""The mold: one printed part with the cavity, the sockets, the pour lip and the fixing holes.
 
-Seen from above (L-shaped marks: sockets open to the cavity and upward), and cut through a receiver:
+View from above (L-shaped marks: sockets open to the cavity and upward), and section through a receiver:
 
       y ^  o---------------------------o  outer_width_mm
         |  | (o)   _  _     _  _   (o) |
@@ -14,12 +14,12 @@ Seen from above (L-shaped marks: sockets open to the cavity and upward), and cut
         |  /----||-----||-------------o               |___________________||___|  z = -black - floor
         +--> x  origin corner cut at 45 deg              wall        lead holes
 
-The silicone's undisturbed top is where the lip starts, if the rim is no higher than the lip: pour to that
-line; a seat for a glass cover at that level replaces the lip. Names of the parts are sunk into the outer faces
+The lip starts at the silicone's undisturbed top, if the rim is no higher than the lip: pour to that
+line. A seat for a glass cover at that level replaces the lip. Names of the parts are sunk into the outer faces
 (`design.mold.part_numbers`), a label into the underside (`design.mold.label`), bodies taller than the
 rim get collars (`design.mold.sockets`), and the mold may be parted at the cavity's floor.
 
-A mold with round walls follows the cavity's outline. A round wall is cut by a facet for each part; sockets stand square
+A mold with round walls follows the cavity's outline. A round wall has a facet for each part. Sockets are perpendicular
 to their facets, and wire slots, lead channels and names end in the round outer face:
 
            ____----____            arcs between facets, chords at facets: one exact outline, moved up past the rim
@@ -53,7 +53,7 @@ from design.shape.outline import Line, Outline
 from design.spec import SensorDesign
 
 BEYOND_MM = 1.0
-"""Cutters reach this far past the faces they open, so that no two faces coincide there."""
+"""Length of cutters beyond the faces that they open, so that no two faces coincide there."""
 
 
 def build_mold(design: SensorDesign) -> cq.Workplane:
@@ -77,7 +77,7 @@ def build_mold(design: SensorDesign) -> cq.Workplane:
 
 
 def part_mold(mold: cq.Workplane, outline: MoldOutline) -> tuple[cq.Workplane, cq.Workplane]:
-    """Frame and base: the mold above and below the cavity's floor."""
+    """Frame and base of a parted mold: the mold above and below the cavity's floor."""
     low, high = outline.bottom_mm - BEYOND_MM, outline.highest_mm + BEYOND_MM
     found = []
     for z0, z1 in ((outline.cavity_bottom_mm, high), (low, outline.cavity_bottom_mm)):
@@ -99,7 +99,7 @@ def _block(outline: MoldOutline) -> cq.Solid:
 
 
 def outer_prism(outline: MoldOutline, foot_mm: float, height_mm: float) -> cq.Solid:
-    """The outer outline, moved up: of a disc round, else with rounded edges and the cut at the origin's corner."""
+    """The extruded outer outline: round on a disc, else with rounded edges and the cut at the origin's corner."""
     block = cq.Workplane(obj=prism(outline.outer, foot_mm, height_mm))
     if outline.corner_radius_mm > 0:
         block = block.edges("|Z and (>X or >Y)").fillet(outline.corner_radius_mm)
@@ -115,7 +115,7 @@ def _filled(box: Box) -> cq.Solid:
 
 
 def _mouth(outline: MoldOutline) -> list[cq.Solid]:
-    """Cavity and lip, or cavity and the cover's seat, up past the rim."""
+    """Cavity and lip, or cavity and the cover's seat, extended past the rim."""
     if outline.lip_mm:
         return [_flared(outline)]
     inside, foot = outline.plan.outline, outline.cavity_bottom_mm
@@ -126,7 +126,7 @@ def _mouth(outline: MoldOutline) -> list[cq.Solid]:
 
 
 def prism(outline: Outline, foot_mm: float, height_mm: float) -> cq.Solid:
-    """An outline from a level upward."""
+    """An outline extruded upward from a level."""
     edges, up = [], cq.Vector(0, 0, 1)
     for one in outline.loop:
         if isinstance(one, Line):
@@ -145,7 +145,7 @@ def _flared(outline: MoldOutline) -> cq.Solid:
     rings = [_ring(outline, 0.0, foot), _ring(outline, 0.0, knee)]
     if not outline.collars:
         rings.append(_ring(outline, outline.lip_mm + BEYOND_MM, outline.top_mm + BEYOND_MM))
-    else:  # straight up past the rim: collars stand right behind the lip
+    else:  # straight up past the rim: collars are right behind the lip
         rings += [_ring(outline, outline.lip_mm, z) for z in (outline.top_mm, outline.top_mm + BEYOND_MM)]
     faces = [_polygon(rings[0][::-1]), _polygon(rings[-1])]
     for low, high in pairwise(rings):
@@ -182,7 +182,7 @@ def _slab(socket: Socket, cut: Cut, out0: float, out1: float) -> cq.Solid:
 
 
 def cut_solid(frame: WallFrame, cut: Cut) -> cq.Solid:
-    """A cut of a wall as a solid: a box, turned where the wall is a facet."""
+    """A cut of a wall as a solid: a box, rotated if the wall is a facet."""
     if frame.runs_along_axes:
         return _filled(frame.box(cut))
     corners = [cq.Vector(x, y, cut.floor) for x, y in reversed(frame.corners(cut))]
@@ -191,7 +191,7 @@ def cut_solid(frame: WallFrame, cut: Cut) -> cq.Solid:
 
 
 def _engraved(number: PartNumber) -> list[cq.Solid]:
-    """A part's name, from beyond the outer face into the wall."""
+    """Cutters of a part's name, from beyond the outer face into the wall."""
     frame = number.frame
     x0, y0 = frame.point(0.0, frame.thickness_mm + BEYOND_MM)
     x1, y1 = frame.point(0.0, frame.thickness_mm - part_numbers.DEPTH_MM)
@@ -204,7 +204,7 @@ def _engraved(number: PartNumber) -> list[cq.Solid]:
 
 
 def _label(outline: MoldOutline) -> list[cq.Solid]:
-    """The label, from below the bed up into the floor."""
+    """Cutters of the label, from below the bed up into the floor."""
     foot = outline.bottom_mm - BEYOND_MM
 
     def place(loop: Loop) -> cq.Wire:
@@ -215,7 +215,7 @@ def _label(outline: MoldOutline) -> list[cq.Solid]:
 
 
 def _prism(shape: Shape, place: Callable[[Loop], cq.Wire], way: cq.Vector) -> cq.Solid:
-    """A shape moved along a way; `place` puts its loops into space."""
+    """A shape extruded along a vector; `place` positions its loops in space."""
     return cq.Solid.extrudeLinear(place(shape.outline), [place(hole) for hole in shape.holes], way)
 
 

@@ -1,7 +1,7 @@
 r"""The pour gauge: laid across the rim, it shows when the clear layer is thick enough.
 
-Three teeth hang from a bar into the cavity. The middle one ends at the undisturbed top: pour until the silicone wets
-it. The longer one is wetted a little before; the shorter one must stay dry. Printed flat:
+Three teeth extend from a bar into the cavity. The middle one ends at the undisturbed top: pour until the silicone wets
+it. The longer one is wetted slightly earlier; the shorter one must stay dry. The gauge is printed flat:
 
       +--------------------------------------+  ^ grip
       |                                      |  |
@@ -10,7 +10,7 @@ it. The longer one is wetted a little before; the shorter one must stay dry. Pri
              |_|         | |         |_|           short: rim - step
             long         |_|        short          middle: rim; long: rim + step
 
-On a disc it lies along a diameter. A crowned pad is filled by weight, upside down, and has none.
+On a disc it is along a diameter. A crowned pad is filled by weight, upside down, and has no gauge.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ THICKNESS_MM = 3.0
 TOOTH_MM = 2.0
 """Width of a tooth: narrow, so that it draws up little silicone."""
 STEP_MM = 0.3
-"""By how much the outer teeth differ: about what can be poured; less where the rim is low."""
+"""Difference of the outer teeth, about the accuracy of pouring; less where the rim is low."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -40,7 +40,7 @@ class GaugeSize:
     ----------
     span_mm : length of the bar
     teeth_mm : lengths of the long, the middle and the short tooth
-    spacing_mm : between the middles of neighbouring teeth
+    spacing_mm : distance between the middles of neighbouring teeth
     """
 
     span_mm: float
@@ -54,7 +54,7 @@ class GaugeSize:
 
 
 def gauge_size(design: SensorDesign) -> GaugeSize | None:
-    """Lengths of a design's gauge; None without a rim, where one pours to the brim, and for a crowned pad."""
+    """Lengths of a design's gauge; None for a mold without a rim, filled to the brim, and for a crowned pad."""
     rim, cavity, mold = design.mold.rim_mm, design.cavity, design.mold
     if rim == 0 or is_cast_under_lid(plan_of(design)):
         return None
@@ -68,7 +68,7 @@ def gauge_size(design: SensorDesign) -> GaugeSize | None:
 
 
 def pour_gauge(design: SensorDesign) -> cq.Workplane | None:
-    """The gauge lying on the print bed, teeth towards low y; None where nothing is poured to a level."""
+    """The gauge flat on the print bed, teeth towards low y; None where nothing is poured to a level."""
     size = gauge_size(design)
     if size is None:
         return None

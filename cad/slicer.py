@@ -1,8 +1,8 @@
-"""PrusaSlicer as a second opinion: does it slice, how long does it print, how much filament, what does it warn of?
+"""PrusaSlicer as an independent check: result of slicing, print time, filament and warnings.
 
-Its exit code is no check: missing triangles, dropped thin walls and floating bodies end with 0. So its own findings are
-read besides: `print warning` lines; from ``--info`` whether the mesh is manifold and the volume that is left after its
-silent repair; and the volume that a solid print extrudes, which falls short where thin walls are dropped. Times and
+Its exit code is not a check: missing triangles, dropped thin walls and floating bodies end with 0. So the module also
+reads `print warning` lines, and from ``--info`` whether the mesh is manifold and its volume after the silent repair.
+It reads the volume that a solid print extrudes, which is too small where thin walls are dropped. Times and
 grams are those of a print with a fifth of the inside filled.
 """
 
@@ -22,24 +22,24 @@ from design.parts.assumptions import Bed
 COMMANDS = ("prusa-slicer", "PrusaSlicer", "prusa-slicer-console")
 USUAL_FILL = 0.2
 EXTRUDED_LOW, EXTRUDED_HIGH = 0.95, 1.08
-"""Extruded over solid volume of a solid print: 1.01 to 1.03 for sound parts; overlaps of short lines add."""
+"""Range of extruded over solid volume of a solid print: 1.01 to 1.03 for good parts; overlaps of short lines add."""
 VOLUME_LIMIT = 1e-3
-"""The file has the volume of the formula within this; a repaired mesh has another one."""
+"""Relative tolerance between the volumes of file and formula; a repaired mesh exceeds it."""
 TIMEOUT_S = 300
 MM3_PER_CM3 = 1e3
 
 
 @dataclass(frozen=True, kw_only=True)
 class Sliced:
-    """What the slicer says of one part.
+    """The slicer's results for one part.
 
     Attributes
     ----------
-    minutes, filament_g : of a print with the usual fill
-    volume_mm3 : of the mesh as the slicer reads it
-    extruded_mm3 : of a solid print
+    minutes, filament_g : time and filament of a print with the usual fill
+    volume_mm3 : volume of the mesh as the slicer reads it
+    extruded_mm3 : extruded volume of a solid print
     is_manifold : whether the slicer finds the mesh closed
-    warnings : its own, in its words
+    warnings : its own warnings, in its words
     """
 
     minutes: float
@@ -72,7 +72,7 @@ def require_slicer() -> str:
 
 
 def sliced(stl: bytes, *, density_g_per_cm3: float, bed_mm: Bed, command: str | None = None) -> Sliced:
-    """Slice a part twice, with the usual fill and solid, and ask for its mesh.
+    """Slice a part twice, with the usual fill and solid, and read the slicer's data of its mesh.
 
     Raises
     ------
@@ -102,7 +102,7 @@ def minutes_of(duration: str) -> float:
 
 
 def _gcode(program: str, part: Path, fill: float, density: float, bed_mm: Bed) -> tuple[str, str]:
-    """The end of a part's G-code, and what the slicer said."""
+    """The end of a part's G-code, and the slicer's output."""
     target, settings = part.with_suffix(".gcode"), part.with_suffix(".ini")
     x, y, z = bed_mm
     usual = (files("cad") / "data" / "slicer.ini").read_text(encoding="utf-8")

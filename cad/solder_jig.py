@@ -1,16 +1,16 @@
 r"""The solder jig: a plate that holds one part of each kind while its wires are soldered at the sockets' pitch.
 
-From above, a surface part and a radial one:
+The view from above shows a surface part and a radial one:
 
       +----------------------------+
       |   | |  | |                 |   grooves: wires at the pitch of the slots, open to the edge
       |   | |  | |                 |
       |  +--------+                |
-      |  | body   |     o    o     |   recess: the part lies in it on its active face, pads up
+      |  | body   |     o    o     |   recess: the part is on its active face, pads up
       |  +--------+                |   holes: drilled with the mold's lead drill they check the pitch, and hold
       +----------------------------+   the leads of a radial part upright
 
-Volume by formula: recess, grooves and holes touch and do not overlap.
+The volume is computed by formula: recess, grooves and holes touch and do not overlap.
 """
 
 from __future__ import annotations
@@ -29,11 +29,11 @@ from design.spec.fits import fit
 
 THICKNESS_MM = 5.0
 MARGIN_MM = 3.0
-"""Of the plate around what is cut into it."""
+"""Margin of the plate around its cuts."""
 RECESS_SHARE = 0.5
-"""Depth of a recess over the body's: pads and half of the body stand out."""
+"""Depth of a recess over the body's: pads and half of the body protrude."""
 DEEPEST_MM = 3.0
-"""Recesses and grooves leave two millimetres of plate."""
+"""Greatest depth of recesses and grooves; it leaves two millimetres of plate."""
 GROOVE_MM = 8.0
 """Length of the wires' grooves."""
 BEYOND_MM = 1.0
@@ -45,9 +45,9 @@ class JigSize:
 
     Attributes
     ----------
-    length_mm, width_mm : of the plate
+    length_mm, width_mm : size of the plate
     boxes : recesses and grooves, open upward
-    holes : through the plate
+    holes : holes through the plate
     part_ids : catalogue names of the parts, from low to high x
     """
 
@@ -99,7 +99,7 @@ def jig_size(design: SensorDesign) -> JigSize:
 
 
 def solder_jig(design: SensorDesign) -> cq.Workplane:
-    """The jig lying on the print bed."""
+    """The jig flat on the print bed."""
     size = jig_size(design)
     plate = cq.Solid.makeBox(size.length_mm, size.width_mm, THICKNESS_MM)
     top = THICKNESS_MM + BEYOND_MM
@@ -112,7 +112,7 @@ def solder_jig(design: SensorDesign) -> cq.Workplane:
 
 
 def _cell_mm(part: Part) -> tuple[float, float]:
-    """Room of a part on the plate: along x and y [mm]."""
+    """Space of a part on the plate, along x and y [mm]."""
     leads = lead_offsets_mm(part)
     across = max(
         part.body_width_mm.value + 2 * fit("slip").value,
@@ -148,6 +148,6 @@ def _groove_spans(part: Part, wire_mm: float, web_mm: float) -> list[tuple[float
 
 
 def _filled(box: Box, top: float, edge: float) -> cq.Solid:
-    """A cut, up past the plate and out past its edge where it ends there."""
+    """A cut, extended up past the plate, and out past its edge if it ends there."""
     y1 = box.y1 + (BEYOND_MM if box.y1 >= edge else 0.0)
     return cq.Solid.makeBox(box.x1 - box.x0, y1 - box.y0, top - box.z0, cq.Vector(box.x0, box.y0, box.z0))

@@ -1,4 +1,4 @@
-"""Volumes of the printed parts by formula, to hold the solids and the files against.
+"""Volumes of the printed parts by formula, for comparison with the solids and the files.
 
 The mold is its outer prism less cuts that do not overlap, except that pockets and slots share the
 pour lip's wedge. With the wedge removing max(0, c - t) of height at distance t behind the inner
@@ -6,24 +6,24 @@ face (c: leg of the lip), a cut of width b from t0 to t1 shares
 
     b * integral of max(0, c - t) dt = b / 2 * ((c - t0)+^2 - (c - t1)+^2)
 
-with it. That is exact as long as every cut lies within its wall's inner length and its floor lies
-below the lip, which `design.mold.webs` makes sure of. The lip itself is a frustum with mitred corners:
+with it. That is exact if every cut is within its wall's inner length and its floor is
+below the lip, which `design.mold.webs` ensures. The lip itself is a frustum with mitred corners:
 
     integral over 0..c of (L + 2s)(W + 2s) - L W ds = (L + W) c^2 + 4/3 c^3
 
-A cover's seat takes ((L + 2s)(W + 2s) - L W) x rim instead, and shares with a cut of width b what lies before s:
-b x min(s, t1) x rim from the wall on. Collars stand on the rim behind lip or seat, and cuts go up through them.
+A cover's seat takes ((L + 2s)(W + 2s) - L W) x rim instead. It shares the volume before s with a cut of width b:
+b x min(s, t1) x rim from the wall on. Collars are on the rim behind lip or seat, and cuts extend up through them.
 
 In a round mold a cut of facet coordinates (a, t) may end in the round outer face, t = T(a). With the facet d from the
-centre, b = a - the facet's middle, and the outer radius R, T = sqrt(R2 - b2) - d, so that what lies before a level t
-is the integral of min(T, t): t where |b| < sqrt(R2 - (d + t)2), T elsewhere. T's antiderivative is that of the circle.
+centre, b = a - the facet's middle, and the outer radius R, T = sqrt(R2 - b2) - d. The area before a level t is then
+the integral of min(T, t): t where |b| < sqrt(R2 - (d + t)2), T elsewhere. T's antiderivative is that of the circle.
 
-The lid is its flange, pins and plug, less notches and what of the crown lies above the seat: the whole cap of a sphere,
-nothing of a cylinder. The plug is cut level: at a depth h below the seat its outline has come in by the draft, and the
-crown covers |r| < rho of it, rho = C sin(q) at s = C (1 - cos(q)) below the highest place. The area outside of that is
-closed for circle and rectangle, disc and strip. Its integral over depth is Gauss' rule in q, piece by piece between
-the depths where the crown's level meets a side or a corner: it has no square root at the highest place, and at the
-pieces' ends a power of 3/2, whose error falls with the fifth power of the number of nodes: 1e-9 at 48.
+The lid is its flange, pins and plug, less notches and the part of the crown above the seat: the whole cap of a sphere,
+nothing of a cylinder. The plug is integrated over horizontal sections. At a depth h below the seat its outline is inset
+by the draft, and the crown covers |r| < rho of it, rho = C sin(q) at s = C (1 - cos(q)) below the highest point. The
+area outside has a closed form for circle and rectangle, disc and strip. Gauss' rule integrates it over depth in q,
+piece by piece between the depths where the crown's level meets a side or a corner. The integrand has no square root at
+the highest point, and a power of 3/2 at the pieces' ends, so the error falls as nodes^-5: 1e-9 at 48.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ from design.shape.top import Top
 from design.spec import SensorDesign
 
 NODES = 48
-"""Of Gauss' rule in each piece of a plug."""
+"""Nodes of Gauss' rule in each piece of a plug."""
 
 
 def mold_volume_mm3(design: SensorDesign) -> float:
@@ -63,7 +63,7 @@ def mold_volume_mm3(design: SensorDesign) -> float:
 
 
 def _socket_cuts_mm3(outline: MoldOutline) -> float:
-    """Pockets, slots, necks and channels, less what lip or seat have taken of them."""
+    """Volume of pockets, slots, necks and channels, less their share of the lip or seat."""
     channels = [(s.frame, s.channel) for s in outline.sockets if s.channel is not None]
     below = [(s.frame, _below_rim(cut, outline)) for s in outline.sockets for cut in s.cuts]
     return (
@@ -74,7 +74,7 @@ def _socket_cuts_mm3(outline: MoldOutline) -> float:
 
 
 def cut_in_frame_mm3(frame: WallFrame, cut: Cut) -> float:
-    """What a cut takes of a wall whose outer face may be round [mm3]."""
+    """Volume of a cut in a wall whose outer face may be round [mm3]."""
     if not frame.is_facet:
         return _cut_mm3(cut)
     area = _before_mm2(frame, cut, cut.out1) - _before_mm2(frame, cut, cut.out0)
@@ -122,13 +122,13 @@ def base_volume_mm3(design: SensorDesign) -> float:
 
 
 def lip_volume_mm3(outline: MoldOutline) -> float:
-    """Volume that the pour lip takes from a rim without sockets [mm3]."""
+    """Volume that the pour lip removes from a rim without sockets [mm3]."""
     leg = outline.lip_mm
     return (outline.length_mm + outline.width_mm) * leg**2 + 4 / 3 * leg**3
 
 
 def shared_with_lip_mm3(cut: Cut, lip_mm: float) -> float:
-    """Volume that a pocket or slot and the pour lip both take [mm3]."""
+    """Volume that a pocket or slot shares with the pour lip [mm3]."""
     near, far = max(lip_mm - cut.out0, 0.0), max(lip_mm - cut.out1, 0.0)
     return (cut.along1 - cut.along0) * (near**2 - far**2) / 2
 
@@ -206,7 +206,7 @@ def _cap_mm3(radius: float, height: float) -> float:
 
 
 def plug_volume_mm3(plug: Plug, top: Top, over_mm: float) -> float:
-    """Volume of a plug below the seat and above the crown, whose highest place is `over_mm` over the seat [mm3]."""
+    """Volume of a plug below the seat and above the crown, whose highest point is `over_mm` over the seat [mm3]."""
     radius = top.radius_mm
     above = max(-over_mm, 0.0)
     whole = _gauss(lambda depth: _outside_mm2(plug, top, depth, 0.0), 0.0, above)
@@ -248,7 +248,7 @@ def _quarter_mm2(radius: float, a: float, b: float) -> float:
 
 
 def _meetings(plug: Plug, top: Top) -> list[tuple[float, ...]]:
-    """Half widths at the seat of what the crown's level meets on its way out: sides, then the corner."""
+    """Half widths at the seat of the plug's sides, then of its corner, which the crown's level meets in this order."""
     a, b = plug.half_mm
     if plug.is_round:
         return [(a,)]
@@ -258,7 +258,7 @@ def _meetings(plug: Plug, top: Top) -> list[tuple[float, ...]]:
 
 
 def _meets(plug: Plug, sides: tuple[float, ...], radius: float, over: float) -> float | None:
-    """The angle q where the crown's level has come as far out as sides that come in; None if that is above the seat.
+    """The angle q where the growing crown's level meets the inset sides; None if that is above the seat.
 
     With s = over + h: s (2 C - s) = sum of (w - h t)2, a quadratic in h.
     """
@@ -272,7 +272,7 @@ def _meets(plug: Plug, sides: tuple[float, ...], radius: float, over: float) -> 
 
 
 def _gauss(rate: Callable[[float], float], low: float, high: float) -> float:
-    """Gauss' rule from low to high."""
+    """Integral by Gauss' rule from low to high."""
     nodes, weights = np.polynomial.legendre.leggauss(NODES)
     middle, half = (low + high) / 2, (high - low) / 2
     return sum(float(w) * half * rate(middle + half * float(x)) for x, w in zip(nodes, weights, strict=True))

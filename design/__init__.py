@@ -1,5 +1,5 @@
-"""What an optopad sensor is: its specification, parts and geometry, and whether it can be built.
+"""Specification of an optopad sensor: its fields, parts and geometry, and the rules of manufacture.
 
-Rooms, from the ground up: fields, parts, spec, shape, mold, circuit, rules; beside them search.
-Imports nothing of the other rooms.
+Its packages, lowest first, are fields, parts, spec, shape, mold, circuit and rules, and next to them search.
+It imports no other room.
 """

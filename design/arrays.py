@@ -1,4 +1,4 @@
-"""Names of the arrays that all rooms pass around; shapes and units are in the docstrings of what takes them."""
+"""Names of the arrays that all rooms share; the docstrings of functions give shapes and units."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
-"""Tables in CSV: the one reader of every table that optopad is given.
+"""Tables in CSV: the reader of every table that optopad takes.
 
-The first line that is no remark is the heading. Values are separated by commas, decimals have a point. Lines that
+The first line that is not a remark is the heading. Commas separate values, and decimals have a point. Lines that
 begin with # are remarks; empty lines and empty cells at the end of a line do not count. A row with another number of
-cells is refused, because a decimal comma shifts all that follow it. Needs the standard library only.
+cells is refused, because a decimal comma shifts all later cells. The module needs the standard library only.
 """
 
 from __future__ import annotations
@@ -30,9 +30,9 @@ class CsvTable:
 
     Attributes
     ----------
-    file : where it is from
+    file : its source
     heading : names of the columns, without blanks around them
-    rows : the cells of each row, as many as the heading has
+    rows : the cells of each row, as many as in the heading
     lines : (row,) number of each row in the file, from 1, as editors and spreadsheets count
     remarks : the lines that begin with #
     """
@@ -54,7 +54,7 @@ class CsvTable:
         return [dict(zip(self.heading, row, strict=True)) for row in self.rows]
 
     def where(self, row: int) -> str:
-        """The beginning of a message on a row: the file and the row's number in it."""
+        """The start of a message about a row: the file and the row's number in it."""
         return f"{self.file}: row {self.lines[row]}"
 
     def numbers(self, name: str) -> list[float]:
@@ -62,12 +62,12 @@ class CsvTable:
 
         Raises
         ------
-        OptopadError : a cell that is no number; the message names row, column and value.
+        OptopadError : a cell that is not a number; the message names row, column and value.
         """
         return self.parsed(name, float, "a finite number")
 
     def parsed(self, name: str, parse: Callable[[str], float], needed: str) -> list[float]:
-        """As `numbers`, with another parser, which raises ValueError, and words for what it needs."""
+        """As `numbers`, with another parser, which raises ValueError, and a description of the required values."""
         found = []
         for row, text in enumerate(self.column(name)):
             try:
@@ -96,15 +96,15 @@ def read_csv(
 
     Parameters
     ----------
-    needed : what the table must hold, in words for messages
-    fewest_rows : rows below the heading that must be there
-    lower : whether names of columns are in small letters whatever the file has
+    needed : required content of the table, in words for messages
+    fewest_rows : least number of rows below the heading
+    lower : whether to convert names of columns to lower case
     most_bytes : size above which the file is refused unread
     error : class of the error that is raised
 
     Raises
     ------
-    OptopadError : no text, another separator, too few rows, a row of another length, a column that is there twice.
+    OptopadError : no text, another separator, too few rows, a row of another length, or a duplicate column.
     """
     text = read_text(file, needed=needed, most_bytes=most_bytes, error=error)
     remarks: list[str] = []
@@ -147,11 +147,11 @@ def read_csv(
 def numbered_points(
     file: Path, *, needed: str, most_bytes: int = 1_000_000, error: type[OptopadError] = InputError
 ) -> list[tuple[int, tuple[float, float]]]:
-    """The points of a curve, two numbers a row, each with the number of its row in the file; a heading may be there.
+    """The points of a curve, two numbers per row, each with its row's number in the file; a heading is optional.
 
-    Numbers are separated by a comma, a semicolon or blanks, with a point for decimals.
+    A comma, a semicolon or blanks separate numbers, and decimals have a point.
 
-    Parameters, errors: as `read_csv`; fewer than two points, or a row that is no pair of finite numbers.
+    As `read_csv`; fewer than two points, or a row without two finite numbers, are refused.
     """
     found: list[tuple[int, tuple[float, float]]] = []
     text = read_text(file, needed=needed, most_bytes=most_bytes, error=error)

@@ -9,18 +9,18 @@ OptopadError
 """
 
 LONGEST_LINE = 900
-"""Characters of a message's line: a terminal's screen holds some ten such lines; with 4 bytes each below the next."""
+"""Longest line of a message [characters]: a screen holds about ten; 4 bytes each stay below the next limit."""
 LONGEST_MESSAGE_BYTES = 3_800
-"""Of a message in UTF-8: what a screen or a line of a log holds, 4 kB, with room for the command's name."""
+"""Longest message in UTF-8: a screen or a line of a log holds 4 kB, less room for the command's name."""
 _CUT = " ... "
 _MORE = "  ... and {} more lines"
 
 
 def readable(message: str) -> str:
-    """A message as it can be shown: no control characters but line feeds, long lines cut, lines too many counted.
+    """A message in printable form: no control characters but line feeds, long lines cut, surplus lines counted.
 
-    Files and arguments are quoted in messages, and may hold anything. Beginning and end of a line stay: they name the
-    field and the way out.
+    Messages quote files and arguments, which may contain anything. The start and end of a line are kept, because they
+    name the field and the way out.
     """
     lines = [_cut(_printable(_cut(line))) for line in message.split("\n")]
     if len("\n".join(lines).encode()) <= LONGEST_MESSAGE_BYTES:
@@ -45,14 +45,14 @@ def _cut(line: str) -> str:
 
 
 class OptopadError(Exception):
-    """Base of every error whose message is meant for the user; the message is made readable whatever it quotes."""
+    """Base of every error with a message for the user; the message is made readable whatever it quotes."""
 
     def __init__(self, message: object = "") -> None:
         super().__init__(readable(str(message)))
 
 
 class DesignError(OptopadError):
-    """A design or catalogue file cannot be used as it stands."""
+    """A design or catalogue file cannot be used in its present form."""
 
 
 class InputError(OptopadError):
@@ -60,21 +60,21 @@ class InputError(OptopadError):
 
 
 class OutputError(OptopadError):
-    """A file or folder cannot be written; what was there before is intact."""
+    """A file or folder cannot be written; its previous content is intact."""
 
 
 class ModelScopeError(OptopadError):
-    """The physics models do not cover what was asked; nothing is extrapolated."""
+    """The physics models do not cover the request; nothing is extrapolated."""
 
 
 class DeviceError(OptopadError):
-    """The built sensor, or the line to it, does not do what was asked; nothing recorded so far is lost."""
+    """The manufactured unit, or the line to it, does not respond as required; nothing recorded so far is lost."""
 
 
 SHOWN_CHARACTERS = 60
 
 
 def shown(value: object) -> str:
-    """A value as a message shows it: shortened where it is long."""
+    """A value in the form for messages: long values are shortened."""
     text = repr(value)
     return text if len(text) <= SHOWN_CHARACTERS else text[: SHOWN_CHARACTERS - 3] + "..."

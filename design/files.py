@@ -1,13 +1,12 @@
-"""Files and folders that are written: names that every system takes, whole contents, true reasons for a refusal.
+"""Files and folders that are written: names valid on every system, complete contents, true reasons for a refusal.
 
-A file is written beside its target under a name that no other thread or process has, and takes the target's location
-in one step: of several writers the last one's file stays, whole. A link at the target is replaced and not followed.
-Needs the standard library only.
+A file is written next to its target under a unique name, and replaces the target in one step. With several writers the
+last one's file remains, complete. A link at the target is replaced and not followed.
 
-Files as people have them: one way to read text, and the kind of a file by its first bytes.
+Files of users: one way to read text, and the kind of a file by its first bytes.
 
-Text is UTF-8, with or without a byte order mark. Line ends of any system become line feeds. A file of another kind is
-named, so that the message can say what to do with it. Needs the standard library only.
+Text is UTF-8, with or without a byte order mark. Line ends of any system become line feeds. The message names the kind
+of any other file, and says what to do with it. The module needs the standard library only.
 """
 
 from __future__ import annotations
@@ -29,7 +28,7 @@ _DEVICES = frozenset(
     {"con", "prn", "aux", "nul", "conin$", "conout$"}
     | {port + number for port in ("com", "lpt") for number in "123456789¹²³"}
 )
-"""Names that Windows keeps for devices, in every folder and with every extension."""
+"""Names that Windows reserves for devices, in every folder and with every extension."""
 
 _FILE_SUFFIX = re.compile(
     r"\.(csv|tsv|txt|md|jsonl?|ndjson|toml|ya?ml|xml|html?|pdf|png|svg|jpe?g|gif|webp|nc|h5|hdf5|np[yz]|mat|pkl|pickle|"
@@ -39,7 +38,7 @@ _FILE_SUFFIX = re.compile(
 
 
 def name_fault(name: str) -> str | None:
-    """Why no file or folder can have this name on every system, in words; None where it can."""
+    """Why a name is not valid for files and folders on every system, in words; None if it is."""
     stem = name.partition(".")[0].rstrip(" ")
     if stem.lower() in _DEVICES:
         return f"{stem} is the name of a device on Windows"
@@ -47,7 +46,7 @@ def name_fault(name: str) -> str | None:
 
 
 def require_file_name(file: Path, option: str = "") -> None:
-    """Refuse a name that not every system takes.
+    """Refuse a name that is not valid on every system.
 
     Parameters
     ----------
@@ -62,11 +61,11 @@ def require_file_name(file: Path, option: str = "") -> None:
 
 
 def require_suffix(file: Path, suffixes: tuple[str, ...], option: str = "") -> None:
-    """Refuse a name that promises another content than what is written.
+    """Refuse a name whose suffix does not match the written content.
 
     Parameters
     ----------
-    suffixes : those of the formats that are written, as ".nc"
+    suffixes : suffixes of the written formats, as ".nc"
     option : start of the message, as "--out: "
 
     Raises
@@ -80,12 +79,12 @@ def require_suffix(file: Path, suffixes: tuple[str, ...], option: str = "") -> N
 
 
 def has_file_suffix(path: Path) -> bool:
-    """Whether a name promises a file, not a folder."""
+    """Whether a name has the suffix of a file, not a folder."""
     return _FILE_SUFFIX.fullmatch(path.suffix) is not None
 
 
 def require_folder_name(folder: Path, option: str = "") -> None:
-    """Refuse the name of a new folder that promises a file or is a device's; InputError with the way out."""
+    """Refuse the name of a new folder that has a file's suffix or is a device's; InputError with the way out."""
     if folder.is_dir():
         return
     require_file_name(folder, option)
@@ -98,7 +97,7 @@ def require_folder_name(folder: Path, option: str = "") -> None:
 
 @contextmanager
 def whole_file(file: Path, way_out: str = "choose another folder") -> Iterator[Path]:
-    """An empty file to write into: it takes the location of ``file`` when the block ends well, and is gone otherwise.
+    """An empty file to write into: it replaces ``file`` when the block succeeds, and is removed otherwise.
 
     Parameters
     ----------
@@ -138,7 +137,7 @@ def write_whole(file: Path, content: bytes) -> None:
 
 
 def made_folder(folder: Path, way_out: str = "choose another folder") -> Path:
-    """Make a folder, its parents too, unless it is there; OutputError where it cannot be made."""
+    """Make a folder and its parents unless it exists; OutputError where it cannot be made."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as err:
@@ -156,7 +155,7 @@ def own_folder(folder: Path, way_out: str = "choose another folder") -> Path:
 
 
 def temporary_folder() -> tempfile.TemporaryDirectory[str]:
-    """A folder for files that nobody needs later; it is removed when its block ends.
+    """A folder for temporary files; it is removed when its block ends.
 
     Raises
     ------
@@ -171,22 +170,22 @@ def temporary_folder() -> tempfile.TemporaryDirectory[str]:
 
 
 def unwritable(file: Path, err: OSError, way_out: str = "choose another folder") -> OutputError:
-    """The error of a file or folder that the system refused, with its reason."""
+    """The error about a file or folder that the system refused, with its reason."""
     room = "free some room on its disk, or " if err.errno in FULL else ""
     return OutputError(f"{file}: cannot be written: {err.strerror or err}; {room}{way_out}")
 
 
 def nearest_existing(folder: Path) -> Path:
-    """The folder itself, or the first of its ancestors that is there."""
+    """The folder itself, or its nearest existing ancestor."""
     path = folder.absolute()
     return next((place for place in (path, *path.parents) if os.path.lexists(place)), Path(path.anchor))
 
 
 def folder_fault(folder: Path) -> str | None:
-    """Why no file can be written into a folder, or the folder cannot be made; None where it can.
+    """Why a folder cannot be made or written into; None if it can.
 
-    It is tried with a folder, which is removed again: the system's word on rights is not enough, since it says yes to
-    an administrator even where nothing can be written.
+    The function makes a trial folder and removes it again. The system's access rights are not enough, because they
+    allow an administrator everything, even where nothing can be written.
     """
     if "\0" in str(folder):
         return "a null byte is in its name"
@@ -214,7 +213,7 @@ def _reason(existing: Path, err: OSError | ValueError) -> str:
 
 
 BYTES_FOR_KIND = 16_384
-"""Of a file's start: a workbook names its sheets within them."""
+"""Bytes read from a file's start: a workbook names its sheets within them."""
 
 _UTF16 = "text in UTF-16"
 _STARTS = (
@@ -276,7 +275,7 @@ def kind_of(content: bytes) -> str:
 
 
 def kind_of_file(file: Path) -> str:
-    """The kind of a file that can be opened; "a file that cannot be opened" for others."""
+    """The kind of a file that can be opened; "a file that cannot be opened" for any other."""
     try:
         with file.open("rb") as stream:
             return kind_of(stream.read(BYTES_FOR_KIND))
@@ -289,7 +288,7 @@ def read_bytes(file: Path, *, needed: str, most_bytes: int, error: type[OptopadE
 
     Parameters
     ----------
-    needed : what the file must be and how it is made, in words for the message
+    needed : required kind of file and how to make it, in words for the message
     most_bytes : size above which the file is refused unread
     error : class of the error that is raised
 
@@ -318,14 +317,14 @@ def read_bytes(file: Path, *, needed: str, most_bytes: int, error: type[OptopadE
 def read_text(file: Path, *, needed: str, most_bytes: int, error: type[OptopadError] = InputError) -> str:
     """The text of a file, without a byte order mark, its lines ended by line feeds.
 
-    Parameters, errors: as `read_bytes`; files that are no UTF-8 text are refused with their kind.
+    Parameters and errors are as in `read_bytes`; a file without UTF-8 text is refused, and the message names its kind.
     """
     content = read_bytes(file, needed=needed, most_bytes=most_bytes, error=error)
     return text_of(content, str(file), needed=needed, error=error)
 
 
 def text_of(content: bytes, where: str, *, needed: str, error: type[OptopadError] = InputError) -> str:
-    """As `read_text`, of bytes that were read already; `where` names the file in messages."""
+    """As `read_text`, from bytes that were read already; `where` names the file in messages."""
     kind = kind_of(content[:BYTES_FOR_KIND])
     if kind == _UTF16:
         raise error(f"{where}: not UTF-8 but {kind}; save it as UTF-8")

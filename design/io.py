@@ -1,12 +1,12 @@
-"""Reading and writing design files; nothing half-written, every refusal with its reason.
+"""Reading and writing design files; no file is half-written, and every refusal has its reason.
 
-A file is TOML in UTF-8. `catalog_files` at its top names files beside it with parts and materials
-of the user's own, `profile_csv` under `[indenter]` a file with the tip's points, `curve_csv` in a part's
-table a digitised curve; they are read into the design, so that a saved design stands alone.
+A file is TOML in UTF-8. `catalog_files` at its top names files with the user's own parts and materials.
+`profile_csv` under `[indenter]` names a file with the tip's points, and `curve_csv` in a part's table a
+digitised curve. They are read into the design, so that a saved design needs no other file.
 
-Lifting design files of older schema versions to the present one, step by step.
+Design files of older schema versions are migrated to the present one, step by step.
 
-Version 1 is the first, so no step exists yet; a step is a function from one version's plain data to
+Version 1 is the first, so no step exists yet. A step is a function from one version's plain data to
 the next one's, registered under the version that it starts from.
 """
 
@@ -38,11 +38,11 @@ STEPS: Mapping[int, Step] = {}
 def migrated(
     document: Document, *, steps: Mapping[int, Step] = STEPS, target: int = SCHEMA_VERSION
 ) -> Document:
-    """Plain data of an older version, lifted to ``target``; data of that version is returned as it is.
+    """Plain data of an older version, migrated to ``target``; data of that version is returned unchanged.
 
     Raises
     ------
-    DesignError : no version, a newer one, or one that no step starts from.
+    DesignError : no version, a newer one, or a version without a step.
     """
     version = document.get("schema_version")
     if not isinstance(version, int) or isinstance(version, bool):
@@ -70,7 +70,7 @@ def load_design(path: str | os.PathLike[str]) -> SensorDesign:
 
     Raises
     ------
-    DesignError : not a readable TOML file of this schema version, or fields that are refused.
+    DesignError : not a readable TOML file of this schema version, or invalid fields.
     """
     file = Path(path)
     document = read_toml(file)
@@ -85,7 +85,7 @@ def save_design(design: SensorDesign, path: str | os.PathLike[str]) -> None:
 
 
 def dump_design(design: SensorDesign) -> str:
-    """A design as TOML text, every effective value spelled out, empty ones left out."""
+    """A design as TOML text with every effective value, without empty ones."""
     document = without_empty(design.model_dump(mode="json"))
     heading = f"# optopad design {design.name}, digest {design.digest}\n"
     return heading + tomlkit.dumps(document)
@@ -108,7 +108,7 @@ def read_toml(file: Path) -> dict[str, Any]:
 
 
 def read_design_text(file: Path) -> str:
-    """The text of a TOML file; DesignError as `read_toml`, but that nothing is parsed."""
+    """The text of a TOML file; DesignError as in `read_toml`, except that nothing is parsed."""
     return read_text(file, needed=NEEDED, most_bytes=MAX_FILE_BYTES, error=DesignError)
 
 
@@ -142,7 +142,7 @@ def write_text_atomically(file: Path, text: str) -> None:
 
 @contextmanager
 def written_together(folder: Path) -> Iterator[Path]:
-    """A hidden folder to write files into, which move to ``folder`` when the block ends well, and are gone otherwise.
+    """A hidden folder to write files into: they move to ``folder`` if the block succeeds, and are removed otherwise.
 
     Raises
     ------
@@ -196,7 +196,7 @@ def _with_own_catalog(document: dict[str, Any], file: Path) -> dict[str, Any]:
 
 
 def _with_curves(document: dict[str, Any], name: str, file: Path) -> dict[str, Any]:
-    """A document whose table ``name``, a catalogue, holds the points of files that its parts name."""
+    """A document whose catalogue ``name`` contains the points of the curve files that its parts name."""
     entries = document.get(name)
     parts = entries.get("parts") if isinstance(entries, dict) else None
     for part_id, part in parts.items() if isinstance(parts, dict) else ():
@@ -249,7 +249,7 @@ def _beside(file: Path, name: str, key: str) -> Path:
 
 
 def file_schema() -> dict[str, Any]:
-    """JSON Schema of a design file: the specification, and what only a file may hold."""
+    """JSON Schema of a design file: the specification, and the keys that only a file may have."""
     schema = SensorDesign.model_json_schema()
     schema["$schema"] = "https://json-schema.org/draft/2020-12/schema"
     schema["properties"][CATALOG_FILES] = {

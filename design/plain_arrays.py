@@ -1,7 +1,7 @@
-"""NumPy archives (.npz) read with suspicion: plain arrays only, sizes checked before anything is allocated.
+"""Safe reader of NumPy archives (.npz): plain arrays only, with sizes checked before anything is allocated.
 
-A file that was damaged or made by hand may say any shape, nest its headers, or hold what is no array. NumPy's own
-reader believes the header and allocates; here every array's header must fit the size that the archive states for it,
+A damaged or handmade file may state any shape, nest its headers, or contain members that are not arrays. NumPy's own
+reader trusts the header and allocates. Here every array's header must match the size that the archive states for it,
 and all sizes must be possible, before anything but headers is unpacked.
 """
 
@@ -22,12 +22,12 @@ from numpy.typing import NDArray
 
 MOST_MEMBERS = 10_000
 MOST_RATIO = 100
-"""Of the unpacked size over the file's: numbers of models shrink to a tenth at most, zeros to a thousandth."""
+"""Largest ratio of unpacked to packed size: numbers of models shrink to a tenth at most, zeros to a thousandth."""
 FREE_BYTES = 1_000_000
-"""Unpacked size below which any ratio is taken."""
+"""Unpacked size below which any ratio is accepted."""
 CHUNK_BYTES = 1_000_000
 LONGEST_HEADER = 1_000
-"""Of an array's type and shape, in bytes; ours have 118."""
+"""Longest header with an array's type and shape [bytes]; those of optopad have 118."""
 _SUFFIX = ".npy"
 _MAGIC = b"\x93NUMPY"
 _LENGTHS = {
@@ -35,9 +35,9 @@ _LENGTHS = {
     b"\x02\x00": struct.Struct("<I"),
     b"\x03\x00": struct.Struct("<I"),
 }
-"""Version of an array's header -> how its length is packed (numpy.lib.format)."""
+"""Version of an array's header -> format of its length (numpy.lib.format)."""
 _KIND = re.compile(r"[<>|=]?[biufcSU]\d{1,4}")
-"""Types of numbers and of texts of one length; neither objects nor records."""
+"""Types of numbers and of texts of fixed length; neither objects nor records."""
 _UNREADABLE = (
     OSError,
     ValueError,
@@ -51,8 +51,8 @@ _UNREADABLE = (
     zipfile.BadZipFile,
     zlib.error,
 )
-"""What a damaged file raises: RuntimeError by flags that are not known; SyntaxError, RecursionError (a RuntimeError)
-and MemoryError by a header that is no Python literal or nested deep."""
+"""Errors that a damaged file raises: unknown flags raise RuntimeError. A header that is not a Python literal, or deeply
+nested, raises SyntaxError, RecursionError (a RuntimeError) or MemoryError."""
 
 
 def plain_arrays(file: Path, *, most_bytes: int) -> dict[str, NDArray[Any]]:
@@ -60,12 +60,12 @@ def plain_arrays(file: Path, *, most_bytes: int) -> dict[str, NDArray[Any]]:
 
     Parameters
     ----------
-    most_bytes : of all arrays unpacked; `MOST_RATIO` times the file's size holds as well
+    most_bytes : limit of all arrays unpacked; `MOST_RATIO` times the file's size is a second limit
 
     Raises
     ------
     OSError : the file cannot be opened or read.
-    ValueError : no archive of plain arrays, damaged, or larger; the message says which.
+    ValueError : not an archive of plain arrays, damaged, or too large; the message says which.
     """
     with file.open("rb") as stream:
         most = min(most_bytes, max(FREE_BYTES, MOST_RATIO * os.fstat(stream.fileno()).st_size))
@@ -85,7 +85,7 @@ def plain_arrays(file: Path, *, most_bytes: int) -> dict[str, NDArray[Any]]:
 
 
 def _require_fitting(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> None:
-    """Refuse an array of another size than the archive states; no more than its header is unpacked."""
+    """Refuse an array of another size than the archive states; only its header is unpacked."""
     if member.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):  # others unpack without limit
         raise ValueError(f"{member.filename}: is packed in another way than NumPy packs arrays")
     with archive.open(member) as stream:
@@ -109,7 +109,7 @@ def _array(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> NDArray[Any]:
 
 
 def _header(stream: IO[bytes], name: str) -> tuple[np.dtype[Any], tuple[int, ...], bool]:
-    """Type, shape, and whether columns run first."""
+    """Type, shape, and whether the array is in column-major order."""
     begin = stream.read(len(_MAGIC) + 2)
     packed = _LENGTHS.get(begin[len(_MAGIC) :])
     if not begin.startswith(_MAGIC) or packed is None:
@@ -121,7 +121,7 @@ def _header(stream: IO[bytes], name: str) -> tuple[np.dtype[Any], tuple[int, ...
         case {"descr": str(kind), "fortran_order": bool(order), "shape": tuple(shape)} if _KIND.fullmatch(
             kind
         ) and all(type(one) is int and 0 <= one < 2**40 for one in shape):
-            if (found := np.dtype(kind)).itemsize:  # texts of no length take no bytes, however many there are
+            if (found := np.dtype(kind)).itemsize:  # texts of length 0 take no bytes at any shape
                 return found, shape, order
     raise ValueError(
         f"{name}: its header is not that of an array of numbers or texts; objects are not loaded"

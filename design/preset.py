@@ -1,4 +1,4 @@
-"""The packaged designs: the paper's pad and pair, two published discs, and six of our own."""
+"""The packaged designs: the paper's pad and pair, two published discs, and six designs of optopad."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ FLAT_PRESETS = ("piacenza2017-pad", "piacenza2017-pair", "oblong-60x40", "finger
 SHAPED_PRESETS = ("levi2013-disc", "crowned-40x25", "fingertip-dome", "gripper-stadium")
 """Discs, stadiums and crowned pads."""
 BOARD_PRESETS = ("gripper-teensy", "roboy-lightskin")
-"""A rectangle and a disc on other electronics than one input a receiver, read once."""
+"""A rectangle and a disc with other electronics than one input per receiver, read once."""
 PRESETS = FLAT_PRESETS + SHAPED_PRESETS + BOARD_PRESETS
 
 
@@ -44,7 +44,7 @@ def preset(name: str) -> SensorDesign:
 
 
 def new_text(name: str, preset_name: str) -> str:
-    """The text of a new design that begins as a preset: comments stay; what is true of the preset alone is left out.
+    """The text of a new design from a preset: comments are kept, except those that are true of the preset only.
 
     Raises
     ------
@@ -56,7 +56,7 @@ def new_text(name: str, preset_name: str) -> str:
 
 
 def true_description(design: SensorDesign) -> str:
-    """The description of a design; empty where it is a preset's and the design is no longer as the preset."""
+    """The description of a design; empty if it is a preset's description and the design differs from the preset."""
     for name in PRESETS:
         packaged = preset(name)
         if design.description == packaged.description and design != packaged.with_(name=design.name):

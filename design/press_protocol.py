@@ -1,14 +1,14 @@
-"""How a pad is pressed to collect data: patterns of places, one schedule of depths, sets in ambient light or dark.
+"""Press protocols for collecting data: patterns of locations, one schedule of depths, sets in ambient light or dark.
 
 A file is TOML (docs/how-to/simulate-data-set.md); `piacenza2017` and `piacenza2017-quick` are packaged.
-Depth is positive into the pad, 0 or less is untouched. Places lie in the workspace of the design unless `workspace_mm`
-says less. Grids are centred; the order of places is shuffled when data are drawn. Random places belong to the
-protocol, by their `place_seed`, so that the light of a protocol is one, whatever the seed of noise and order.
+Depth is positive into the pad; 0 or less means no contact. Locations are in the workspace of the design, or in a
+smaller `workspace_mm`. Grids are centred, and the order of locations is shuffled when data are drawn. `place_seed` of
+the protocol fixes random locations, so that its light does not depend on the seed of noise and order.
 
-How a tip is driven while its load is read: steps to a depth and back, with pauses.
+Load protocols define the motion of a tip while its load is read: steps to a depth and back, with pauses.
 
-Values with their sources are data (`data/load_protocols.toml`). What load belongs to a protocol is the
-contact model's business.
+Their values and sources are data (`data/load_protocols.toml`). The contact model computes the load of a
+protocol.
 """
 
 from __future__ import annotations
@@ -76,7 +76,7 @@ def load_protocol(name: str) -> LoadProtocol:
 
     Raises
     ------
-    InputError : there is none of that name; the nearest, or all, are named
+    InputError : there is none of that name; the message names the nearest, or all
     """
     known = _packaged()
     if name not in known:
@@ -93,7 +93,7 @@ MOST_DEPTHS = 20_000
 MOST_SAMPLES = 5_000_000
 SLACK_MM = 1e-9
 ROUND_DIGITS = 6
-"""Decimals of a depth or place [mm]."""
+"""Decimals of a depth or location [mm]."""
 
 Length = Annotated[float, Field(ge=-100.0, le=100.0)]
 
@@ -124,7 +124,7 @@ class DepthSegment(Model):
 
 
 class PressSet(Model):
-    """One session: a grid, or random places; ambient light or dark; to train on or to test on."""
+    """One session: a grid or random locations, in ambient light or dark, to train on or to test on."""
 
     name: FileName
     role: Literal["train", "test"]
@@ -147,7 +147,7 @@ class PressSet(Model):
 
     @property
     def info(self) -> SetEntry:
-        """What a recording says of the set."""
+        """The set's entry in a recording."""
         return SetEntry(name=self.name, role=self.role, pattern=self.pattern, is_ambient=self.is_ambient)
 
     @property
@@ -157,7 +157,7 @@ class PressSet(Model):
 
 
 def _require_apart(sets: tuple[PressSet, ...]) -> None:
-    """Refuse random places that are both trained and tested on: errors there would be too small."""
+    """Refuse random locations that are in both training and test sets: errors there would be too small."""
     trained = {one.place_seed: one.name for one in sets if one.random_places and one.role == "train"}
     for one in sets:
         if one.random_places and one.role == "test" and one.place_seed in trained:
@@ -168,7 +168,7 @@ def _require_apart(sets: tuple[PressSet, ...]) -> None:
 
 
 class PressProtocol(Model):
-    """A whole collection of data."""
+    """A complete collection of data."""
 
     name: FileName
     description: str = ""
@@ -236,7 +236,7 @@ class PressProtocol(Model):
 
     @property
     def press_s(self) -> float:
-        """Time of one press with the way to the next place [s]."""
+        """Time of one press, including the travel to the next location [s]."""
         return len(self.depth_mm) * self.dwell_s + self.travel_s
 
     @cached_property
@@ -245,12 +245,12 @@ class PressProtocol(Model):
         return hashlib.sha256(canonical_json(self.model_dump(mode="json")).encode()).hexdigest()
 
     def places_mm(self, design: SensorDesign) -> tuple[FloatArray, ...]:
-        """Of each set (place, 2) x, y in the cavity frame, before any shuffling [mm].
+        """Locations x, y of each set (place, 2) in the cavity frame, before any shuffling [mm].
 
         Raises
         ------
         ModelScopeError : the design is too small, the protocol too deep or its workspace outside the design's.
-        InputError : more places or samples than can be meant.
+        InputError : implausibly many locations or samples.
         """
         space = self._workspace(design)
         found = tuple(_places_mm(one, number, space) for number, one in enumerate(self.sets))
@@ -262,7 +262,7 @@ class PressProtocol(Model):
         return found
 
     def summary(self, design: SensorDesign) -> dict[str, Any]:
-        """What it amounts to on a design: counts of points a press, presses, samples."""
+        """Size of the protocol on a design: counts of points per press, presses, samples."""
         places = self.places_mm(design)
         return {
             "name": self.name,
@@ -275,7 +275,7 @@ class PressProtocol(Model):
         }
 
     def fitted_to(self, design: SensorDesign) -> PressProtocol:
-        """The same, without depths beyond the design's range of use; itself where there are none."""
+        """The protocol without depths beyond the design's range of use; the same object where there are none."""
         limit = design.operating.max_depth_mm
         if self.deepest_mm <= limit + SLACK_MM:
             return self

@@ -1,7 +1,7 @@
-"""What recordings of presses say, whichever program wrote them: sets, the dark state, signals.
+"""The common content of recordings of presses, whichever program wrote them: sets, the dark state, signals.
 
-The driver and the stage record a built sensor, the simulation makes data of the same form, and learners read both.
-numpy and the standard library only.
+The driver and the stage record a manufactured unit, the simulation makes data of the same form, and learners read both.
+The module needs numpy and the standard library only.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ OFF = "off"
 """Name of the dark state, in which no emitter is lit."""
 ROLES = ("train", "test")
 PATTERNS = ("grid", "random", "unknown", "measured")
-"""The last is what older files have for unknown."""
+"""Older files have the last one in place of `unknown`."""
 
 Number = TypeVar("Number", bound=np.number[Any])
 
@@ -32,9 +32,9 @@ class SetEntry:
     Attributes
     ----------
     name : as ``grid-ambient-1``
-    role : what a learner does with it, ``train`` or ``test``
+    role : its use by a learner, ``train`` or ``test``
     pattern : ``grid``, ``random`` or ``unknown``
-    is_ambient : whether it was taken in ambient light
+    is_ambient : whether it was recorded in ambient light
 
     Raises
     ------
@@ -57,7 +57,7 @@ class SetEntry:
 
 
 UNNAMED = SetEntry(name="unnamed", role="train", pattern="unknown", is_ambient=True)
-"""The one set of a recording that names none."""
+"""The only set of a recording that names no sets."""
 
 
 def sets_json(sets: Iterable[SetEntry]) -> str:
@@ -66,7 +66,7 @@ def sets_json(sets: Iterable[SetEntry]) -> str:
 
 
 def signals_of(counts: NDArray[Number]) -> NDArray[Number]:
-    """Readings of every emitter less those of the dark state, which is the last one.
+    """Readings of every emitter less those of the dark state, which is the last state.
 
     Parameters
     ----------

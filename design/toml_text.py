@@ -1,10 +1,10 @@
-"""TOML text to plain data, refused before it can hold up the reader.
+"""TOML text to plain data; texts that would take too long to parse are refused.
 
-The parser takes a time that grows with the square of a dotted key's parts, and some microseconds a value. Files of
-ours are a few parts deep and hold some thousand values at most. Whole numbers of hundreds of digits become neither
-floats nor text again. Needs the standard library only.
+The parser's time grows with the square of a dotted key's parts, and is some microseconds per value. Files of optopad
+are a few parts deep and have some thousand values at most. Whole numbers of hundreds of digits convert neither to
+floats nor back to text. The module needs the standard library only.
 
-What a line that is no TOML was likely meant to be: the parser says where it stopped, not what to write.
+A message about invalid TOML suggests the likely intention: the parser says where it stopped, not what to write.
 """
 
 from __future__ import annotations
@@ -51,17 +51,17 @@ _MEANT = (
     ),
     (_KEY + r"\s+[^=\s]", "write = between name and value"),
 )
-"""What a line looks like, and the way out; the first that fits."""
+"""Pattern of an invalid line, and the way out; the first match is used."""
 _PATTERNS = tuple((re.compile(pattern), way_out) for pattern, way_out in _MEANT)
 
 
 def explained(message: str, text: str) -> str:
-    """A parser's message with the line that it is about, and a way out where one is known.
+    """A parser's message with the line that it refers to, and a way out where one is known.
 
     Parameters
     ----------
-    message : of `tomllib`, which ends in "(at line 3, column 5)" or in "(at end of document)"
-    text : the whole document
+    message : message of `tomllib`, which ends in "(at line 3, column 5)" or in "(at end of document)"
+    text : the complete document
     """
     place = re.search(r"at line (\d+)", message)
     line = text.split("\n")[int(place[1]) - 1].strip() if place else text.strip().rpartition("\n")[2].strip()
@@ -78,13 +78,13 @@ def _way_out(message: str, line: str) -> str:
 
 
 MOST_PARTS = 20
-"""Depth of a key or of nested lists and tables; designs are 6 deep at most."""
+"""Greatest depth of a key or of nested lists and tables; designs are 6 deep at most."""
 MOST_VALUES = 30_000
-"""Keys, list entries and tables, counted by their signs: parsed in half a second. The packaged catalogue has 3,000."""
+"""Most keys, list entries and tables, counted by their signs; parsing takes 0.5 s. The packaged catalogue has 3,000."""
 MOST_BITS = 333
-"""Of a whole number, 100 digits: well below what becomes no float or no text, so that a field tells its own limit."""
+"""Most bits of a whole number, 100 digits: it still converts to float and text, so a field reports its own limit."""
 LONGEST_DECIMAL_BITS = 2_000
-"""Python may be set to refuse decimal texts of more than 640 digits, and never refuses those."""
+"""Longest decimal number [bits]: Python can be set to refuse more than 640 digits, and these have fewer."""
 
 _QUOTED = re.compile(
     r'"""(?:[^"\\]|\\.|"(?!""))*+(?:""")?|'
@@ -93,7 +93,7 @@ _QUOTED = re.compile(
     r"'[^'\n]*+'?|#[^\n]*+",
     re.DOTALL,
 )
-"""Texts and comments. One without an end is taken to the end, so that the search goes over a text once."""
+"""Texts and comments. One without an end extends to the end of the document, so that the search is linear."""
 _DEEP = re.compile(rf"(?<![\w-])[\w-]++(?:[ \t]*+\.[ \t]*+[\w-]++){{{MOST_PARTS},}}+")
 _SIGNS = re.compile(r"[=,\[{]")
 _STAND_IN = "q"
@@ -104,7 +104,7 @@ def parsed_toml(text: str) -> dict[str, Any]:
 
     Raises
     ------
-    tomllib.TOMLDecodeError : no TOML.
+    tomllib.TOMLDecodeError : not TOML.
     ValueError : too deep, too many values, or whole numbers that are too large; the message says which.
     """
     bare = _QUOTED.sub(_STAND_IN, text)
@@ -122,7 +122,7 @@ def parsed_toml(text: str) -> dict[str, Any]:
     except tomllib.TOMLDecodeError:
         raise
     except ValueError as err:
-        if "digits" not in str(err):  # a date or time that there is not
+        if "digits" not in str(err):  # an impossible date or time
             raise
         raise ValueError("not valid TOML: a whole number of thousands of digits") from None
     require_plain(found)
@@ -130,7 +130,7 @@ def parsed_toml(text: str) -> dict[str, Any]:
 
 
 def require_plain(document: Any) -> None:
-    """Refuse what no file of ours can hold.
+    """Refuse values that no file of optopad can contain.
 
     Raises
     ------
@@ -151,7 +151,7 @@ def require_plain(document: Any) -> None:
 
 
 def _nodes(document: Any) -> Iterator[tuple[tuple[str | int, ...], Any]]:
-    """Everything in nested dicts and lists with its path; what is too deep is named, not entered."""
+    """Everything in nested dicts and lists with its path; a value nested too deep is named, not entered."""
     rest: list[tuple[tuple[str | int, ...], Any]] = [((), document)]
     while rest:
         path, value = rest.pop()

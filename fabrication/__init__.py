@@ -1,4 +1,4 @@
-"""Design to bench: the bundle, and the driver configuration that sheets, firmware and driver share.
+"""From design to unit: the bundle, and the driver configuration of sheets, firmware and driver.
 
 Rooms: sheets, driver, stage; firmware in C. Imports of ours: design, cad, sims.
 """

@@ -1,14 +1,14 @@
-"""The bundle: one folder a design, complete or absent, whatever interrupts the work.
+"""The bundle: one folder per design, complete or absent after any interruption.
 
-Work happens in a hidden folder beside the bundle, filled with what the bundle already holds; at the
-end the manifest is written and the folders change places. A bundle that was being replaced when the
-machine stopped is put back by the next writer. Everything is on the disk before the folders change places.
+Work takes place in a hidden folder next to the bundle, which starts with the bundle's files. At the
+end the manifest is written and the folders are swapped. If the machine stopped during the swap, the next
+writer restores the bundle. Everything is on the disk before the swap.
 
-Several commands, processes and threads may work on one bundle at a time. Each has a hidden folder of its own, which it
-locks while it lives, and fetches what others have finished meanwhile before its folder takes the place; of files that
-both wrote, the later one's stay. Copies and changes of places wait for one another.
+Several commands, processes and threads may work on one bundle at a time. Each has its own hidden folder, which is
+locked while it is in use. Before the swap it receives the files that others have finished meanwhile; a file that both
+wrote is the later one's. Copies and swaps wait for one another.
 
-A bundle holds its files itself: a link in the place of the bundle, or of a folder that commands write into, is refused.
+A bundle has no links: a link in place of the bundle, or of a folder that commands write into, is refused.
 
     outputs/<name>-<digest8>/                     the bundle
     outputs/.<name>-<digest8>.<random>.partial/   work in progress
@@ -37,7 +37,7 @@ from design.spec import SensorDesign
 
 MANIFEST = "manifest.json"
 FOLDERS = ("cad", "fabrication", "sims")
-"""Folders of a bundle that commands write into; whatever else is in it is the user's."""
+"""Folders of a bundle that commands write into; everything else in it is the user's."""
 WAY_OUT = "choose another folder with --out (an earlier bundle is intact)"
 RECORDED_PACKAGES = ("optopad", "numpy", "scipy", "numba", "mujoco", "cadquery", "trimesh", "manifold3d")
 
@@ -53,11 +53,11 @@ _UNDER_WAY: set[Path] = set()
 
 @contextmanager
 def bundle(design: SensorDesign, out: Path, *, seed: int) -> Iterator[Path]:
-    """A folder to write into, which becomes the bundle when the block ends well.
+    """A folder to write into, which becomes the bundle if the block succeeds.
 
     Parameters
     ----------
-    out : folder that holds the bundles; made when missing
+    out : folder of the bundles; created if missing
     seed : recorded in the manifest
 
     Raises
@@ -96,7 +96,7 @@ def bundle(design: SensorDesign, out: Path, *, seed: int) -> Iterator[Path]:
 
 
 def abandon() -> None:
-    """Remove the work in progress of a process that ends at once; what is in its place already stays."""
+    """Remove the work in progress of a process that ends at once; finished bundles are kept."""
     for staging in tuple(_UNDER_WAY):
         shutil.rmtree(staging, ignore_errors=True)
 
@@ -104,7 +104,7 @@ def abandon() -> None:
 def write_manifest(folder: Path, design: SensorDesign, seed: int) -> None:
     """Write ``manifest.json``: digest, versions, seed, and every file with its size and SHA-256.
 
-    A bundle is filled by several commands. Each file names the run that made it, by its place in
+    Several commands fill a bundle. Each file names the run that made it, by its index in
     ``runs``; ``seed`` and ``versions`` are those of the last run.
     """
     this_run = {"seed": seed, "versions": versions()}
@@ -125,7 +125,7 @@ def altered_files(folder: Path) -> tuple[str, ...]:
 
     Raises
     ------
-    InputError : no manifest, or one that is damaged.
+    InputError : a missing or damaged manifest.
     """
     try:
         manifest = json.loads((folder / MANIFEST).read_text(encoding="utf-8"))
@@ -155,10 +155,10 @@ def versions() -> dict[str, str]:
 
 
 def _fill(staging: Path, final: Path) -> None:
-    """Make the folder of the work in progress, with what the bundle already holds."""
+    """Make the folder of the work in progress, with the files of the bundle."""
     former = _former(final)
     if former.exists() and not os.path.lexists(final):
-        former.rename(final)  # a change of places was cut short
+        former.rename(final)  # a swap was interrupted
     _sweep(final)
     _require_no_link(final)
     if final.exists():
@@ -168,7 +168,7 @@ def _fill(staging: Path, final: Path) -> None:
 
 
 def _require_no_link(final: Path) -> None:
-    """Refuse links that would be written through, and that would not be there any more afterwards."""
+    """Refuse links that would be written through, and lost afterwards."""
     if final.is_symlink():
         raise OutputError(
             f"{final}: is a link, and a bundle is a folder; remove the link, or give the folder that holds the bundle "
@@ -185,8 +185,8 @@ def _require_no_link(final: Path) -> None:
 
 @contextmanager
 def _alone(out: Path) -> Iterator[None]:
-    """Keep other commands from copying and changing bundles of a folder; for a moment, and as long as they live."""
-    if os.name == "nt":  # which has no locks of folders
+    """Prevent other commands from copying and swapping bundles of a folder during the block."""
+    if os.name == "nt":  # it has no locks of folders
         yield
         return
     import fcntl
@@ -201,9 +201,9 @@ def _alone(out: Path) -> Iterator[None]:
 
 
 def _locked(folder: Path) -> int | None:
-    """A descriptor of a folder that nobody else has locked, locked; None where somebody has, or there are no locks.
+    """A descriptor of a folder, locked; None if another process has locked it, or there are no locks.
 
-    The lock goes with the descriptor, and with the process however it ends.
+    The lock ends with the descriptor, and with the process in any case.
     """
     if os.name == "nt":
         return None
@@ -224,7 +224,7 @@ def _digests(folder: Path) -> dict[str, str]:
 
 
 def _fetch(staging: Path, final: Path, begun_with: dict[str, str]) -> None:
-    """Take over what others have put into the bundle since this command began, or taken out of it."""
+    """Apply the files that others have added to the bundle, or removed, since this command began."""
     _require_no_link(final)
     now = _digests(final)
     if now == begun_with or not final.exists():
@@ -232,18 +232,18 @@ def _fetch(staging: Path, final: Path, begun_with: dict[str, str]) -> None:
     own = _digests(staging)
     for name in now.keys() | begun_with.keys():
         if now.get(name) == begun_with.get(name) or own.get(name) != begun_with.get(name):
-            continue  # the others left it alone, or this command wrote it, too
+            continue  # the others did not change it, or this command also wrote it
         here = staging / name
         here.unlink(missing_ok=True)
         if name in now:
             here.parent.mkdir(parents=True, exist_ok=True)
             shutil.copy2(final / name, here, follow_symlinks=False)
     if (final / MANIFEST).is_file():
-        shutil.copy2(final / MANIFEST, staging / MANIFEST)  # it names the runs of what was taken over
+        shutil.copy2(final / MANIFEST, staging / MANIFEST)  # it names the runs of the fetched files
 
 
 def _flush(folder: Path) -> None:
-    """Have every file and folder on the disk, so that a power cut cannot leave a bundle of empty files."""
+    """Flush every file and folder to the disk, so that a power cut cannot leave a bundle of empty files."""
     for path in (*folder.rglob("*"), folder):
         if path.is_symlink() or not (path.is_file() or path.is_dir()):
             continue
@@ -273,14 +273,14 @@ def _former(final: Path) -> Path:
 
 
 def _remove(folder: Path) -> None:
-    """Remove a folder, or a link to one without what it leads to."""
+    """Remove a folder, or a link to one without its target."""
     if folder.is_symlink():
         folder.unlink()
     shutil.rmtree(folder, ignore_errors=True)
 
 
 def _sweep(final: Path) -> None:
-    """Remove work in progress that nobody holds any more."""
+    """Remove work in progress that no process has locked."""
     pattern = re.compile(re.escape(f".{final.name}.") + r"[0-9a-f]+\.partial")
     for left in final.parent.iterdir():
         if pattern.fullmatch(left.name) and (lock := _locked(left)) is not None:
@@ -299,7 +299,7 @@ def _record(file: Path) -> dict[str, Any]:
 
 
 def _former_manifest(folder: Path) -> dict[str, Any]:
-    """Runs and files of the manifest that is being replaced; none when there is none or it is damaged."""
+    """Runs and files of the previous manifest; none if it is missing or damaged."""
     nothing: dict[str, Any] = {"runs": [], "files": {}}
     try:
         document = json.loads((folder / MANIFEST).read_text(encoding="utf-8"))
@@ -311,7 +311,7 @@ def _former_manifest(folder: Path) -> dict[str, Any]:
 
 
 def _is_elsewhere(err: OSError, out: Path) -> bool:
-    """Whether an error names a file outside the bundles' folder: then it is not about writing here."""
+    """Whether an error names a file outside the bundles' folder, and so is not about writing there."""
     if not isinstance(err.filename, str):
         return False
     return not Path(err.filename).absolute().is_relative_to(out.absolute())

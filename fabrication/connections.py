@@ -1,6 +1,6 @@
-"""Which part hangs on which pin: the one list that every sheet is written from.
+"""Connections of parts to pins: the list from which every sheet is written.
 
-Order, places and names come from `design.shape.cavity`, pins and channels from `design.circuit.pins`. State i lights
+Order, positions and names come from `design.shape.cavity`, pins and channels from `design.circuit.pins`. State i lights
 emitter i alone; the last state lights none. Column j of a state's readings is receiver j.
 """
 
@@ -19,15 +19,15 @@ TWO_LEADS = 2
 
 @dataclass(frozen=True, kw_only=True)
 class Connection:
-    """One part and what it is connected to.
+    """One part and its connection.
 
     Attributes
     ----------
     part : the placed part
     pin : "D22" for a digital pin of the board, "S1-Q3" for output 3 of shift register S1, "A0" for an analogue channel,
         "M1-C3" for channel 3 of multiplexer M1
-    pin_number : digital pin, output in the chain of shift registers, or place of the channel among the board's channels
-    address : of a receiver behind a multiplexer
+    pin_number : digital pin, output in the chain of shift registers, or index of the channel among the board's channels
+    address : address of a receiver behind a multiplexer
     number : state of an emitter, column of a receiver; from 0
     position_mm : centre of the active area in the cavity frame (x, y, z) [mm]
     normal : direction from the wall into the cavity (x, y, z) [-]
@@ -43,7 +43,7 @@ class Connection:
 
     @property
     def polarity(self) -> str:
-        """How the part's own leads are connected."""
+        """Connection of the part's own leads."""
         return polarity_of(self.part)
 
 
@@ -61,7 +61,7 @@ class Connections:
 
 
 def polarity_of(part: PlacedPart) -> str:
-    """How a part's own leads are connected; which lead is which is the data sheet's to say."""
+    """Connection of a part's own leads; the data sheet identifies the leads."""
     polarity = EMITTER_POLARITY if part.kind == "emitter" else RECEIVER_POLARITY
     leads = part.part.lead_count
     return polarity if leads == TWO_LEADS else f"{polarity}; {leads} leads, see the data sheet for the others"
@@ -73,7 +73,7 @@ def _inward(part: PlacedPart) -> tuple[float, float, float]:
 
 
 def connections_of(design: SensorDesign) -> Connections:
-    """Every part of a design with its pin, place and number.
+    """Every part of a design with its pin, position and number.
 
     Raises
     ------

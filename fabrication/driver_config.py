@@ -1,6 +1,6 @@
-"""Driver configuration of exactly this geometry: design in, `driver.toml` out.
+"""Driver configuration of a design's exact geometry: `driver.toml`.
 
-Every index, pin and place comes from `fabrication.connections`; times and bytes from
+Every index, pin and position comes from `fabrication.connections`; times and bytes come from
 `design.circuit.pins`. The records, and their reader, are in `fabrication.driver_file`.
 """
 
@@ -74,8 +74,8 @@ def driver_config(
 
     Parameters
     ----------
-    counts_per_flux : the gain that the simulation set, of all receivers or of each [counts]; None leaves it out
-    untouched_counts : (emitter, receiver) readings expected of the untouched pad [counts]; None leaves them out
+    counts_per_flux : simulated gain, one for all receivers or one for each [counts]; None omits it
+    untouched_counts : (emitter, receiver) expected readings of the untouched pad [counts]; None omits them
 
     Raises
     ------

@@ -1,8 +1,8 @@
-"""The driver configuration as the laboratory's PC reads it: `driver.toml`, checked, as frozen records.
+"""The driver configuration for the laboratory's PC: `driver.toml`, checked, as frozen records.
 
-Needs the standard library only: neither the CAD kernel nor the physics, nor the design's schema.
-The file belongs to one design (`digest`) and carries a checksum over its own content, so that a
-damaged or hand-edited file is refused: the way to change it is to change the design.
+The module needs the standard library only: neither the CAD kernel nor the physics, nor the design's schema.
+The file belongs to one design (`digest`) and has a checksum over its own content, so that a
+damaged or hand-edited file is refused: change the design to change the file.
 """
 
 from __future__ import annotations
@@ -26,17 +26,17 @@ if TYPE_CHECKING:
 
 FORMAT_VERSION = 2
 MOST_BYTES = 1_000_000
-"""Of a file: the largest configuration takes some 30 kB."""
+"""Largest size of a file: the largest configuration takes some 30 kB."""
 CHECKSUM = "content_sha256"
 DESIGN_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,62}")
-"""As `design.fields.base.FileName`; recordings are named after it."""
+"""The same pattern as `design.fields.base.FileName`; recordings are named after the design."""
 Point = tuple[float, float, float]
 WAY_OUT = "write it again with `optopad driver config DESIGN`"
 
 
 @dataclass(frozen=True, kw_only=True)
 class Units:
-    """Units of all numbers in the file, whose names end in them where they have one."""
+    """Units of all numbers in the file; names of quantities with a unit end in it."""
 
     length: str
     time: str
@@ -46,18 +46,18 @@ class Units:
 
 @dataclass(frozen=True, kw_only=True)
 class BoardSetup:
-    """The board and how its converter and serial line are set.
+    """The board, and the settings of its converter and serial line.
 
     Attributes
     ----------
-    adc_reference : what full scale stands for
+    adc_reference : voltage of full scale
     baud_error : made_baud over baud, less 1
-    link_number : how the firmware names this kind of board to the host; 0 is any other
+    link_number : the firmware's number of this kind of board; 0 is any other
     usb_ids, bridge_usb_ids : vendor:product of the maker's boards, and of serial chips that copies use
     boot_s : longest time from opening the port, which resets the board, to the sketch
     shift_pins : data, clock and latch of the shift registers that switch the emitters; None without
     address_pins : digital pins of the multiplexers' address, lowest bit first; None without multiplexers
-    config_crc : what a self-test of this design's firmware answers for its configuration; None where none can be made
+    config_crc : checksum of the configuration in the self-test of this design's firmware; None without firmware
     """
 
     kind: str
@@ -105,7 +105,7 @@ class EmitterEntry:
 
 @dataclass(frozen=True, kw_only=True)
 class ReceiverEntry:
-    """A receiver: what it is soldered to, the board's input behind that and the multiplexer's address, if any; its
+    """A receiver: its terminal, the board's input behind that and the multiplexer's address, if any; its
     column in a state's readings, its location.
     """
 
@@ -147,7 +147,7 @@ class FrameLayout:
 
 @dataclass(frozen=True, kw_only=True)
 class TimingBudget:
-    """How long a frame takes by the plain sum of `design.circuit.pins`, and the rate that follows."""
+    """Time of a frame by the plain sum of `design.circuit.pins`, and the resulting rate."""
 
     conversion_us: float
     settle_us: float
@@ -159,11 +159,11 @@ class TimingBudget:
 
 @dataclass(frozen=True, kw_only=True)
 class WorkspaceLimits:
-    """Press centres that the verdict is about, in the cavity frame, and the deepest press.
+    """Press centres that the verdict covers, in the cavity frame, and the deepest press.
 
     Attributes
     ----------
-    outline : of the press centres, by its name in a design; None for the plain one, which is the four sides themselves
+    outline : outline of the press centres, by its name in a design; None for the rectangle of the four sides
     """
 
     x0_mm: float
@@ -184,14 +184,14 @@ class WorkspaceLimits:
 
 @dataclass(frozen=True, kw_only=True)
 class SurfaceEntry:
-    """The untouched top: flat, or convex with its highest place over the middle of the pad.
+    """The untouched top: flat, or convex with its highest point over the middle of the pad.
 
     Attributes
     ----------
-    top_mm : (x, y, z) of the highest place, or of the middle of a flat top, in the cavity frame [mm]
+    top_mm : (x, y, z) of the highest point, or of the middle of a flat top, in the cavity frame [mm]
     crown : "none", "sphere" or "cylinder"
-    radius_mm : of curvature; None for a flat top
-    axis : "x" or "y", along which a cylinder is straight; None for others
+    radius_mm : radius of curvature; None for a flat top
+    axis : "x" or "y", direction in which a cylinder is straight; None for others
     """
 
     top_mm: tuple[float, float, float]
@@ -200,9 +200,9 @@ class SurfaceEntry:
     axis: str | None = None
 
     def point_and_normal(self, x_mm: float, y_mm: float) -> tuple[Point, Point]:
-        """Where a press at x, y in plan touches first [mm], and the unit normal out of the pad there [-].
+        """Point of first contact of a press at x, y in plan [mm], and the unit normal out of the pad there [-].
 
-        A press goes against the normal. Beyond the crown's reach the nearest place that it has.
+        A press moves against the normal. Beyond the crown its nearest point is used.
         """
         x, y, z = self.top_mm
         if self.radius_mm is None:
@@ -218,20 +218,20 @@ class SurfaceEntry:
 
 @dataclass(frozen=True, kw_only=True)
 class AmbientRule:
-    """What takes ambient light out: the readings of `subtract_state` are subtracted from the other states'."""
+    """Correction of ambient light: the readings of `subtract_state` are subtracted from those of the other states."""
 
     subtract_state: int
 
 
 @dataclass(frozen=True, kw_only=True)
 class GainNote:
-    """The receivers' gain: the wanted reading of the median judged pair, untouched, and what makes it.
+    """The receivers' gain: the target reading of the median judged pair, untouched, and the components.
 
     Attributes
     ----------
     rule : "common", "each" or "ohms", see `design.spec.Gain`
-    counts_per_flux : counts for all of an emitter's power on one receiver, where known: the median receiver's
-    receiver_counts_per_flux : the same for each receiver, in the order of columns
+    counts_per_flux : counts for all of an emitter's power on one receiver, if known; of the median receiver
+    receiver_counts_per_flux : the same quantity for each receiver, in the order of columns
     feedback_ohm, feedback_pf : standard resistor and capacitor of each receiver, where the emitters' power is known;
         a rule's gain differs from the resistor's by its step, at most 5 %
     """
@@ -246,11 +246,11 @@ class GainNote:
 
 @dataclass(frozen=True, kw_only=True)
 class ExpectedPattern:
-    """What the simulation expects the untouched pad to read.
+    """Simulated readings of the untouched pad.
 
     Attributes
     ----------
-    source : how it was made
+    source : origin of the simulation
     untouched_counts : (emitter, receiver) readings less ambient light, at most full scale [counts]
     """
 
@@ -260,7 +260,7 @@ class ExpectedPattern:
 
 @dataclass(frozen=True, kw_only=True)
 class DriverConfig:
-    """Everything that a reader of the built sensor needs, for exactly one design."""
+    """Everything that a reader of a manufactured unit needs, for exactly one design."""
 
     format_version: int
     design: str
@@ -286,7 +286,7 @@ def load_driver_config(path: str | os.PathLike[str], *, digest: str | None = Non
 
     Parameters
     ----------
-    digest : the design that it must belong to; None takes any
+    digest : digest of the required design; None accepts any
 
     Raises
     ------
@@ -324,7 +324,7 @@ def config_from_document(document: dict[str, Any], *, where: str) -> DriverConfi
 
 
 def content_sha256(document: dict[str, Any]) -> str:
-    """Checksum over everything in the file but the checksum itself, whatever the formatting."""
+    """Checksum over the content of the file without the checksum itself, independent of formatting."""
     content = {key: value for key, value in document.items() if key != CHECKSUM}
     text = json.dumps(content, sort_keys=True, separators=(",", ":"))
     return hashlib.sha256(text.encode()).hexdigest()

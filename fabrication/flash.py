@@ -3,7 +3,7 @@
 The command is a pure function of board, image and port, so that it can be shown without being run. avrdude
 checks the chip's signature before it writes and reads everything back afterwards.
 
-Compiling the sketch without the Arduino IDE: avr-gcc makes an image for the boot loader, and tells its size.
+avr-gcc compiles the sketch without the Arduino IDE to an image for the boot loader, and reports its size.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ OPTIONS = (
     "-Wl,--gc-sections",
 )
 COMPILE_LIMIT_S = 60.0
-"""A compilation takes about a second."""
+"""Time limit of a compilation, which takes about a second."""
 
 GET_COMPILER = (
     "install it (Debian and Ubuntu: gcc-avr and avr-libc), or open the sketch folder in the Arduino IDE"
@@ -48,7 +48,7 @@ class Image:
     Attributes
     ----------
     hex_text : Intel HEX, as avrdude takes it
-    flash_bytes, ram_bytes : what it takes of the chip; the stack comes on top of the latter
+    flash_bytes, ram_bytes : memory that it uses on the chip; the latter excludes the stack
     """
 
     hex_text: str
@@ -57,7 +57,7 @@ class Image:
 
 
 def has_compiler() -> bool:
-    """Whether the compiler and its companions are installed."""
+    """Whether the compiler and its tools are installed."""
     return all(shutil.which(tool) for tool in (COMPILER, COPIER, SIZER))
 
 
@@ -67,7 +67,7 @@ def compiled_image(design: SensorDesign) -> Image:
     Raises
     ------
     DesignError : as `sketch_texts`.
-    DeviceError : no compiler, or one that cannot compile it.
+    DeviceError : no compiler, or a failed compilation.
     """
     with temporary_folder() as scratch:
         folder = Path(scratch)
@@ -79,7 +79,7 @@ def compiled_image(design: SensorDesign) -> Image:
 
 
 def compile_elf(design: SensorDesign, folder: Path, changes: Sequence[str] = ()) -> Path:
-    """The linked program, in a folder that is filled with its sources.
+    """The linked program, in a folder with its sources.
 
     Parameters
     ----------
@@ -115,7 +115,7 @@ def _command(chip: BoardFirmware, clock_hz: int) -> list[str]:
 
 
 def avr_chip(settings: FirmwareSettings) -> BoardFirmware:
-    """The chip of a board whose program is compiled here; DeviceError for another."""
+    """The chip of an AVR board; DeviceError for another board."""
     if not isinstance(settings.chip, BoardFirmware):
         raise DeviceError(
             f"the program of the {settings.board_title} is compiled by {ARDUINO} (`optopad driver flash`) or the "
@@ -145,7 +145,7 @@ def _run(command: list[str], folder: Path | None = None) -> str:
 
 UPLOADER, ARDUINO = "avrdude", "arduino-cli"
 UPLOAD_LIMIT_S = {UPLOADER: 180.0, ARDUINO: 900.0}
-"""A whole chip at 115200 baud, written and read back, takes about a minute; a core's first compilation some."""
+"""Time limits of uploads: a whole chip at 115200 baud takes a minute, a core's first compilation some minutes."""
 
 SHOWN_LINES = 3
 
@@ -162,11 +162,11 @@ CAUSES: Mapping[str, str] = MappingProxyType(
         "platform not installed": "install the board's core: `arduino-cli core install teensy:avr`, say",
     }
 )
-"""What the uploader says, in lower case, and what helps."""
+"""Messages of the uploader in lower case, and their ways out."""
 
 
 def upload_command(chip: BoardFirmware, image: Path, port: str) -> list[str]:
-    """What is run to write an image to the board at a port."""
+    """The command that writes an image to the board at a port."""
     return [
         UPLOADER,
         *("-p", chip.mcu, "-c", chip.programmer, "-P", port, "-b", str(chip.upload_baud)),
@@ -176,12 +176,12 @@ def upload_command(chip: BoardFirmware, image: Path, port: str) -> list[str]:
 
 
 def sketch_command(chip: ArduinoProgram, sketch: Path, port: str) -> list[str]:
-    """What is run to compile a sketch folder and write it to the board at a port."""
+    """The command that compiles a sketch folder and writes it to the board at a port."""
     return [ARDUINO, "compile", "--fqbn", chip.fqbn, "--upload", "--port", port, str(sketch)]
 
 
 def require_uploader(chip: BoardFirmware | ArduinoProgram, sketch: Path, port: str) -> None:
-    """Refuse what cannot begin: DeviceError for no avrdude or arduino-cli, or no such port."""
+    """Refuse an upload that cannot start: DeviceError for no avrdude or arduino-cli, or no such port."""
     by_hand = f"in the Arduino IDE, open {sketch}, select the board {chip.arduino_board}, and press Upload"
     if isinstance(chip, BoardFirmware) and shutil.which(UPLOADER) is None:
         raise DeviceError(
@@ -194,11 +194,11 @@ def require_uploader(chip: BoardFirmware | ArduinoProgram, sketch: Path, port: s
 
 
 def upload(command: Sequence[str], port: str) -> None:
-    """Run what `upload_command` or `sketch_command` gives.
+    """Run the result of `upload_command` or `sketch_command`.
 
     Raises
     ------
-    DeviceError : the uploader cannot be started, does not end, or its own words with what helps.
+    DeviceError : the uploader cannot start, does not end, or fails; with its own message and the way out.
     """
     uploader = command[0]
     limit_s = UPLOAD_LIMIT_S[uploader]

@@ -1,4 +1,4 @@
-"""The gain that the simulation set, as every sheet takes it: counts for light, and who reads above full scale."""
+"""The simulated gain for all sheets: counts for light, and pairs above full scale."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class SimulatedGain:
     Attributes
     ----------
     counts_per_flux : for each receiver, counts for all of an emitter's power on it
-    untouched_flux : (emitter, receiver) rows of flux over the emitter's power [-]
+    untouched_flux : (emitter, receiver) flux over the emitter's power [-]
     """
 
     counts_per_flux: tuple[float, ...]
@@ -34,14 +34,14 @@ class SimulatedGain:
 
         Parameters
         ----------
-        factors : for each receiver, by how much its gain differs from the wanted one
+        factors : for each receiver, ratio of its gain to the required one
         """
         gains = np.array(self.counts_per_flux) * (1.0 if factors is None else np.array(factors))
         counts: Floats = np.array(self.untouched_flux) * gains
         return counts
 
     def untouched_readings(self, design: SensorDesign) -> Floats:
-        """(emitter, receiver) readings that the converter gives of the untouched pad [counts]."""
+        """(emitter, receiver) readings of the converter for the untouched pad [counts]."""
         readings: Floats = np.minimum(self.untouched_counts(), full_scale_counts(design))
         return readings
 
@@ -55,12 +55,12 @@ class ClippedPair:
 
 
 def feedbacks_for(design: SensorDesign, gain: SimulatedGain | None) -> tuple[Feedback, ...] | None:
-    """Feedback of each receiver; None where the gain is by a rule and nothing has been simulated."""
+    """Feedback of each receiver; None if the gain is by a rule and has not been simulated."""
     return feedbacks_of(design, None if gain is None else gain.counts_per_flux)
 
 
 def clipped_pairs(design: SensorDesign, gain: SimulatedGain) -> tuple[ClippedPair, ...]:
-    """Pairs above full scale with the resistors that will be fitted, the brightest first."""
+    """Pairs above full scale with the standard resistors, the brightest first."""
     cavity, feedbacks = cavity_of(design), feedbacks_for(design, gain)
     factors = None if feedbacks is None else [one.gain_factor for one in feedbacks]
     counts = gain.untouched_counts(factors)

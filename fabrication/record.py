@@ -1,7 +1,7 @@
-"""Plain data from a file into frozen dataclasses and back; missing, unknown and mistyped fields are refused.
+"""Conversion of plain data to frozen dataclasses and back; missing, unknown and mistyped fields are refused.
 
-Understands str, int, float (finite; whole numbers pass), lists as tuples, nested dataclasses, and
-`X | None` for what may be absent. Needs the standard library only.
+It supports str, int, float (finite; whole numbers are accepted), lists as tuples, nested dataclasses, and
+`X | None` for optional fields. It needs the standard library only.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ Record = TypeVar("Record")
 
 
 LARGEST_WHOLE = 2**63 - 1
-"""What arrays and packed frames can hold."""
+"""Largest whole number of arrays and packed frames."""
 
 
 class RecordError(ValueError):
@@ -27,7 +27,7 @@ def record_of(kind: type[Record], data: Any, path: str = "") -> Record:
 
     Raises
     ------
-    RecordError : the first field that does not fit, by its dotted path.
+    RecordError : the first invalid field, by its dotted path.
     """
     if not isinstance(data, dict):
         raise RecordError(f"{path or 'the file'}: is no table")

@@ -1,10 +1,10 @@
-"""The sketch folder, which the Arduino IDE opens as it is. For AVR chips the compiler takes it with `main.c` beside it.
+"""The sketch folder, which the Arduino IDE opens. For AVR chips the compiler takes it together with `main.c`.
 
-What the firmware is told about one design: every number by construction from the wiring's own connections.
+The firmware's settings of a design are derived from the wiring's own connections.
 
-`fabrication.connections` says which pin lights which emitter and which input reads which receiver, for the
-wiring table, `driver.toml` and the firmware alike; the board's entry says which port and multiplexer setting
-that is, or how the board's Arduino core names it. Nothing is typed twice.
+`fabrication.connections` assigns pins to emitters and inputs to receivers, for the wiring table, `driver.toml` and the
+firmware alike. The board's entry gives the port and multiplexer setting of a pin, or its name in the board's Arduino
+core. No number is entered twice.
 
 `config.h`: a design's firmware settings as C.
 """
@@ -48,7 +48,7 @@ class EmitterPin:
 
 @dataclass(frozen=True, kw_only=True)
 class ReceiverInput:
-    """A receiver's name, what it is soldered to, its input's name and place among the board's inputs, its address."""
+    """A receiver's name, its terminal, its input's name and index among the board's inputs, its address."""
 
     name: str
     label: str
@@ -63,10 +63,10 @@ class FirmwareSettings:
 
     Attributes
     ----------
-    board_number : how the board is named to the host
+    board_number : the board's number for the host
     settle_us : whole microseconds, rounded up from the design's
     frame_interval_us : 1 over the design's frame rate, rounded up, so that it is never exceeded
-    digest : of the design, 32 bytes
+    digest : digest of the design, 32 bytes
     is_internal : whether full scale is the internal reference and not the supply
     """
 
@@ -92,7 +92,7 @@ class FirmwareSettings:
     address_settle_us: int = 0
 
     def config_block(self) -> bytes:
-        """The bytes that the program holds about itself, and whose CRC-32 a self-test answers with."""
+        """The bytes that the program has about itself; a self-test returns their CRC-32."""
         head = [
             self.board_number,
             len(self.emitters),
@@ -107,7 +107,7 @@ class FirmwareSettings:
         return bytes(head) + times + interval + self.digest + bytes(pins) + bytes(inputs) + self._more()
 
     def _more(self) -> bytes:
-        """What the block has besides where values are means, of the internal reference, or through multiplexers."""
+        """Additional bytes of the block for mean values, the internal reference, or multiplexers."""
         if self.averages == 1 and not self.is_internal and not self.address_pins and not self.shift_pins:
             return b""
         addresses = bytes(receiver.address for receiver in self.receivers)
@@ -129,7 +129,7 @@ def firmware_settings(design: SensorDesign) -> FirmwareSettings:
 
     Raises
     ------
-    DesignError : the design breaks a rule, or its board's entry does not say enough to program it.
+    DesignError : the design breaks a rule, or its board's entry is not sufficient to program it.
     """
     require_valid(design)
     gaps = firmware_gaps(design)
@@ -175,14 +175,14 @@ def firmware_settings(design: SensorDesign) -> FirmwareSettings:
 
 
 def firmware_gaps(design: SensorDesign) -> tuple[str, ...]:
-    """Why no firmware can be made for the design's board; empty when it can."""
+    """Reasons why no firmware can be made for the design's board; empty if it can."""
     cavity = cavity_of(design)
     found = firmware_findings(design, board_of(design), len(cavity.emitters), len(cavity.receivers))
     return tuple(str(finding) for finding in found)
 
 
 def plain(text: str) -> str:
-    """A text that can stand in a comment or a string of C and end neither; other signs become spaces."""
+    """A text that is safe in a comment or a string of C; other characters become spaces."""
     return re.sub(r"[^A-Za-z0-9 ._+():-]", " ", text)
 
 
@@ -298,7 +298,7 @@ def _chip_macro(mcu: str) -> str:
 
 
 def _tunable(name: str, value: str, comment: str) -> tuple[str, ...]:
-    """A setting that a compiler's option may replace, for the tables of rates."""
+    """A setting that a compiler option may override, for the tables of rates."""
     return (f"#ifndef {name}", f"#define {name} {value} /* {comment} */", "#endif")
 
 
@@ -308,7 +308,7 @@ def _list(name: str, items: Iterable[str]) -> Iterable[str]:
 
 
 def _commented_list(name: str, items: Iterable[str]) -> Iterable[str]:
-    """A list without braces, an item with its comment a line."""
+    """A list without braces, one item and its comment per line."""
     *most, last = items
     yield f"#define {name} \\"
     yield from (f"    {_with_comma(item)} \\" for item in most)
@@ -321,17 +321,17 @@ def _with_comma(item: str) -> str:
 
 
 SKETCH = "optopad"
-"""Name of the folder and of the .ino in it: the Arduino IDE wants them alike."""
+"""Name of the folder and of the .ino in it, which the Arduino IDE requires to be equal."""
 
 IMAGE = f"{SKETCH}.hex"
 CONFIG = "config.h"
 SHARED_FILES = ("optopad.ino", "core.h", "crc.h", "session.h")
 AVR_FILES = ("core.c", "clock.h", "line.h")
 PORTABLE_FILES = ("core.cpp",)
-"""The same for every design: of all boards, of AVR chips, of boards with another Arduino core."""
+"""Files that are the same for every design: for all boards, for AVR chips, for boards with another Arduino core."""
 
 MAIN = "main.c"
-"""What the Arduino core would bring; not in the sketch folder, where there would then be two."""
+"""The main function that an Arduino core provides; it is not in the sketch folder, to avoid two of them."""
 
 
 def source_text(name: str) -> str:
@@ -344,7 +344,7 @@ def sketch_texts(design: SensorDesign) -> dict[str, str]:
 
     Raises
     ------
-    DesignError : the design breaks a rule, or its board's entry does not say enough to program it.
+    DesignError : the design breaks a rule, or its board's entry is not sufficient to program it.
     """
     settings = firmware_settings(design)
     is_avr = isinstance(settings.chip, BoardFirmware)
@@ -353,7 +353,7 @@ def sketch_texts(design: SensorDesign) -> dict[str, str]:
 
 
 def write_sketch(design: SensorDesign, folder: Path) -> Path:
-    """Write the sketch folder into a folder; another board's files and an image of a former text are removed.
+    """Write the sketch folder into a folder; files of another board and outdated images are removed.
 
     Returns
     -------

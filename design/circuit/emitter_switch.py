@@ -10,14 +10,14 @@
                   |
                 ground
 
-Safe side: the forward voltage is the lower end of its band where there is one, and the transistor's own
-drop is left out, so the emitter's current stays below its maximum. Left out: the supply's tolerance,
+The choice is conservative: the forward voltage is the lower end of its band where there is one, and the transistor's
+own drop is neglected, so the emitter's current stays below its maximum. The model leaves out the supply's tolerance and
 heating. The receivers' amplifiers are in `design.circuit.transimpedance`.
 
-What the supply has to give: the lit emitter and its base, the amplifiers, the board.
+The supply feeds the lit emitter and its base, the amplifiers and the board.
 
-One emitter is lit at a time, at full power; with all of them lit by a fault the supply sees their sum. Emitters at
-the largest current that their resistors let through; the rest is assumed (`design/data/assumptions.toml`).
+One emitter is lit at a time, at full power; with all of them lit by a fault the supply sees their sum. Emitters take
+the largest current that their resistors permit; the other currents are assumed (`design/data/assumptions.toml`).
 """
 
 from __future__ import annotations
@@ -42,10 +42,10 @@ class EmitterSwitch:
     Attributes
     ----------
     series_ohm, base_ohm : standard values; series_ohm is None when the supply cannot light the emitter
-    forward_v : the forward voltage that they were computed with, and where it comes from
-    current_ma : through the emitter at that voltage, at most
-    usual_current_ma : through the emitter at its usual forward voltage; what its light follows
-    base_current_ma : out of the pin
+    forward_v : the forward voltage of the calculation, and its source
+    current_ma : largest current through the emitter at that voltage
+    usual_current_ma : current through the emitter at its usual forward voltage; it sets the emitted light
+    base_current_ma : current out of the pin
     series_mw : heat in the series resistor while the emitter is lit
     """
 
@@ -101,8 +101,8 @@ class SupplyCurrent:
 
     Attributes
     ----------
-    emitter_ma : the emitter that takes most, with the base current of its transistor
-    all_emitters_ma : all of them at once, which the firmware never does
+    emitter_ma : the emitter with the largest current, and the base current of its transistor
+    all_emitters_ma : all emitters at once, which the firmware never lights together
     amplifiers_ma, board_ma : assumed
     """
 
@@ -113,12 +113,12 @@ class SupplyCurrent:
 
     @property
     def full_power_ma(self) -> float:
-        """While the sensor runs: one emitter lit [mA]."""
+        """Current while the sensor runs, with one emitter lit [mA]."""
         return self.emitter_ma + self.amplifiers_ma + self.board_ma
 
     @property
     def fault_ma(self) -> float:
-        """With every emitter lit [mA]."""
+        """Current with every emitter lit [mA]."""
         return self.all_emitters_ma + self.amplifiers_ma + self.board_ma
 
 

@@ -1,18 +1,18 @@
-"""Which pin drives which emitter, which analogue input reads which receiver.
+"""Assignment of the board's pins to emitters, and of its analogue inputs to receivers.
 
-The one answer that wiring, driver config, firmware and rules share. A list in the design has exactly
-one entry a part, in the order of E1, E2, ... and R1, R2, ...; without a list, pins and inputs are
-dealt out in the board's recommended order. With multiplexers an input serves one of these. They take
-receivers in turn and share the address, so that a new address comes before as many readings as there are multiplexers.
+Wiring, driver config, firmware and rules share this assignment. A list in the design has exactly
+one entry per part, in the order of E1, E2, ... and R1, R2, ... Without a list, pins and inputs are
+assigned in the board's recommended order. With multiplexers each input serves one multiplexer. They take
+receivers in turn and share the address, so that each new address precedes one reading per multiplexer.
 
-How long one full frame takes on the board, and which serial rates an AVR's clock can make.
+The module also computes the time of a full frame on the board, and the serial rates of an AVR's clock.
 
-Model: a plain sum. Every state (each emitter alone, then all off) waits for the light to settle and
-converts every receiver once; then the packed frame goes over the line. The firmware sends one frame while
+The frame time is a plain sum. Every state (each emitter alone, then all off) waits for the light to settle and
+converts every receiver once; then the packed frame is sent over the line. The firmware sends one frame while
 it converts the next, so it is faster: 4.1 ms on a simulated ATmega2560 against 5.0 ms by this sum, at 9 states,
-8 receivers, prescaler 64, 1 Mbaud (docs/validation/firmware.md). The sum errs on the safe side.
+8 receivers, prescaler 64, 1 Mbaud (docs/validation/firmware.md). The sum is conservative.
 
-Left out: the processor's own time for packing, which hides behind the conversions, and the longer
+The sum leaves out the processor's own time for packing, which runs during the conversions, and the longer
 first conversion after a reset.
 """
 
@@ -33,7 +33,7 @@ from design.spec.properties import entries_of
 
 Name = TypeVar("Name", int, str)
 SHIFT_PINS = 3
-"""Data, clock and latch of a chain of shift registers."""
+"""Pins of a chain of shift registers: data, clock and latch."""
 
 
 def board_of(design: SensorDesign) -> Board:
@@ -51,13 +51,13 @@ def full_scale_v(design: SensorDesign) -> float:
 
 @dataclass(frozen=True, kw_only=True)
 class ReceiverPath:
-    """What leads from a receiver's amplifier to the board.
+    """The connection from a receiver's amplifier to the board.
 
     Attributes
     ----------
     channel : the board's analogue input
     multiplexer : number of the multiplexer before it, from 0; None: none
-    address : at which the multiplexer leads to this receiver
+    address : address at which the multiplexer selects this receiver
     """
 
     channel: str
@@ -66,24 +66,24 @@ class ReceiverPath:
 
     @property
     def label(self) -> str:
-        """What the amplifier's output is soldered to, as A0, or M1-C3: channel 3 of multiplexer M1."""
+        """Terminal of the amplifier's output, as A0, or M1-C3: channel 3 of multiplexer M1."""
         return self.channel if self.multiplexer is None else f"M{self.multiplexer + 1}-C{self.address}"
 
 
 def multiplexer_of(design: SensorDesign) -> Multiplexer | None:
-    """The catalogue entry of the design's multiplexers; None where each receiver has an input to itself."""
+    """The catalogue entry of the design's multiplexers; None where each receiver has its own input."""
     given = design.board.receivers
     return None if given is None else catalog.find_multiplexer(entries_of(design), given.multiplexer)
 
 
 def shift_register_of(design: SensorDesign) -> ShiftRegister | None:
-    """The catalogue entry of the design's shift registers; None where each emitter has a pin to itself."""
+    """The catalogue entry of the design's shift registers; None where each emitter has its own pin."""
     given = design.board.emitters
     return None if given is None else catalog.find_shift_register(entries_of(design), given.shift_register)
 
 
 def emitter_label(design: SensorDesign, number: int) -> str:
-    """What an emitter's base resistor is soldered to, as D22, or S1-Q3: output 3 of shift register S1."""
+    """Terminal of an emitter's base resistor, as D22, or S1-Q3: output 3 of shift register S1."""
     register = shift_register_of(design)
     if register is None:
         return f"D{number}"
@@ -92,7 +92,7 @@ def emitter_label(design: SensorDesign, number: int) -> str:
 
 
 def switch_pins(design: SensorDesign, board: Board, emitter_count: int) -> tuple[int, ...]:
-    """The board's pins that switch emitters: one each, or data, clock and latch of the shift registers."""
+    """The board's pins that switch emitters: one per emitter, or data, clock and latch of the shift registers."""
     given = design.board.emitters
     if given is not None:
         return given.pins or board.digital_pins[:SHIFT_PINS]
@@ -116,7 +116,7 @@ def address_pins(design: SensorDesign) -> tuple[int, ...]:
 
 
 def receiver_paths(design: SensorDesign) -> tuple[ReceiverPath, ...]:
-    """From each receiver to the board, in the order of the cavity's receivers.
+    """The connection from each receiver to the board, in the order of the cavity's receivers.
 
     Raises
     ------
@@ -130,13 +130,13 @@ def receiver_paths(design: SensorDesign) -> tuple[ReceiverPath, ...]:
 
 
 def assigned_pins(design: SensorDesign) -> tuple[tuple[int, ...], tuple[str, ...]]:
-    """Emitter pins in the order of the cavity's emitters, and inputs in that of its receivers or of its multiplexers.
+    """Emitter pins in the order of the cavity's emitters, and inputs in the order of its receivers or multiplexers.
 
-    With shift registers an emitter's number is its output's in the chain, from 0.
+    With shift registers an emitter's number is the number of its output in the chain, from 0.
 
     Raises
     ------
-    DesignError : too few of them, too many, one twice, one that the board lacks or needs itself.
+    DesignError : too few, too many, a duplicate, or one that the board lacks or needs itself.
     """
     cavity, board = cavity_of(design), board_of(design)
     findings = pin_findings(design, board, len(cavity.emitters), len(cavity.receivers))
@@ -153,7 +153,7 @@ def assigned_pins(design: SensorDesign) -> tuple[tuple[int, ...], tuple[str, ...
 def pin_findings(
     design: SensorDesign, board: Board, emitter_count: int, receiver_count: int
 ) -> list[Finding]:
-    """Everything wrong with the pins and channels of a design."""
+    """All findings about the pins and channels of a design."""
     use, multiplexer = design.board, multiplexer_of(design)
     return [
         *_emitter_findings(design, board, emitter_count),
@@ -230,7 +230,7 @@ def _supply_error(field: str, entry: Multiplexer | ShiftRegister, board: Board) 
 
 
 def _input_count(design: SensorDesign, receiver_count: int) -> int:
-    """Inputs of the board that so many receivers take."""
+    """Number of the board's inputs that the receivers need."""
     multiplexer = multiplexer_of(design)
     return receiver_count if multiplexer is None else math.ceil(receiver_count / multiplexer.channels)
 
@@ -238,7 +238,7 @@ def _input_count(design: SensorDesign, receiver_count: int) -> int:
 def _multiplexers_needed(
     design: SensorDesign, board: Board, emitter_count: int, receiver_count: int
 ) -> str | None:
-    """The way out of too few inputs: the packaged multiplexer that takes the fewest, if the board has pins for it."""
+    """The way out of too few inputs: the packaged multiplexer with the fewest inputs, if the board has pins for it."""
     if design.board.receivers is not None:
         return None
     spare = len(board.digital_pins) - (SHIFT_PINS if design.board.emitters else emitter_count)
@@ -254,7 +254,7 @@ def _multiplexers_needed(
 
 
 def _address_findings(design: SensorDesign, board: Board, emitter_count: int) -> list[Finding]:
-    """What is wrong with the multiplexers' supply and the pins of their address."""
+    """Findings about the multiplexers' supply and the pins of their address."""
     multiplexer, given = multiplexer_of(design), design.board.receivers
     if multiplexer is None or given is None:
         return []
@@ -361,7 +361,7 @@ def _unknown_findings(field: str, noun: str, given: Sequence[Name], known: Seque
 
 
 def _unknown_pin_findings(pins: Sequence[int], board: Board) -> list[Finding]:
-    busy = {*board.reserved_pins, *(board.uart_pins or ())}  # these have their own finding
+    busy = {*board.reserved_pins, *(board.uart_pins or ())}  # another finding covers these
     return _unknown_findings(
         "board.emitter_pins", "pin", [pin for pin in pins if pin not in busy], board.digital_pins
     )
@@ -387,7 +387,7 @@ VERSION_BYTES = 1
 SEQUENCE_BYTES = 4
 TIME_BYTES = 4
 CHECK_BYTES = 4
-"""CRC-32 over everything before it."""
+"""CRC-32 over all preceding bytes."""
 
 LINE_BITS_PER_BYTE = 10
 """Start bit, 8 data bits, stop bit."""
@@ -416,7 +416,7 @@ def frame_bytes(emitter_count: int, receiver_count: int, adc_bits: int) -> int:
 
 
 def conversion_time_ms(board: Board, adc_prescaler: int) -> float:
-    """Time of one reading [ms]; the prescaler is of AVRs alone."""
+    """Time of one reading [ms]; only AVRs use the prescaler."""
     if board.conversion_us is not None:
         return board.conversion_us.value / US_PER_MS
     assert board.adc_clocks_per_conversion is not None, "the entry gives one of the two"
@@ -442,7 +442,7 @@ def frame_time_ms(
     receiver_count: int,
     multiplexer: Multiplexer | None = None,
 ) -> float:
-    """Time of one full frame: all states, then the line [ms]; with multiplexers each new address settles, too."""
+    """Time of one full frame: all states, then the line [ms]; with multiplexers each new address also settles."""
     conversions = receiver_count * use.averages * conversion_time_ms(board, use.adc_prescaler)
     if multiplexer is not None:
         addresses = math.ceil(receiver_count / math.ceil(receiver_count / multiplexer.channels))
@@ -455,7 +455,7 @@ def frame_time_ms(
 def frame_rate_hz(
     design: SensorDesign, board: Board | None = None, adc_prescaler: int | None = None
 ) -> float:
-    """Frames a second that a board can do by the plain sum; the design's own board and prescaler where left out."""
+    """Frames per second of a board by the plain sum; the design's own board and prescaler are the defaults."""
     cavity, use = cavity_of(design), design.board
     if adc_prescaler is not None:
         use = use.model_copy(update={"adc_prescaler": adc_prescaler})
@@ -464,7 +464,7 @@ def frame_rate_hz(
 
 
 def faster_boards(design: SensorDesign) -> list[tuple[str, float]]:
-    """Boards of the catalogue with pins and inputs enough that do more frames a second, the fastest first."""
+    """Boards of the catalogue with enough pins and inputs and a higher frame rate, the fastest first."""
     cavity, now = cavity_of(design), frame_rate_hz(design)
     found = [
         (name, frame_rate_hz(design, board))
@@ -476,15 +476,15 @@ def faster_boards(design: SensorDesign) -> list[tuple[str, float]]:
 
 
 def baud_divisor(clock_hz: int, baud: int) -> int:
-    """What the UART divides an eighth of its clock by, for the rate nearest to the wanted one."""
+    """Divisor of an eighth of the UART's clock, for the rate nearest to the requested one."""
     return min(max(round(clock_hz / (UART_CLOCKS_PER_BIT * baud)), 1), UART_MAX_DIVISOR)
 
 
 def made_baud(clock_hz: int, baud: int) -> float:
-    """The rate nearest to the wanted one that the UART can make [baud]."""
+    """The UART's rate nearest to the requested one [baud]."""
     return clock_hz / (UART_CLOCKS_PER_BIT * baud_divisor(clock_hz, baud))
 
 
 def baud_error(clock_hz: int, baud: int) -> float:
-    """Signed relative error of the rate that the UART makes [-]."""
+    """Signed relative error of the UART's rate [-]."""
     return made_baud(clock_hz, baud) / baud - 1.0

@@ -1,4 +1,4 @@
-r"""The receivers' amplifiers: from light to counts in ohms, the resistor that makes a gain, the capacitor beside it.
+r"""The receivers' transimpedance amplifiers: conversion of light to counts, feedback resistor and capacitor.
 
             +--[ RF ]--+        current  i = flux x power x responsivity
             +--| CF |--+        voltage  u = i x RF
@@ -6,14 +6,14 @@ r"""The receivers' amplifiers: from light to counts in ohms, the resistor that m
       |        |  >----+-- A0
     ground  ---|+/
 
-Power is that of the emitter at its usual forward voltage behind its series resistor, in proportion to current.
-Responsivity is the data sheet's where it was stated near the emitter's wavelength; else silicon's quantum efficiency
-is taken as constant, which is `silicon_blue_loss` too much at worst. Several emitters count by their mean.
+The power is the emitter's at its usual forward voltage behind its series resistor, in proportion to current.
+The responsivity is the data sheet's value if it was stated near the emitter's wavelength. Otherwise silicon's quantum
+efficiency is taken as constant, too high by `silicon_blue_loss` at worst. Several emitters enter by their mean.
 
 The capacitor keeps the amplifier from ringing if CF >= sqrt((C_diode + C_in) / (2 pi RF GBW)) (Graeme, "Photodiode
 Amplifiers", 1996, ch. 3: a phase margin of 45 degrees and more), and lets it settle to half a count in time if
-RF CF ln 2^(bits + 1) <= settle time. Left out: dark current (2 nA, millivolts), the LED's fall time, stray
-capacitance of the resistor (about 0.2 pF, which counts as CF).
+RF CF ln 2^(bits + 1) <= settle time. Dark current (2 nA, millivolts), the LED's fall time and stray
+capacitance of the resistor (about 0.2 pF, which adds to CF) are left out.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ from design.shape.cavity import cavity_of
 from design.spec import SensorDesign
 
 NEAR_NM = 25.0
-"""A responsivity holds within this of the wavelength at which it was stated: half a usual LED's width."""
+"""A responsivity is valid within this distance of its stated wavelength: half the width of a usual LED's spectrum."""
 W_PER_MW = 1e-3
 HZ_PER_MHZ = 1e6
 F_PER_PF = 1e-12
@@ -48,12 +48,12 @@ class Feedback:
 
     Attributes
     ----------
-    exact_ohm : what the gain asks for; the standard value itself where the design gives ohms
-    low_ohm, high_ohm : what it would be at the ends of the bands of power and responsivity
+    exact_ohm : resistance of the required gain; the standard value itself where the design gives ohms
+    low_ohm, high_ohm : resistance at the ends of the bands of power and responsivity
     standard_ohm : the nearest standard value
-    counts_per_flux : the gain wanted [counts]
-    capacitor_pf : standard value beside it
-    settles_us : until the reading is within half a count of its end
+    counts_per_flux : the required gain [counts]
+    capacitor_pf : standard value of the capacitor in parallel
+    settles_us : time until the reading is within half a count of its final value
     is_in_time : whether that is within the design's settle time
     """
 
@@ -68,12 +68,12 @@ class Feedback:
 
     @property
     def gain_factor(self) -> float:
-        """Gain with the standard resistor over the gain wanted [-]."""
+        """Gain with the standard resistor over the required gain [-]."""
         return self.standard_ohm / self.exact_ohm
 
 
 def emitted_mw(part: Part, board: Board) -> Quantity | None:
-    """Light of an emitter behind its series resistor; None where nobody knows or the supply cannot light it."""
+    """Light of an emitter behind its series resistor; None if it is unknown or the supply cannot light it."""
     full, switch = part.radiant_power_mw, emitter_switch(part, board)
     if full is None or switch.series_ohm is None:
         return None
@@ -100,7 +100,7 @@ def responsivity_at(part: Part, wavelength_nm: float) -> Quantity:
 
 
 def counts_per_flux_per_ohm(design: SensorDesign) -> tuple[Quantity, ...] | None:
-    """What an ohm of feedback makes of all of an emitter's power, for each receiver [counts/ohm].
+    """Counts per ohm of feedback if all of an emitter's power reached a receiver, for each receiver [counts/ohm].
 
     None where an emitter's power is not known.
     """
@@ -118,11 +118,11 @@ def counts_per_flux_per_ohm(design: SensorDesign) -> tuple[Quantity, ...] | None
 
 
 def fitted_counts_per_flux(design: SensorDesign) -> tuple[float, ...]:
-    """Gains that the resistors of `gain.feedback_ohm` make, for each receiver [counts].
+    """Gains by the resistors of `gain.feedback_ohm`, for each receiver [counts].
 
     Raises
     ------
-    DesignError : a rule instead of ohms, another number of them than of receivers, or an emitter of unknown power.
+    DesignError : a rule instead of ohms, a number of ohms other than of receivers, or an emitter of unknown power.
     """
     findings = list(gain_findings(design))
     per_ohm, ohms = counts_per_flux_per_ohm(design), given_ohms(design)
@@ -132,7 +132,7 @@ def fitted_counts_per_flux(design: SensorDesign) -> tuple[float, ...]:
 
 
 def given_ohms(design: SensorDesign) -> tuple[float, ...] | None:
-    """The resistances that a design gives, one a receiver; None for a rule."""
+    """The resistances that a design gives, one per receiver; None for a rule."""
     given = design.gain.feedback_ohm
     if isinstance(given, str):
         return None
@@ -146,7 +146,7 @@ def feedbacks_of(
 
     Parameters
     ----------
-    counts_per_flux : gain of each receiver that the simulation set [counts]; not needed where the design gives ohms
+    counts_per_flux : simulated gain of each receiver [counts]; not needed where the design gives ohms
 
     Returns
     -------
@@ -166,7 +166,7 @@ def feedbacks_of(
 
 
 def gain_findings(design: SensorDesign) -> Iterator[Finding]:
-    """What keeps ohms from being a gain: their number, an emitter whose power nobody knows."""
+    """Reasons why ohms do not define a gain: a wrong number of them, or an emitter of unknown power."""
     given = design.gain.feedback_ohm
     if isinstance(given, str):
         return
@@ -257,7 +257,7 @@ def _least_pf(part: Part, ohm: float) -> float:
 
 
 def _capacitor_pf(least_pf: float, most_pf: float) -> float:
-    """The largest standard value that settles in time, for least noise; the least that is stable where none does."""
+    """The largest standard value that settles in time, for least noise, or else the least value for stability."""
     most = standard_at_most(most_pf, E12)
     return most if most >= least_pf else standard_at_least(least_pf, E12)
 

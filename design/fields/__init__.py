@@ -1,4 +1,4 @@
-"""What every field of a specification is made of: unit, source, range, dotted path, findings; and packaged tables.
+"""Elements of every field of a specification: unit, source, range, dotted path, findings; and packaged tables.
 
 Imports of ours: errors.
 """

@@ -1,6 +1,6 @@
 """The base of every specification model, and the field types that several of them share.
 
-Dotted paths into a design: listing them, setting one, and naming the nearest when one is unknown.
+The module also lists and sets dotted paths into a design, and names the nearest to an unknown one.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ def get_at(document: Any, path: str) -> Any:
 
 
 def is_value(document: Any, path: str) -> bool:
-    """Whether a path leads to a value: not to nothing, and not to a table or list of values."""
+    """Whether a path leads to a value, and not to a table or list of values."""
     try:
         found = get_at(document, path)
     except (KeyError, IndexError, ValueError, TypeError):
@@ -83,7 +83,7 @@ def set_at(document: dict[str, Any], path: str, value: Any, *, known: tuple[str,
 
 
 def leaves(document: Any, path: str = "") -> Iterator[tuple[str, Any]]:
-    """Dotted path and value of everything in nested dicts and lists that is neither."""
+    """Dotted path and value of every leaf of nested dicts and lists."""
     if isinstance(document, dict | list):
         items = document.items() if isinstance(document, dict) else enumerate(document)
         for key, value in items:
@@ -93,7 +93,7 @@ def leaves(document: Any, path: str = "") -> Iterator[tuple[str, Any]]:
 
 
 def nearest(name: str, known: tuple[str, ...]) -> list[str]:
-    """Up to three known names that look most like a mistyped one."""
+    """Up to three known names that are most similar to a mistyped one."""
     return difflib.get_close_matches(name, known, n=3, cutoff=0.5)
 
 
@@ -114,12 +114,12 @@ def _step_into(target: dict[str, Any], key: str, path: str, known: tuple[str, ..
 
 
 def _free_keys(path: str) -> bool:
-    """Whether a path lies in a part of the design whose keys the user chooses or may leave out."""
+    """Whether a path is in a table of the design whose keys the user chooses or may leave out."""
     return path.startswith(("part_measurements.", "layout.")) and path.count(".") == 2
 
 
 NAME_PATTERN = r"^[A-Za-z0-9][A-Za-z0-9._-]{0,62}$"
-"""Of designs, protocols and searches, which name files and folders."""
+"""Names of designs, protocols and searches, which become names of files and folders."""
 
 
 def _usable(name: str) -> str:
@@ -137,14 +137,14 @@ PartId = Annotated[str, Field(pattern=IDENTIFIER_PATTERN)]
 
 
 class Model(BaseModel):
-    """Frozen, refuses unknown keys, refuses NaN and infinity."""
+    """Frozen base model that refuses unknown keys, NaN and infinity."""
 
     model_config = ConfigDict(
         frozen=True, extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True, strict=False
     )
 
     unsaid: ClassVar[tuple[str, ...]] = ()
-    """Fields that a dump leaves out at their default: content from before them keeps its digest."""
+    """Fields that a dump leaves out at their default, so that older content keeps its digest."""
 
     @model_serializer(mode="wrap")
     def _as_said(self, plain: SerializerFunctionWrapHandler) -> dict[str, Any]:
@@ -156,5 +156,5 @@ class Model(BaseModel):
         return self._outlined(document)
 
     def _outlined(self, document: dict[str, Any]) -> dict[str, Any]:
-        """What a dump becomes at last; a disc has a diameter in place of length and width."""
+        """The final form of a dump; a disc has a diameter in place of length and width."""
         return document

@@ -1,4 +1,4 @@
-"""One thing that a rule noticed about a design: where, what, the limit, and the way out."""
+"""A rule's finding about a design: field, message, limit and way out."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ Severity = Literal["error", "warning", "note"]
 class Finding:
     """An error (the design cannot be built or simulated), a warning (it can, with this in mind) or a note.
 
-    A note is true of every usual design of its kind, so it is no warning: what the pad cannot do, and what would.
+    A note is true of every usual design of its kind, so it is not a warning: a limitation of the pad, and its remedy.
 
     Attributes
     ----------
     severity : error, warning or note
     field : dotted path in the design that the finding is about
-    value : what the design has, with its unit
-    limit : what it is held against, with its unit
-    message : what is wrong, in one sentence
-    way_out : what to change
+    value : the design's value, with its unit
+    limit : the limit of the value, with its unit
+    message : the fault, in one sentence
+    way_out : the change that removes it
     """
 
     severity: Severity
@@ -68,4 +68,4 @@ def note(field: str, message: str, *, value: object, limit: object, way_out: str
 
 def mm(length_mm: float) -> str:
     """A length as text, to the hundredth of a millimetre [mm]."""
-    return f"{round(length_mm, 2) + 0.0:.2f} mm"  # adding 0 turns -0.00 into 0.00
+    return f"{round(length_mm, 2) + 0.0:.2f} mm"  # adding 0 changes -0.00 to 0.00

@@ -1,4 +1,4 @@
-"""Tables and files that come with the program."""
+"""Packaged tables and files."""
 
 from __future__ import annotations
 
@@ -27,11 +27,11 @@ def data_quantities(file: str) -> dict[str, Quantity]:
 def packaged_or_own(
     where: str | Path, package: str, names: tuple[str, ...], *, kind: str, listed_as: str
 ) -> Path:
-    """A file of the user's; else the packaged one of that name.
+    """A file of the user's, or else the packaged one of that name.
 
     Raises
     ------
-    DesignError : neither; `kind` says of what, `listed_as` what its packaged ones are called.
+    DesignError : neither exists; `kind` names the kind of file, `listed_as` the list of packaged ones.
     """
     file = Path(where)
     if file.exists():

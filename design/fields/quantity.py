@@ -1,12 +1,12 @@
 """A catalogue value with its unit, source and confidence, and the field types that check the unit.
 
-Confidence: *measured* on the build; *read* at the named source; *inferred*, computed from read
-values; *unverified*, recalled or assumed. The band `low` to `high` is where the true value is
-believed to lie.
+The confidence is *measured* on the manufactured unit, *read* at the named source, *inferred* (computed from
+read values), or *unverified* (recalled or assumed). The band `low` to `high` is believed to contain the true
+value.
 
-Unit conversions at the edge of the specification; everywhere else one unit per quantity holds.
+Units are converted at the edge of the specification; everywhere else there is one unit per quantity.
 
-Lengths mm, angles degrees, forces N, moduli MPa.
+Lengths are in mm, angles in degrees, forces in N, moduli in MPa.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from pydantic import AfterValidator, Field, StringConstraints, model_validator
 from design.fields.base import Model
 
 ROUNDING_MM = 1e-9
-"""Sums of decimal lengths come out this exact; a length that equals its limit is within it."""
+"""Rounding error of sums of decimal lengths; a length that equals its limit is within it."""
 
 MM_PER_CM = 10.0
 NM_PER_UM = 1000.0
@@ -40,21 +40,21 @@ def absorption_per_mm(absorption_db_per_cm: float) -> float:
 def lambertian_order(half_angle_deg: float) -> float:
     """Order m of the intensity law cos^m that falls to one half at ``half_angle_deg`` [-].
 
-    Rounded far below any sheet's precision, so that 60 degrees is order 1 itself and not its neighbour: light kernels
-    know that one.
+    The order is rounded far below any sheet's precision, so that 60 degrees gives exactly 1, for which light kernels
+    have a special case.
     """
     return round(math.log(0.5) / math.log(math.cos(math.radians(half_angle_deg))), ORDER_DIGITS)
 
 
 Confidence = Literal["measured", "read", "inferred", "unverified"]
 CONFIDENCES: tuple[Confidence, ...] = ("measured", "read", "inferred", "unverified")
-"""From the firmest to the weakest."""
+"""Confidences from the highest to the lowest."""
 
 Text = Annotated[str, StringConstraints(strip_whitespace=True, min_length=1)]
 
 
 class Quantity(Model):
-    """One number, where it comes from, and how far it can be trusted."""
+    """One number, its source and its confidence."""
 
     value: float
     unit: Text
@@ -70,7 +70,7 @@ class Quantity(Model):
 
 
 class Cost(Model):
-    """A price that somebody quoted, and when."""
+    """A quoted price and its date."""
 
     value: Annotated[float, Field(ge=0.0)]
     currency: Annotated[str, Field(pattern=r"^[A-Z]{3}$", description="ISO 4217 code, as EUR")]
@@ -85,11 +85,11 @@ class Cost(Model):
 
 
 def check_band(value: float, low: float | None, high: float | None) -> None:
-    """Refuse a band that does not hold its value.
+    """Refuse a band that does not contain its value.
 
     Raises
     ------
-    ValueError : the value lies outside [low, high].
+    ValueError : the value is outside [low, high].
     """
     if (low is not None and low > value) or (high is not None and high < value):
         raise ValueError(
@@ -98,7 +98,7 @@ def check_band(value: float, low: float | None, high: float | None) -> None:
 
 
 def weakest(*confidences: Confidence) -> Confidence:
-    """The least trustworthy of several confidences."""
+    """The lowest of several confidences."""
     return max(confidences, key=CONFIDENCES.index)
 
 

@@ -13,7 +13,7 @@ from design.fields.base import IDENTIFIER_PATTERN, NAME_PATTERN, nearest
 
 LISTED_FINDINGS = 20
 WORDED_FINDINGS = 100
-"""Looking for the nearest name takes a millisecond: of thousands of findings not each is put into words."""
+"""Most findings in words: the search for a nearest name takes a millisecond, too long for thousands of findings."""
 
 _WAY_OUT = {
     "missing": "is missing; add it (see `optopad schema`, or start from `optopad new`)",
@@ -47,7 +47,7 @@ PATTERN_WORDS = {
     r"^[A-Z]{3}$": "an ISO 4217 code in capital letters, as EUR",
     r"^\d{4}-(0[1-9]|1[0-2])(-(0[1-9]|[12]\d|3[01]))?$": "a date as 2026-05 or 2026-05-04",
 }
-"""What a text must be, by the pattern that it does not match."""
+"""Requirement on a text, by the pattern that it does not match."""
 
 _WANTED = {
     "finite_number": "must be a finite number",
@@ -69,10 +69,10 @@ def design_error(
 
     Parameters
     ----------
-    err : what pydantic found
+    err : pydantic's findings
     where : file or design that was being read
-    known : dotted paths of all fields; the nearest are offered for one that there is not
-    identifiers : of catalogue entries; the nearest is offered for a text that can be none
+    known : dotted paths of all fields; the nearest are offered for an unknown one
+    identifiers : identifiers of catalogue entries; the nearest is offered for an invalid one
     """
     details = err.errors(include_url=False)
     meant = [detail for detail in _of_the_branch_meant(details) if not _is_echo(detail)]
@@ -90,7 +90,7 @@ def field_path(detail: ErrorDetails) -> str:
 
 
 def _of_the_branch_meant(details: list[ErrorDetails]) -> list[ErrorDetails]:
-    """Where a field takes a value or a list, pydantic finds fault with both: what was given says which was meant."""
+    """Keep the findings of the given type where a field takes a value or a list, since pydantic reports both."""
     takes_a_list = {detail["loc"][:at] for detail in details if (at := _list_branch(detail)) is not None}
     takes_a_value = {detail["loc"][:-1] for detail in details if _list_branch(detail) is None}
 
@@ -104,12 +104,12 @@ def _of_the_branch_meant(details: list[ErrorDetails]) -> list[ErrorDetails]:
 
 
 def _list_branch(detail: ErrorDetails) -> int | None:
-    """Where a finding's path goes into the list of a field that also takes a single value."""
+    """Position in a finding's path of the list of a field that also takes a single value."""
     return next((at for at, key in enumerate(detail["loc"]) if str(key).startswith("tuple[")), None)
 
 
 def _is_echo(detail: ErrorDetails) -> bool:
-    """Whether a list is called too short only because its entries were refused, each by itself."""
+    """Whether a list is reported as too short only because each of its entries was refused."""
     return detail["type"] == "too_short" and len(detail["input"]) >= detail["ctx"]["min_length"]
 
 
@@ -130,7 +130,7 @@ def _is_marker(key: str) -> bool:
 
 
 def _lines(details: list[ErrorDetails], known: tuple[str, ...], identifiers: tuple[str, ...]) -> list[str]:
-    """A line a finding; one for all kinds that a value of several kinds could have been."""
+    """One line per finding; a value that may be of several kinds has one for all of them."""
     limits: dict[str, list[str]] = {}
     for detail in details:
         said, limit = _finding(detail, known, identifiers)
@@ -141,19 +141,19 @@ def _lines(details: list[ErrorDetails], known: tuple[str, ...], identifiers: tup
 
 
 def _finding(detail: ErrorDetails, known: tuple[str, ...], identifiers: tuple[str, ...]) -> tuple[str, str]:
-    """What is refused, and the limit; this is empty where the first says all."""
+    """The refusal, and the limit; the limit is empty where the refusal includes it."""
     field, kind = field_path(detail), detail["type"]
     if kind == "extra_forbidden":
         return f"{field}: is not a field of a design; {_near(field, known)}", ""
     if kind in _WAY_OUT:
         return f"{field}: {_WAY_OUT[kind]}", ""
-    if kind == "value_error":  # raised by a rule of ours, which names its values itself
+    if kind == "value_error":  # raised by a rule of optopad, which names its values itself
         return f"{field}: {detail['msg'].removeprefix('Value error, ')}".removeprefix("the file: "), ""
     return f"{field}: {shown(detail['input'])} is refused: ", _limit(detail, field, identifiers)
 
 
 def _near(field: str, known: tuple[str, ...]) -> str:
-    """Names beside a misspelt one that look like it."""
+    """Names that are similar to a misspelt one."""
     parent = field.rpartition(".")[0]
     near = nearest(field, tuple(path for path in known if path.rpartition(".")[0] == parent))
     hint = f"did you mean {', '.join(near)}? Else " if near else ""
@@ -161,7 +161,7 @@ def _near(field: str, known: tuple[str, ...]) -> str:
 
 
 def _near_identifier(detail: ErrorDetails, identifiers: tuple[str, ...]) -> str:
-    """The catalogue entry that was likely meant."""
+    """The catalogue entry that the user likely meant."""
     if detail["ctx"]["pattern"] != IDENTIFIER_PATTERN:
         return ""
     near = nearest(re.sub(r"[^a-z0-9]+", "-", str(detail["input"]).lower()).strip("-"), identifiers)
@@ -194,7 +194,7 @@ def _limit(detail: ErrorDetails, field: str, identifiers: tuple[str, ...]) -> st
 
 
 def _bound(detail: ErrorDetails, field: str) -> str:
-    """The limit that was crossed, and for lengths the unit that was likely meant."""
+    """The exceeded limit, and for lengths the unit that the user likely meant."""
     limit = next(iter(detail["ctx"].values()))
     said = f"{limit:.12g}" if isinstance(limit, int | float) else f"{limit}"
     if not field.endswith("_mm"):

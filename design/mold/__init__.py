@@ -1,4 +1,4 @@
-"""The mold as plain numbers: outline, sockets, webs, filling, letters; before any solid is made.
+"""Numeric model of the mold before any solid is made: outline, sockets, webs, filling, letters.
 
 Imports of ours: shape and below.
 """

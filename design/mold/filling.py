@@ -1,8 +1,8 @@
-"""How a crowned pad is filled: through holes in the floor, with the mold upside down on its lid.
+"""Filling of a crowned pad: through holes in the floor, with the mold upside down on its lid.
 
-The lid shapes the crown (`cad.lid`). Turned over, the floor is the highest place, so air leaves there and no sprue
-touches the surface that light uses: the clear layer goes in by weight up to the level of the black layer, then the
-black layer, until it rises in the vents. What is left in the holes is black, below the black layer.
+The lid shapes the crown (`cad.lid`). Upside down, the floor is highest, so air leaves there, and no sprue touches the
+optical surface. The clear layer is poured by weight up to the level of the black layer. Then the black layer is poured
+until it rises in the vents. The silicone left in the holes is black, below the black layer.
 
         sprue                      vents          turned over: floor up
        ___| |_______________________| |___
@@ -23,9 +23,9 @@ from design.mold.sockets import Hole
 from design.shape.cavity import Plan
 
 SPRUE_RADIUS_MM, VENT_RADIUS_MM = 2.0, 1.0
-"""A syringe's tip goes into the sprue; silicone rises in the vents when the mold is full."""
+"""A syringe's tip fits into the sprue; silicone rises in the vents when the mold is full."""
 INSET_MM = 3.0
-"""Middle of sprue and vents to the walls."""
+"""Distance of the middle of sprue and vents from the walls."""
 
 
 def is_cast_under_lid(plan: Plan) -> bool:
@@ -56,7 +56,7 @@ def filling_holes(plan: Plan, bottom_mm: float, floor_mm: float) -> tuple[Hole, 
 
 
 def filling_offsets_mm(plan: Plan) -> tuple[float, float]:
-    """How far the holes lie from the middle of the pad along x and y [mm]."""
+    """Distance of the holes from the middle of the pad along x and y [mm]."""
     x, y = plan.centre_mm
     if plan.has_origin_corner:
         return x - INSET_MM, y - INSET_MM

@@ -1,4 +1,4 @@
-r"""The label of a mold: a text sunk into its underside, below the cavity, where no socket or hole is.
+r"""The label of a mold: a text sunk into its underside, below the cavity, away from sockets and holes.
 
     seen from below                     one letter: 5 x 7 points, each a square of 1.25 pitches,
     +---------------------------+       so that points which meet at a corner overlap: a cut that
@@ -9,7 +9,7 @@ r"""The label of a mold: a text sunk into its underside, below the cavity, where
     | o                       o |
     +---------------------------+
 
-Sunk, not raised, because the underside lies on the print bed: what would be raised there lifts the mold. Strokes
+The text is sunk, not raised, because the underside is on the print bed, and raised letters would lift the mold. Strokes
 are at most two millimetres wide, so their ceilings bridge. Long texts are broken into lines. Letters are
 rectangles, not a font of the system: equal designs give equal molds everywhere. All are capitals.
 """
@@ -31,11 +31,11 @@ from design.spec import SensorDesign
 DEPTH_MM = 0.6
 """Three layers of 0.2 mm: deep enough to read, also where the first layer is squeezed."""
 MARGIN_MM = 0.8
-"""Between the text and the outline of the cavity above it: the usual thinnest wall."""
+"""Distance between the text and the outline of the cavity above it: the usual thinnest wall."""
 SMALLEST_PITCH_MM = 0.6
-"""Strokes of 0.75 mm and gaps of 0.45 mm: what a 0.4 mm nozzle still draws apart."""
+"""Strokes of 0.75 mm and gaps of 0.45 mm, which a 0.4 mm nozzle still separates."""
 EASY_PITCH_MM = 0.75
-"""A text is broken into lines only where its letters would be smaller: strokes of 0.94 mm."""
+"""A text is broken into lines only if its letters would be smaller: strokes of 0.94 mm."""
 LARGEST_PITCH_MM = 1.5
 COLUMNS, ROWS = 5, 7
 LETTER_GAP, LINE_GAP = 1, 2
@@ -44,12 +44,12 @@ LETTER_GAP, LINE_GAP = 1, 2
 
 @dataclass(frozen=True, kw_only=True)
 class MoldLabel:
-    """A label as it is cut.
+    """A label as rectangles to cut.
 
     Attributes
     ----------
     strokes : rectangles, some of which overlap; empty without a text
-    depth_mm : how deep they are sunk [mm]
+    depth_mm : depth of the strokes [mm]
     stroke_mm : width of a stroke [mm]
     """
 
@@ -64,7 +64,7 @@ class MoldLabel:
 
 
 def mold_label(design: SensorDesign) -> MoldLabel:
-    """The label of a design's mold; without strokes where there is no text. Rules say whether it can be read."""
+    """The label of a design's mold, without strokes if there is no text. Rules check whether it is legible."""
     text = design.mold.label.upper().strip()
     if not text:
         return MoldLabel(strokes=(), depth_mm=0.0, stroke_mm=0.0)
@@ -76,7 +76,7 @@ def mold_label(design: SensorDesign) -> MoldLabel:
 
 
 def label_findings(design: SensorDesign) -> Iterator[Finding]:
-    """What is wrong with a label: letters too small to print, a floor too thin to sink them into."""
+    """Findings about a label: letters too small to print, or a floor too thin for their depth."""
     text = design.mold.label.upper().strip()
     if not text:
         return
@@ -101,7 +101,7 @@ def label_findings(design: SensorDesign) -> Iterator[Finding]:
 
 def label_lines(text: str, design: SensorDesign) -> tuple[list[str], float]:
     """A text in lines that fit below the cavity, and the pitch of its points [mm]: broken at blanks, and within words
-    only where it can be printed in no other way.
+    only where no other break makes it printable.
     """
     room_mm = _room_mm(design)
     widths = range(len(text), 0, -1)
@@ -117,14 +117,14 @@ def _room_mm(design: SensorDesign) -> tuple[float, float]:
     """Length and width of the rectangle that a label may cover: below the cavity, between sprue and vents."""
     plan = plan_of(design)
     width = plan.width_mm
-    if is_cast_under_lid(plan):  # sprue and vents stand in the corners
+    if is_cast_under_lid(plan):  # sprue and vents are in the corners
         width = 2 * (filling_offsets_mm(plan)[1] - SPRUE_RADIUS_MM)
     length, width = plan.outline.room_mm(width)
     return length - 2 * MARGIN_MM, max(width - 2 * MARGIN_MM, 1e-3)
 
 
 def _best(broken: list[list[str]], room_mm: tuple[float, float]) -> tuple[list[str], float]:
-    """The fewest lines with an easy pitch, else those with the widest; that pitch [mm]."""
+    """The fewest lines with an easy pitch, or else the lines with the widest pitch; and that pitch [mm]."""
     pitches = [min(room_mm[0] / _width(lines), room_mm[1] / _height(lines)) for lines in broken]
 
     def rank(number: int) -> tuple[float, ...]:

@@ -1,8 +1,8 @@
 """Letters as rectangles: points of a dot matrix that overlap, the area that they cover, and its outline.
 
-A point is a square of 1.25 pitches, so that points which meet at a corner overlap: a cut that touches itself along
-an edge only is no manifold. Runs of points are one rectangle. Letters are no font of the system: equal designs give
-equal molds everywhere.
+A point is a square of 1.25 pitches, so that points which meet at a corner overlap: a cut that touches itself only
+along an edge is not a manifold. Runs of points are one rectangle. Letters are not a font of the system, so that equal
+designs give equal molds everywhere.
 """
 
 from __future__ import annotations
@@ -44,8 +44,8 @@ def strokes_of(
     Parameters
     ----------
     points : column and row, from the top left
-    place : upper left corner of the point (0, 0) seen by the reader, x to the right and y up [mm]
-    mirrored : whether the plane's x runs to the reader's left; x is then counted from `place` down
+    place : upper left corner of the point (0, 0) as the reader sees it, x to the right and y up [mm]
+    mirrored : whether the plane's x points to the reader's left; x then decreases from `place`
     """
     across, along = _runs(points, horizontal=True), _runs(points, horizontal=False)
     joined = {point for run in (*across, *along) for point in run}
@@ -77,7 +77,7 @@ def integral(strokes: Iterable[Stroke], antiderivative: Callable[[float], float]
 
 
 def upper_edges_mm(strokes: Iterable[Stroke]) -> float:
-    """Length of the upper edges of the union of strokes: what bridges where a text is cut into a wall [mm]."""
+    """Length of the upper edges of the union of strokes, which bridge where a text is cut into a wall [mm]."""
     grid = _Grid(tuple(strokes))
     return sum(grid.width(i) for i, j in grid.covered if (i, j + 1) not in grid.covered)
 
@@ -94,7 +94,7 @@ def shapes_of(strokes: Iterable[Stroke]) -> tuple[Shape, ...]:
 
 
 class _Grid:
-    """The cells between all edges of some strokes, and which of them are covered."""
+    """The cells between all edges of some strokes, and whether each is covered."""
 
     def __init__(self, strokes: tuple[Stroke, ...]) -> None:
         self.xs = sorted({edge for stroke in strokes for edge in (stroke.x0, stroke.x1)})
@@ -108,15 +108,15 @@ class _Grid:
         }
 
     def width(self, i: int) -> float:
-        """Of a column [mm]."""
+        """Width of a column [mm]."""
         return self.xs[i + 1] - self.xs[i]
 
     def height(self, j: int) -> float:
-        """Of a row [mm]."""
+        """Height of a row [mm]."""
         return self.ys[j + 1] - self.ys[j]
 
     def loops(self) -> list[Loop]:
-        """Closed outlines with what is covered on their left, without points on straight edges."""
+        """Closed outlines with the covered cells on their left, without points on straight edges."""
         following = dict(edge for cell in sorted(self.covered) for edge in self._open_edges(*cell))
         loops = []
         while following:
@@ -141,7 +141,7 @@ class _Grid:
 
 
 def _turns(corners: list[Point]) -> list[Point]:
-    """Corners where the way turns."""
+    """Corners where the outline changes direction."""
     around = zip(corners, corners[1:] + corners[:1], corners[-1:] + corners[:-1], strict=True)
     return [
         at
@@ -155,7 +155,7 @@ def _signed_area(loop: Loop) -> float:
 
 
 def _holds(loop: Loop, point: tuple[float, float]) -> bool:
-    """Whether a point lies within an outline of axis-parallel edges: crossings of a ray to the right."""
+    """Whether a point is within an outline of axis-parallel edges, by crossings of a ray to the right."""
     x, y = point[0] + 1e-7, point[1] + 1e-7
     edges = zip(loop, loop[1:] + loop[:1], strict=True)
     return sum(x0 > x and (y0 > y) != (y1 > y) for (x0, y0), (_, y1) in edges) % 2 == 1

@@ -1,6 +1,6 @@
-r"""The mold as plain numbers: what is printed, before any solid is made.
+r"""Numeric model of the printed mold, before any solid is made.
 
-Frame of `design.shape.cavity`; the mold is centred on the cavity.
+The frame is that of `design.shape.cavity`; the mold is centred on the cavity.
 
       top   ____      lip, 45 deg      ____
            |    \                     /    |   rim
@@ -10,10 +10,10 @@ Frame of `design.shape.cavity`; the mold is centred on the cavity.
            |_______________________________|   -black - floor
            <wall>
 
-A crowned top is cast by a lid (`cad.lid`): there is no pour lip, the rim is counted from the highest place of the top's
-edge, and the mold is filled upside down through holes in its floor, which is then the highest place. A mold with round
-walls follows the cavity's outline, with a facet for each part in them; it has neither lip nor collars, and its fixing
-holes stand between parts.
+A lid casts a crowned top (`cad.lid`). There is no pour lip, the rim is measured from the highest point of the top's
+edge, and the mold is filled upside down through holes in its floor. A mold with round walls follows the cavity's
+outline, with a facet for each part in the walls. It has neither lip nor collars, and its fixing holes are between
+parts.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ LIP_SHARE_OF_WALL = 0.25
 CORNER_RADIUS_MM = 1.0
 """Rounding of the outer vertical edges: comfortable to hold."""
 ORIGIN_CUT_MM = 2.0
-"""45-degree cut of the outer edge at the cavity's origin, so that the walls can be told apart."""
+"""45-degree cut of the outer edge at the cavity's origin, which identifies the walls."""
 CORNER_SHARE_OF_WALL = 1 / 3
 """Rounding and cut stay within this share of the thinner wall."""
 
@@ -48,17 +48,17 @@ class MoldOutline:
     Attributes
     ----------
     plan : the cavity in plan, and the pad's top
-    wall_x_mm, wall_y_mm : thickness of the east and west, of the south and north walls; of a round mold at the thinnest
-    bottom_mm, cavity_bottom_mm, fill_mm, top_mm : levels: bed, cavity floor, highest place of the undisturbed top's
+    wall_x_mm, wall_y_mm : thickness of the east and west, and of the south and north walls; the least of a round mold
+    bottom_mm, cavity_bottom_mm, fill_mm, top_mm : levels: bed, cavity floor, highest point of the undisturbed top's
         edge, rim
-    filling : holes through the floor to fill a crowned pad through, the sprue first; empty for a flat top
+    filling : holes through the floor for filling a crowned pad, the sprue first; empty for a flat top
     lip_mm : leg of the 45-degree pour lip; it never reaches below the fill level
     corner_radius_mm, origin_cut_mm : outer vertical edges
     ledge_mm : width of a glass cover's seat at the fill level, in place of the lip; 0 for none
-    fixing_holes, sockets : what is cut through and into the walls
+    fixing_holes, sockets : cuts through and into the walls
     collars : walls above the rim around bodies that are taller
     numbers : names sunk into the outer faces
-    label : what is sunk into the underside
+    label : text sunk into the underside
     """
 
     plan: Plan
@@ -96,17 +96,17 @@ class MoldOutline:
 
     @property
     def outer_length_mm(self) -> float:
-        """Outside along x [mm]."""
+        """Outer size along x [mm]."""
         return self.length_mm + 2 * self.wall_x_mm
 
     @property
     def outer_width_mm(self) -> float:
-        """Outside along y [mm]."""
+        """Outer size along y [mm]."""
         return self.width_mm + 2 * self.wall_y_mm
 
     @property
     def mouth(self) -> Box:
-        """What the pour lip or the cover's seat opens, with the cavity below it."""
+        """The opening of the pour lip or the cover's seat, with the cavity below it."""
         out = self.mouth_out_mm
         return Box(
             x0=-out,
@@ -119,12 +119,12 @@ class MoldOutline:
 
     @property
     def mouth_out_mm(self) -> float:
-        """How far the rim is opened outward of the cavity [mm]."""
+        """Distance of the opening at the rim outward of the cavity [mm]."""
         return max(self.lip_mm, self.ledge_mm)
 
     @property
     def height_mm(self) -> float:
-        """From the bed to the rim [mm]."""
+        """Height from the bed to the rim [mm]."""
         return self.top_mm - self.bottom_mm
 
     @property
@@ -134,7 +134,7 @@ class MoldOutline:
 
 
 def outline_of(design: SensorDesign) -> MoldOutline:
-    """The numbers of a design's mold; whether they can be built is the question of `design.mold.webs`."""
+    """The numbers of a design's mold; `design.mold.webs` checks whether they can be printed."""
     cavity, mold = cavity_of(design), design.mold
     plan = cavity.plan
     wall_x = (mold.outer_length_mm - plan.length_mm) / 2
@@ -178,7 +178,7 @@ def outline_of(design: SensorDesign) -> MoldOutline:
 
 
 def _with_room(socket: Socket, fixing_holes: tuple[Hole, ...], mold: Mold) -> Socket:
-    """The socket, without its channel where a fixing hole stands in the way."""
+    """The socket, without its channel where a fixing hole is in the way."""
     channel = socket.channel
     if channel is None:
         return socket
@@ -200,7 +200,7 @@ def _numbers(
 
 
 def bed_lift_mm(design: SensorDesign) -> float:
-    """What is added to z of the cavity frame in every file, so that the print bed is z = 0 [mm]."""
+    """Offset added to z of the cavity frame in every file, so that the print bed is z = 0 [mm]."""
     return design.cavity.black_thickness_mm + design.mold.floor_mm
 
 
@@ -228,7 +228,7 @@ def _frame(part: PlacedPart, outer: Outline, wall_x: float, wall_y: float) -> Wa
 def _fixing_holes(
     mold: Mold, cavity: CavityGeometry, outer: Outline, bottom: float, top: float
 ) -> tuple[Hole, ...]:
-    """In the corners; in a mold without, between its parts."""
+    """Fixing holes in the corners, or between parts in a mold without corners."""
     if mold.fixing_hole_diameter_mm == 0:
         return ()
     inset, radius = mold.fixing_hole_inset_mm, mold.fixing_hole_diameter_mm / 2
@@ -239,7 +239,7 @@ def _fixing_holes(
 
 
 def _between_parts_mm(cavity: CavityGeometry, within: Outline) -> list[Point]:
-    """Places on an outline: of the middles between neighbouring parts those nearest to the diagonals of its box."""
+    """Points on an outline: the middles between neighbouring parts that are nearest to the diagonals of its box."""
     (x, y), (x0, y0, x1, y1) = within.centre_mm, within.box_mm
     at = sorted({_direction_deg(part.position_mm[0] - x, part.position_mm[1] - y) for part in cavity.parts})
     middles = [

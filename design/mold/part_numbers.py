@@ -1,15 +1,15 @@
 r"""The parts' names in the outer faces of the mold, below their sockets, as in the wiring table.
 
     outer face, seen from outside            small letters of 3 x 5 points; upright where a name is wider
-      | | |   | |       | | |                than its place on the wall, read from below
+      | | |   | |       | | |                than its space on the wall, read from below
       |_|_|___|_|_______|_|_|   pockets
          E1      R1        E2   numbers
       ____________n_____________  channels, bed
 
-A name keeps to its own place: halfway to its neighbours, above channels and the joint of a parted mold, below the
-lowest pocket of its wall, within the inner length of the wall. On a round mold, where every part has a wall of its own,
-a name keeps to halfway around to its neighbours, above all channels, below all pockets, and to where the outer face has
-receded by half of its depth. Names that do not fit are left out and told (`cad.checks`).
+The space of a name extends halfway to its neighbours. It is above channels and the joint of a parted mold, below the
+lowest pocket of its wall, and within the inner length of the wall. On a round mold every part has its own wall. There
+the space is above all channels and below all pockets, and also ends where the outer face has receded by half of the
+name's depth. Names that do not fit are left out and reported (`cad.checks`).
 """
 
 from __future__ import annotations
@@ -34,25 +34,25 @@ from design.mold.sockets import Hole, Socket, WallFrame
 DEPTH_MM = 0.5
 """Deeper than the steps of layers and the seams of a print; shallow enough to bridge."""
 MARGIN_MM = 0.4
-"""Around a name: a nozzle's width."""
+"""Margin around a name: a nozzle's width."""
 SMALLEST_PITCH_MM, LARGEST_PITCH_MM = 0.6, 0.9
-"""Strokes of 0.75 mm with gaps of 0.45 mm, what a 0.4 mm nozzle still draws apart, to strokes of 1.1 mm."""
+"""Strokes of 0.75 mm with gaps of 0.45 mm, which a 0.4 mm nozzle still separates, to strokes of 1.1 mm."""
 COLUMNS, ROWS, GAP = 3, 5, 1
 
 
 def below_chord_mm2(beside_mm: float, radius_mm: float) -> float:
-    """Integral from 0 to a place of how far a circle has receded from its tangent there [mm2]."""
+    """Integral of the distance between a circle and its tangent, from the point of contact to `beside_mm` [mm2]."""
     half = beside_mm / radius_mm
     return radius_mm * beside_mm - radius_mm**2 / 2 * (half * math.sqrt(1 - half * half) + math.asin(half))
 
 
 @dataclass(frozen=True, kw_only=True)
 class PartNumber:
-    """A name as it is cut.
+    """A name as rectangles to cut.
 
     Attributes
     ----------
-    name : of the part
+    name : name of the part
     frame : the wall, into whose outer face it is sunk
     strokes : rectangles; x along the wall, y upward [mm]
     stroke_mm : width of a stroke
@@ -65,7 +65,7 @@ class PartNumber:
 
     @property
     def volume_mm3(self) -> float:
-        """What it takes from the mold [mm3]; a round outer face recedes from the plane at the facet's middle."""
+        """Volume removed from the mold [mm3]; a round outer face recedes from the plane at the facet's middle."""
         flat = area_mm2(self.strokes) * DEPTH_MM
         if not self.frame.is_facet:
             return flat
@@ -89,10 +89,10 @@ def part_numbers(
 
     Parameters
     ----------
-    sockets : of one wall, in their order along it
+    sockets : sockets of one wall, in their order along it
     around : all sockets of a mold with a round wall; empty for a block
-    fixing_holes : of the mold
-    bottom_mm : underside of the mold, or of its frame where that is a piece of its own
+    fixing_holes : fixing holes of the mold
+    bottom_mm : underside of the mold, or of its frame if that is a separate piece
     web_mm : thinnest wall that prints
     """
     if not sockets:
@@ -112,7 +112,7 @@ def part_numbers(
 
 
 def _room_mm(sockets: Sequence[Socket], place: int) -> tuple[float, float]:
-    """From where to where along the wall a name may reach [mm]."""
+    """Range along the wall for a name [mm]."""
     at, frame = sockets[place].part.along_mm, sockets[place].frame
     before = (sockets[place - 1].part.along_mm + at) / 2 if place > 0 else 0.0
     after = (sockets[place + 1].part.along_mm + at) / 2 if place + 1 < len(sockets) else frame.length_mm
@@ -121,7 +121,7 @@ def _room_mm(sockets: Sequence[Socket], place: int) -> tuple[float, float]:
 
 
 def _room_around_mm(socket: Socket, around: Sequence[Socket]) -> tuple[float, float]:
-    """The same on a round outer face: names lie in planes that meet halfway to the next part."""
+    """Range along a round outer face for a name: names are in planes that meet halfway to the next part."""
     (x, y), radius = socket.frame.line.outward, socket.frame.outer_radius_mm
     others = [one.frame.line.outward for one in around if one is not socket]
     gap = min((math.acos(max(-1.0, min(1.0, x * ox + y * oy))) for ox, oy in others), default=math.pi)
@@ -142,7 +142,7 @@ def _wall_left_mm(socket: Socket, fixing_holes: Sequence[Hole], room: tuple[floa
 
 
 def _number(socket: Socket, room: tuple[float, float], levels: tuple[float, float]) -> PartNumber | None:
-    """A name level where that can be read, else upright; None where neither can."""
+    """A horizontal name where that is legible, or else an upright one; None if neither is legible."""
     name = socket.part.name
     points = _points(name.upper())
     wide = len(name) * (COLUMNS + GAP) - GAP + OVERLAP - 1.0
@@ -175,7 +175,7 @@ def _points(text: str) -> set[Point]:
 
 
 def unnumbered(names: Sequence[str], numbers: Sequence[PartNumber]) -> Iterator[str]:
-    """Names that are nowhere on the mold."""
+    """Names that are not on the mold."""
     there = {one.name for one in numbers}
     return (name for name in names if name not in there)
 

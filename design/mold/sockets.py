@@ -1,30 +1,30 @@
-r"""The cuts that hold one part in its wall, as plain numbers in the cavity frame.
+r"""Numeric model of the cuts that hold one part in its wall, in the cavity frame.
 
-A part drops in from the top: its pocket is open upward, and open to the cavity so that silicone
-is cast against the active face. Seen from above, for the south wall (t is measured outward):
+A part is inserted from the top: its pocket is open upward, and open to the cavity so that silicone
+is cast against the active face. The drawing shows the south wall from above (t is measured outward):
 
             cavity
       ------+           +------  t = 0, inner face of the wall
             |   body    |
             |           |        pocket: body + clearance at each side and behind
             +--+  +--+--+        t = pocket depth
-               |  |  |           surface part: one slot a wire, open upward, to the outside
+               |  |  |           surface part: one slot per wire, open upward, to the outside
                |  |  |           radial part: round holes from the pocket's floor down through the mold
       ---------+  +--+---------  t = wall thickness, outer face
 
-Pocket and slots go down to the body's base less the clearance, wherever that is: a part is never
-raised. A base below the clear layer meets the black layer; below that, the pocket goes into the
-floor of the mold, and `design.mold.webs` asks for enough floor under it.
+Pocket and slots extend down to the body's base less the clearance, at any height: a part is never
+raised. A base below the clear layer meets the black layer; below that, the pocket extends into the
+floor of the mold, and `design.mold.webs` requires enough floor under it.
 
-Lead positions: in a row along the wall, centred on the active area; radial leads leave the body at
-half its depth (the catalogue does not say where). Wires that do not fit behind the body one
-by one leave together through one slot in the middle.
+Leads are in a row along the wall, centred on the active area. Radial leads leave the body at
+half its depth, because the catalogue has no value. Wires that do not fit separately behind the body
+leave together through one slot in the middle.
 
-Strain relief: a wire slot ends in a neck, narrower than the wire, that is pressed in from above; radial leads bend
-into a channel in the underside that leads outward, so that the mold stands flat. The channel is as deep as the floor
-under the pocket leaves room for; without room for a lead there is none.
+For strain relief a wire slot ends in a neck, narrower than the wire, which is pressed in from above. Radial leads bend
+into a channel in the underside that runs outward, so that the mold is flat. The depth of the channel is limited by the
+floor under the pocket; without room for a lead there is no channel.
 
-Collars: walls above the rim around the bodies that are taller than it, so that they are held to their top.
+Collars are walls above the rim around taller bodies, which hold them to their top.
 
             body
          ___ | ___   collar, up to the body's top
@@ -33,9 +33,9 @@ Collars: walls above the rim around the bodies that are taller than it, so that 
             | |
     cavity  |_|  pocket
 
-A collar starts behind the pour lip and is a web thicker than its pockets on the other three sides; pocket and slots
-stay open upward through it. None is built where it would meet a fixing hole: the body then stands free, as
-`design.mold.webs.bodies_above_rim` tells.
+A collar starts behind the pour lip and is a web thicker than its pockets on the other three sides. Pocket and slots
+stay open upward through it. There is no collar where it would meet a fixing hole: the body is then exposed, as
+`design.mold.webs.bodies_above_rim` reports.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ NECK_MM = 1.5
 CHANNEL_DEPTH_MM = 1.5
 """Depth of the leads' channel where the floor leaves room: a bent lead with its sleeve."""
 CHANNEL_MARGIN_MM = 0.1
-"""Between a lead hole and the edge of its channel: tangent cuts are no manifold."""
+"""Distance between a lead hole and the edge of its channel: tangent cuts are not a manifold."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -90,8 +90,8 @@ class WallFrame:
     Attributes
     ----------
     line : its inner face
-    thickness_mm : of the wall; of a round one at the middle of the facet
-    outer_radius_mm : of a round outer face, whose centre lies behind the middle of the facet; 0 for a flat one
+    thickness_mm : thickness of the wall; of a round one at the middle of the facet
+    outer_radius_mm : radius of a round outer face, whose centre is behind the middle of the facet; 0 for a flat one
     """
 
     line: Line
@@ -100,7 +100,7 @@ class WallFrame:
 
     @property
     def is_facet(self) -> bool:
-        """Whether it is a facet that one part has to itself, in a round wall."""
+        """Whether it is the facet of a single part, in a round wall."""
         return self.outer_radius_mm > 0.0
 
     @property
@@ -118,11 +118,11 @@ class WallFrame:
         return self.line.point(along_mm, outward_mm)
 
     def along_and_outward_mm(self, x_mm: float, y_mm: float) -> tuple[float, float]:
-        """The way back from `point` [mm]."""
+        """Inverse of `point` [mm]."""
         return self.line.along_and_outward_mm(x_mm, y_mm)
 
     def thickness_at_mm(self, along_mm: float) -> float:
-        """From the inner face outward to the outer face [mm]."""
+        """Distance from the inner face outward to the outer face [mm]."""
         if not self.is_facet:
             return self.thickness_mm
         beside = along_mm - self.length_mm / 2
@@ -149,7 +149,7 @@ class WallFrame:
         return 0.0 in self.line.outward
 
     def box(self, cut: Cut) -> Box:
-        """A cut of this wall as a box in the cavity frame; of a facet the smallest that holds it."""
+        """A cut of this wall as a box in the cavity frame; for a facet the smallest box around it."""
         xs, ys = zip(*self.corners(cut), strict=True)
         return Box(x0=min(xs), x1=max(xs), y0=min(ys), y1=max(ys), z0=cut.floor, z1=cut.top)
 
@@ -161,8 +161,8 @@ class WallFrame:
     def apart_mm(self, cut: Cut, other: WallFrame, cut_there: Cut) -> float:
         """Distance in plan between a cut of this wall and one of another wall; zero or less when they overlap.
 
-        Of two convex shapes that do not meet, one has a corner at the shortest distance; a middle in the other shape
-        tells that they lie on each other.
+        If two convex shapes do not meet, one has a corner at the shortest distance. If the middle of one is inside
+        the other, they overlap.
         """
         mine = [
             self.along_and_outward_mm(*place)
@@ -175,7 +175,7 @@ class WallFrame:
 
 
 def _signed_mm(cut: Cut, along_mm: float, outward_mm: float) -> float:
-    """Distance in plan of a place from a cut, in the wall's coordinates; negative inside [mm]."""
+    """Distance in plan of a point from a cut, in the wall's coordinates; negative inside [mm]."""
     beside = max(cut.along0 - along_mm, along_mm - cut.along1)
     behind = max(cut.out0 - outward_mm, outward_mm - cut.out1)
     return math.hypot(max(beside, 0.0), max(behind, 0.0)) + min(max(beside, behind), 0.0)
@@ -199,12 +199,12 @@ class Socket:
 
     Attributes
     ----------
-    part : the part at its place
+    part : the placed part
     frame : its wall
-    pocket : room of the body
-    slots, necks : ways of the wires of a surface part to the outside, and their narrow ends
-    holes : ways of the leads of a radial part through the floor
-    channel : way of those leads below the mold, to the outside; None without room
+    pocket : space of the body
+    slots, necks : paths of the wires of a surface part to the outside, and their narrow ends
+    holes : paths of the leads of a radial part through the floor
+    channel : path of those leads below the mold, to the outside; None without room
     """
 
     part: PlacedPart
@@ -221,14 +221,14 @@ class Socket:
         return (self.pocket, *self.slots, *self.necks)
 
     def without_channel(self) -> Socket:
-        """The same with lead holes down to the underside."""
+        """The socket without its channel, with lead holes down to the underside."""
         if self.channel is None:
             return self
         holes = tuple(replace(hole, z0=self.channel.floor) for hole in self.holes)
         return replace(self, channel=None, holes=holes)
 
     def open_to(self, top_mm: float) -> Socket:
-        """The same with all cuts open up to another height [mm]."""
+        """The socket with all cuts open up to another height [mm]."""
         return replace(
             self,
             pocket=replace(self.pocket, top=top_mm),
@@ -242,7 +242,7 @@ def socket_of(part: PlacedPart, mold: Mold, frame: WallFrame, top_mm: float, bot
 
     Parameters
     ----------
-    part : the part at its place
+    part : the placed part
     mold : clearances and thinnest web
     frame : the wall it sits in
     top_mm, bottom_mm : upper and lower face of the mold in the cavity frame
@@ -267,7 +267,7 @@ def socket_of(part: PlacedPart, mold: Mold, frame: WallFrame, top_mm: float, bot
 
 
 def lead_offsets_mm(part: Part) -> tuple[float, ...]:
-    """Places of the leads along the wall, from the middle of the active area [mm]."""
+    """Positions of the leads along the wall, from the middle of the active area [mm]."""
     count, pitch = part.lead_count, part.lead_pitch_mm.value
     return tuple((k - (count - 1) / 2) * pitch for k in range(count))
 
@@ -332,7 +332,7 @@ def _wire_ways(
 
 
 def _wire_spans(part: Part, mold: Mold, half_pocket_mm: float) -> list[tuple[float, float]]:
-    """From where to where the wires leave, from the middle of the pocket; one by one if that leaves webs."""
+    """Ranges of the wires' exits, from the middle of the pocket; one per wire if webs remain between them."""
     width = 2 * _lead_radius_mm(part, mold)
     offsets = lead_offsets_mm(part)
     if part.lead_pitch_mm.value - width >= mold.min_web_mm and offsets[-1] <= half_pocket_mm:
@@ -341,7 +341,7 @@ def _wire_spans(part: Part, mold: Mold, half_pocket_mm: float) -> list[tuple[flo
 
 
 OWN_COLLAR_WEBS = 3
-"""Neighbours this many webs apart have a collar each, with a web of air between."""
+"""Neighbours at this distance [webs] have a collar each, with a web of air between them."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -350,7 +350,7 @@ class Collar:
 
     Attributes
     ----------
-    names : of the parts that it holds
+    names : names of the parts that it holds
     """
 
     names: tuple[str, ...]
@@ -364,7 +364,7 @@ class Collar:
 
     @property
     def box(self) -> Box:
-        """In the cavity frame."""
+        """The collar as a box in the cavity frame."""
         return self.frame.box(self.block)
 
 
@@ -376,7 +376,7 @@ def raised(
     Parameters
     ----------
     rim_mm : level of the rim
-    start_mm : how far the rim is opened outward of the cavity; a collar starts there
+    start_mm : distance of the opening at the rim outward of the cavity; a collar starts there
     """
     if not mold.raised_sockets:
         return (), sockets
@@ -394,7 +394,7 @@ def raised(
 
 
 def _of_wall(row: Sequence[Socket], rim_mm: float, start_mm: float, web_mm: float) -> Iterator[Collar]:
-    """A socket that needs no collar ends the one before it."""
+    """Collars of one wall; a socket that needs no collar ends the previous one."""
     held: list[Socket] = []
     for socket in row:
         is_tall = socket.part.body_top_mm > rim_mm + ROUNDING_MM
@@ -426,7 +426,7 @@ def _collar(held: Sequence[Socket], rim_mm: float, start_mm: float, web_mm: floa
 
 
 def by_wall(sockets: tuple[Socket, ...]) -> dict[str, tuple[Socket, ...]]:
-    """Sockets of each wall, in the order in which they stand along it; walls south, east, north, west, or facets."""
+    """Sockets of each wall, in their order along it; walls are south, east, north, west, or facets."""
     names = dict.fromkeys((*WALLS, *(socket.frame.wall for socket in sockets)))
     return {
         wall: tuple(

@@ -1,8 +1,8 @@
 """Clearances of the mold from its parameters: every wall, web and floor that has to print.
 
-Tangent cutters give files that slicers accept and printers get wrong, and no mesh check finds a thin
-wall reliably; so distances are computed here in closed form, before any solid exists. Seen from above,
-for the south wall:
+Slicers accept files with tangent cuts, but printers fail on them, and no mesh check finds a thin
+wall reliably. So distances are computed here in closed form, before any solid exists. The drawing
+shows the south wall from above:
 
        cavity
     ---+      +---------+        +---
@@ -12,9 +12,9 @@ for the south wall:
     -------------------------------- outer face
 
 Distances are in plan, except the floor under a pocket and the rim over a body. A negative value means
-that two cuts overlap. What is a wall of material needs `mold.min_web_mm`; a lead hole only has to stay
-inside its pocket. Pockets that keep a web to their wall's ends cannot meet around a corner. What a
-distance that is not kept means to the user is said in `design.rules.mold`.
+that two cuts overlap. A wall of material needs `mold.min_web_mm`; a lead hole only has to stay
+inside its pocket. Pockets that keep a web to their wall's ends cannot meet around a corner.
+`design.rules.mold` explains each violated clearance to the user.
 """
 
 from __future__ import annotations
@@ -44,10 +44,10 @@ class Clearance:
 
     Attributes
     ----------
-    name : what the distance is, the same words for every place
-    value_mm, needed_mm : what the design has, what it needs
-    parts, wall : the place: names of the parts and their wall, or another place and no wall
-    field : dotted path of what the distance comes from first of all
+    name : name of the distance, the same words at every location
+    value_mm, needed_mm : distance in the design, and required distance
+    parts, wall : names of the parts and their wall, or a description of another location and no wall
+    field : dotted path of the main field that sets the distance
     """
 
     name: str
@@ -59,17 +59,17 @@ class Clearance:
 
     @property
     def is_kept(self) -> bool:
-        """Whether the distance is at least what is needed."""
+        """Whether the distance is at least the required one."""
         return self.value_mm >= self.needed_mm - ROUNDING_MM
 
     @property
     def spare_mm(self) -> float:
-        """How much more there is than needed, to the rounding of lengths; negative when too tight [mm]."""
+        """Excess over the required distance, to the rounding of lengths; negative if it is too small [mm]."""
         return round(self.value_mm - self.needed_mm, 9)
 
     @property
     def where(self) -> str:
-        """The place in words."""
+        """The location in words."""
         return self.parts if self.wall is None else f"{self.parts} on the {self.wall} wall"
 
 
@@ -86,7 +86,7 @@ def clearances(design: SensorDesign) -> tuple[Clearance, ...]:
 
 
 def rim_clearances(design: SensorDesign) -> tuple[Clearance, ...]:
-    """How far each body stays below the rim; a mold can be built without, but a blade or lid will hit it."""
+    """Distance of each body below the rim; a mold can be printed without, but a blade or lid hits the body."""
     outline = outline_of(design)
     return tuple(
         Clearance(
@@ -111,17 +111,17 @@ def tightest(found: tuple[Clearance, ...]) -> tuple[Clearance, ...]:
 
 
 def bodies_above_rim(design: SensorDesign) -> tuple[str, ...]:
-    """Names of the parts whose body stands above the rim of the mold."""
+    """Names of the parts whose body extends above the rim of the mold."""
     return tuple(one.parts for one in rim_clearances(design) if not one.is_kept)
 
 
 def pockets_below_clear_layer(design: SensorDesign) -> tuple[str, ...]:
-    """Names of the parts whose pocket reaches below the clear layer, into the black layer or the floor."""
+    """Names of the parts whose pocket extends below the clear layer, into the black layer or the floor."""
     return tuple(s.part.name for s in outline_of(design).sockets if s.pocket.floor < -ROUNDING_MM)
 
 
 def _outside(socket: Socket, mold: Mold) -> str:
-    """Field that makes a socket's wall thicker."""
+    """Name of the field that makes a socket's wall thicker."""
     x, y = socket.frame.line.outward
     return mold.outside_fields[abs(y) > abs(x)]
 
@@ -159,7 +159,7 @@ def _between_fixing_holes(outline: MoldOutline, web: float) -> Iterator[Clearanc
 
 
 def _between_pockets(outline: MoldOutline, mold: Mold) -> Iterator[Clearance]:
-    """Neighbours on each straight wall: the web of their pockets, or if even the bodies overlap, their distance."""
+    """Clearance of neighbours on each straight wall: web of the pockets, or the distance of overlapping bodies."""
     web = mold.min_web_mm
     for wall, row in by_wall(tuple(one for one in outline.sockets if not one.frame.is_facet)).items():
         for low, high in pairwise(row):
@@ -178,7 +178,7 @@ def _between_pockets(outline: MoldOutline, mold: Mold) -> Iterator[Clearance]:
 
 
 def _between_facets(outline: MoldOutline, mold: Mold) -> Iterator[Clearance]:
-    """Neighbours of facets: the web between pockets, wire ways included, or the distance of overlapping bodies."""
+    """Clearance of neighbouring facets: the web between pockets, wire slots included, or that of overlapping bodies."""
     (x, y), web = outline.plan.centre_mm, mold.min_web_mm
     places = [(one, one.part.position_mm) for one in outline.sockets]
     around = [one for one, place in sorted(places, key=lambda one: math.atan2(one[1][1] - y, one[1][0] - x))]
@@ -210,7 +210,7 @@ def _of_socket(socket: Socket, outline: MoldOutline, mold: Mold) -> Iterator[Cle
 
 
 Row = tuple[str, str, float, float]
-"""Name, field, value and need of one clearance of a socket."""
+"""Name, field, value and required value of one clearance of a socket."""
 
 
 def _of_pocket(socket: Socket, outline: MoldOutline, web: float, outside: str) -> Iterator[Row]:

@@ -1,10 +1,10 @@
 """Angular tables as data sheets print them: relative intensity or response over the angle to the axis, in air.
 
 Between its angles a table is linear in the angle. Beyond its last angle it is assumed to fall linearly to 0 at 90
-degrees; a table that reaches 90 degrees needs no such assumption. Only ratios count: a sheet's polar diagram may
-be given with its largest value at 1, at 100, or in its own unit. Round about the axis: one section stands for all.
+degrees; a table that extends to 90 degrees needs no such assumption. Only ratios count: a sheet's polar diagram may
+have its largest value at 1, at 100, or in its own unit. The pattern is rotationally symmetric about the axis.
 
-Left out: emission that differs between the two axes of a package.
+The model leaves out emission that differs between the two axes of a package.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from design.fields.quantity import Confidence, Text
 
 MAX_POINTS = 400
 FLAT_FACE_LEAST_DEG = 40.0
-"""A narrower half angle needs a lens, and a lens in elastomer is not the lens of the sheet."""
+"""A narrower half angle needs a lens, and a lens in elastomer differs from the lens in air of the data sheet."""
 
 AngleDeg = Annotated[float, Field(ge=0.0, le=90.0)]
 Relative = Annotated[float, Field(ge=0.0, le=1e6)]
@@ -43,7 +43,7 @@ class AngularTable(Model):
     source: Text
     confidence: Confidence
     adapted: Text | None = None
-    """What was done to the points of a file, where anything was."""
+    """Changes to the points of a file, if any."""
 
     @model_validator(mode="after")
     def _is_a_table(self) -> Self:
@@ -65,14 +65,14 @@ class AngularTable(Model):
         return self.angle_deg[-1]
 
     def at(self, angle_deg: FloatArray) -> FloatArray:
-        """(...,) relative value at angles of 0 to 90 degrees; same shape, the table's own unit."""
+        """(...,) relative value at angles of 0 to 90 degrees, of the same shape, in the table's own unit."""
         angles, values = list(self.angle_deg), list(self.relative)
         if angles[-1] < 90.0:
             angles, values = [*angles, 90.0], [*values, 0.0]
         return np.interp(angle_deg, angles, values)
 
     def half_angle_deg(self) -> float:
-        """First angle at which the table is half of its value on the axis; 90 when it never is [deg]."""
+        """First angle at which the table is half of its value on the axis, or 90 if there is none [deg]."""
         half = 0.5 * self.relative[0]
         points = [*zip(self.angle_deg, self.relative, strict=True), (90.0, 0.0)]
         for (low, above), (high, below) in pairwise(points):

@@ -1,8 +1,8 @@
-"""What circuit and sheets assume beyond the design and its catalogue, with unit, source and confidence.
+"""Assumptions of circuit and sheets beyond the design and its catalogue, with unit, source and confidence.
 
-Standard values of resistors and capacitors, IEC 60063, and how they are written on an order.
+The module also has standard values of resistors and capacitors (IEC 60063), and their notation on an order.
 
-The printer that the checks assume: room of its bed, strokes and bridges that it makes.
+The checks assume a printer: build volume, width of strokes and length of bridges.
 """
 
 from __future__ import annotations
@@ -22,12 +22,12 @@ def assumption(name: str) -> Quantity:
 
 _E24 = "1.0 1.1 1.2 1.3 1.5 1.6 1.8 2.0 2.2 2.4 2.7 3.0 3.3 3.6 3.9 4.3 4.7 5.1 5.6 6.2 6.8 7.5 8.2 9.1"
 E24 = tuple(_E24.split())
-"""Resistors of a decade."""
+"""Standard resistors of a decade."""
 E12 = ("1.0", "1.2", "1.5", "1.8", "2.2", "2.7", "3.3", "3.9", "4.7", "5.6", "6.8", "8.2")
-"""Capacitors of a decade."""
+"""Standard capacitors of a decade."""
 
 ROUNDING = 1e-9
-"""A computed value this near to a standard one, relatively, is that one."""
+"""Relative tolerance within which a computed value equals a standard one."""
 
 OHM_PER_KILOOHM = 1e3
 OHM_PER_MEGOHM = 1e6
@@ -49,7 +49,7 @@ def standard_nearest(value: float, series: tuple[str, ...] = E24) -> float:
 
 
 def ohm_text(ohm: float) -> str:
-    """A resistance as it is written on an order: 120 ohm, 2.2 kohm, 1 Mohm."""
+    """A resistance in the notation of an order: 120 ohm, 2.2 kohm, 1 Mohm."""
     for scale, unit in ((OHM_PER_MEGOHM, "Mohm"), (OHM_PER_KILOOHM, "kohm")):
         if ohm >= scale:
             return f"{ohm / scale:g} {unit}"
@@ -62,7 +62,7 @@ def _nearby(value: float, series: tuple[str, ...]) -> list[float]:
 
 
 Bed = tuple[float, float, float]
-"""Room of a printer: x, y and height [mm]."""
+"""Build volume of a printer: x, y and height [mm]."""
 
 
 def printer(name: str) -> Quantity:
@@ -71,12 +71,12 @@ def printer(name: str) -> Quantity:
 
 
 def usual_bed_mm() -> Bed:
-    """Room of the printer that is assumed where none is named [mm]."""
+    """Build volume of the default printer [mm]."""
     return printer("bed_x").value, printer("bed_y").value, printer("bed_z").value
 
 
 def bed_of(text: str) -> Bed:
-    """A bed as it is given on the command line: ``220,220,250`` or ``220x220x250`` [mm].
+    """A bed in the notation of the command line: ``220,220,250`` or ``220x220x250`` [mm].
 
     Raises
     ------

@@ -1,8 +1,8 @@
-"""What the generated firmware needs to know of a board, and what it takes to upload it.
+"""Properties of a board that the generated firmware and its upload need.
 
-An AVR chip with the ATmega's converter and timer has a program of its own (`BoardFirmware`). Ports and multiplexer
-settings of pins and inputs live there and nowhere else, so that an index map is never written by hand. Every other
-board with an Arduino core has the portable program, which names pins as the core does (`ArduinoProgram`).
+An AVR chip with the ATmega's converter and timer has its own program (`BoardFirmware`). Only this entry has ports and
+multiplexer settings of pins and inputs, so that no index map is written by hand. Every other board with an Arduino core
+has the portable program, which names pins as the core does (`ArduinoProgram`).
 """
 
 from __future__ import annotations
@@ -23,10 +23,10 @@ AnalogPin = Annotated[str, Field(pattern=r"^A?[0-9]{1,3}$")]
 """An analogue input as an Arduino core names it, A0 or 26."""
 
 SUPPLY_BITS = 64
-"""Of the multiplexer's register: full scale is the supply."""
+"""Bits of the multiplexer's register that make the supply full scale."""
 
 MUX5 = 32
-"""The multiplexer's sixth bit, which lies in another register than the rest."""
+"""The multiplexer's sixth bit, which is in another register than the other bits."""
 
 
 class BoardFirmware(Model):
@@ -81,5 +81,5 @@ class ArduinoProgram(Model):
 
     @property
     def arduino_board(self) -> str:
-        """As the Arduino IDE names the board."""
+        """The board's name in the Arduino IDE."""
         return self.fqbn

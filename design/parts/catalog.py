@@ -1,7 +1,7 @@
 """Parts, elastomers, mold materials and boards: the entries, the packaged files, and look-up.
 
-Every file, packaged or the user's own, holds the tables `parts`, `elastomers`, `mold_materials`
-and `boards`, each by identifier. A part seen from the cavity, its active face flush with the wall:
+Every file, packaged or the user's own, has the tables `parts`, `elastomers`, `mold_materials` and `boards`,
+each by identifier. The drawing shows a part from the cavity, with its active face flush with the wall:
 
           body_width_mm                     wall
         +---------------+            |  body_depth_mm |
@@ -13,12 +13,12 @@ and `boards`, each by identifier. A part seen from the cavity, its active face f
                 x above the base:       |  |   surface: wires leave through the back)
                 active_height_in_body_mm
 
-An emitter shines as a power of the cosine with its half angle, or as its `angular_pattern` says; one effective
-wavelength stands for it, or its `spectrum`, over which the index is averaged. A receiver counts all light that falls on
-its active area, unless `epoxy_index` says what lies on the chip: then light refracts into it, and its angular
-response follows from its half angle or its `angular_response`.
+An emitter's intensity is a power of the cosine with its half angle, or its `angular_pattern`. Its light has one
+effective wavelength, or a `spectrum`, over which the index is averaged. A receiver counts all light on its active area,
+unless `epoxy_index` gives the medium on the chip. Then light refracts into this medium, and the angular response
+follows from the half angle or `angular_response`.
 
-Left out: drift with temperature.
+The model leaves out drift with temperature.
 """
 
 from __future__ import annotations
@@ -111,11 +111,11 @@ UsbId = Annotated[str, Field(pattern=r"^[0-9a-f]{4}:[0-9a-f]{4}$")]
 """Vendor and product of a USB device in hexadecimal digits, as 2341:0042."""
 
 DEFAULT_BOOT_S = 2.5
-"""Of boards that do not say: the longest among the packaged ones."""
+"""Default boot time of boards: the longest of the packaged ones."""
 
 
 class Part(Model):
-    """An emitter or a receiver: what light sees of it, and the room it takes in the wall."""
+    """An emitter or a receiver: its optical properties, and its space in the wall."""
 
     unsaid = (*_EMITTER_OPTIONS, *_RECEIVER_OPTIONS)
 
@@ -243,7 +243,7 @@ class Part(Model):
 
 
 class MoldMaterial(Model):
-    """What the mold is printed of; its inner faces are the walls that light meets."""
+    """Material of the printed mold; the mold's inner faces are the walls that reflect light."""
 
     unsaid = ("refractive_index",)
 
@@ -261,7 +261,7 @@ class Board(Model):
     """A microcontroller board: voltages, converter, pins, link to the host.
 
     On AVRs converter and serial line divide the processor's clock: `adc_clocks_per_conversion`, `adc_prescalers` and
-    `exact_bauds` are theirs. Every other board gives `conversion_us`.
+    `exact_bauds` apply to AVRs only. Every other board gives `conversion_us`.
     """
 
     unsaid = (
@@ -429,7 +429,7 @@ class Board(Model):
 
 
 class Multiplexer(Model):
-    """Analogue switches that lead one of several amplifiers to one input of the board, by an address of bits."""
+    """Analogue switches that connect one of several amplifiers to one input of the board, by an address of bits."""
 
     title: Text
     source: Annotated[Text, Field(description="where the plain numbers of this entry come from")]
@@ -464,7 +464,7 @@ class ShiftRegister(Model):
 
 
 def _assumed_v() -> float:
-    """Supply of a board whose entry does not say [V]."""
+    """Default supply of a board [V]."""
     return assumption("supply_v").value
 
 
@@ -483,7 +483,7 @@ class CatalogEntries(Model):
 
 @cache
 def packaged() -> CatalogEntries:
-    """The entries that come with the program."""
+    """The entries of the packaged catalogue."""
     entries = CatalogEntries()
     for name in PACKAGED_FILES:
         entries = merged(entries, parse_entries(data_table(f"{name}.toml"), f"{name}.toml"))
@@ -521,7 +521,7 @@ def identifiers(document: Mapping[str, Any]) -> tuple[str, ...]:
 
 
 def merged(base: CatalogEntries, extra: CatalogEntries) -> CatalogEntries:
-    """Both sets of entries; where an identifier is in both, `extra` holds."""
+    """Both sets of entries; where an identifier is in both, `extra` takes precedence."""
     if extra == CatalogEntries():
         return base
     return CatalogEntries(

@@ -1,11 +1,11 @@
 """A clear casting silicone: refractive index, stiffness, absorption, density, cure.
 
-Model of the index: linear in wavelength inside a source's table, linear in the mixing ratio
-between two tables. Other published fits (Sellmeier, one term, Schneider 2009) widen the band only.
-Model of stiffness: E is linear in 1/ratio between the rows (Wang 2014: E = 20 MPa / ratio).
+The index is linear in wavelength inside a source's table, and linear in the mixing ratio between
+two tables. Other published fits (Sellmeier, one term, Schneider 2009) only widen the band.
+Young's modulus E is linear in 1/ratio between the rows (Wang 2014: E = 20 MPa / ratio).
 
-Left out: cure temperature and age (they move E by up to a factor of two, see the band), strain
-stiffening, temperature. Nothing is extrapolated beyond a table's wavelengths or ratios.
+The model leaves out cure temperature and age (they change E by up to a factor of two, see the band), strain
+stiffening and temperature. Nothing is extrapolated beyond a table's wavelengths or ratios.
 """
 
 from __future__ import annotations
@@ -97,7 +97,7 @@ class ModulusRow(Model):
 
 
 class Cure(Model):
-    """One way to cure."""
+    """One cure schedule."""
 
     temperature_c: Annotated[float, Field(ge=0.0, le=250.0)]
     minutes: Annotated[float, Field(gt=0.0, le=30000.0)]
@@ -106,7 +106,7 @@ class Cure(Model):
 
 
 class Elastomer(Model):
-    """A clear two-part silicone; a kit that is mixed in equal parts has the ratio 1."""
+    """A clear two-part silicone; a kit for mixing in equal parts has the ratio 1."""
 
     title: Text
     manufacturer: Text
@@ -149,7 +149,7 @@ class Elastomer(Model):
 
 @dataclass(frozen=True, kw_only=True)
 class _Interpolated:
-    """Index at one ratio and wavelength, its two tables, and whether it stands so in a table."""
+    """Index at one ratio and wavelength, its two tables, and whether a table has that very value."""
 
     value: float
     ends: tuple[float, float]
@@ -168,9 +168,9 @@ def refractive_index(elastomer: Elastomer, mixing_ratio: float, wavelength_um: f
 
     Returns
     -------
-    The index [-]. Beyond a band formula's own range its difference at the nearest end is kept. At a ratio that
-    the material allows beyond its tables, that of the nearest table, with a band over all of them: they do not
-    order by ratio, so their spread is that of samples, and there is no trend to follow.
+    The index [-]. Beyond a band formula's own range its difference at the nearest end is kept. A ratio that the
+    material permits beyond its tables has the index of the nearest table, with a band over all of them. The tables
+    do not order by ratio, so their spread is that of samples, and there is no trend to extrapolate.
 
     Raises
     ------
@@ -252,7 +252,7 @@ def _bracket(knots: Sequence[float], at: float, what: str, way_out: str) -> tupl
 
 
 def _ratio_with_table(elastomer: Elastomer, mixing_ratio: float) -> float:
-    """The ratio itself, or the nearest one with a table where the material allows ratios beyond its several tables."""
+    """The ratio itself, or the nearest ratio with a table if the material permits ratios beyond its several tables."""
     ratios = [table.mixing_ratio for table in elastomer.index]
     if len(ratios) == 1 or not elastomer.mixing_ratio_low <= mixing_ratio <= elastomer.mixing_ratio_high:
         return mixing_ratio

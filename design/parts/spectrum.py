@@ -1,24 +1,24 @@
 """An emitter's spectrum, and the refractive index averaged over it.
 
-Model: one index stands for all light, n = int w(lambda) n(lambda) dlambda / int w dlambda, with the weight w linear
-between its points and 0 outside. The weight is what counts in the end: emitted power times the receiver's
-responsivity, relative, in any unit. Simpson's rule on pieces of at most 10 nm; exact where n is linear there.
+All light has one index, n = int w(lambda) n(lambda) dlambda / int w dlambda, with the weight w linear between its
+points and 0 outside. The weight is emitted power times the receiver's responsivity, relative, in any unit.
+Simpson's rule integrates pieces of at most 10 nm, and is exact where n is linear there.
 
-What averaging the index, not the light, leaves out: a signal F(n) averages to F(mean) + F'' var(n) / 2 + ...; the
+The index is averaged, and not the light. A signal F(n) averages to F(mean) + F'' var(n) / 2 + ...; the
 first-order term vanishes by construction. `deviation` gives the root of var(n). Absorption is not averaged.
 
-Curves of data sheets as a digitiser writes them: an angular table or a spectrum from a CSV file.
+A CSV file of a digitiser gives a data sheet's curve, an angular table or a spectrum:
 
     angle_deg, relative        a heading, empty lines and lines that begin with # are skipped
     -89.6, 0.02                rows in any order, as many as there are
     0.31, 0.99
 
-What is done to the points, in this order, and said in the table:
+The points are processed in this order, and the table records each change:
 
 - Values below 0 by up to 2 % of the largest become 0; angles beyond 90 degrees by up to 1 become 90.
 - Points are sorted; of points at one angle or wavelength the mean is taken.
 - Angles on both sides of the axis are folded: the mean of both sides, where both have values.
-- A first angle of up to 2 degrees is taken for the axis.
+- A first angle of up to 2 degrees counts as the axis.
 - More than 181 points become 181 at equal distances, by linear interpolation.
 """
 
@@ -46,9 +46,9 @@ CURVES = {
     "angular_response": ("angle_deg", "relative"),
     "spectrum": ("wavelength_nm", "weight"),
 }
-"""Tables of a part that may come from a file, and their two lists."""
+"""Tables of a part that a file may give, and their two lists."""
 LARGEST_BELOW_ZERO = 0.02
-"""Of the largest value: what a digitiser reads below the axis of a diagram."""
+"""Largest reading of a digitiser below the axis of a diagram [share of the largest value]."""
 FARTHEST_FROM_AXIS_DEG = 2.0
 FARTHEST_BEYOND_DEG = 1.0
 MOST_POINTS = 181
@@ -65,7 +65,7 @@ def with_curve(table: dict[str, Any], file: Path, kind: str) -> dict[str, Any]:
 
     Raises
     ------
-    DesignError : points are given twice, the file cannot be read, or its points are no such curve.
+    DesignError : points are given twice, the file cannot be read, or its points are not such a curve.
     """
     across, value = CURVES[kind]
     if doubled := [name for name in (across, value) if name in table]:
@@ -130,7 +130,7 @@ def _folded(
 
 
 def _sorted(where: FloatArray, values: FloatArray, changes: list[str]) -> tuple[FloatArray, FloatArray]:
-    """Rising points; one for each location."""
+    """Points in rising order, one per angle or wavelength."""
     found, place, counts = np.unique(where, return_inverse=True, return_counts=True)
     if (np.diff(where) < 0.0).any():
         changes.append("points sorted")
@@ -151,7 +151,7 @@ def _from_axis(angles: FloatArray, changes: list[str], file: Path) -> FloatArray
 
 
 def _thinned(where: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray, list[str]]:
-    """At most `MOST_POINTS` points; what is said of it."""
+    """At most `MOST_POINTS` points, and the recorded changes."""
     if len(where) <= MOST_POINTS:
         return where, values, []
     grid = np.linspace(where[0], where[-1], MOST_POINTS)
@@ -168,7 +168,7 @@ Weight = Annotated[float, Field(ge=0.0, le=1e9)]
 
 
 class Spectrum(Model):
-    """Relative weight of an emitter's wavelengths: its spectral power, better times the receiver's responsivity."""
+    """Relative weight of an emitter's wavelengths: its spectral power, preferably times the receiver's responsivity."""
 
     unsaid = ("adapted",)
 
@@ -179,7 +179,7 @@ class Spectrum(Model):
     source: Text
     confidence: Confidence
     adapted: Text | None = None
-    """What was done to the points of a file, where anything was."""
+    """Changes to the points of a file, if any."""
 
     @model_validator(mode="after")
     def _is_a_table(self) -> Self:
@@ -194,7 +194,7 @@ class Spectrum(Model):
         return self
 
     def samples(self) -> tuple[tuple[float, float], ...]:
-        """Wavelengths [um] where there is light, and their shares of the whole, which add up to 1."""
+        """Wavelengths [um] with light, and their shares of the total, which add up to 1."""
         points: dict[float, float] = {}
         table = zip(self.wavelength_nm, self.weight, strict=True)
         for (start, first), (end, last) in pairwise(table):
@@ -232,7 +232,7 @@ def spectral_index(spectrum: Spectrum, index_at: Callable[[float], Quantity]) ->
 
     Raises
     ------
-    DesignError : a wavelength that has weight and no index.
+    DesignError : a wavelength that has a weight but no index.
     """
     samples = [(index_at(where), share) for where, share in spectrum.samples()]
     value = sum(share * index.value for index, share in samples)

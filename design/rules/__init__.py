@@ -1,4 +1,4 @@
-"""Does it fit, can it be built, can it be judged? Each rule says field, value, limit and way out.
+"""Rules of fit, manufacture and judgement. Each finding has field, value, limit and way out.
 
-Imports of ours: circuit, geometry and below. `check` asks them all.
+Imports of ours: circuit, geometry and below. `check` applies all rules.
 """

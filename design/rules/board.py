@@ -1,12 +1,12 @@
-"""Can the board do it? Pins, converter, frame rate, serial rate.
+"""Rules for the board: pins, converter, frame rate, serial rate.
 
 An asynchronous frame of 10 bits samples its last bit at 9.5 bit times, so sender and receiver may
-differ by half a bit there, 5.3 %. Each end is given half of that: a rate more than 2.5 % off is an
-error, and one more than 1 % off a warning, since the other end need not be exact either.
+differ by half a bit there, 5.3 %. Each end is given half of that: a deviation of more than 2.5 % is an
+error, and one of more than 1 % a warning, since the other end need not be exact either.
 
-Can the generated firmware run on the board? Chip, converter, ports of the pins in use, memory.
+Rules for the generated firmware cover the chip, its converter, ports of the pins in use, and memory.
 
-A board without an entry for its chip is no error: mold, wiring and driver configuration do not need one.
+A board without an entry for its chip is not an error: mold, wiring and driver configuration do not need one.
 Then the warning says that no firmware will be made. A layout whose frames do not fit the memory is an error.
 """
 
@@ -35,23 +35,23 @@ from design.spec import SensorDesign
 
 FIRMWARE_ADC_BITS = 10
 PORTABLE_ADC_BITS = range(8, 17)
-"""Readings that the program for boards with another Arduino core packs."""
+"""Bits of a reading that the program for boards with another Arduino core can pack."""
 
 TICK_HZ = 8_000_000
-"""The firmware's clock counts eighths of the processor's, a whole number a microsecond."""
+"""The firmware's clock counts eighths of the processor's, a whole number per microsecond."""
 
 HELLO_BYTES = 56
 FRAME_BUFFERS = 2
-"""One is filled while the other is sent."""
+"""The firmware fills one buffer while it sends the other."""
 
 PROGRAM_RAM_BYTES = 512
-"""Everything but the frames: variables (170 bytes measured), five bytes an emitter, the stack."""
+"""Memory in addition to the frames: variables (170 bytes measured), five bytes per emitter, the stack."""
 
 
 def firmware_findings(
     design: SensorDesign, board: Board, emitter_count: int, receiver_count: int
 ) -> Iterator[Finding]:
-    """Everything that keeps the firmware from running on the board."""
+    """Findings that prevent the firmware from running on the board."""
     chip = board.firmware
     if board.arduino is not None:
         yield from _portable_findings(design, board, board.arduino, emitter_count, receiver_count)
@@ -146,7 +146,7 @@ BAUD_ERROR_WARNING = 0.01
 def board_findings(
     design: SensorDesign, board: Board, emitter_count: int, receiver_count: int
 ) -> Iterator[Finding]:
-    """Everything that the board cannot do, or only just."""
+    """Findings about limits of the board that the design exceeds or nearly reaches."""
     yield from pin_findings(design, board, emitter_count, receiver_count)
     yield from _voltage_findings(design, board)
     yield from _reference_findings(design, board)
@@ -162,7 +162,7 @@ def board_findings(
 
 
 def circuit_findings(design: SensorDesign, board: Board) -> Iterator[Finding]:
-    """What the circuit around the board cannot do: light an emitter, switch it by a pin, settle in time."""
+    """Findings about the circuit around the board: light an emitter, switch it by a pin, settle in time."""
     for placed in {one.part_id: one for one in cavity_of(design).emitters}.values():
         switch = emitter_switch(placed.part, board)
         supply_v, most = board.emitter_v, board.max_pin_current_ma.value
@@ -207,7 +207,7 @@ def _reference_findings(design: SensorDesign, board: Board) -> Iterator[Finding]
 
 
 def _voltage_findings(design: SensorDesign, board: Board) -> Iterator[Finding]:
-    """A board of one's own without voltages is taken for one of 5 V, which a 3.3 V board does not survive."""
+    """A user's board without voltages is assumed to have 5 V, which destroys a 3.3 V board."""
     if board.supply_v is None or board.logic_v is None:
         yield warning(
             "board.kind",
@@ -261,7 +261,7 @@ def _rate_findings(
     design: SensorDesign, board: Board, emitter_count: int, receiver_count: int
 ) -> Iterator[Finding]:
     if board.divides_clock and design.board.adc_prescaler <= 0:
-        return  # has its own finding
+        return  # another finding covers it
     takes = frame_time_ms(board, design.board, emitter_count, receiver_count, multiplexer_of(design))
     budget = MS_PER_S / design.board.frame_rate_hz
     if takes > budget:

@@ -1,8 +1,8 @@
-"""Does it fit? Everything that is wrong with a design, and everything to keep in mind, at once.
+"""The check of a design: all errors, warnings and notes at once.
 
 The schema (`design.spec`) checks each field by itself; these rules check fields against each other,
-against the catalogue, and against what the printer, the board and the models can do. Values that
-nobody has measured are not findings: the report lists them (`design.spec.properties.used_values`).
+against the catalogue, and against the limits of the printer, the board and the models. Unmeasured
+values are not findings: the report lists them (`design.spec.properties.used_values`).
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ from design.spec.tolerances import tolerance_findings
 __all__ = ["Finding", "check", "notes", "require_valid"]
 
 SMALLEST_LENGTH_MM = 0.01
-"""No printer, mold or caliper resolves less; a shorter length was most likely given in metres."""
+"""Least plausible length: no printer, mold or caliper resolves less, and a shorter one was likely given in metres."""
 
 
 def check(design: SensorDesign) -> tuple[Finding, ...]:
@@ -67,7 +67,7 @@ def check(design: SensorDesign) -> tuple[Finding, ...]:
 
 
 def notes(design: SensorDesign) -> tuple[Finding, ...]:
-    """What is true of a usual design and a user may not expect; of one without errors."""
+    """Facts about a usual design that a user may not expect; only for a design without errors."""
     return tuple(reach_notes(design))
 
 
@@ -76,7 +76,7 @@ def require_valid(design: SensorDesign) -> None:
 
     Raises
     ------
-    DesignError : all errors, one a line.
+    DesignError : all errors, one per line.
     """
     errors = [str(finding) for finding in check(design) if finding.severity == "error"]
     if errors:

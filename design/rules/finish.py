@@ -1,4 +1,4 @@
-"""What to keep in mind about smooth walls, angular tables and chips under epoxy."""
+"""Warnings about smooth walls, angular tables and chips under epoxy."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from design.spec import SensorDesign
 from design.spec.properties import entries_of, wall_index
 
 SHORT_TABLE_DEG = 80.0
-"""A table that ends before it leaves more than 3 % of a Lambertian source's power to an assumption."""
+"""A table that ends below this angle leaves more than 3 % of a Lambertian source's power to an assumption."""
 
 
 def finish_findings(design: SensorDesign) -> Iterator[Finding]:
-    """Walls that mirror: an index that is missing or has no use, and what such walls cost."""
+    """Findings about reflective walls: a missing or unused index, and the cost of such walls."""
     surfaces = design.surfaces
     if surfaces.wall_index is not None and surfaces.wall_finish != "glossy":
         yield error(
@@ -50,7 +50,7 @@ def _index_findings(design: SensorDesign) -> Iterator[Finding]:
 
 
 def angle_findings(cavity: CavityGeometry) -> Iterator[Finding]:
-    """Lenses, which elastomer takes away, and angular tables that end early."""
+    """Findings about lenses, which have no effect in elastomer, and angular tables that end early."""
     for placed in {part.part_id: part for part in cavity.parts}.values():
         yield from _lens_findings(placed.part, placed.part_id, placed.origin)
         yield from _table_findings(placed.part, placed.part_id, placed.origin)

@@ -1,8 +1,8 @@
-"""Can the design be judged? Active areas against the clear layer, paths, workspace, depth, tables.
+"""Rules for judgement of a design: active areas and the clear layer, paths, workspace, depth, tables.
 
-The contact model holds to the lesser of 0.8 of the elastic depth (clear and black layer together) and
-1.7 tip radii; beyond it the verdict is OUT_OF_MODEL_SCOPE. That is a verdict, so it is a warning here;
-deeper than the clear layer itself there is nothing left to press, and that is an error.
+The contact model is valid to the lesser of 0.8 of the elastic depth (clear and black layer together) and
+1.7 tip radii; beyond it the verdict is OUT_OF_MODEL_SCOPE. That is a verdict, so it is a warning here.
+A press deeper than the clear layer itself is impossible, so it is an error.
 """
 
 from __future__ import annotations
@@ -39,12 +39,12 @@ from design.spec import SensorDesign, properties
 from design.spec.layout import MAX_PER_KIND, Kind
 
 SURROUND_MM = 0.1
-"""How far beside a place the verdict presses too, to tell places apart [mm]."""
+"""Offset of the verdict's extra presses around a location, which show whether locations are resolved [mm]."""
 KINDS: tuple[Kind, Kind] = ("emitter", "receiver")
 
 
 def count_findings(emitter_count: int, receiver_count: int) -> Iterator[Finding]:
-    """No emitter, no receiver, or more of them than signals, states and pins are made for."""
+    """Findings about no emitter, no receiver, or more than signals, states and pins support."""
     for kind, count in zip(KINDS, (emitter_count, receiver_count), strict=True):
         if count == 0:
             yield error(
@@ -65,7 +65,7 @@ def count_findings(emitter_count: int, receiver_count: int) -> Iterator[Finding]
 
 
 def name_findings(cavity: CavityGeometry) -> Iterator[Finding]:
-    """Parts that share a name, which signals, wiring and reports go by."""
+    """Findings about duplicate names of parts, which signals, wiring and reports need as identifiers."""
     names = [part.name for part in cavity.parts]
     for name in dict.fromkeys(name for name in names if names.count(name) > 1):
         origin = [part.origin for part in cavity.parts if part.name == name][-1]
@@ -79,17 +79,17 @@ def name_findings(cavity: CavityGeometry) -> Iterator[Finding]:
 
 
 def area_findings(cavity: CavityGeometry) -> Iterator[Finding]:
-    """Emitting and sensitive areas that are not, or not wholly, in the clear layer."""
+    """Emitting and sensitive areas that are not, or not completely, in the clear layer."""
     seen: set[tuple[str, str, float]] = set()
     for part in cavity.parts:
         key = (part.height_field, part.part_id, round(part.clear_mm, 9))
-        if key not in seen:  # parts that share all of it share their finding
+        if key not in seen:  # parts with the same key share their finding
             seen.add(key)
             yield from _area_of(part, is_crowned=not cavity.plan.top.is_flat)
 
 
 def path_findings(cavity: CavityGeometry) -> Iterator[Finding]:
-    """Pairs that cannot see each other, and layouts that look from one side only."""
+    """Findings about pairs without a direct path, and layouts that observe from one side only."""
     walls = {kind: sorted({p.wall for p in cavity.parts if p.kind == kind}) for kind in KINDS}
     if not direct_path_pairs(cavity).any():
         yield error(
@@ -114,7 +114,7 @@ def path_findings(cavity: CavityGeometry) -> Iterator[Finding]:
 
 
 def workspace_findings(design: SensorDesign, cavity: CavityGeometry) -> Iterator[Finding]:
-    """A workspace that is empty, smaller than the tip, or away from the pairs that are judged."""
+    """A workspace that is empty, smaller than the tip, or away from the judged pairs."""
     space, radius = cavity.workspace, design.indenter.tip_radius_mm
     side = min(space.x1_mm - space.x0_mm, space.y1_mm - space.y0_mm)
     margin = design.operating.workspace_margin_mm
@@ -150,7 +150,7 @@ def workspace_findings(design: SensorDesign, cavity: CavityGeometry) -> Iterator
 
 
 def depth_findings(design: SensorDesign) -> Iterator[Finding]:
-    """A layer that the contact model does not hold; a press deeper than the clear layer, or than the model holds."""
+    """A layer outside the contact model, or a press deeper than the clear layer or the model's range."""
     yield from _layer_findings(design) if plan_of(design).top.is_flat else _crowned_layer_findings(design)
     yield from _press_findings(design)
 
@@ -161,7 +161,7 @@ def _crowned_layer_findings(design: SensorDesign) -> Iterator[Finding]:
     low, high = (radii * tip for radii in CROWNED_LAYER_RANGE)
     thinnest = thinnest_elastic_mm(design)
     if math.isnan(thinnest):
-        return  # the crown does not reach the border of the workspace, which has its own finding
+        return  # the crown does not reach the border of the workspace, which another finding covers
     if not (low - ROUNDING_MM <= thinnest and thickest <= high + ROUNDING_MM):
         yield warning(
             "cavity.clear_thickness_mm",
@@ -221,7 +221,7 @@ def _press_findings(design: SensorDesign) -> Iterator[Finding]:
 
 
 def material_findings(design: SensorDesign) -> Iterator[Finding]:
-    """Optical and elastic values that the catalogue's tables do not reach."""
+    """Optical and elastic values that the catalogue's tables do not cover."""
     for field, look_up in (
         ("elastomer.refractive_index", properties.refractive_index),
         ("elastomer.absorption_db_per_cm", properties.absorption_db_per_cm),
@@ -242,7 +242,7 @@ def material_findings(design: SensorDesign) -> Iterator[Finding]:
 
 
 def colour_findings(design: SensorDesign, cavity: CavityGeometry) -> Iterator[Finding]:
-    """Emitters of other colours than the default one, for which the index is looked up."""
+    """Emitters of another colour than the default one, which sets the index."""
     default = properties.wavelength_um(design) * 1000.0
     spectrum = properties.part_of(design, design.emitters.part, "emitter").spectrum
     others = {
@@ -296,7 +296,7 @@ def _area_of(part: PlacedPart, *, is_crowned: bool) -> Iterator[Finding]:
 
 
 def _off_chord_findings(cavity: CavityGeometry) -> Iterator[Finding]:
-    """In facing rows the verdict is that of single pairs, so a press beside the chord matters."""
+    """In facing rows the verdict is for single pairs, so a press off the chord matters."""
     beside = []
     for e, r in facing_pairs(cavity):
         x, y = _chord_middle_mm(cavity.emitters[e], cavity.receivers[r])
@@ -316,7 +316,7 @@ def _off_chord_findings(cavity: CavityGeometry) -> Iterator[Finding]:
 
 
 def _middle_findings(cavity: CavityGeometry) -> Iterator[Finding]:
-    """A pad whose middle no pair looks across: a ring in turn with an even count has an emitter opposite an emitter."""
+    """A pad without a pair across its middle: an alternating ring of even count has emitters opposite emitters."""
     pairs = [(int(e), int(r)) for e, r in np.argwhere(direct_path_pairs(cavity))]
     if not pairs or is_facing_rows(cavity):
         return

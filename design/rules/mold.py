@@ -1,10 +1,10 @@
-"""Options of the mold that need something of the rest: a cover's seat, a parted mold, fits; what stands above the pad.
+"""Rules for options of the mold: a cover's seat, a parted mold, fits, and bodies above the pad.
 
-Names that find no room on the outer face are told by the printed parts' checks (`cad.checks`).
+The printed parts' checks (`cad.checks`) report names that do not fit on the outer face.
 
-Can the mold be printed? Every clearance of `design.mold.webs` that is not kept, in the user's words.
+Rules for printing report every violated clearance of `design.mold.webs`, in the user's words.
 
-What one change mends is one finding, which tells the worst place and counts the others.
+Violations that one change fixes are one finding, which gives the worst location and counts the others.
 """
 
 from __future__ import annotations
@@ -26,11 +26,11 @@ from design.spec.properties import elastomer_of, entries_of
 
 @dataclass(frozen=True, kw_only=True)
 class Words:
-    """What a clearance that is not kept means, and what to do.
+    """The meaning of a violated clearance, and the way out.
 
-    Places to fill in: {where}, {parts}, {wall} and {field} of the clearance; its {value}, what is {needed},
-    the value as an {overlap}, {twice} what is lacking, the inner {length} of the wall, what the {mouth} of the mold is,
-    and the fields of its {outside}.
+    Placeholders: {where}, {parts}, {wall} and {field} of the clearance; its {value}, the {needed} one,
+    the value as an {overlap}, {twice} the missing length, the inner {length} of the wall, the kind of the mold's
+    {mouth}, and the fields of its {outside}.
     """
 
     message: str
@@ -124,8 +124,8 @@ WORDS = {
 
 
 def web_findings(design: SensorDesign) -> Iterator[Finding]:
-    """Everything that keeps the mold from being printed, and what will be in the blade's way."""
-    above_rim = () if is_cast_under_lid(plan_of(design)) else rim_clearances(design)  # a lid has its own rule
+    """Findings that prevent printing of the mold, and bodies that obstruct the leveling blade."""
+    above_rim = () if is_cast_under_lid(plan_of(design)) else rim_clearances(design)  # lids: another rule
     for finding, found in ((error, clearances(design)), (warning, above_rim)):
         for group in _groups([one for one in found if not one.is_kept]):
             worst, more = min(group, key=lambda one: one.spare_mm), len(group) - 1
@@ -141,7 +141,7 @@ def web_findings(design: SensorDesign) -> Iterator[Finding]:
 
 
 def _groups(found: list[Clearance]) -> list[list[Clearance]]:
-    """Those with the same way out, of the same field; in the layout, which has many, of the same wall."""
+    """Groups of clearances with the same way out and field; in the layout, which has many, with the same wall."""
     groups: dict[tuple[str, str | None], list[Clearance]] = {}
     for one in found:
         place = one.wall if one.field.startswith("layout.") else one.field
@@ -150,7 +150,7 @@ def _groups(found: list[Clearance]) -> list[list[Clearance]]:
 
 
 def _filling(one: Clearance, design: SensorDesign) -> dict[str, str | None]:
-    """What fills the places in `Words`; lengths that are to be added are rounded up."""
+    """Values of the placeholders in `Words`; lengths to be added are rounded up."""
     size = design.cavity
     length = size.wall_length_mm(one.wall) if one.wall else 0.0
     lacking = math.ceil(round(-2 * one.spare_mm * 100, 6)) / 100
@@ -170,13 +170,13 @@ def _filling(one: Clearance, design: SensorDesign) -> dict[str, str | None]:
 
 
 LEAST_SEAT_MM = 0.5
-"""A cover needs this much rim around it to stay where it is laid."""
+"""Least rim around a cover that keeps it in position."""
 RESIN = re.compile(
     r"resin|stereo-?lith|photopolymer|\bm?sla\b|\bdlp\b|\blcd\b|polyjet|material jet", re.IGNORECASE
 )
-"""Words for prints of liquid resin, in the name or title of a material."""
+"""Words for prints in liquid resin, in the name or title of a material."""
 OTHER_CURE = re.compile(r"\btin\b|condensation", re.IGNORECASE)
-"""Words for silicones that do not cure by platinum, which most clear ones do."""
+"""Words for silicones that do not cure by platinum, unlike most clear ones."""
 
 
 def is_inhibited(design: SensorDesign) -> bool:
@@ -192,7 +192,7 @@ def is_inhibited(design: SensorDesign) -> bool:
 
 
 def mold_findings(design: SensorDesign) -> Iterator[Finding]:
-    """What keeps an option from working."""
+    """Findings that prevent an option from working."""
     outline = outline_of(design)
     yield from _cure_findings(design)
     yield from _fit_findings(design, outline)
@@ -260,7 +260,7 @@ def _piece_findings(design: SensorDesign) -> Iterator[Finding]:
 
 
 def reach_notes(design: SensorDesign) -> Iterator[Finding]:
-    """A flat top below its rim, which no flat object larger than the opening touches."""
+    """Note on a flat top below its rim: no flat object larger than the opening touches it."""
     outline = outline_of(design)
     above_mm = outline.highest_mm - outline.fill_mm
     if is_cast_under_lid(outline.plan) or outline.ledge_mm or above_mm <= ROUNDING_MM:

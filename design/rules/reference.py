@@ -1,7 +1,7 @@
-"""Does everything that the design names exist? Parts, materials, board, measured values.
+"""Rules for names in a design: parts, materials, board and measured values have to exist.
 
-What cannot be found is reported once for each place that names it; everything that can be found goes
-on to the other rules, so that one spelling mistake does not hide ten others.
+A missing name is reported once for each field that has it. The other rules check everything that exists,
+so that one spelling mistake does not hide ten others.
 """
 
 from __future__ import annotations
@@ -20,12 +20,12 @@ from design.spec.properties import entries_of, part_of
 
 
 def part_findings(design: SensorDesign, places: tuple[Placement, ...]) -> list[Finding]:
-    """Parts and measured values that the catalogue does not have."""
+    """Findings about parts and measured values that the catalogue does not have."""
     return [*_named_findings(design, places), *_measurement_findings(design, entries_of(design))]
 
 
 def entry_findings(design: SensorDesign) -> Iterator[Finding]:
-    """Materials and boards that the catalogue does not have."""
+    """Findings about materials and boards that the catalogue does not have."""
     entries = entries_of(design)
     for field, look_up, name in (
         ("elastomer.material", catalog.find_elastomer, design.elastomer.material),
@@ -55,7 +55,7 @@ def _named_findings(design: SensorDesign, places: tuple[Placement, ...]) -> Iter
         try:
             part_of(design, part_id, kind)
         except DesignError as err:
-            if not str(err).startswith("part_measurements."):  # these have their own finding
+            if not str(err).startswith("part_measurements."):  # another finding covers these
                 yield _not_found(field, part_id, err)
 
 

@@ -1,9 +1,9 @@
-"""Outlines and crowns: does the crown span the pad, is the layer thick enough at its rim, can it be cast?
+"""Rules for outlines and crowns: the crown spans the pad, its rim is thick enough, and it can be cast.
 
-What the contact model covers, so that a design can be told before anything is solved.
+The limits of the contact model are checked before anything is solved.
 
-The shipped library was compared with an independent finite-element solution (docs/validation/contact.md).
-Layers beyond it are solved live, take minutes and were compared with nothing; layers beyond those are refused.
+The packaged library was compared with an independent finite-element solution (docs/validation/contact.md).
+Layers beyond it are solved live, take minutes, and have no independent comparison; layers beyond those are refused.
 """
 
 from __future__ import annotations
@@ -30,19 +30,19 @@ LARGEST_SHARE_OF_LAYER = 0.8
 DEEPEST_PRESS = 1.7
 """Deepest press [tip radii]."""
 LIBRARY_LAYER_RANGE = (1.3, 6.0)
-"""Elastic depths (clear + black layer) of the shipped library [tip radii]."""
+"""Elastic depths (clear + black layer) of the packaged library [tip radii]."""
 CROWNED_LAYER_RANGE = (DEEPEST_PRESS / LARGEST_SHARE_OF_LAYER, 6.0)
-"""Elastic depths under a crown, wherever it is pressed, of which presses are known at all [tip radii]."""
+"""Elastic depths under a crown, at any press location, for which the model has presses [tip radii]."""
 LAYER_DEPTH_RANGE = (1.0, 10.0)
-"""Elastic depths that are modelled at all [tip radii]."""
+"""Elastic depths that the model covers [tip radii]."""
 NEAREST_WALL = 1.5
-"""Nearest wall to the axis of a press [tip radii]: the loads that stand for the press reach so far."""
+"""Least distance of a wall from the axis of a press [tip radii]: the equivalent loads of a press extend so far."""
 LARGEST_CROWN = 0.25
-"""Tip radius over the radius of a crown, at most [-]."""
+"""Largest ratio of tip radius to the radius of a crown [-]."""
 
 
 def thinnest_elastic_mm(design: SensorDesign) -> float:
-    """Clear and black layer together where the workspace is thinnest: under a crown, at its border [mm]."""
+    """Least thickness of clear and black layer together in the workspace; under a crown it is at the border [mm]."""
     elastic = design.cavity.clear_thickness_mm + design.cavity.black_thickness_mm
     plan, space = plan_of(design), workspace_of(design)
     if space.is_empty:
@@ -58,20 +58,20 @@ def deepest_modelled_mm(design: SensorDesign) -> float:
 
 
 STEEPEST_RIM_DEG = 60.0
-"""Slope of a crown at its rim, at most: beyond, a lid no longer comes off and a press no longer reaches."""
+"""Largest slope of a crown at its rim: beyond it a lid does not come off, and a press does not reach the top."""
 LEAST_RIM_MM = 1.0
-"""Clear layer at the rim: as the least of a flat layer."""
+"""Least clear layer at the rim: as the least flat layer."""
 WIDEST_FACET = 0.5
-"""Half width of a facet over the radius of its disc, at most: a facet is part of a wall, not the wall."""
+"""Largest ratio of a facet's half width to the radius of its disc: a facet is part of a wall, not the wall."""
 
 
 def is_spanned(design: SensorDesign) -> bool:
-    """Whether outline, facets and crown make a pad at all, so that places on it can be computed."""
+    """Whether outline, facets and crown form a valid pad, so that locations on it can be computed."""
     return not any(finding.severity == "error" for finding in span_findings(design))
 
 
 def span_findings(design: SensorDesign) -> Iterator[Finding]:
-    """A crown smaller than its pad, a rim that is too thin, facets too wide for their disc."""
+    """Findings about a crown smaller than its pad, a rim that is too thin, facets too wide for their disc."""
     plan = plan_of(design)
     if not plan.top.is_flat:
         yield from _crown_findings(plan)
@@ -79,7 +79,7 @@ def span_findings(design: SensorDesign) -> Iterator[Finding]:
 
 
 def shape_findings(design: SensorDesign) -> Iterator[Finding]:
-    """What keeps a disc or a crown from being cast, or from being pressed as asked."""
+    """Findings that prevent the casting of a disc or a crown, or the requested presses."""
     plan = cavity_of(design).plan
     if plan.is_block:
         return
@@ -92,7 +92,7 @@ def shape_findings(design: SensorDesign) -> Iterator[Finding]:
 
 
 def _reach_mm(plan: Plan) -> float:
-    """How far the pad reaches from the crown's highest point or line [mm]."""
+    """Largest distance of the pad from the crown's highest point or line [mm]."""
     return {"x": plan.width_mm / 2, "y": plan.length_mm / 2, None: plan.radius_mm}[plan.top.straight]
 
 
@@ -169,7 +169,7 @@ def _option_findings(design: SensorDesign, plan: Plan) -> Iterator[Finding]:
 
 
 def _outside_findings(design: SensorDesign, plan: Plan) -> Iterator[Finding]:
-    """A round outer face has the centre of its round wall."""
+    """A round outer face has to be concentric with its round wall."""
     along, across = (
         (outer - inner) / 2
         for outer, inner in (
@@ -238,7 +238,7 @@ def _press_findings(design: SensorDesign, plan: Plan) -> Iterator[Finding]:
         return
     corner = space.clamped(0.0, 0.0)
     there = plan.top_mm(*corner)
-    if there + ROUNDING_MM < depth <= plan.clear_mm + ROUNDING_MM:  # deeper than all of it is told already
+    if there + ROUNDING_MM < depth <= plan.clear_mm + ROUNDING_MM:  # deeper presses are reported already
         yield error(
             "operating.max_depth_mm",
             "the deepest press is deeper than the clear layer at the border of the workspace",

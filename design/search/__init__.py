@@ -1,4 +1,4 @@
-"""Which designs to try next: the space, the study, the front. What is good is told from outside.
+"""Search for better designs: the space, the study, the front. The caller provides the objective.
 
 Imports of ours: spec, the files of `design/` itself.
 """

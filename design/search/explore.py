@@ -1,18 +1,18 @@
-"""The search: propose designs, have them judged, learn, go on; whatever stops it, nothing that was judged is lost.
+"""The search: propose designs, judge them, learn, and repeat; an interruption loses no judged design.
 
     open study ──► base design judged once ──► limits as numbers
         ┌──────────────────────────────────────────────┐
         └► propose a batch ──► judge it (here, or fanned out) ──► record each design as it comes ┘
 
-The objective is an argument, so this module knows nothing of light. A batch is proposed before any of it is judged, and
-each proposal is seeded by its position: the same space, seed and batch give the same designs however many processes
-judge them, in whatever order they answer, and however often the search is killed in between. Shared studies are the
-exception: what a worker proposes depends on what the others have finished by then.
+The objective is an argument, so this module does not depend on light. A batch is proposed before any of it is judged,
+and each proposal is seeded by its position. The same space, seed and batch give the same designs for any number of
+processes, any order of their results, and any interruptions. Shared studies are the exception: a worker's proposals
+depend on the designs that the others have finished.
 
-The study behind a search: where its designs are kept, which sampler proposes them, and who may join.
+The module also opens the study of a search: its storage, its sampler and its workers.
 
-A study lives in a database that Optuna manages: SQLite in the search's folder, or any that its address names (many
-processes may then work on one study). It carries the digest of its search space and refuses another one. A design that
+A study is stored in a database that Optuna manages: SQLite in the search's folder, or any that its address names (many
+processes may then work on one study). It has the digest of its search space and refuses another one. A design that
 a killed process left unfinished is proposed again, with the same values.
 """
 
@@ -53,24 +53,24 @@ GRACE_BEATS = 3
 """Heartbeats that a worker may miss before its designs are given to others."""
 MAX_GRID = 100_000
 POPULATION = 32
-"""Designs of a generation of NSGA-II: with a few hundred designs in all, half of Optuna's 50 generations count more."""
+"""Designs per generation of NSGA-II, fewer than Optuna's 50: a few hundred designs then make more generations."""
 QUEUE_PATIENCE_S = 30
-"""How long a worker waits for another one to queue what a study begins with [s]."""
+"""Time for which a worker waits until another one has queued the study's first designs [s]."""
 FINISHED = (TrialState.COMPLETE, TrialState.PRUNED)
 
 
 @contextmanager
 def opened_study(space: SearchSpace, url: str, *, heartbeat_s: int | None = None) -> Iterator[optuna.Study]:
-    """The study of a space, made when missing; connections are closed at the end.
+    """The study of a space, made if it is missing; connections are closed at the end.
 
     Parameters
     ----------
     url : address of the database, as sqlite:///folder/study.db or postgresql://user@host/name
-    heartbeat_s : period in which a worker of a shared study shows that it lives [s]; None: nobody else works on it
+    heartbeat_s : period of the heartbeat of a worker of a shared study [s]; None: no other worker
 
     Raises
     ------
-    InputError : the storage cannot be reached, or holds a study of this name of another space.
+    InputError : the storage cannot be reached, or has a study of this name of another space.
     """
     require_sampler(space)
     optuna.logging.set_verbosity(optuna.logging.ERROR)
@@ -109,7 +109,7 @@ def _made_or_found(space: SearchSpace, storage: RDBStorage) -> optuna.Study:
 
 @contextmanager
 def storage_errors(url: str) -> Iterator[None]:
-    """Turn a database's own errors into one message for the user."""
+    """Convert a database's own errors into one message for the user."""
     try:
         yield
     except (sqlalchemy.exc.SQLAlchemyError, optuna.exceptions.StorageInternalError, ImportError) as err:
@@ -130,7 +130,7 @@ def shown_url(url: str) -> str:
 
 
 def _storage_with_tables(url: str, heartbeat_s: int | None) -> RDBStorage:
-    """The storage; of workers that make its tables at once all but one fail, and find them on the next attempt."""
+    """The storage; if workers make its tables at once, all but one fail, and find the tables on the next attempt."""
     for _ in range(CREATE_ATTEMPTS - 1):
         try:
             return _storage(url, heartbeat_s)
@@ -147,7 +147,7 @@ def _storage(url: str, heartbeat_s: int | None) -> RDBStorage:
     if url.startswith("postgresql+psycopg"):
         connect = {"connect_timeout": CONNECT_TIMEOUT_S}
     with warnings.catch_warnings():
-        # Heartbeats are marked experimental since 2.9 and unchanged since; the beat itself is `beating` of explore.
+        # Heartbeats are marked experimental since 2.9 and unchanged since; `beating` of explore sends them.
         warnings.simplefilter("ignore", optuna.exceptions.ExperimentalWarning)
         storage = RDBStorage(
             url,
@@ -158,21 +158,21 @@ def _storage(url: str, heartbeat_s: int | None) -> RDBStorage:
         )
     if is_sqlite:
         sqlalchemy.event.listen(storage.engine, "connect", _write_ahead)
-        storage.engine.dispose()  # connections from before are without it
+        storage.engine.dispose()  # earlier connections do not have it
     return storage
 
 
 def _write_ahead(connection: Any, _: Any) -> None:
-    """Have SQLite write ahead: a killed process loses nothing, at a tenth of the time a commit takes.
+    """Set SQLite to write-ahead logging: a killed process loses nothing, and a commit takes a tenth of the time.
 
-    A power cut may lose the last seconds, and never harms what was there before.
+    A power cut may lose the last seconds, but never damages earlier data.
     """
     for pragma in ("journal_mode=WAL", "synchronous=NORMAL"):
         connection.execute(f"PRAGMA {pragma}")
 
 
 def distributions_of(space: SearchSpace) -> dict[str, BaseDistribution]:
-    """The fields as Optuna names them; choices by their labels."""
+    """The fields as Optuna's distributions; choices by their labels."""
     return {field.path: _distribution(space, field) for field in space.fields}
 
 
@@ -189,11 +189,11 @@ def _distribution(space: SearchSpace, field: SpaceField) -> BaseDistribution:
 
 
 def require_sampler(space: SearchSpace) -> None:
-    """Refuse a sampler whose library is missing, and a grid too large to be meant.
+    """Refuse a sampler whose library is missing, and an implausibly large grid.
 
     Raises
     ------
-    InputError, DesignError : which, and the way out.
+    InputError, DesignError : the cause, and the way out.
     """
     sampler = space.search.sampler
     if sampler == "gp" and importlib.util.find_spec("torch") is None:
@@ -207,17 +207,17 @@ def require_sampler(space: SearchSpace) -> None:
 
 
 def grid_size(space: SearchSpace) -> int:
-    """Points of the whole grid."""
+    """Number of points of the complete grid."""
     return math.prod(len(space.values_of(field) or ()) for field in space.fields)
 
 
 def sampler_of(space: SearchSpace, index: int, worker: str) -> BaseSampler:
-    """The sampler of one proposal, seeded by its position so that a resumed search goes on as it would have.
+    """The sampler of one proposal, seeded by its position so that a resumed search gives the same designs.
 
     Parameters
     ----------
-    index : how many designs were proposed before
-    worker : empty for a search of one process; tells the workers of a shared study apart
+    index : number of designs proposed before
+    worker : name of a shared study's worker; empty for a search of one process
     """
     key = f"{space.search.seed}:{index}:{worker}".encode()
     seed = int.from_bytes(hashlib.sha256(key).digest()[:4], "big")
@@ -234,18 +234,18 @@ def sampler_of(space: SearchSpace, index: int, worker: str) -> BaseSampler:
                 return optuna.samplers.QMCSampler(
                     scramble=True, seed=space.search.seed, warn_independent_sampling=False
                 )
-            case _:  # the grid is queued beforehand, so nothing is left to sample
+            case _:  # the grid is queued beforehand, so nothing remains to sample
                 return optuna.samplers.RandomSampler(seed=seed)
 
 
 def queue_first(
     study: optuna.Study, space: SearchSpace, *, is_shared: bool, first: Sequence[dict[str, Value]] = ()
 ) -> None:
-    """Queue what a search begins with, once a study: every point of a grid, else the base design where it lies inside.
+    """Queue the first designs, once per study: every point of a grid, or else the base design if the space contains it.
 
     Points of `first` follow the base design.
 
-    Of workers that begin together one makes the study and does it; the others wait for it, unless it dies over it.
+    If workers start together, one makes the study and queues the designs; the others wait for it, unless it fails.
     """
     for _ in range(QUEUE_PATIENCE_S if is_shared else 0):
         if study.user_attrs.get(QUEUED) is not None or study.user_attrs.get(MAKER) in (None, _me()):
@@ -276,7 +276,7 @@ def _queue_grid(study: optuna.Study, space: SearchSpace) -> None:
 
 
 def recover(study: optuna.Study, *, is_shared: bool) -> None:
-    """Propose again what killed processes left unfinished: everything, or in a shared study what no longer beats."""
+    """Propose unfinished designs again: all of them, or in a shared study those without a heartbeat."""
     if is_shared:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", optuna.exceptions.ExperimentalWarning)
@@ -286,14 +286,14 @@ def recover(study: optuna.Study, *, is_shared: bool) -> None:
 
 
 def beat(study: optuna.Study, trial_ids: Sequence[int]) -> None:
-    """Record that designs of a shared study are in hand, as Optuna's own loop does; nothing public does it."""
+    """Record heartbeats of designs in a shared study, as Optuna's own loop does; there is no public function."""
     storage: Any = study._storage
     for trial_id in trial_ids:
         getattr(storage, "_backend", storage).record_heartbeat(trial_id)
 
 
 def release(study: optuna.Study, numbers: Sequence[int]) -> None:
-    """Take designs back that were proposed and not judged, and queue them again."""
+    """Withdraw designs that were proposed but not judged, and queue them again."""
     for number in numbers:
         trial = next(one for one in study.get_trials(deepcopy=False) if one.number == number)
         if not trial.state.is_finished():
@@ -307,7 +307,7 @@ def trials_in(study: optuna.Study, *states: TrialState) -> list[FrozenTrial]:
 
 
 def _propose_again(study: optuna.Study, trial: FrozenTrial) -> None:
-    """Queue a lost trial's values; one that was lost before it had all of them is drawn anew."""
+    """Queue a lost trial's values; a trial without all of its values is drawn again."""
     point = trial.system_attrs.get("fixed_params") or trial.params
     wanted = {field["path"] for field in study.user_attrs[SPACE]["fields"]}
     if set(point) == wanted:
@@ -325,16 +325,16 @@ HEARTBEAT_S = 20
 
 @dataclass(frozen=True, kw_only=True)
 class Findings:
-    """What a search has found so far.
+    """The results of a search so far.
 
     Attributes
     ----------
-    base : the base design as the objective judged it
-    limits : what designs are held to
+    base : the objective's result for the base design
+    limits : limits of feasible designs
     tried : finished designs by number
-    front : feasible designs that no other one beats
-    wanted : designs that were asked for
-    is_interrupted : whether the user stopped it before that
+    front : feasible designs that no other one dominates
+    wanted : requested number of designs
+    is_interrupted : whether the user stopped the search before that
     """
 
     space: SearchSpace
@@ -347,10 +347,10 @@ class Findings:
 
 
 OnTried = Callable[[Findings, Tried | None], None]
-"""Called at the start and after every design, with what is found so far and the design that was just judged."""
+"""Callback at the start and after every design, with the findings so far and the design that was just judged."""
 
 Refine = Callable[[Findings, int], Sequence[dict[str, Value]]]
-"""Points to judge after the sampler's: asked again, with the number of the round, until it gives none."""
+"""Function that returns points to judge after the sampler's; called with the round's number until it returns none."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -373,22 +373,22 @@ def explore(
     first: Sequence[dict[str, Value]] = (),
     refine: Refine | None = None,
 ) -> Findings:
-    """Search until a number of designs is judged; a study that exists is gone on with.
+    """Search until a number of designs is judged; an existing study is continued.
 
     Parameters
     ----------
     objective : judges one design
     url : address of the study's database
-    trials : designs in all, those of earlier runs included; None takes the space's
+    trials : total number of designs, including earlier runs; None takes the space's
     is_shared : other processes may work on the study at the same time
     fan_out : judges a batch; designs must be independent of each other
-    heartbeat_s : of a shared study [s]
+    heartbeat_s : period of a shared study's heartbeat [s]
     first : points of the space to judge before the sampler proposes any
-    refine : gives more points once `trials` are judged, by what was found; not for a shared study
+    refine : returns more points once `trials` are judged, from the findings; not for a shared study
 
     Raises
     ------
-    InputError, DesignError : the storage, or a study of another space; what is judged stays recorded.
+    InputError, DesignError : the storage, or a study of another space; judged designs stay recorded.
     """
     with opened_study(space, url, heartbeat_s=heartbeat_s if is_shared else None) as study:
         run = _Run(
@@ -407,14 +407,14 @@ def explore(
 
 
 def findings_of(space: SearchSpace, url: str, *, wanted: int) -> Findings:
-    """What an existing study holds, without going on with it."""
+    """Findings of an existing study, without continuing it."""
     with opened_study(space, url) as study:
         base = _judged_from(study.user_attrs.get(BASE) or {})
         return _findings(study, space, base, limits_of(space, base), wanted)
 
 
 class _Run:
-    """One process's part of a search: what stays the same from batch to batch."""
+    """The state of one process of a search, constant from batch to batch."""
 
     def __init__(
         self,
@@ -456,7 +456,7 @@ class _Run:
         return _findings(self.study, self.space, self.base, self.limits, self.wanted, is_interrupted)
 
     def _next_round(self) -> int:
-        """Queue the points that `refine` asks for once all others are judged; the size of the first batch of them."""
+        """Queue the points that `refine` requests once all others are judged; return the size of their first batch."""
         if self.refine is None:
             return 0
         rounds = list(self.study.user_attrs.get(ROUNDS, ()))
@@ -479,7 +479,7 @@ class _Run:
         return _judged_from(known)
 
     def _next_size(self) -> int:
-        """Designs of the next batch; 0 when nothing is left to do, after waiting for what others still judge."""
+        """Designs of the next batch; 0 if nothing remains, after waiting for designs that others still judge."""
         waited, seen = 0.0, -1
         while True:
             finished = len(trials_in(self.study, *FINISHED))
@@ -493,13 +493,13 @@ class _Run:
             time.sleep(0.5)
             recover(self.study, is_shared=True)
             if before <= GRACE_BEATS * self.heartbeat_s < waited:
-                # What is left beats, or was lost before its first beat: one beat on its behalf makes that one stale.
+                # The rest has a heartbeat, or was lost before the first: one beat on its behalf makes it stale.
                 beat(self.study, [trial._trial_id for trial in trials_in(self.study, TrialState.RUNNING)])
 
     def _batch_size(self, before: int) -> int:
-        """Up to the next multiple of the batch, so that a resumed search keeps step with one that was never stopped.
+        """Designs up to the next multiple of the batch, so that a resumed search has the batches of an unbroken one.
 
-        Quasi-random points need one design that is recorded before the rest: it tells Optuna what the space is.
+        Quasi-random points need one design that is recorded before the rest: it defines the space for Optuna.
         """
         size = self.space.search.batch
         if self.space.search.sampler == "qmc":
@@ -524,7 +524,7 @@ class _Run:
         if is_queued and self.space.search.sampler == "qmc":
             sampler = (
                 optuna.samplers.RandomSampler()
-            )  # it has nothing to draw, and uses up no quasi-random point
+            )  # it has nothing to draw, and takes no quasi-random point
         self.study.sampler = sampler
         with warnings.catch_warnings():
             warnings.filterwarnings("ignore", message="Heartbeat of storage", category=UserWarning)
@@ -573,7 +573,7 @@ class _Run:
 
     @contextmanager
     def _beating(self, asked: list[_Asked]) -> Iterator[None]:
-        """Show other workers of a shared study that the designs in hand are being judged."""
+        """Show other workers of a shared study that these designs are being judged."""
         if not self.is_shared:
             yield
             return

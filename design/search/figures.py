@@ -1,7 +1,7 @@
-"""The figures of a design that a search can improve or hold to a limit: name, unit, which way is better, meaning.
+"""The figures of a design that a search can improve or limit: name, unit, better direction, meaning.
 
-They are those of the score. `dead_share`, `location_bound_mm` and `depth_bound_mm` are of the pad; the others of the
-governing facing pair, or of a pad's median judged pair.
+They are the figures of the score. `dead_share`, `location_bound_mm` and `depth_bound_mm` describe the pad. The others
+describe the governing facing pair, or a pad's median judged pair.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ class Figure:
     Attributes
     ----------
     unit : "1" for a ratio or a count
-    better : which way a search moves it unless told otherwise
+    better : default direction in which a search moves it
     meaning : one line for tables and pages
     """
 
@@ -79,8 +79,8 @@ FIGURES: dict[str, Figure] = {
 }
 
 BOUND_FIGURES = frozenset({"location_bound_mm", "depth_bound_mm", "dead_share"})
-"""Figures that need the Fisher information of the whole pad: the costly ones."""
+"""Costly figures, which need the Fisher information of the whole pad."""
 
 
 NO_OBJECTIVE_ALONE = frozenset({"continuity", "deadband_mm"})
-"""Thin pads win these, with half the signal and a third of the range: no objectives by themselves."""
+"""Figures that are no objectives alone: thin pads are best in them, with half the signal and a third of the range."""

@@ -1,4 +1,4 @@
-"""The Pareto front: designs that no other one beats in every figure that is wanted."""
+"""The Pareto front: designs that no other one dominates in the objectives."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ def not_dominated(losses: FloatArray) -> BoolArray:
 
     Parameters
     ----------
-    losses : (n, figure) numbers to make small
+    losses : (n, figure) numbers to minimise
     """
     kept = np.ones(len(losses), dtype=np.bool_)
     for row, loss in enumerate(losses):
@@ -26,7 +26,7 @@ def not_dominated(losses: FloatArray) -> BoolArray:
 
 
 def losses_of(space: SearchSpace, tried: Sequence[Tried]) -> FloatArray:
-    """(n, objective) the wanted figures of designs, signed so that smaller is better."""
+    """(n, objective) the objectives of designs, signed so that smaller is better."""
     rows = [
         [
             float(one.judged.figures[objective.figure] or 0.0) * (1 if objective.sense == "minimize" else -1)
@@ -38,7 +38,7 @@ def losses_of(space: SearchSpace, tried: Sequence[Tried]) -> FloatArray:
 
 
 def pareto_front(space: SearchSpace, tried: Sequence[Tried]) -> tuple[Tried, ...]:
-    """Feasible designs that no other one beats, best in the first objective first; equal points once."""
+    """Feasible designs that no other one dominates, best in the first objective first, without duplicates."""
     feasible = [one for one in tried if one.is_feasible]
     losses = losses_of(space, feasible)
     kept: dict[str, tuple[float, Tried]] = {}

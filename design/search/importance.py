@@ -1,7 +1,7 @@
-"""Which field moved an objective: PED-ANOVA (Watanabe et al., IJCAI 2023) over the designs judged to the end.
+"""Importance of each field for an objective: PED-ANOVA (Watanabe et al., IJCAI 2023) over completely judged designs.
 
-It compares where the best tenth of these lies with where all of them lie, field by field. Designs that were stopped
-early are not in it, and interactions between fields are not told apart.
+It compares the distribution of the best tenth of these with that of all of them, field by field. Designs that were
+stopped early are excluded, and interactions between fields are not separated.
 """
 
 from __future__ import annotations
@@ -16,11 +16,11 @@ from design.search.explore import opened_study, trials_in
 from design.search.space import SearchSpace
 
 LEAST_DESIGNS = 20
-"""Fewer say nothing about a tenth of them."""
+"""Least number of designs; of fewer the best tenth is not meaningful."""
 
 
 def importances(space: SearchSpace, url: str) -> dict[str, dict[str, float]]:
-    """Share of each field, summing to 1, by objective; empty when too few designs were judged to the end."""
+    """Share of each field, summing to 1, by objective; empty if too few designs were judged completely."""
     with opened_study(space, url) as study:
         if len(trials_in(study, TrialState.COMPLETE)) < LEAST_DESIGNS:
             return {}
@@ -34,7 +34,7 @@ def _shares(study: optuna.Study, number: int) -> dict[str, float]:
         return sign * float(trial.values[number])
 
     with warnings.catch_warnings():
-        # It reminds of the sign, which `loss` sees to, and of few designs, which the page counts.
+        # It warns of the sign, which `loss` handles, and of few designs, which the page counts.
         for known in ("PedAnovaImportanceEvaluator computes", "Target and region quantiles"):
             warnings.filterwarnings("ignore", message=known, category=UserWarning)
         evaluator = PedAnovaImportanceEvaluator()

@@ -1,12 +1,12 @@
-"""From a layout to better ones: what may change, and which of the designs tried are worth having.
+"""Improvement of a layout: the fields that may change, and the recommended designs.
 
-    base design ──► fields that cost little to change, around their values ──► `design.search.points`, then the sampler
+    base design ──► fields that are cheap to change, around their values ──► `design.search.points`, then the sampler
         ──► of the designs without a deadband: fewest changes, most robust, most depth, best accuracy
 
-A search space like any other (`design.search.space`), so it resumes, is seeded and knows nothing of light. Wanted of a
-design, in this order: no deadband; the usable depth; margin to a deadband; accuracy; few changes.
+The search space is an ordinary one (`design.search.space`), so it resumes, is seeded and does not depend on light. The
+criteria of a design, in this order, are: no deadband, usable depth, margin to a deadband, accuracy, few changes.
 
-What an objective says of one design, and what a search holds it to: the words between the search and the physics.
+The module also defines the result of an objective and the limits of a search, the interface between search and physics.
 """
 
 from __future__ import annotations
@@ -24,18 +24,18 @@ from design.spec import SensorDesign
 from design.spec.cheap_fields import ALONG, CLEAR, HEIGHTS, TARGET, cheap_fields
 
 UNUSABLE = 10.0
-"""Violation of a design that breaks a rule or leaves the models: worse than any missed limit in practice."""
+"""Violation of a design that breaks a rule or leaves the models' scope: more than any missed limit in practice."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Limit:
-    """One figure held to a number, or the verdict.
+    """Limit of one figure, or the required verdict.
 
     Attributes
     ----------
     figure : name of a figure, or "verdict"
-    at_least, at_most : ends of the allowed range; None is open
-    equals : the verdict wanted; of other figures None
+    at_least, at_most : ends of the permitted range; None is unlimited
+    equals : the required verdict; None for other figures
     """
 
     figure: str
@@ -44,11 +44,11 @@ class Limit:
     equals: str | None = None
 
     def violation(self, judged: Judged) -> float | None:
-        """How far a design misses it, as a share of the limit; 0 or less is met; None when the figure is unknown."""
+        """Violation by a design as a share of the limit; 0 or less is met; None if the figure is unknown."""
         if self.equals is not None:
             if not judged.verdict:
                 return None
-            # A deadband shrinks before it goes, so its length shows the sampler the way out.
+            # A deadband shrinks before it vanishes, so its length guides the sampler.
             length = judged.figures.get("deadband_mm") or 0.0
             return 0.0 if judged.verdict == self.equals else 0.1 + length
         value = judged.figures.get(self.figure)
@@ -70,14 +70,14 @@ class Limit:
 
 @dataclass(frozen=True, kw_only=True)
 class Judged:
-    """A design as far as it was judged.
+    """The result for a design, as far as it was judged.
 
     Attributes
     ----------
-    figures : by name; None where the figure could not be resolved
-    verdict : CONTIGUOUS, DEADBAND or OUT_OF_MODEL_SCOPE; empty when the judging stopped before
+    figures : figures by name; None where the figure could not be resolved
+    verdict : CONTIGUOUS, DEADBAND or OUT_OF_MODEL_SCOPE; empty if the judging stopped before
     reason : why the judging stopped early; empty when it did not
-    may_be : whether the error of the light that judged it leaves it possible that it has no deadband
+    may_be : whether the design may have no deadband, within the numerical error of its light
     """
 
     figures: dict[str, float | None] = field(default_factory=dict)
@@ -86,7 +86,7 @@ class Judged:
     may_be: bool = False
 
     def violations(self, limits: Sequence[Limit]) -> dict[str, float]:
-        """Violation of every limit whose figure is known; `usable` besides when something else stopped the judging."""
+        """Violation of every limit whose figure is known; also `usable` if something else stopped the judging."""
         found = {str(limit): value for limit in limits if (value := limit.violation(self)) is not None}
         if self.reason and all(value <= 0.0 for value in found.values()):
             found["usable"] = UNUSABLE
@@ -99,12 +99,12 @@ class Tried:
 
     Attributes
     ----------
-    number : of the study's trial
+    number : number of the study's trial
     parameters : point of the space; choices by their labels
-    digest : of the design; empty when the schema refused it
-    judged : what the objective said
-    is_feasible : judged to the end, and within all limits
-    seconds : spent on it [s]
+    digest : digest of the design; empty if the schema refused it
+    judged : the objective's result
+    is_feasible : judged completely, and within all limits
+    seconds : computing time [s]
     """
 
     number: int
@@ -116,16 +116,16 @@ class Tried:
 
 
 Objective = Callable[[SensorDesign, tuple[Limit, ...]], Judged]
-"""Judges a design; may stop early, with the reason, once a limit cannot be met any more."""
+"""Function that judges a design; it may stop early, with the reason, once a limit can no longer be met."""
 
 FanOut = Callable[[Objective, Sequence[SensorDesign], tuple[Limit, ...]], Iterable[tuple[int, Judged]]]
-"""Judges several designs and yields their positions and what was said, in any order."""
+"""Function that judges several designs and yields their positions and results, in any order."""
 
 
 def one_by_one(
     objective: Objective, designs: Sequence[SensorDesign], limits: tuple[Limit, ...]
 ) -> Iterable[tuple[int, Judged]]:
-    """Judge designs here, one after the other."""
+    """Judge designs in this process, one after the other."""
     for number, design in enumerate(designs):
         yield number, objective(design, limits)
 
@@ -135,7 +135,7 @@ def limits_of(space: SearchSpace, base: Judged) -> tuple[Limit, ...]:
 
     Raises
     ------
-    DesignError : a limit is a multiple of a figure that the base design does not have.
+    DesignError : a limit is a multiple of a figure that the base design lacks.
     """
     return tuple(_limit(constraint.figure, constraint, base) for constraint in space.constraints)
 
@@ -167,28 +167,28 @@ Kind = Literal["fewest changes", "most robust", "most depth", "best accuracy"]
 Range = tuple[float, float]
 KINDS: tuple[Kind, ...] = ("fewest changes", "most robust", "most depth", "best accuracy")
 STEPS = {**dict.fromkeys(HEIGHTS, 0.1), CLEAR: 0.25, TARGET: 25.0}
-"""Step of each field that varies by default; of others a fiftieth of the range [unit of the field]."""
+"""Step of each field that varies by default; for others it is a fiftieth of the range [unit of the field]."""
 REACH = {**dict.fromkeys(HEIGHTS, 3.0), CLEAR: 4.0, TARGET: 200.0}
-"""How far from its value a field varies by default [unit of the field]."""
+"""Default range of a field around its value [unit of the field]."""
 ALONG_REACH_MM, ALONG_STEP_MM = 2.0, 0.25
-"""The same of pitch and shift of parts along a wall."""
+"""Default range and step of pitch and shift of parts along a wall."""
 SAFE_MARGIN = 4.5
-"""Margin at search accuracy from which a design is taken to have no deadband at score accuracy either [noise units]."""
+"""Margin at search accuracy from which a design is assumed to have no deadband at score accuracy either [sigma]."""
 AMPLE_MARGIN = 2.0 * SAFE_MARGIN
-"""Margin from which more is worth nothing [noise units]."""
+"""Margin above which a larger one is no benefit [sigma]."""
 NEAR_BEST_MM = 0.5
-"""Usable depths that differ by less are as good [mm]."""
+"""Difference below which usable depths count as equal [mm]."""
 WORTH_MARGIN, WORTH_ACCURACY = 0.2, 0.05
-"""Gains of margin and of accuracy, over the base's, from which a change of a sound design is worth it [-]."""
+"""Least relative gains of margin and of accuracy that justify a change of a design without a deadband [-]."""
 NEAR_SHARE = 0.08
-"""Share of a field's range over which designs are alike [-]."""
+"""Share of a field's range within which designs count as similar [-]."""
 ENOUGH_SHARE = 0.6
-"""Share of the deepest usable depth that an alternative keeps at least [-]."""
+"""Least share of the deepest usable depth that an alternative keeps [-]."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Pick:
-    """A design worth having: why, and the point of the space."""
+    """A recommended design: the reason, and the point of the space."""
 
     kind: Kind
     tried: Tried
@@ -208,15 +208,15 @@ def improvement_space(
 
     Parameters
     ----------
-    vary : fields to vary besides, with their range; None for the usual one
-    keep : fields to leave as they are
-    more_parts : whether layouts may have more parts a side
-    figures : objectives, the most wanted first
+    vary : additional fields to vary, with their range; None for the usual range
+    keep : fields to leave unchanged
+    more_parts : whether layouts may have more parts per side
+    figures : objectives, the most important first
 
     Raises
     ------
-    InputError : fields that nothing varies, or that are kept and varied at once; nothing left to vary.
-    DesignError : fields that a design does not have, or ranges that it does not take.
+    InputError : fields that cannot vary, or that are kept and varied at once; no field remains to vary.
+    DesignError : unknown fields of a design, or ranges that it refuses.
     """
     fields = {field["path"]: field for field in _usual_fields(design, more_parts=more_parts)}
     both = sorted(set(vary) & set(keep))
@@ -287,7 +287,7 @@ def _field(design: SensorDesign, path: str, given: Range | None) -> dict[str, An
 
 
 def _step_within(path: str, value: float, low: float, high: float) -> float | None:
-    """The usual step of a field where both the range and the base's value in it are whole numbers of them."""
+    """The usual step of a field if the range and the base's value in it are whole numbers of steps."""
     if isinstance(value, int):
         return 1.0
     usual = ALONG_STEP_MM if path.endswith(ALONG) else STEPS.get(path)
@@ -298,7 +298,7 @@ def _step_within(path: str, value: float, low: float, high: float) -> float | No
 
 
 def changes_of(space: SearchSpace, parameters: Mapping[str, Value]) -> dict[str, Any]:
-    """What differs from the base design, by path."""
+    """Differences from the base design, by path."""
     changed = space.changed(parameters).model_dump(mode="json")
     base = space.base.model_dump(mode="json")
     return {
@@ -309,7 +309,7 @@ def changes_of(space: SearchSpace, parameters: Mapping[str, Value]) -> dict[str,
 
 
 def worth(judged: Judged) -> tuple[bool, float, float, float]:
-    """An order of designs, better ones larger: no deadband, a short one, the usable depth, the margin."""
+    """Sort key of designs, larger for better ones: no deadband, a short one, the usable depth, the margin."""
     return (
         is_possible(judged),
         -float(judged.figures.get("deadband_mm") or 0.0) if judged.figures else -math.inf,
@@ -321,12 +321,12 @@ def worth(judged: Judged) -> tuple[bool, float, float, float]:
 def picks(
     space: SearchSpace, base: Judged, tried: Sequence[Tried], accuracy: str, most_mm: float = math.inf
 ) -> list[Pick]:
-    """Designs worth having, as far as their light and its error tell, each kind's best first.
+    """Recommended designs within the numerical error of their light, the best of each kind first.
 
     Parameters
     ----------
-    accuracy : figure that the most accurate is best in; none is picked for it that is not of the pad
-    most_mm : the deepest usable depth that is believed [mm]
+    accuracy : figure of the most accurate design; only a figure of the pad gives such a pick
+    most_mm : the deepest credible usable depth [mm]
     """
     possible = [one for one in tried if is_possible(one.judged) and changes_of(space, one.parameters)]
     if not possible:
@@ -350,7 +350,7 @@ def picks(
         "most depth": changed,
         "best accuracy": [one for one in fine if one in deep],
     }
-    if is_sound(base) and enough:  # nothing needs mending: the second must beat what is offered first
+    if is_sound(base) and enough:  # nothing needs a fix: the second must beat the first pick
         first = min(enough, key=orders["fewest changes"]).judged
         chosen["most robust"] = [one for one in enough if _is_stronger(one.judged, first)]
         chosen["best accuracy"] = [
@@ -360,21 +360,21 @@ def picks(
 
 
 def is_possible(judged: Judged) -> bool:
-    """Whether a design may have no deadband, by the light that judged it and its error."""
+    """Whether a design may have no deadband, by its light and the numerical error."""
     return is_sound(judged) or judged.may_be
 
 
 def is_sound(judged: Judged, safe: float = SAFE_MARGIN) -> bool:
-    """Whether a design has no deadband, with a margin beyond the error of quick light."""
+    """Whether a design has no deadband, with a margin beyond the numerical error of light at search accuracy."""
     return not judged.reason and judged.verdict == "CONTIGUOUS" and margin_of(judged) >= safe
 
 
 def betters(base: Judged, judged: Judged, accuracy: str, safe: float = SAFE_MARGIN) -> bool:
-    """Whether a design is better: than a base without a deadband in depth, accuracy or a scarce margin, else by none.
+    """Whether a design is better in depth, accuracy or a scarce margin, or may have no deadband if the base has one.
 
     Parameters
     ----------
-    safe : margin from which a base has none, by the light that judged it [noise units]
+    safe : margin from which a base has no deadband, by its light [sigma]
     """
     if not is_sound(base, safe):
         return is_possible(judged)
@@ -387,12 +387,12 @@ def betters(base: Judged, judged: Judged, accuracy: str, safe: float = SAFE_MARG
 
 
 def _is_stronger(judged: Judged, other: Judged) -> bool:
-    """Whether the margin is larger by enough, as far as more of it is worth anything."""
+    """Whether the margin is sufficiently larger, up to the margin that is no further benefit."""
     return min(margin_of(judged), AMPLE_MARGIN) > (1.0 + WORTH_MARGIN) * margin_of(other)
 
 
 def _is_finer(judged: Judged, other: Judged, accuracy: str) -> bool:
-    """Whether the accuracy is better by enough."""
+    """Whether the accuracy is sufficiently better."""
     was = _accuracy(other, accuracy)
     if math.isinf(was):
         return math.isfinite(_accuracy(judged, accuracy))
@@ -411,7 +411,7 @@ def is_near(space: SearchSpace, one: Tried, other: Tried) -> bool:
 
 
 def margin_of(judged: Judged) -> float:
-    """Margin, 0 where it is not known [noise units]."""
+    """Margin, 0 where it is not known [sigma]."""
     return float(judged.figures.get("margin") or 0.0)
 
 
@@ -421,7 +421,7 @@ def usable_of(judged: Judged) -> float:
 
 
 def _accuracy(judged: Judged, figure: str) -> float:
-    """Smaller is better."""
+    """Value of the accuracy figure, smaller for better designs."""
     value = judged.figures.get(figure)
     if value is None:
         return float("inf")
@@ -429,7 +429,7 @@ def _accuracy(judged: Judged, figure: str) -> float:
 
 
 def cost_of(space: SearchSpace, one: Tried) -> tuple[int, float]:
-    """Fields changed, and by how much of their ranges together."""
+    """Number of changed fields, and sum of the changes as shares of their ranges."""
     changes, base = changes_of(space, one.parameters), space.base.model_dump(mode="json")
     changed = [field for field in space.fields if field.path in changes]
     size = 0.0

@@ -1,4 +1,4 @@
-"""Where a search around a design looks: single changes, a lattice over heights and thickness, then around the best."""
+"""Points of a search around a design: single changes, a lattice over heights and thickness, then around the best."""
 
 from __future__ import annotations
 
@@ -12,22 +12,22 @@ from design.search.space import ROUND_DIGITS, SearchSpace, SpaceField, Value
 from design.spec.cheap_fields import CLEAR, HEIGHTS
 
 FIRST_SHARES = (0.15, 0.3, 0.5, 0.8)
-"""Single changes that a search begins with, as shares of what the parts are short of."""
+"""First single changes of a search, as shares of the missing height of the parts."""
 WIDE_SHARES = (0.5, 1.0)
-"""The same where nothing is short and there is no least change to find, as shares of `WIDE_MM`."""
+"""First single changes where no height is missing, so that there is no least change, as shares of `WIDE_MM`."""
 WIDE_MM = 1.0
 LEAST_SPREAD, TOP_MM = 3, 1.0
-"""Values of each field at least in a lattice over the ranges; how far below the top its heights end [mm]."""
+"""Least number of values per field in a lattice over the ranges; distance of its heights below the top [mm]."""
 MOVES = (4.0, 2.0, 2.0, 1.0)
-"""Moves around the best design, round by round [steps of a field]."""
+"""Changes around the best design in each round [steps of a field]."""
 MOST_A_ROUND = 10
-"""Designs of a round at most."""
+"""Largest number of designs in a round."""
 PROMISE = 3.0
-"""Usable depth that a millimetre of deadband outweighs where a search looks for depth [mm/mm]."""
+"""Usable depth equivalent to a millimetre of deadband where a search looks for depth [mm/mm]."""
 
 
 def start_of(space: SearchSpace) -> dict[str, Value]:
-    """The base design as a point; of a range that leaves the base out, the value nearest to it."""
+    """The base design as a point; a range that excludes the base has the value nearest to it."""
     found, document = dict[str, Value](), space.base.model_dump(mode="json")
     for field in space.fields:
         value = space.base_value(field)
@@ -42,13 +42,13 @@ def start_of(space: SearchSpace) -> dict[str, Value]:
 def first_points(
     space: SearchSpace, *, sides: Mapping[str, int], short_mm: float | None
 ) -> list[dict[str, Value]]:
-    """Where a search begins: one change at a time, small ones first, and both heights together.
+    """First points of a search: one change at a time, small ones first, and both heights together.
 
     Parameters
     ----------
-    sides : 1 for fields that had better be higher, -1 for lower, the most promising first; part heights and thickness
-        that are not among them go both ways
-    short_mm : by how much [mm]; steps are shares of it; None where nothing is
+    sides : 1 for fields that should be higher, -1 for lower, the most promising first; other part heights and the
+        thickness change both ways
+    short_mm : missing height [mm]; steps are shares of it; None if none is missing
     """
     base = start_of(space)
     order = [*sides, *(path for path in (*HEIGHTS, CLEAR) if path not in sides)]
@@ -78,11 +78,11 @@ def first_points(
 
 
 def spread_points(space: SearchSpace, most: int) -> list[dict[str, Value]]:
-    """A lattice over part heights and thickness, the rest as it is: the deepest designs are often far from the base.
+    """A lattice over part heights and thickness alone: the deepest designs are often far from the base.
 
     Parameters
     ----------
-    most : points at most; none where that leaves fewer than three values of a field
+    most : largest number of points; there are none if it leaves fewer than three values of a field
     """
     base = start_of(space)
     thickness = next((field for field in space.fields if field.path == CLEAR and field.low is not None), None)
@@ -105,7 +105,7 @@ def spread_points(space: SearchSpace, most: int) -> list[dict[str, Value]]:
 
 
 def _at(space: SearchSpace, field: SpaceField, share: float, highest: float) -> Value:
-    """The field's value nearest to a share of its range, of what is no higher than a limit."""
+    """The field's value nearest to a share of its range, up to a limit."""
     assert field.low is not None
     assert field.high is not None
     at = field.low + share * (max(min(field.high, highest), field.low) - field.low)
@@ -113,7 +113,7 @@ def _at(space: SearchSpace, field: SpaceField, share: float, highest: float) -> 
 
 
 def _moved(space: SearchSpace, field: SpaceField, base: dict[str, Value], by: float) -> Value:
-    """The field's value nearest to its base's and so much more, one step away at least."""
+    """The field's value nearest to its base's plus `by`, at least one step away."""
     start = float(base[field.path])
     assert field.low is not None
     assert field.high is not None
@@ -125,12 +125,12 @@ def _moved(space: SearchSpace, field: SpaceField, base: dict[str, Value], by: fl
 def refinements(
     space: SearchSpace, tried: Sequence[Tried], number: int, *, starts: int = 1
 ) -> list[dict[str, Value]]:
-    """Points around the best designs: each change of one taken back by itself, then moved either way.
+    """Points around the best designs: each change of a design reverted on its own, then increased and decreased.
 
     Parameters
     ----------
-    number : of the round; moves shrink from round to round (`MOVES`), and end
-    starts : 1 for the one that is worth most; 2 for that and the one that has most depth but for a short deadband
+    number : number of the round; moves shrink from round to round (`MOVES`), and end
+    starts : 1 for the best design; 2 for it and the deepest design that has only a short deadband
     """
     if number >= len(MOVES) or not tried:
         return []
@@ -149,7 +149,7 @@ def _promise(one: Tried) -> tuple[float, int]:
 
 
 def _around(space: SearchSpace, here: dict[str, Value], steps: float) -> list[dict[str, Value]]:
-    """Points around one: its changes taken back, then heights, thickness and what it changes moved by so many steps."""
+    """Points around one: its changes reverted, then heights, thickness and changed fields moved by so many steps."""
     base = start_of(space)
     points = [here | {path: base[path]} for path in here if here[path] != base[path]]
     heights = [field for field in space.fields if field.path in HEIGHTS]

@@ -1,9 +1,9 @@
-"""The search space: which fields of a base design may vary, what is wanted of a design, and how to look for it.
+"""The search space: the fields of a base design that vary, the objectives and constraints, and the sampler.
 
 A file is TOML:
 
     name = "my-search"
-    base = "piacenza2017-pad"             # a preset, or a design file beside this one
+    base = "piacenza2017-pad"             # a preset, or a design file next to this one
 
     [[fields]]
     path = "cavity.clear_thickness_mm"    # any field of a design by its dotted path
@@ -22,8 +22,8 @@ A file is TOML:
     figure = "strength"
     at_least_base = 1.0                   # times the base design's
 
-`digest` names the space itself: base, fields, objectives, constraints and accuracy. Two searches may share a study when
-it agrees; sampler, seed and number of trials may differ.
+`digest` identifies the space: base, fields, objectives, constraints and accuracy. Two searches may share a study if
+it is equal; sampler, seed and number of trials may differ.
 """
 
 from __future__ import annotations
@@ -105,7 +105,7 @@ class SpaceField(Model):
 
     @property
     def labels(self) -> tuple[str, ...]:
-        """Names of the choices, as a study stores them."""
+        """Names of the choices in a study."""
         return tuple(canonical_json(choice) for choice in self.choices or ())
 
 
@@ -122,12 +122,12 @@ class SpaceObjective(Model):
 
     @property
     def sense(self) -> Direction:
-        """Which way to go."""
+        """Direction of improvement."""
         return self.direction or FIGURES[self.figure].better
 
 
 class SpaceConstraint(Model):
-    """One figure to hold: to a number, to a multiple of the base design's, or to a verdict."""
+    """Limit of one figure: a number, a multiple of the base design's figure, or a verdict."""
 
     figure: str
     equals: Annotated[Literal["CONTIGUOUS", "DEADBAND"] | None, Field(description="for `verdict` only")] = (
@@ -153,7 +153,7 @@ class SpaceConstraint(Model):
 
 
 class SearchSettings(Model):
-    """How to look; none of it changes what is looked for."""
+    """Settings of the sampler; none of them changes the objectives."""
 
     sampler: Sampler = "tpe"
     trials: Annotated[int, Field(ge=1, le=1_000_000, description="designs to judge")] = 200
@@ -164,7 +164,7 @@ class SearchSettings(Model):
 
 
 class SearchSpace(Model):
-    """A whole search, its base design included."""
+    """A complete search, its base design included."""
 
     name: FileName
     description: str = ""
@@ -204,7 +204,7 @@ class SearchSpace(Model):
         return self
 
     def _require_usable(self, field: SpaceField) -> None:
-        """Both ends of a range, or every choice, must be values that the design's field takes."""
+        """Refuse ranges and choices with values that the design's field does not accept."""
         document = self.base.model_dump(mode="json")
         _require_path(document, field.path)
         values = (
@@ -219,7 +219,7 @@ class SearchSpace(Model):
                 raise ValueError(f"{field.path}: {_shown(value)}: {_last_line(err)}") from None
 
     def is_whole(self, field: SpaceField) -> bool:
-        """Whether a range is one of whole numbers: its ends are, and the design's field takes no others."""
+        """Whether a range is one of whole numbers: its ends are, and the design's field accepts no others."""
         numbers = [value for value in (field.low, field.high, field.step) if value is not None]
         if field.choices is not None or any(value != round(value) for value in numbers):
             return False
@@ -251,7 +251,7 @@ class SearchSpace(Model):
 
         Raises
         ------
-        DesignError : values that do not go together (the schema refuses them).
+        DesignError : values that are not compatible (the schema refuses them).
         """
         changes: dict[str, Any] = {}
         for field in self.fields:
@@ -263,7 +263,7 @@ class SearchSpace(Model):
         return self.base.with_(**dict(sorted(changes.items(), key=lambda item: item[0].count("."))))
 
     def design_at(self, parameters: Mapping[str, Value]) -> SensorDesign:
-        """The same, named after the search.
+        """The changed design, named after the search.
 
         Raises
         ------
@@ -272,7 +272,7 @@ class SearchSpace(Model):
         return self.changed(parameters).with_(name=self.name, description=f"found by the search {self.name}")
 
     def base_parameters(self) -> dict[str, Value] | None:
-        """The base design as a point of the space, or None where it lies outside."""
+        """The base design as a point of the space, or None if it is outside."""
         found = dict[str, Value]()
         for field in self.fields:
             value = self.base_value(field)
@@ -282,7 +282,7 @@ class SearchSpace(Model):
         return found
 
     def base_value(self, field: SpaceField) -> Value | None:
-        """The base design's value of a field, of choices its label; None where the field does not take it."""
+        """The base design's value of a field, as a label for choices; None if the field does not accept it."""
         if field.choices is not None:
             same = (label for label in field.labels if _is_same(self.base, field.path, json.loads(label)))
             return next(same, None)
@@ -291,7 +291,7 @@ class SearchSpace(Model):
 
     @cached_property
     def digest(self) -> str:
-        """SHA-256 of what is looked for, as 64 hexadecimal digits."""
+        """SHA-256 of the space without the sampler's settings, as 64 hexadecimal digits."""
         document = self.model_dump(mode="json", exclude={"name", "description", "search", "base"})
         return hashlib.sha256(canonical_json(document | {"base": self.base.digest}).encode()).hexdigest()
 
@@ -299,7 +299,7 @@ class SearchSpace(Model):
 def load_space(path: str | Path) -> SearchSpace:
     """Read and validate a search-space file, or a packaged space by its name.
 
-    `base` is a preset or a design file beside the space.
+    `base` is a preset or a design file next to the space.
 
     Raises
     ------
@@ -318,7 +318,7 @@ def load_space(path: str | Path) -> SearchSpace:
 
 
 def space_from(document: dict[str, Any], *, where: str) -> SearchSpace:
-    """Validate nested plain data whose base is a whole design.
+    """Validate nested plain data whose base is a complete design.
 
     Raises
     ------
@@ -384,7 +384,7 @@ def _require_no_overlap(paths: list[str]) -> None:
 
 
 def _require_consistent(constraints: tuple[SpaceConstraint, ...]) -> None:
-    """Refuse limits on one figure that no value meets; of multiples of the base, whatever the base's value."""
+    """Refuse limits on one figure that no value meets; for multiples of the base, at any value of the base."""
     for figure in {constraint.figure for constraint in constraints}:
         said = [constraint for constraint in constraints if constraint.figure == figure]
         if len({one.equals for one in said}) > 1:
@@ -417,7 +417,7 @@ def _is_in(field: SpaceField, value: Any) -> bool:
 
 
 def _is_same(base: SensorDesign, path: str, choice: Any) -> bool:
-    """Whether a choice leaves the base design as it is."""
+    """Whether a choice leaves the base design unchanged."""
     return base.with_(**{path: choice}).digest == base.digest
 
 

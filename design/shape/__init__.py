@@ -1,4 +1,4 @@
-"""The shape of a pad: outline and top, the parts around it, the pairs across it.
+"""The shape of a pad: its outline and top, the parts around it, and the pairs across it.
 
-`outline` and `top` know nothing of designs. Imports of ours: spec and below.
+`outline` and `top` do not depend on designs. Imports of ours: spec and below.
 """

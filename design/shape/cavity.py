@@ -1,8 +1,8 @@
-"""The one geometry: the cavity that is printed is the cavity that light travels in.
+"""The geometry of the cavity, which the printed mold and the light model share.
 
-Frame: x and y from 0 at one cavity corner to the inner length and width; z = 0 at the bottom of
-the clear layer, z = clear thickness at the undisturbed top. A part sits behind its wall: its
-active face is flush with the inner face of the wall, its body reaches outward.
+In the cavity frame x and y run from 0 at one cavity corner to the inner length and width; z = 0 is the bottom of
+the clear layer, and z = clear thickness is the undisturbed top. A part is behind its wall: its
+active face is flush with the inner face of the wall, and its body extends outward.
 
       z ^   rim            ......
         |  |      |        clear thickness (undisturbed top)
@@ -11,13 +11,13 @@ active face is flush with the inner face of the wall, its body reaches outward.
         |  | black |       -black thickness
         |  | floor |       -black thickness - floor
 
-The pad of a design in plan, and its top: the outline with the facets of its parts, and the crown.
+A plan has the outline of a design with the facets of its parts, and its top with the crown.
 
-Which emitter-receiver pairs are judged, in which order, and where each is pressed.
+The module also selects and orders the emitter-receiver pairs that are judged, and the location of their presses.
 
-A pair has a direct path when its parts sit in different walls. It is judged, under a press at its chord's midpoint
-clamped to the workspace, if the tip comes over the chord there: pairs of one wall, and those across a corner that no
-press comes between, are reported and not judged. In facing rows (all emitters in one wall, all receivers in the
+A pair has a direct path when its parts sit in different walls. The press of a pair is at its chord's midpoint, clamped
+to the workspace. The pair is judged if the tip is over the chord there. Pairs of one wall, and pairs across a corner
+that no press comes between, are reported and not judged. In facing rows (all emitters in one wall, all receivers in the
 opposite one) the judged pairs are the facing ones, the middle one first.
 """
 
@@ -40,11 +40,11 @@ from design.spec.layout import OPPOSITE, Kind, Placement, angle_name, expand
 from design.spec.properties import part_of
 
 NODES = 32
-"""Of Gauss' rule along each wall, and from the middle to it."""
+"""Nodes of Gauss' rule along each wall, and from the middle to it."""
 TURN_RAD = 2.0 * math.pi / 96
-"""Turn of a round wall between two corners: it stands out between them by 5e-4 of its radius."""
+"""Turn of a round wall between two corners: the arc exceeds their chord by 5e-4 of its radius."""
 PIECES = 16
-"""Pieces that a straight wall under a curved edge is drawn in."""
+"""Number of pieces in a drawn straight wall under a curved edge."""
 
 
 def facet(arc: Arc, angle_deg: float, half_width_mm: float) -> Line:
@@ -54,7 +54,7 @@ def facet(arc: Arc, angle_deg: float, half_width_mm: float) -> Line:
     ----------
     arc : the round wall
     angle_deg : direction from its centre, 0 along x, 90 along y
-    half_width_mm : of the facet, below the radius
+    half_width_mm : half width of the facet, below the radius
     """
     cosine, sine = _unit(angle_deg)
     outward, tangent = (cosine, sine), (-sine, cosine)
@@ -86,8 +86,8 @@ class Plan:
 
     Attributes
     ----------
-    outline : in plan, with the facets of a disc's parts
-    top : untouched
+    outline : outline in plan, with the facets of a disc's parts
+    top : top without contact
     """
 
     outline: Outline
@@ -95,12 +95,12 @@ class Plan:
 
     @property
     def is_block(self) -> bool:
-        """Whether top and walls are flat and at right angles: mirror images then give its light exactly."""
+        """Whether top and walls are flat and at right angles; then mirror images give exact light."""
         return self.top.is_flat and self.outline.kind == "rectangle"
 
     @property
     def has_origin_corner(self) -> bool:
-        """Whether x and y are counted from a corner of its own, and not from one of the box around it."""
+        """Whether the origin of x and y is a corner of the pad, and not of the box around it."""
         return self.contains(0.0, 0.0)
 
     @property
@@ -130,7 +130,7 @@ class Plan:
 
     @property
     def radius_mm(self) -> float:
-        """Distance of its farthest place from the middle; of a disc its radius [mm]."""
+        """Distance of its farthest point from the middle; of a disc its radius [mm]."""
         if self.has_origin_corner:
             return math.hypot(self.length_mm, self.width_mm) / 2
         return max(self.length_mm, self.width_mm) / 2
@@ -146,7 +146,7 @@ class Plan:
 
     @property
     def rim_mm(self) -> tuple[float, float]:
-        """Lowest and highest place of the top's edge: where the untouched top meets the walls [mm]."""
+        """Lowest and highest point of the edge between the untouched top and the walls [mm]."""
         (x, y), (x0, y0, x1, y1) = self.centre_mm, self.outline.box_mm
         places = [end for line in self.walls for end in line.ends]
         places += [line.point(line.along_and_outward_mm(x, y)[0]) for line in self.walls]
@@ -160,12 +160,12 @@ class Plan:
         return float(self.top.height_mm(x_mm, y_mm))
 
     def normal(self, x_mm: float, y_mm: float) -> tuple[float, float, float]:
-        """Unit vector out of the untouched top: a press goes against it."""
+        """Unit vector out of the untouched top: a press moves against it."""
         nx, ny, nz = self.top.normal(x_mm, y_mm).tolist()
         return nx, ny, nz
 
     def contains(self, x_mm: float, y_mm: float) -> bool:
-        """Whether a place lies in the pad, its border included."""
+        """Whether a location is in the pad, its border included."""
         return bool(self.outline.contains(x_mm, y_mm))
 
     @property
@@ -176,7 +176,7 @@ class Plan:
 
 
 def plan_of(design: SensorDesign, facets: Sequence[Line] = ()) -> Plan:
-    """The plan of a design; `facets` of a disc are those of its placed parts."""
+    """The plan of a design; `facets` of a disc belong to its placed parts."""
     size, crown = design.cavity, design.crown
     box = (0.0, 0.0, size.length_mm, size.width_mm)
     outline = outline_in(size.outline, box, facets)
@@ -197,9 +197,9 @@ def outline_mm(plan: Plan) -> FloatArray:
 
 
 def edge_mm(plan: Plan) -> FloatArray:
-    """(n, 3) edge of the untouched top: corners in plan, more of them under a crown, and its height there [mm].
+    """(n, 3) edge of the untouched top: corners in plan, more of them under a crown, and their height [mm].
 
-    Heights are not numbers where a crown is too tight for its pad.
+    Heights are NaN where a crown is too tight for its pad.
     """
     corners = plan.outline.points(TURN_RAD, 1 if plan.top.is_flat else PIECES)
     return np.column_stack([corners, plan.top.height_mm(*corners.T)])
@@ -207,17 +207,17 @@ def edge_mm(plan: Plan) -> FloatArray:
 
 @dataclass(frozen=True, kw_only=True)
 class PlacedPart:
-    """A catalogue part at its place on a wall.
+    """A catalogue part at its position on a wall.
 
     Attributes
     ----------
     name, kind : E1 ..., emitter or receiver
-    line : the flat wall that it sits in: of a disc a facet of its own
+    line : its flat wall; on a disc its own facet
     along_mm, height_mm : centre of the active area along the wall and above the clear layer's bottom
     part_id, part : catalogue identifier and entry (measured values applied)
-    clear_mm : height of the untouched top at the lower side of its active area, for what sticks out of it
-    origin, height_field : dotted paths of the layout entry that placed it and of what gave its height
-    angle_deg : direction of the facet that it has to itself in a round wall; None in a straight wall, which parts share
+    clear_mm : height of the untouched top at the lower side of its active area, for parts that protrude
+    origin, height_field : dotted paths of the layout entry that placed it and of the field of its height
+    angle_deg : direction of its own facet in a round wall; None in a straight wall, which parts share
     """
 
     name: str
@@ -234,7 +234,7 @@ class PlacedPart:
 
     @property
     def wall(self) -> str:
-        """Name of its wall: south, east, north, west; of a disc its direction, as `45-degree`."""
+        """Name of its wall: south, east, north, west; on a disc its direction, as `45-degree`."""
         return self.line.name
 
     @property
@@ -279,8 +279,8 @@ class CavityGeometry:
     plan : outline and top
     black_mm : thickness of the black layer
     emitters, receivers : placed parts in the order of signals, states and pins
-    workspace : allowed press centres
-    tip_radius_mm : of the indenter, which decides what pairs a press can come between
+    workspace : permitted press centres
+    tip_radius_mm : radius of the indenter, which decides the pairs that a press can come between
     """
 
     plan: Plan
@@ -344,18 +344,18 @@ def cavity_of(design: SensorDesign) -> CavityGeometry:
 
 
 def workspace_of(design: SensorDesign) -> Outline:
-    """Press centres whose tip keeps the margin to every wall; empty in a pad that is too small."""
+    """Outline of press centres with the required margin from tip to wall; empty in a pad that is too small."""
     size, inset = design.cavity, design.indenter.tip_radius_mm + design.operating.workspace_margin_mm
     return outline_in(size.outline, (inset, inset, size.length_mm - inset, size.width_mm - inset))
 
 
 def part_field(place: Placement) -> str:
-    """Dotted path that names a place's part: its own pattern, or its kind's section."""
+    """Dotted path of the field that names a placement's part: its own pattern, or its kind's section."""
     return f"{place.origin}.part" if place.part is not None else f"{place.kind}s.part"
 
 
 def part_half_width_mm(design: SensorDesign, place: Placement) -> tuple[float, str]:
-    """Half of a place's socket along its wall [mm], as wide as which a disc's facet is, and the part's identifier.
+    """Half width of a placement's socket along its wall, or of its disc's facet [mm], and the part's identifier.
 
     Raises
     ------
@@ -395,12 +395,12 @@ def _placed(design: SensorDesign, place: Placement, bare: Plan) -> PlacedPart:
 
 
 def _top_over_mm(bare: Plan, line: Line, along_mm: float, half_width_mm: float) -> float:
-    """Height of the untouched top over an active area: at its lower side [mm]."""
+    """Height of the untouched top at the lower side of an active area [mm]."""
     return min(bare.top_mm(*line.point(along_mm + side)) for side in (-half_width_mm, half_width_mm))
 
 
 FACING_TOLERANCE_MM = 1e-6
-"""Two parts face each other when their places along the wall agree; patterns make them agree exactly."""
+"""Two parts face each other when their positions along the wall agree; those of patterns agree exactly."""
 
 
 def direct_path_pairs(cavity: CavityGeometry) -> BoolArray:
@@ -424,7 +424,7 @@ def _sit_opposite(cavity: CavityGeometry) -> bool:
 
 
 def facing_pairs(cavity: CavityGeometry) -> tuple[tuple[int, int], ...]:
-    """(emitter, receiver) numbers at the same place along facing rows, the middle pair first."""
+    """(emitter, receiver) numbers at the same position along facing rows, the middle pair first."""
     if not _sit_opposite(cavity):
         return ()
     pairs = [
@@ -438,9 +438,9 @@ def facing_pairs(cavity: CavityGeometry) -> tuple[tuple[int, int], ...]:
 
 
 def judged_pairs(cavity: CavityGeometry) -> tuple[tuple[int, int], ...]:
-    """(emitter, receiver) numbers that are judged one by one, and that set the gain; facing pairs in facing rows.
+    """(emitter, receiver) numbers of pairs that are judged one by one and set the gain; facing pairs in facing rows.
 
-    Of a pad, pairs whose straight path lies within a tip radius of their press; all with a direct path if none does.
+    On other pads these are the pairs whose straight path is within a tip radius of their press, else all direct pairs.
     """
     facing = facing_pairs(cavity)
     if facing:
@@ -450,14 +450,14 @@ def judged_pairs(cavity: CavityGeometry) -> tuple[tuple[int, int], ...]:
 
 
 def _comes_between(cavity: CavityGeometry, pair: tuple[int, int]) -> bool:
-    """Whether the tip is over a pair's chord where the pair is pressed."""
+    """Whether the tip is over a pair's chord at the pair's press."""
     return beside_chord(cavity, pair, chord_midpoint_mm(cavity, pair))[0] <= cavity.tip_radius_mm
 
 
 def beside_chord(
     cavity: CavityGeometry, pair: tuple[int, int], place_mm: tuple[float, float]
 ) -> tuple[float, float]:
-    """Distance of a place from a pair's chord [mm], and where along it it is nearest, from 0 (emitter) to 1 [-]."""
+    """Distance of a location from a pair's chord [mm], and the nearest point on it, from 0 (emitter) to 1 [-]."""
     ends = (cavity.emitters[pair[0]], cavity.receivers[pair[1]])
     start, end = (np.array(part.position_mm[:2]) for part in ends)
     along, to_place = end - start, np.array(place_mm) - start

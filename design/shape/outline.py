@@ -1,7 +1,7 @@
 r"""A pad in plan: a closed, convex loop of flat walls and arcs, counter-clockwise.
 
     rectangle   four lines
-    disc        arcs, and a flat facet for each part, on which the part's face lies: a chord as wide as its socket
+    disc        arcs, and a flat facet for the face of each part: a chord as wide as its socket
     stadium     two lines along its longer side and a half round at each end, with facets as on a disc
 
             facet of E1 (half width w)                     north
@@ -13,7 +13,7 @@ r"""A pad in plan: a closed, convex loop of flat walls and arcs, counter-clockwi
            '-._______.-'                        '-.__________________.-'    x and y run from 0 to the inner sizes
                                                            south
 
-A place is inside where it lies behind every line, and within the radius of every arc whose sector it is in.
+A location is inside if it is behind every line, and within the radius of every arc whose sector contains it.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ Box = tuple[float, float, float, float]
 Kind = Literal["rectangle", "disc", "stadium"]
 
 SPREAD_STEPS = 256
-"""Steps along each wall in which places are spread evenly."""
+"""Steps along each wall for evenly spread locations."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,7 +45,7 @@ class Line:
     Attributes
     ----------
     name : south, east, north, west; of a facet, its direction, as `45-degree`
-    origin : x, y of the place from which `along` is counted [mm]
+    origin : x, y of the point from which `along` is measured [mm]
     tangent, outward : unit vectors along the wall and out of the pad
     length_mm : inner length of the wall
     """
@@ -62,7 +62,7 @@ class Line:
         return x + along_mm * tx + outward_mm * nx, y + along_mm * ty + outward_mm * ny
 
     def along_and_outward_mm(self, x_mm: float, y_mm: float) -> Point:
-        """The way back from `point` [mm]."""
+        """Inverse of `point` [mm]."""
         x, y = x_mm - self.origin[0], y_mm - self.origin[1]
         (tx, ty), (nx, ny) = self.tangent, self.outward
         return x * tx + y * ty, x * nx + y * ny
@@ -75,7 +75,7 @@ class Line:
         return ends if nx * ty - ny * tx > 0.0 else ends[::-1]
 
     def points(self, shares: FloatArray) -> FloatArray:
-        """(n, 2) places at (n,) shares of the way from end to end, counter-clockwise [mm]."""
+        """(n, 2) points at (n,) shares of the length from end to end, counter-clockwise [mm]."""
         start, end = np.array(self.ends)
         return np.asarray(start + shares[:, None] * (end - start))
 
@@ -87,8 +87,8 @@ class Arc:
     Attributes
     ----------
     centre_mm : x, y of its centre
-    radius_mm : of curvature
-    start_rad, turn_rad : direction in which it begins, and by how much it turns
+    radius_mm : radius of curvature
+    start_rad, turn_rad : direction of its start, and its angle
     """
 
     centre_mm: Point
@@ -97,17 +97,17 @@ class Arc:
     turn_rad: float
 
     def points(self, shares: FloatArray) -> FloatArray:
-        """(n, 2) places at (n,) shares of the way from end to end [mm]."""
+        """(n, 2) points at (n,) shares of the arc from end to end [mm]."""
         angle = self.start_rad + shares * self.turn_rad
         ring = np.stack([np.cos(angle), np.sin(angle)], axis=-1)
         return np.asarray(np.array(self.centre_mm) + self.radius_mm * ring)
 
     def turn_to(self, line: Line) -> float:
-        """Angle from its start to the direction that a line faces, from 0 up [rad]."""
+        """Angle from its start to the direction that a line faces, at least 0 [rad]."""
         return (math.atan2(line.outward[1], line.outward[0]) - self.start_rad) % (2.0 * math.pi)
 
     def past_end_deg(self, angle_deg: float, half_width_mm: float) -> float:
-        """By how much a facet, in a direction from its centre, reaches past its nearer end [degrees]."""
+        """Angle by which a facet, in a direction from the arc's centre, exceeds the nearer end of the arc [degrees]."""
         if self.turn_rad >= 2.0 * math.pi:
             return 0.0
         middle = self.start_rad + self.turn_rad / 2
@@ -116,24 +116,24 @@ class Arc:
         return math.degrees(away + half - self.turn_rad / 2)
 
     def spans(self, angle_rad: FloatArray) -> BoolArray:
-        """(...,) whether directions from the centre lie in its sector, its ends included."""
+        """(...,) whether directions from the centre are in its sector, its ends included."""
         return np.asarray((angle_rad - self.start_rad + 1e-12) % (2.0 * np.pi) <= self.turn_rad + 2e-12)
 
 
 PLAIN: Kind = "rectangle"
-"""The kind that files and tables leave unsaid."""
+"""The kind that files and tables omit."""
 X, Y = (1.0, 0.0), (0.0, 1.0)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Dimension:
-    """A size of an outline, as drawings and tables give it.
+    """A dimension of an outline for drawings and tables.
 
     Attributes
     ----------
     size_mm : the size itself
-    direction : unit vector along which it is taken, `X` or `Y`
-    is_diameter : whether it is the same in every direction, and all that there is to say
+    direction : unit vector along which it is measured, `X` or `Y`
+    is_diameter : whether it is the same in every direction, and the only dimension
     """
 
     size_mm: float
@@ -148,8 +148,8 @@ class Outline:
     Attributes
     ----------
     kind : its name in a design file
-    box_mm : what it lies in and touches
-    lines : flat walls, which carry parts
+    box_mm : its bounding box
+    lines : flat walls, which hold parts
     arcs : the rest
     """
 
@@ -180,16 +180,16 @@ class Outline:
 
     @property
     def is_empty(self) -> bool:
-        """Whether nothing lies in it."""
+        """Whether it encloses no location."""
         return self.x1_mm < self.x0_mm or self.y1_mm < self.y0_mm
 
     def in_box(self, box_mm: Box) -> Outline:
-        """The same kind, without facets, in another box."""
+        """An outline of the same kind, without facets, in another box."""
         return outline_in(self.kind, box_mm)
 
     @property
     def bare(self) -> Outline:
-        """The same without facets: its straight walls are those that parts share."""
+        """The outline without facets: its straight walls are those that parts share."""
         return self.in_box(self.box_mm)
 
     @property
@@ -208,14 +208,14 @@ class Outline:
 
     @property
     def place_words(self) -> str:
-        """Its size and place, for tables: `x 6 to 26, y 6 to 26 mm`, `disc of 20 mm around x 16, y 16 mm`."""
+        """Its size and position, for tables: `x 6 to 26, y 6 to 26 mm`, `disc of 20 mm around x 16, y 16 mm`."""
         (x0, y0, x1, y1), (x, y) = self.box_mm, self.centre_mm
         if self.kind == PLAIN:
             return f"x {x0:g} to {x1:g}, y {y0:g} to {y1:g} mm"
         return f"{self.size_words} around x {x:g}, y {y:g} mm"
 
     def touches_mm(self, direction: Point) -> tuple[Point, Point]:
-        """Where it touches the side of its box that `direction` leads to: both ends of a wall, or one place twice [mm].
+        """Contact with the side of its box in `direction`: both ends of a wall, or one point twice [mm].
 
         Parameters
         ----------
@@ -247,7 +247,7 @@ class Outline:
         return tuple(sorted((*self.lines, *self.arcs), key=turn))
 
     def arc_towards(self, angle_deg: float) -> Arc:
-        """The round wall that a direction from its centre leads to: of those that have it, or else the nearest."""
+        """The round wall in a direction from its centre, or the nearest one."""
         turn = math.radians(angle_deg)
 
         def off(arc: Arc) -> float:
@@ -257,7 +257,7 @@ class Outline:
         return min(self.arcs, key=off)
 
     def gap_mm(self, x_mm: ArrayLike, y_mm: ArrayLike) -> FloatArray:
-        """(...,) distance to the nearest wall of places inside, below 0 outside [mm]."""
+        """(...,) distance of locations inside to the nearest wall, negative outside [mm]."""
         x, y = np.broadcast_arrays(np.asarray(x_mm, np.float64), np.asarray(y_mm, np.float64))
         gap = np.full(x.shape, np.inf)
         for line in self.lines:
@@ -270,24 +270,24 @@ class Outline:
         return gap
 
     def contains(self, x_mm: ArrayLike, y_mm: ArrayLike, slack_mm: float = 1e-9) -> BoolArray:
-        """(...,) whether places lie inside, the border included."""
+        """(...,) whether locations are inside, the border included."""
         return np.asarray(self.gap_mm(x_mm, y_mm) >= -slack_mm)
 
     def outside_mm(self, x_mm: float, y_mm: float) -> float:
-        """Distance of a place from the outline, below 0 inside [mm]."""
+        """Distance of a location from the outline, negative inside [mm]."""
         gap = float(self.gap_mm(x_mm, y_mm))
         x, y = self.clamped(x_mm, y_mm)
         return -gap if gap >= 0.0 else math.hypot(x_mm - x, y_mm - y)
 
     @property
     def corners_mm(self) -> tuple[Point, ...]:
-        """The corners of its box, if they are its own: low y before high y, low x before high x."""
+        """The corners of its box if they are corners of the outline: low y before high y, low x before high x."""
         x0, y0, x1, y1 = self.box_mm
         corners = ((x0, y0), (x0, y1), (x1, y0), (x1, y1))
         return corners if all(self.contains(*corner) for corner in corners) else ()
 
     def room_mm(self, width_mm: float) -> Point:
-        """Length and width of a rectangle in its middle, no wider than asked; of a disc about the largest [mm]."""
+        """Length and width of a rectangle in its middle, of a given width at most; of a disc about the largest [mm]."""
         length, width = self.x1_mm - self.x0_mm, self.y1_mm - self.y0_mm
         if self.corners_mm:
             return length, min(width_mm, width)
@@ -296,7 +296,7 @@ class Outline:
         return length - across + math.sqrt(across**2 - max(wide - (width - across), 0.0) ** 2), wide
 
     def clamped(self, x_mm: float, y_mm: float) -> Point:
-        """The place itself, or one on the border: moved back over what it is past [mm]."""
+        """The location itself if it is inside, else one moved back to the border [mm]."""
         x, y = self._within_arcs(x_mm, y_mm)
         for line in self.lines:
             (ox, oy), (nx, ny) = line.origin, line.outward
@@ -315,7 +315,7 @@ class Outline:
         return x_mm, y_mm
 
     def spread(self, shares: FloatArray) -> FloatArray:
-        """(n, 2) places [mm] from (n, 2) shares of 0 to 1: evenly spread shares give evenly spread places."""
+        """(n, 2) locations [mm] from (n, 2) shares of 0 to 1: evenly spread shares give evenly spread locations."""
         low, high = np.array(self.box_mm[:2]), np.array(self.box_mm[2:])
         if not self.arcs:
             return np.asarray(low + shares * (high - low))
@@ -336,7 +336,7 @@ class Outline:
         return np.asarray(middle + np.sqrt(shares[:, :1]) * (border - middle))
 
     def farthest_mm(self, x_mm: float, y_mm: float) -> float:
-        """Distance from a place to the farthest one of the border [mm]."""
+        """Distance from a location to the farthest point of the border [mm]."""
         ends = np.concatenate([one.points(np.array([0.0, 1.0])) for one in self.loop])
         found = float(np.hypot(*(ends - (x_mm, y_mm)).T).max())
         for arc in self.arcs:
@@ -347,7 +347,7 @@ class Outline:
 
     @property
     def words(self) -> str:
-        """Where it lies, for messages: `x 6 to 26 and y 6 to 26 mm`."""
+        """Its position, for messages: `x 6 to 26 and y 6 to 26 mm`."""
         x0, y0, x1, y1 = self.box_mm
         if self.lines and self.arcs:
             return f"x {x0:g} to {x1:g} and y {y0:g} to {y1:g} mm with half-round ends"
@@ -357,7 +357,7 @@ class Outline:
         return f"x {x0:g} to {x1:g} and y {y0:g} to {y1:g} mm"
 
     def way_out_mm(self, start_mm: Point, direction: Point) -> float:
-        """Distance from a place inside to the wall along a unit vector [mm]."""
+        """Distance from a location inside to the wall along a unit vector [mm]."""
         (x, y), (dx, dy) = start_mm, direction
         found = math.inf
         for line in self.lines:
@@ -385,10 +385,10 @@ class Outline:
         return np.concatenate(parts)
 
     def integral(self, about_mm: Point, nodes: int) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Places x, y (n,) [mm] and weights (n,) [mm²] of a rule for integrals over the plan.
+        """Nodes x, y (n,) [mm] and weights (n,) [mm²] of a rule for integrals over the plan.
 
-        Gauss' rule along every line and arc, and from `about_mm` to it: with p along the border, the area of the sector
-        between is ∫ (x dy - y dx) ∫ s ds. It needs a function that is smooth along every ray from there.
+        It applies Gauss' rule along every line and arc, and from `about_mm` to it. With p along the border, the area of
+        the sector is ∫ (x dy - y dx) ∫ s ds. The integrand has to be smooth along every ray from `about_mm`.
         """
         nodes_at, weights = np.polynomial.legendre.leggauss(nodes)
         share, weight = (1.0 + nodes_at) / 2, weights / 2
@@ -409,7 +409,7 @@ class Outline:
 
     @property
     def area_mm2(self) -> float:
-        """Area in plan; of a disc whose facets overlap, which cannot be built, about."""
+        """Area in plan; approximate for a disc with overlapping facets, which cannot be made."""
         x0, y0, _, _ = self.box_mm
         found = 0.0
         for one in self.loop:
@@ -428,7 +428,7 @@ def outline_in(kind: Kind, box_mm: Box, facets: Sequence[Line] = ()) -> Outline:
 
 
 def rectangle(box_mm: Box) -> Outline:
-    """Four walls: along runs with x on south and north, with y on east and west."""
+    """Four walls: `along` increases with x on south and north, with y on east and west."""
     x0, y0, x1, y1 = box_mm
     along_x, along_y = (1.0, 0.0), (0.0, 1.0)
     walls = (

@@ -1,13 +1,13 @@
 r"""The untouched top of a pad: flat, or convex with its highest point over the middle.
 
-With the curvatures kx and ky along x and y [1/mm], the place (x, y) from the highest point, and k the larger of both,
+With the curvatures kx and ky along x and y [1/mm], and the location (x, y) relative to the highest point,
 
     sag = (kx x² + ky y²) / (1 + √(1 - kx² x² - ky² y²)),      normal = (kx x, ky y, √(1 - kx² x² - ky² y²)).
 
-kx = ky = 0 is flat, kx = ky a sphere of radius 1 / k, and with one of them 0 the top is a cylinder that stays straight
-along that direction. A press goes against the normal. Its frame stands on the top where the press goes in: the third
-axis is the normal, the first two are x and y turned by the least rotation that carries z to it; on a cylinder the
-first is the straight direction.
+The top is flat if kx = ky = 0, and a sphere of radius 1 / kx if kx = ky. If one of them is 0, the top is a cylinder,
+straight along that direction. A press moves against the normal. The origin of its frame is the location of the press on
+the top. The third axis is the normal; the first two are x and y turned by the least rotation that carries z to it. On a
+cylinder the first axis is the straight direction.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ class Top:
     Attributes
     ----------
     clear_mm : height of its highest point above the bottom of the clear layer
-    apex_mm : x, y of that point; of a flat top the middle of the pad
+    apex_mm : x, y of that point; on a flat top the middle of the pad
     kx, ky : curvatures along x and y [1/mm]; both equal, or one or both 0
     """
 
@@ -45,14 +45,14 @@ class Top:
 
     @property
     def straight(self) -> Literal["x", "y"] | None:
-        """Direction in which a cylinder is straight; None for a sphere, or flat."""
+        """Direction in which a cylinder is straight; None for a sphere or a flat top."""
         if self.kx == self.ky:
             return None
         return "x" if self.kx == 0.0 else "y"
 
     @property
     def kind(self) -> Literal["none", "sphere", "cylinder"]:
-        """How it is curved, by the name that files have for it."""
+        """Kind of curvature, by its name in files."""
         if self.is_flat:
             return "none"
         return "sphere" if self.straight is None else "cylinder"
@@ -68,32 +68,32 @@ class Top:
         return (self.kx + self.ky) / 2
 
     def sag_mm(self, x_mm: ArrayLike, y_mm: ArrayLike) -> FloatArray:
-        """(...,) how far the top lies below its highest point at (...,) places [mm]; NaN beyond the crown."""
+        """(...,) depth of the top below its highest point at (...,) locations [mm]; NaN beyond the crown."""
         x, y, root = self._from_apex(x_mm, y_mm)
         fall: FloatArray = (self.kx * x * x + self.ky * y * y) / (1.0 + root)
         return fall
 
     def height_mm(self, x_mm: ArrayLike, y_mm: ArrayLike) -> FloatArray:
-        """(...,) height above the bottom of the clear layer at (...,) places [mm]; NaN beyond the crown."""
+        """(...,) height above the bottom of the clear layer at (...,) locations [mm]; NaN beyond the crown."""
         return self.clear_mm - self.sag_mm(x_mm, y_mm)
 
     def normal(self, x_mm: ArrayLike, y_mm: ArrayLike) -> FloatArray:
-        """(..., 3) unit vector out of the top at (...,) places; level, and longer, beyond the crown."""
+        """(..., 3) unit vector out of the top at (...,) locations; beyond the crown it is level, and longer than 1."""
         x, y, root = self._from_apex(x_mm, y_mm)
         return np.stack([self.kx * x, self.ky * y, np.nan_to_num(root)], axis=-1)
 
     @property
     def in_frame(self) -> Top:
-        """The top as it is seen from the frame of a press: a cylinder is straight along the first axis."""
+        """The top in the frame of a press: a cylinder is straight along the first axis."""
         low, high = sorted((self.kx, self.ky))
         return Top(clear_mm=0.0, apex_mm=(0.0, 0.0), kx=low, ky=high)
 
     def press_frame(self, x_mm: float, y_mm: float) -> tuple[FloatArray, FloatArray]:
-        """Frame of a press at a place.
+        """Frame of a press at a location.
 
         Returns
         -------
-        origin (3,) on the untouched top [mm], and axes (3, 3): a row each, the third along the normal [-]
+        origin (3,) on the untouched top [mm], and axes (3, 3) as rows, the third along the normal [-]
         """
         origin = np.array([x_mm, y_mm, float(self.height_mm(x_mm, y_mm))])
         normal = self.normal(x_mm, y_mm)
@@ -105,7 +105,7 @@ class Top:
         return origin, np.stack([first, second, normal]) + 0.0
 
     def _from_apex(self, x_mm: ArrayLike, y_mm: ArrayLike) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Distances from the apex along x and y [mm], and the normal's part along z [-]."""
+        """Distances from the apex along x and y [mm], and the normal's component along z [-]."""
         x, y = np.asarray(x_mm, np.float64) - self.apex_mm[0], np.asarray(y_mm, np.float64) - self.apex_mm[1]
         with np.errstate(invalid="ignore"):
             return x, y, np.sqrt(1.0 - (self.kx * x) ** 2 - (self.ky * y) ** 2)

@@ -1,4 +1,4 @@
-"""The specification of a sensor: what makes one design different from another.
+"""The specification of a sensor: all fields in which designs can differ.
 
 Imports of ours: parts, fields.
 """

@@ -1,4 +1,4 @@
-"""Fields that cost little to change before a design is built: stepped by a score, varied by a search around it."""
+"""Fields that are cheap to change before a design is made: a score steps them, and a search varies them."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ HEIGHTS = ("emitters.height_mm", "receivers.height_mm")
 CLEAR = "cavity.clear_thickness_mm"
 TARGET = "gain.target_counts"
 ALONG = ("pitch_mm", "shift_mm")
-"""Fields of a layout's pattern: where parts stand along their wall."""
+"""Fields of a layout's pattern that set the positions of parts along their wall."""
 
 
 def cheap_fields(design: SensorDesign) -> tuple[str, ...]:
-    """Dotted paths of those that a design has: part heights, clear layer, counts aimed at by rule, pitch and shift."""
+    """Dotted paths of the cheap fields of a design: part heights, clear layer, target counts, pitch and shift."""
     by_rule = (TARGET,) if isinstance(design.gain.feedback_ohm, str) else ()
     along = (
         f"layout.{number}.{name}"

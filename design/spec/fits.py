@@ -1,4 +1,4 @@
-"""Fit classes: how much room the mold leaves around a body, and how it holds a wire."""
+"""Fit classes: the clearance that the mold leaves around a body, and its grip on a wire."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ def fit(name: str) -> Quantity:
 
 
 def clearance_mm(mold: Mold, part_id: str) -> float:
-    """Gap at each side of a part's body: of its fit class, or `part_clearance_mm` for a part without one [mm]."""
+    """Gap at each side of a part's body: by its fit class, or `part_clearance_mm` for a part without one [mm]."""
     named = mold.fits.get(part_id)
     return mold.part_clearance_mm if named is None else fit(named).value
 

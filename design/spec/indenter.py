@@ -1,4 +1,4 @@
-r"""The tip that presses: its fields. Its outline is in `design.spec.indenter`.
+r"""The indenter's tip: its fields and its outline.
 
 A tip's radial profile from a CSV file: radius and height above the apex of each point, in mm.
 
@@ -7,12 +7,12 @@ A tip's radial profile from a CSV file: radius and height above the apex of each
     1.5, 0.4
     3.0, 3.0               the shank, at indenter.tip_radius_mm
 
-Numbers are separated by a comma, a semicolon or blanks, with a point for decimals. A file that is no
-function of radius is refused with its row.
+A comma, a semicolon or blanks separate numbers, and decimals have a point. A profile that is not a function of
+radius is refused, and the message names its row.
 
-The tip's outline: what the solver presses, what the printer makes and what the report says, from one place.
+The contact solver, the printed tip and the report share one outline of the tip:
 
-       |  |      shank, of tip_radius_mm, as long as wanted
+       |  |      shank, of tip_radius_mm, of any length
        |  |
        \  /     outline: arcs and straight lines from the apex (0, 0) to the shank
         --       apex; heights are above it
@@ -25,7 +25,7 @@ The tip's outline: what the solver presses, what the printer makes and what the 
 |            | between axis and flank                                                                 |
 | profile    | straight lines through the user's points                                               |
 
-Everything here is plain geometry; whether the contact model resolves a small radius is its own affair.
+This module is plain geometry. The contact model checks whether it resolves a small radius.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ def read_profile(file: Path) -> list[list[float]]:
 
     Raises
     ------
-    DesignError : the file cannot be read, a row is no pair of numbers, or the points are no tip.
+    DesignError : the file cannot be read, a row is not a pair of numbers, or the points do not form a tip.
     """
     found = numbered_points(file, needed=NEEDED, error=DesignError)
     rows, points = [number for number, _ in found], [point for _, point in found]
@@ -64,7 +64,7 @@ def read_profile(file: Path) -> list[list[float]]:
 
 
 class Indenter(Model):
-    """The tip that stands for a finger, and its shank of the same radius."""
+    """The tip that represents a finger, and its shank of the same radius."""
 
     unsaid = ("shape", "edge_radius_mm", "cone_half_angle_deg", "apex_radius_mm", "profile_mm")
 
@@ -95,13 +95,13 @@ class Indenter(Model):
 
 
 DEFAULT_ROUNDING = 0.1
-"""Edge and apex radius where none is given [tip radii]."""
+"""Default edge and apex radius [tip radii]."""
 DEFAULT_HALF_ANGLE_DEG = 60.0
-"""Half angle of a cone where none is given [deg]."""
+"""Default half angle of a cone [deg]."""
 SMALLEST_STEP_MM = 1e-3
 """Least distance between the radii of neighbouring points of a profile [mm]."""
 END_TOLERANCE_MM = 1e-6
-"""How far a profile may end from the shank [mm]."""
+"""Largest distance between a profile's end and the shank [mm]."""
 HIGHEST_PROFILE_MM = 50.0
 """Highest point of a profile [mm]."""
 OWN_FIELDS = {
@@ -110,7 +110,7 @@ OWN_FIELDS = {
     "cone": ("cone_half_angle_deg", "apex_radius_mm", "edge_radius_mm"),
     "profile": ("profile_mm",),
 }
-"""Fields beside `tip_radius_mm` that each shape has."""
+"""Fields of each shape in addition to `tip_radius_mm`."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -120,8 +120,8 @@ class Piece:
     Attributes
     ----------
     start, end : radius and height above the apex
-    centre : of an arc; (0, 0) for a line
-    radius : of an arc, which bulges outward; 0 for a line
+    centre : centre of an arc; (0, 0) for a line
+    radius : radius of an arc, which bulges outward; 0 for a line
     """
 
     start: tuple[float, float]
@@ -181,7 +181,7 @@ def tip_words(indenter: Indenter) -> str:
 
 
 def shape_fault(indenter: Indenter) -> str | None:
-    """What is wrong with the fields taken together: field, value, limit and way out; None if nothing."""
+    """The fault in the combination of fields: field, value, limit and way out; None if there is none."""
     own = OWN_FIELDS[indenter.shape]
     for field in sorted({name for names in OWN_FIELDS.values() for name in names} - set(own)):
         if getattr(indenter, field) is not None:
@@ -212,13 +212,13 @@ def shape_fault(indenter: Indenter) -> str | None:
 def profile_fault(
     points: Sequence[tuple[float, float]], tip_radius_mm: float | None, name: Callable[[int], str]
 ) -> str | None:
-    """Why points are no tip: height has to be a function of radius, from the apex to the shank.
+    """Why points do not form a tip: height has to be a function of radius, from the apex to the shank.
 
     Parameters
     ----------
     points : radius and height above the apex of each point [mm]
-    tip_radius_mm : radius of the shank, where the profile has to end [mm]; None leaves that open
-    name : what to call the point of an index
+    tip_radius_mm : radius of the shank, where the profile has to end [mm]; None skips this check
+    name : gives the name of a point by its index
     """
     if math.hypot(*points[0]) > END_TOLERANCE_MM:
         return f"{name(0)}: {_shown(points[0])} is refused: a profile starts at its apex, [0, 0]"

@@ -1,8 +1,8 @@
-"""Where emitters and receivers sit: patterns, and their expansion to single places.
+"""Positions of emitters and receivers: patterns, and their expansion to single positions.
 
-On a disc parts go by angle: their direction from the centre, 0 degrees along x, 90 along y. Each has a flat facet of
-its own in the round wall (`design.shape.cavity`). On a rectangle they go by wall. Walls seen from above; `along` runs
-with x on south and north, with y on east and west:
+On a disc a part's position is an angle: its direction from the centre, 0 degrees along x, 90 along y. Each part has its
+own flat facet in the round wall (`design.shape.cavity`). On a rectangle a position is a distance along a wall. The
+drawing shows the walls from above; `along` increases with x on south and north, with y on east and west:
 
         y                north
         ^         +-----------------+
@@ -36,7 +36,7 @@ PartName = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_-]{0,15}$")]
 
 
 class AlternatingRing(Model):
-    """Emitters and receivers in turn around the perimeter, evenly spaced on each wall."""
+    """Alternating emitters and receivers around the perimeter, evenly spaced on each wall."""
 
     pattern: Literal["alternating_ring"]
     parts_per_side: Annotated[
@@ -62,7 +62,7 @@ class AlternatingRing(Model):
 
 
 class FacingRows(Model):
-    """A row of emitters facing a row of receivers on the opposite wall, at the same places."""
+    """A row of emitters facing a row of receivers on the opposite wall, at the same positions."""
 
     pattern: Literal["facing_rows"]
     emitter_wall: Wall = "west"
@@ -71,7 +71,7 @@ class FacingRows(Model):
 
 
 class PerSide(Model):
-    """A number of parts of one kind on each wall, evenly spaced; two kinds in one wall take turns."""
+    """A number of parts of one kind on each wall, evenly spaced; two kinds in one wall alternate."""
 
     pattern: Literal["per_side"]
     kind: Kind
@@ -88,7 +88,7 @@ class PerSide(Model):
 
 
 class Single(Model):
-    """One part, given by hand."""
+    """One part at a given position."""
 
     pattern: Literal["single"]
     kind: Kind
@@ -100,7 +100,7 @@ class Single(Model):
 
 
 class DiscRing(Model):
-    """Emitters and receivers in turn around a disc, evenly spaced, with growing angle."""
+    """Alternating emitters and receivers around a disc, evenly spaced, with growing angle."""
 
     pattern: Literal["disc_ring"]
     count: Annotated[int, Field(ge=1, le=32, description="emitters, and as many receivers")]
@@ -172,15 +172,15 @@ BY_WALL = ("ring", "alternating_ring", "facing_rows", "per_side", "single")
 
 @dataclass(frozen=True, kw_only=True)
 class Placement:
-    """One part's place before its catalogue entry is looked up.
+    """One part's position before its catalogue entry is looked up.
 
     Attributes
     ----------
     name : E1, R1, ... or the user's own
-    wall : its wall's name; of a disc its direction, as `45-degree`
+    wall : name of its wall; on a disc its direction, as `45-degree`
     along_mm : centre along the wall from its low end; not used in a round wall [mm]
-    angle_deg : direction that it faces from, of a round wall's centre; None in a straight wall
-    height_mm, part : None stands for the section's default
+    angle_deg : direction of its facet from a round wall's centre; None in a straight wall
+    height_mm, part : None means the section's default
     origin : the dotted path of the pattern that made it, for messages
     """
 
@@ -195,9 +195,9 @@ class Placement:
 
 
 def expand(layout: tuple[Pattern, ...], cavity: Cavity) -> tuple[Placement, ...]:
-    """All places of a layout on the walls of a cavity, emitters and receivers mixed, in order.
+    """All positions of a layout on the walls of a cavity, emitters and receivers mixed, in order.
 
-    Names run E1, E2, ... and R1, R2, ... in the order of the patterns; a single part keeps its own name.
+    Names are E1, E2, ... and R1, R2, ... in the order of the patterns; a single part keeps its own name.
     """
     bare: list[Placement] = []
     for index, pattern in enumerate(layout):
@@ -297,7 +297,7 @@ def _disc_ring(pattern: DiscRing, origin: str) -> list[Placement]:
 
 
 def interleaved(emitters: int, receivers: int) -> tuple[Kind, ...]:
-    """Kinds of so many parts in a row, each kind spread as evenly as can be; an emitter first."""
+    """Kinds of the parts in a row, each kind spread as evenly as possible; an emitter is first."""
     total = emitters + receivers
     return tuple("emitter" if k * emitters % total < emitters else "receiver" for k in range(total))
 
@@ -324,7 +324,7 @@ def _even_ring(pattern: Ring, origin: str, cavity: Cavity) -> list[Placement]:
 
 
 def _shared(count: int, cavity: Cavity) -> list[int]:
-    """Parts of each wall of a border by its length, by largest remainders."""
+    """Number of parts in each wall of a border, in proportion to its length, by largest remainders."""
     lengths = [stretch.length_mm for stretch in cavity.border]
     exact = [count * length / sum(lengths) for length in lengths]
     shares = [int(one) for one in exact]
@@ -337,9 +337,9 @@ def _shared(count: int, cavity: Cavity) -> list[int]:
 def _with_rows_in_turn(
     layout: tuple[Pattern, ...], places: list[Placement], cavity: Cavity
 ) -> list[Placement]:
-    """Evenly spaced rows of emitters and of receivers in one wall take turns, where each alone would be at its middle.
+    """Alternate evenly spaced rows of emitters and of receivers that share the middle of one wall.
 
-    Rows with a pitch, a shift or a height of their own stay where they are.
+    Rows with a pitch, a shift or a height of their own keep their positions.
     """
     plain = {
         f"layout.{number}"

@@ -1,4 +1,4 @@
-"""The pad of silicone: outline, size, layers, and the crown of its top. What they look like: `design.shape.cavity`."""
+"""The silicone pad: outline, size, layers, and the crown of its top. `design.shape.cavity` has their geometry."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ WALLS: tuple[Wall, ...] = ("south", "east", "north", "west")
 
 @dataclass(frozen=True, kw_only=True)
 class Stretch:
-    """A wall in plan: a straight one by its name, or a round one by directions from its centre."""
+    """A wall in plan: a straight one has a name, a round one has directions from its centre."""
 
     length_mm: float
     wall: Wall | None = None
@@ -25,9 +25,9 @@ class Stretch:
 
 
 class Cavity(Model):
-    """The pad of silicone: its outline, inner size of the mold, and the thickness of its two layers.
+    """The silicone pad: its outline, inner size of the mold, and the thickness of its two layers.
 
-    A disc has `diameter_mm` in place of length and width, which then read as the diameter. A stadium is a rectangle
+    A disc has `diameter_mm` in place of length and width, which then equal the diameter. A stadium is a rectangle
     whose shorter sides are half rounds.
     """
 
@@ -50,7 +50,7 @@ class Cavity(Model):
     @model_validator(mode="before")
     @classmethod
     def _size_of_its_outline(cls, given: Any) -> Any:
-        """A disc's diameter stands for its length and width."""
+        """Set a disc's length and width to its diameter."""
         if not isinstance(given, dict):
             return given
         if given.get("outline", "rectangle") != "disc":
@@ -87,12 +87,12 @@ class Cavity(Model):
 
     @property
     def has_round_walls(self) -> bool:
-        """Whether parts may sit in facets of their own, by angle."""
+        """Whether parts may sit in their own facets, by angle."""
         return self.outline != "rectangle"
 
     @property
     def border(self) -> tuple[Stretch, ...]:
-        """Straight and round walls, counter-clockwise; a rectangle's and a stadium's from the south or east on."""
+        """Straight and round walls, counter-clockwise; those of a rectangle or stadium start with south or east."""
         straight = [Stretch(wall=wall, length_mm=self.walls[wall]) for wall in WALLS if wall in self.walls]
         if not self.has_round_walls:
             return tuple(straight)
@@ -105,12 +105,12 @@ class Cavity(Model):
 
     @property
     def size_fields(self) -> tuple[str, str]:
-        """The fields that give its inner size along x and along y."""
+        """Names of the fields of its inner size along x and along y."""
         own = ("length_mm", "width_mm") if self.diameter_mm is None else ("diameter_mm",) * 2
         return f"cavity.{own[0]}", f"cavity.{own[1]}"
 
     def wall_length_mm(self, wall: str) -> float:
-        """Inner length of a straight wall; 0 for one that the outline does not have [mm]."""
+        """Inner length of a straight wall; 0 for a wall that the outline lacks [mm]."""
         return self.walls.get(wall, 0.0)
 
     @model_validator(mode="after")

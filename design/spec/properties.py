@@ -1,6 +1,6 @@
-"""Physical values of a design: catalogue entries with the design's measured values on top.
+"""Physical values of a design: catalogue entries, overridden by the design's measured values.
 
-Every value comes with unit, source, confidence and the band in which the true one is believed to lie.
+Every value has a unit, a source, a confidence, and a band that is believed to contain the true value.
 """
 
 from __future__ import annotations
@@ -26,11 +26,11 @@ SECTIONS: dict[str, Kind] = {"emitters": "emitter", "receivers": "receiver"}
 MEASURED_SOURCE = "measured value given in the design"
 AIR_GAP = Quantity(value=1.0, unit="1", source="air, by definition of an air gap", confidence="read")
 ADDED_UNITS = {"emitter": {"radiant_power_mw": "mW"}, "receiver": {"epoxy_index": "1"}}
-"""Values that a measurement may add to a part which the catalogue has without them."""
+"""Values that a measurement may add to a part whose catalogue entry lacks them."""
 
 
 def entries_of(design: SensorDesign) -> CatalogEntries:
-    """The packaged catalogue with the design's own entries on top."""
+    """The packaged catalogue, extended and overridden by the design's own entries."""
     return catalog.merged(catalog.packaged(), design.catalog)
 
 
@@ -39,7 +39,7 @@ def part_of(design: SensorDesign, part_id: str, kind: Kind) -> Part:
 
     Raises
     ------
-    DesignError : unknown part (nearest names offered), other kind, or a measurement of no field.
+    DesignError : unknown part (nearest names offered), other kind, or a measurement of an unknown field.
     """
     part = catalog.find_part(entries_of(design), part_id, kind)
     values = design.part_measurements.get(part_id)
@@ -96,7 +96,7 @@ def elastomer_spectral_index(design: SensorDesign) -> SpectralIndex | None:
 
     Raises
     ------
-    DesignError : a wavelength with weight that the elastomer's tables do not reach.
+    DesignError : a wavelength with weight that the elastomer's tables do not cover.
     """
     spectrum = _default_emitter(design).spectrum
     if spectrum is None:
@@ -113,7 +113,7 @@ def _default_emitter(design: SensorDesign) -> Part:
 
 
 def wall_index(design: SensorDesign) -> Quantity | None:
-    """Index of what lies behind smooth walls [-]; None where walls only scatter.
+    """Index of the material behind smooth walls [-]; None where walls only scatter.
 
     Raises
     ------
@@ -166,11 +166,11 @@ def emitter_order(part: Part) -> float:
 
 @dataclass(frozen=True, kw_only=True)
 class UsedValue:
-    """A value that a verdict rests on.
+    """A value that a verdict depends on.
 
     Attributes
     ----------
-    path : dotted path that a design sets to change or measure it
+    path : dotted path of the design field that changes or measures it
     quantity : value, unit, source, confidence and band
     """
 
@@ -179,12 +179,12 @@ class UsedValue:
 
     @property
     def is_open(self) -> bool:
-        """Whether nobody has measured or read it."""
+        """Whether it is neither measured nor read from a source."""
         return self.quantity.confidence in ("inferred", "unverified")
 
 
 def used_values(design: SensorDesign) -> tuple[UsedValue, ...]:
-    """Every value with a band that the optical verdict rests on, measured or not."""
+    """Every value with a band that the optical verdict depends on, measured or not."""
     found = [
         UsedValue(path=path, quantity=_design_quantity(design, path, band))
         for path, band in _bands_in_use(design).items()
@@ -201,7 +201,7 @@ def used_values(design: SensorDesign) -> tuple[UsedValue, ...]:
 
 
 def _values_of_gain(part: Part, part_id: str) -> list[UsedValue]:
-    """Power or responsivity: what a gain in ohms rests on, and one by a rule does not."""
+    """Power and responsivity: a gain in ohms depends on them, a gain by a rule does not."""
     name = "radiant_power_mw" if part.kind == "emitter" else "responsivity_a_per_w"
     quantity = quantities_of(part).get(name)
     return (
@@ -210,7 +210,7 @@ def _values_of_gain(part: Part, part_id: str) -> list[UsedValue]:
 
 
 def _values_of_part(part: Part, part_id: str) -> list[UsedValue]:
-    """Sizes, and whatever says how a part shines or counts; a bare receiver counts at every angle alike."""
+    """Sizes and angular values of a part; a bare receiver is equally sensitive at every angle."""
     names = ["active_width_mm", "active_height_mm"]
     table_name = "angular_pattern" if part.kind == "emitter" else "angular_response"
     table = part.angular_pattern if part.kind == "emitter" else part.angular_response
@@ -231,7 +231,7 @@ def _values_of_part(part: Part, part_id: str) -> list[UsedValue]:
 
 
 def _parts_in_use(design: SensorDesign) -> tuple[tuple[str, Kind], ...]:
-    """Catalogue identifiers of the placed parts, each once, in order."""
+    """Distinct catalogue identifiers of the placed parts, in order."""
     return tuple(
         dict.fromkeys(
             (place.part or _section(design, place.kind).part, place.kind) for place in _placements(design)
@@ -240,7 +240,7 @@ def _parts_in_use(design: SensorDesign) -> tuple[tuple[str, Kind], ...]:
 
 
 def _bands_in_use(design: SensorDesign) -> dict[str, Band]:
-    """The bands of design fields that the placed parts use: a layout entry's own height has its section's band."""
+    """Bands of the design fields that the placed parts use; a layout entry's own height has its section's band."""
     bands = dict(_bands())
     for section, kind in SECTIONS.items():
         band = bands.pop(f"{section}.height_mm")
@@ -261,7 +261,7 @@ def _section(design: SensorDesign, kind: Kind) -> Emitters | Receivers:
 
 @dataclass(frozen=True, kw_only=True)
 class Band:
-    """How far a design field may be off on the build: below and above its value, or absolute limits."""
+    """Possible deviation of a design field on the manufactured unit: below and above its value, or absolute limits."""
 
     minus: float
     plus: float

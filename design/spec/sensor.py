@@ -1,21 +1,21 @@
-"""The specification of a sensor: everything that makes one design different from another.
+"""The specification of a sensor: all fields in which designs can differ.
 
-A design is frozen. Change it by copy (`with_`); its `digest` names its content, whatever the
-formatting of the file it came from. All lengths are in mm in the cavity frame of `design.shape.cavity`.
+A design is frozen. `with_` returns a changed copy. Its `digest` depends on its content, and not on the formatting of
+its file. All lengths are in mm in the cavity frame of `design.shape.cavity`.
 
-What stands between light and counts on a built sensor: noise, drift, ambient light, the stage, the walls' bond.
+Fields of the signal chain cover noise, drift, ambient light, the stage and the walls' bond on a manufactured unit.
 
-Two descriptions of one noise, for two purposes, never added together:
+The noise has two descriptions for two purposes, which are never added together:
 
-- the verdict's (`optopad score`): variance of a reading = 1/12 + read² + (relative x counts)², one number a reading;
+- the verdict's (`optopad score`): variance of a reading = 1/12 + read² + (relative x counts)², one number per reading;
 - the signal chain's (`sims.readings.signal_chain`): every cause by itself, with its own time scale and correlations.
 
-`read_noise_counts` is in both. `relative_noise` is the verdict's summary of all that is proportional to the signal; the
-chain has `led_fluctuation` and `gain_drift` in its place, 0.2 % each, which together are 0.28 %: the 0.3 % of the
-summary. The converter's rounding, 1/12 in the summary, is done in the chain.
+Both use `read_noise_counts`. `relative_noise` is the verdict's summary of all noise in proportion to the signal. The
+chain has `led_fluctuation` and `gain_drift` in its place, 0.2 % each. Together they are 0.28 %, close to the 0.3 % of
+the summary. The chain rounds as the converter does; the summary adds 1/12.
 
-Sources: "bounded" values are those that the paper's touch table at untouched depths allows (feasibility study of
-the whole chain); "assumed" ones have no source at all.
+Sources: "bounded" values are limited by the paper's touch table at depths without contact (feasibility study of
+the whole chain); "assumed" values have no source.
 """
 
 from __future__ import annotations
@@ -66,7 +66,7 @@ CHAIN = (
     "wall_unbonded_share",
     "wall_heal_s",
 )
-"""Parameters of the signal chain alone."""
+"""Parameters that only the signal chain uses."""
 
 PURE: dict[str, Any] = {
     "read_noise_counts": 0.0,
@@ -83,11 +83,11 @@ PURE: dict[str, Any] = {
     "position_error_mm": 0.0,
     "wall_unbonded_share": 0.0,
 }
-"""Everything of the signal chain off: what is left is the gain times the light, and full scale."""
+"""The signal chain switched off: only the gain times the light, and full scale, remain."""
 
 
 class Noise(Model):
-    """Noise of a reading, and what else keeps readings from the light: docs/how-to/simulate-data-set.md."""
+    """Noise of a reading, and other deviations from the ideal light signal: docs/how-to/simulate-data-set.md."""
 
     unsaid = CHAIN
 
@@ -202,7 +202,7 @@ Ohm = Annotated[float, Field(ge=100.0, le=1e10)]
 
 
 class Mold(Model):
-    """The printed part around the cavity, of its outline; around a disc `outer_diameter_mm` is length and width."""
+    """The printed part around the cavity, with the same outline; around a disc `outer_diameter_mm` sets both sizes."""
 
     unsaid = (
         "outer_diameter_mm",
@@ -289,7 +289,7 @@ class Mold(Model):
 
     @property
     def outside_fields(self) -> tuple[str, str]:
-        """The fields that give its outer size along x and along y."""
+        """Names of the fields of its outer size along x and along y."""
         own = ("length", "width") if self.outer_diameter_mm is None else ("diameter",) * 2
         return f"mold.outer_{own[0]}_mm", f"mold.outer_{own[1]}_mm"
 
@@ -311,7 +311,7 @@ class Mold(Model):
 
 
 class Viscoelastic(Model):
-    """How the load relaxes at constant depth; there are no defaults, because no source gives values."""
+    """Relaxation of the load at constant depth; there are no defaults, because no source gives values."""
 
     relaxed_share: Annotated[
         float,
@@ -339,7 +339,7 @@ class Elastomer(Model):
 
 
 class Surfaces(Model):
-    """Diffuse (Lambertian) reflectance of everything light can land on [-], and the finish of the walls."""
+    """Diffuse (Lambertian) reflectance of every surface that light reaches [-], and the finish of the walls."""
 
     unsaid = ("wall_finish", "wall_index")
 
@@ -360,7 +360,7 @@ class Surfaces(Model):
 
 
 class Emitters(Model):
-    """What every emitter is unless its place in the layout says otherwise."""
+    """Defaults of every emitter; its entry in the layout may override them."""
 
     part: PartId
     height_mm: Annotated[
@@ -370,7 +370,7 @@ class Emitters(Model):
 
 
 class Receivers(Model):
-    """What every receiver is unless its place in the layout says otherwise."""
+    """Defaults of every receiver; its entry in the layout may override them."""
 
     part: PartId
     height_mm: Annotated[
@@ -404,7 +404,7 @@ class EmitterOutputs(Model):
 
 
 class BoardUse(Model):
-    """The microcontroller and how it is used; pins and channels are dealt out in order when left out."""
+    """The microcontroller and its use; pins and channels are assigned in order by default."""
 
     unsaid = ("receivers", "emitters", "averages", "reference")
 
@@ -445,10 +445,10 @@ class BoardUse(Model):
 class Gain(Model):
     """The receivers' transimpedance gain, by a rule or in ohms; signal chain, sheets and driver share it.
 
-    By the rule `each` the median of every receiver's own judged pairs (the tip comes between them; facing pairs in
-    facing rows), untouched, reads `target_counts`, or less, so that none of them reads above three quarters of full
-    scale; by `common` the median of all judged pairs reads the target. Ohms set the gain by the emitters' power
-    instead. With these two brighter pairs may clip at full scale and are listed.
+    In a judged pair the tip comes between emitter and receiver; in facing rows these are the facing pairs. With the
+    rule `each` the untouched median over each receiver's judged pairs equals `target_counts`, or less to keep every one
+    below three quarters of full scale. With `common` the median over all judged pairs equals the target. Ohms set the
+    gain by the emitters' power. With `common` or ohms brighter pairs may clip at full scale; they are listed.
     """
 
     unsaid = ("feedback_ohm",)
@@ -461,7 +461,7 @@ class Gain(Model):
 
 
 class Operating(Model):
-    """The range of use that the verdict is about."""
+    """The range of use that the verdict covers."""
 
     max_depth_mm: Annotated[float, Field(ge=0.1, le=30.0, description="deepest press")] = 5.0
     workspace_margin_mm: Annotated[
@@ -470,7 +470,7 @@ class Operating(Model):
 
 
 class SensorDesign(Model):
-    """One sensor: cavity, mold, materials, parts and their places, board, noise, range of use."""
+    """One sensor: cavity, mold, materials, parts and their positions, board, noise, range of use."""
 
     unsaid = ("tolerances", "crown")
 
@@ -570,7 +570,7 @@ class SensorDesign(Model):
         return self
 
     def _misfit(self, pattern: Pattern) -> str | None:
-        """What a pattern needs that the outline does not have, and what to use in its place."""
+        """The feature that a pattern needs and the outline lacks, and a pattern to use instead."""
         outline, walls = self.cavity.outline, self.cavity.walls
         for place in expand((pattern,), self.cavity):
             if place.angle_deg is not None and not self.cavity.has_round_walls:
@@ -621,7 +621,7 @@ class SensorDesign(Model):
 
 
 def canonical_json(document: Any) -> str:
-    """One text for equal content: sorted keys, no spaces, shortest float form."""
+    """The same text for equal content: sorted keys, no spaces, shortest float form."""
     return json.dumps(document, sort_keys=True, separators=(",", ":"), ensure_ascii=True, allow_nan=False)
 
 

@@ -1,11 +1,11 @@
-"""How far a build may differ from its design: open values with their bands, and what making it adds.
+"""Tolerances of a manufactured unit: unmeasured parameters with their bands, and scatter of manufacturing.
 
-    not measured on the build ──► band of the catalogue or of `bands.toml`, anywhere within alike (uniform)
-    printed, poured, levelled ──► named defaults of `tolerances.toml`, assumptions of ours (mostly normal)
+    not measured on the unit  ──► band of the catalogue or of `bands.toml`, with uniform density
+    printed, poured, levelled ──► named defaults of `tolerances.toml`, which are assumptions (mostly normal)
     [tolerances] of the design ──► replace either: dotted path = half width in the field's unit; 0 is exact
 
-A value named in `measured` varies no more. Left out: scatter from part to part (all parts of a kind move
-together), what moves along a wall, and correlations between values: none are known.
+A value named in `measured` does not vary. The model leaves out scatter between parts (all parts of a kind move
+together), displacements along a wall, and correlations between values, because none are known.
 """
 
 from __future__ import annotations
@@ -30,16 +30,16 @@ GIVEN_SOURCE = "half width given in the design's [tolerances]"
 
 @dataclass(frozen=True, kw_only=True)
 class Tolerance:
-    """One value that may be off on a build.
+    """One value that may deviate on a manufactured unit.
 
     Attributes
     ----------
-    path : dotted path that a design sets to change it
+    path : dotted path of the design field that changes it
     value, low, high : the design's value and the ends, in `unit`
     distribution : uniform from end to end, or normal about the middle with the ends at two standard deviations, cut
         off there
-    origin : nobody has measured it, making it adds it, or the design says so
-    source : where the ends come from
+    origin : it is unmeasured, manufacturing adds it, or the design sets it
+    source : source of the ends
     """
 
     path: str
@@ -53,7 +53,7 @@ class Tolerance:
 
     @property
     def as_used_value(self) -> UsedValue:
-        """The same as a value with a band, to try both ends of."""
+        """The tolerance as a value with a band, so that a score can try both ends."""
         quantity = Quantity(
             value=self.value,
             unit=self.unit,
@@ -66,11 +66,11 @@ class Tolerance:
 
 
 def build_tolerances(design: SensorDesign) -> tuple[Tolerance, ...]:
-    """Everything that may be off on a build of a design, in a fixed order.
+    """All tolerances of a manufactured unit of a design, in a fixed order.
 
     Raises
     ------
-    DesignError : [tolerances] names no value that is a number.
+    DesignError : an entry of [tolerances] does not name a number.
     """
     found = {one.path: one for one in (*_open_values(design), *_made_values(design))}
     for path, half_width in design.tolerances.items():
@@ -81,7 +81,7 @@ def build_tolerances(design: SensorDesign) -> tuple[Tolerance, ...]:
 
 
 def tolerance_findings(design: SensorDesign) -> Iterator[Finding]:
-    """Tolerances of what is no number of the design."""
+    """Findings about tolerances that do not name a number of the design."""
     for path, half_width in design.tolerances.items():
         try:
             _value_at(design, path)
@@ -167,7 +167,7 @@ def _value_at(design: SensorDesign, path: str) -> tuple[float, str]:
 
 
 UNIT_ENDS = {"_mm": "mm", "_deg": "deg", "_n": "N", "_mpa": "MPa", "_db_per_cm": "dB/cm", "_nm": "nm"}
-"""Ends of field names, and the units that they stand for."""
+"""Suffixes of field names, and their units."""
 
 
 @dataclass(frozen=True, kw_only=True)

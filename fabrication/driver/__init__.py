@@ -1,4 +1,4 @@
-"""The built sensor at the bench: frames over a serial line. Runs without the CAD kernel and without the physics."""
+"""Driver of a manufactured unit: frames over a serial line. It runs without the CAD kernel and the physics."""
 
 from fabrication.driver.link.frames import Frame
 from fabrication.driver.sensor import Sensor

@@ -1,14 +1,14 @@
-"""Is the sensor wired as its design says? The untouched pad held against the simulated pattern, part by part.
+"""Check of a unit's wiring against its design: readings of the untouched pad against the simulated pattern, by part.
 
-How wrong wires are told from bright LEDs and build tolerances is in `wiring_check`.
+`wiring_check` distinguishes wrong wires from bright LEDs and manufacturing tolerances.
 
 - *dead*: an emitter that no receiver sees, or a receiver that sees no emitter.
 - *saturated*: a receiver at full scale in the dark, or under most emitters though expected well below it.
 - *swapped*: exchanges of two emitters or of two receivers that explain the readings much better than the right wiring.
-- *dim*: an emitter or receiver far below the others, against what is expected.
+- *dim*: an emitter or receiver far below the others, relative to the expected readings.
 
-What it cannot see: a pattern that a symmetry of the layout leaves as it is. Where two exchanges explain the readings
-equally well, as at a pad with mirror symmetry, both are named. A pair that is meant to clip says nothing.
+The check cannot detect an exchange that a symmetry of the layout leaves unchanged. Where two exchanges explain the
+readings equally well, as at a pad with mirror symmetry, both are named. A pair that should clip has no information.
 """
 
 from __future__ import annotations
@@ -38,36 +38,36 @@ from fabrication.driver.pattern import (
 from fabrication.driver.wiring_check import exchanged_wires
 
 DEAD_SHARE = 0.1
-"""A part whose strong pairs show less than this share of what is expected is dead [-]."""
+"""A part whose strong pairs show less than this share of the expected reading is dead [-]."""
 
 DIM_SHARE = 0.4
-"""A part below this share of the others is called dim; resistors, binning and seating explain some +-30 %."""
+"""A part below this share of the others is reported as dim; resistors, binning and seating explain some +-30 %."""
 
 UNEXPECTED_SHARE = 0.5
-"""A pair at full scale that was expected below this share of it is named."""
+"""A pair at full scale is reported if it was expected below this share of it."""
 
 AMBIENT_SHARE = 0.1
-"""Dark readings above this share of full scale take away range."""
+"""Dark readings above this share of full scale reduce the range."""
 
 NOISE_COUNTS, NOISE_SHARE = 3.0, 0.02
-"""Readings that scatter by more than the first plus this share of themselves are named."""
+"""Readings are reported if they scatter by more than the first plus this share of themselves."""
 
 REFERENCE_V, SUPPLY_LOW_V, SUPPLY_HIGH_V = 1.1, 4.5, 5.5
-"""The chip's own reference, +-10 % by its data sheet, and the supply that a USB port should give."""
+"""The chip's internal reference, +-10 % by its data sheet, and the limits of a USB port's supply."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Verdict:
-    """What a check found.
+    """Result of a check.
 
     Attributes
     ----------
     problems : errors first
-    gain : readings over expected ones, in the middle [-]; None where nothing could be compared
-    mismatch : middle distance of a pair from the expected pattern, as a factor less 1 [-]
-    compared : pairs that could be compared
+    gain : median of readings over expected ones [-]; None where nothing could be compared
+    mismatch : median distance of a pair from the expected pattern, as a factor less 1 [-]
+    compared : number of pairs that could be compared
     clipped_by_design : pairs that are expected at full scale
-    frames : the check rests on
+    frames : number of frames in the check
     """
 
     problems: tuple[Problem, ...]
@@ -79,22 +79,22 @@ class Verdict:
 
     @property
     def is_good(self) -> bool:
-        """Whether nothing is wrong; what may be as it is does not count."""
+        """Whether there is no error; warnings do not count."""
         return not any(problem.is_error for problem in self.problems)
 
     def to_json(self) -> dict[str, Any]:
-        """As plain data."""
+        """The verdict as plain data."""
         return {"is_good": self.is_good, **asdict(self)}
 
 
 def check_frames(frames: Iterable[Frame], found: Descriptor, self_test: SelfTest | None = None) -> Verdict:
-    """Hold the untouched pad against its simulated pattern.
+    """Compare the untouched pad with its simulated pattern.
 
     Parameters
     ----------
-    frames : of the untouched pad; a second of them is plenty
+    frames : frames of the untouched pad; one second is enough
     found : descriptor of the sensor
-    self_test : the board's, where it was asked
+    self_test : the board's self-test, if it was requested
 
     Raises
     ------
@@ -129,7 +129,7 @@ def check_frames(frames: Iterable[Frame], found: Descriptor, self_test: SelfTest
 
 
 def _railed(dark: NDArray[np.uint16], found: Descriptor) -> BoolArray:
-    """(receiver,) at full scale in the dark."""
+    """(receiver,) whether a receiver is at full scale in the dark."""
     is_railed: BoolArray = dark.mean(axis=0) >= CLIP_SHARE * found.full_scale
     return is_railed
 
@@ -147,7 +147,7 @@ def _railed_problems(railed: BoolArray, found: Descriptor) -> list[Problem]:
 
 
 def _pattern_problems(pattern: Pattern, railed: BoolArray) -> list[Problem]:
-    """Dead parts first; then wires among the living; then what is left of the distance, by part."""
+    """Problems of dead parts first, then of wires of live parts, then the remaining distance, by part."""
     dead_e, dead_r = _dead(pattern, railed)
     usable = ~(dead_e[:, None] | (dead_r | railed)[None, :])
     problems = _dead_problems(pattern, dead_e, dead_r)
@@ -159,8 +159,8 @@ def _pattern_problems(pattern: Pattern, railed: BoolArray) -> list[Problem]:
 
 
 def _dead(pattern: Pattern, railed: BoolArray) -> tuple[BoolArray, BoolArray]:
-    """(emitter,) and (receiver,) that do nothing. A wrong wire moves rows and columns, so a dead part shows as a row or
-    column that is dark throughout, whatever is expected there."""
+    """(emitter,) and (receiver,) whether a part is dead. A wrong wire moves rows and columns, so a dead part has a row
+    or column that is completely dark, whatever its expected readings."""
     strong = _strong_reading(pattern)
     shows = pattern.measured > strong
     is_lit = shows[:, ~railed].any(axis=1) if not railed.all() else np.ones(len(shows), dtype=bool)
@@ -168,7 +168,7 @@ def _dead(pattern: Pattern, railed: BoolArray) -> tuple[BoolArray, BoolArray]:
 
 
 def _strong_reading(pattern: Pattern) -> float:
-    """What every living part shows at least at its best pair [counts]."""
+    """Least reading of the best pair of every live part [counts]."""
     best = np.concatenate([pattern.expected.max(axis=0), pattern.expected.max(axis=1)])
     return max(float(DEAD_SHARE * best.min()), FLOOR_COUNTS)
 
@@ -197,7 +197,7 @@ def _dead_problems(pattern: Pattern, dead_e: BoolArray, dead_r: BoolArray) -> li
 
 
 def _dim(pattern: Pattern, usable: BoolArray) -> list[Problem]:
-    """Parts far below the others, against what is expected of them."""
+    """Parts far below the others, relative to their expected readings."""
     told = usable & ~pattern.is_clipped & ~pattern.is_meant_to_clip & (pattern.expected >= SEEN_COUNTS)
     ratio = np.where(told, np.maximum(pattern.measured, 0.0) / np.maximum(pattern.expected, 1.0), np.nan)
     problems = []
@@ -218,7 +218,7 @@ def _dim(pattern: Pattern, usable: BoolArray) -> list[Problem]:
 
 
 def _clipped(pattern: Pattern, usable: BoolArray) -> list[Problem]:
-    """Pairs at full scale that should be well below it, receiver by receiver: an error where most of them are."""
+    """Problems of pairs at full scale that should be well below it, by receiver; an error if most of them are."""
     may_be_read = usable & ~pattern.is_meant_to_clip & (pattern.expected >= SEEN_COUNTS)
     odd = usable & pattern.is_clipped & (pattern.expected < UNEXPECTED_SHARE * pattern.full_scale)
     problems = []
@@ -274,7 +274,7 @@ def _supply(self_test: SelfTest | None, found: Descriptor) -> list[Problem]:
 
 
 def _program(self_test: SelfTest | None, found: Descriptor) -> list[Problem]:
-    """The digest is the design's; the checksum also tells pins, inputs and times that the program was compiled with."""
+    """Problems of the program: the digest is the design's; the checksum also covers pins, inputs and times."""
     if self_test is None or found.config_crc is None or self_test.config_crc == found.config_crc:
         return []
     message = (

@@ -1,4 +1,4 @@
-"""What the numbers of a stream mean, apart from the stream: geometry, names, units, rates."""
+"""Meaning of the numbers of a stream: geometry, names, units, rates."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ class PartArray:
     Attributes
     ----------
     names : E1, ... or R1, ...
-    pins : as the board's print says, D22 or A0
+    pins : labels printed on the board, D22 or A0
     position_mm : (n, 3) centre of the active area in the cavity frame [mm]
     normal : (n, 3) direction into the cavity [-]
     """
@@ -35,13 +35,13 @@ class Descriptor:
 
     Attributes
     ----------
-    states : what is lit in each state of `Frame.counts`: E1, ..., and off
+    states : lit emitter in each state of `Frame.counts`: E1, ..., and off
     full_scale : largest reading [counts]
-    wanted_rate_hz : the design's frame rate; the measured one is the stream's to tell
-    possible_rate_hz : by the plain sum of the timing budget; the firmware is somewhat faster
-    surface : the untouched top; None in a configuration from before it was told
-    expected_counts : (emitter, receiver) untouched by simulation [counts]; None where it was not simulated
-    config_crc : what a self-test of this design's firmware answers for its configuration; None where that is not known
+    wanted_rate_hz : the design's frame rate; the stream measures the actual one
+    possible_rate_hz : frame rate by the plain sum of the timing budget; the firmware is slightly faster
+    surface : the untouched top; None in an older configuration without it
+    expected_counts : (emitter, receiver) simulated readings without contact [counts]; None if not simulated
+    config_crc : checksum of the configuration in the self-test of this design's firmware; None if it is not known
     """
 
     design: str
@@ -70,7 +70,7 @@ UNITS = {
 
 
 def descriptor_of(config: DriverConfig) -> Descriptor:
-    """What a driver configuration says of the stream."""
+    """The descriptor of a driver configuration's stream."""
     expected = config.expected
     return Descriptor(
         design=config.design,

@@ -1,31 +1,31 @@
-"""Slow drift of the untouched pad, followed; a touch, held however long, left alone.
+"""Tracking of the untouched pad's slow drift; a touch of any duration is not tracked.
 
-Of every pair: y its signal, b the untouched level that is followed, u that of the training data [counts]. A model is
-given
+Every pair has a signal y, a tracked untouched level b, and an untouched level u of the training data [counts]. The
+input of a model is
 
-    f = y u / b                      (f = y where u or b is below 4 counts, too little to divide by)
+    f = y u / b                      (f = y where u or b is below 4 counts, too small to divide by)
 
-and on untouched frames b goes after the signal of `guard_s` ago with the time constant tau,
+and on untouched frames b follows the signal of `guard_s` ago with the time constant tau,
 
     db/dt = (y(t - guard) - b) / tau.
 
-A frame is held, and b stays, while the pad is touched, and `guard_s` before and after: what waits for the guard is
-thrown away when a touch comes. The pad is taken for touched where either
+A frame is held, and b is constant, while the pad is touched, and `guard_s` before and after: frames that wait for the
+guard are discarded when a touch begins. The pad counts as touched if either
 
-- the model says so, in more than half of the last 0.2 s (single wrong frames hold nothing up), or
-- the change  c = y / b - 1  over 0.2 s, less all that gains of emitters and receivers explain (`gain_pattern`), has a
-  mean square of more than 4 times the noise's: a press shades pairs one by one.
+- the model reports a touch in more than half of the last 0.2 s (single wrong frames have no effect), or
+- the change  c = y / b - 1  over 0.2 s, less the part that gains of emitters and receivers explain (`gain_pattern`),
+  has a mean square of more than 4 times the noise's: a press shades pairs individually.
 
-A change that gains explain to 95 % or more, beyond 0.5 % and five times its noise, for 1 s on end, is a step of gain: a
-part was plugged, warmed or lost supply, or drift went on under a touch that has ended. It is counted and reported, and
-b is multiplied by it, also while the model takes it for a touch. A part that loses more than half is reported and not
-followed. Layouts with fewer than 16 numbers beside the gains (3 x 3 parts have 4) tell no steps of gain.
+A change is a gain step if gains explain 95 % or more of it, and it exceeds 0.5 % and five times its noise, for 1 s
+without a break: a part was plugged in, warmed up or lost supply, or drift continued under a touch that has ended. The
+step is counted and reported, and b is multiplied by it, even while the model reports a touch. A part that loses more
+than half is reported and not tracked. Gain steps are not detected in layouts with fewer than 16 degrees of freedom
+beyond the gains (3 x 3 parts have 4).
 
-What it cannot tell: a contact that is there at the start is taken for the untouched pad (`start_mismatch` says how far
-the start is from the training data beyond gains); a contact that grows so slowly that the rest of its change stays
-under the threshold within tau is followed as drift; a touch that changes all pairs of a part by one factor, as a finger
-before the part's own window, may pass for gain. Drift under a held touch is not followed: the position is off by what
-the signals drift meanwhile, until the touch ends.
+The tracker has four limits. A contact at the start counts as the untouched pad (`start_mismatch` is its difference from
+the training data beyond gains). A contact that grows so slowly that the rest stays below the threshold within tau is
+tracked as drift. A touch that changes all pairs of a part by one factor, as a finger in front of the part, may count
+as gain. Drift under a held touch is not tracked, and shifts the position until the touch ends.
 """
 
 from __future__ import annotations
@@ -43,41 +43,41 @@ from fabrication.driver.link.frames import WEAKEST_BASELINE_COUNTS
 
 TIME_CONSTANT_S, GUARD_S = 10.0, 0.5
 SHORT_S = 0.2
-"""Over which the change is averaged before it is judged."""
+"""Time over which the change is averaged before it is judged."""
 
 HELD_EXCESS = 4.0
-"""Mean square of a change's rest over the noise's: 1 by noise alone, with a scatter of 0.2 for 49 free numbers."""
+"""Threshold for the mean square of a change's rest over the noise's: noise gives 1, +-0.2 for 49 degrees of freedom."""
 
 GAIN_S = 1.0
 GAIN_SHARE = 0.95
 LEAST_GAIN, GAIN_SIGMAS = 0.005, 5.0
 LEAST_FREEDOM = 16
-"""With fewer numbers beside the gains a press can look like them: they explain 95 % of one of the paper's pair."""
+"""Least degrees of freedom beyond the gains; with fewer a press resembles gains: 95 % for the paper's pair."""
 
 LONGEST_STEP = 0.5
-"""After a pause a frame counts for at most this share of the time constant: its noise stays in the levels."""
+"""Largest step of a frame after a pause [time constants], because its noise stays in the levels."""
 
 LARGEST_GAIN = 0.5
-"""A part that loses more is broken, which is reported and not followed."""
+"""A part that loses more is broken; it is reported and not tracked."""
 
 LEAST_NOISE_COUNTS = 0.3
-"""Rounding alone."""
+"""Noise of rounding alone."""
 
 LEAST_START_FRAMES = 5
 
 
 @dataclass(frozen=True, kw_only=True)
 class DriftState:
-    """What the tracker makes of a frame.
+    """The tracker's result for a frame.
 
     Attributes
     ----------
-    is_held : the untouched levels are not followed now
+    is_held : whether the untouched levels are constant now
     excess : mean square of the change's rest over the noise's [-]
     drift : median of all pairs' untouched levels over the start's, less 1 [-]
-    is_gain_like : whether the change since the levels were followed last is one of gains, and clear
-    gain_steps : so far
-    held_without_touch_s : how long the change was no gain and the model saw no touch [s]
+    is_gain_like : whether the change since the last tracked frame is one of gains, and significant
+    gain_steps : number of gain steps so far
+    held_without_touch_s : time for which the change was not a gain and the model saw no touch [s]
     """
 
     is_held: bool
@@ -89,25 +89,25 @@ class DriftState:
 
 
 class DriftTracker:
-    """Follows the untouched levels of all pairs.
+    """Tracks the untouched levels of all pairs.
 
     Parameters
     ----------
     start : (n, emitter, receiver) signals of the untouched pad, at least 5 frames [counts]
     trained : (pair,) untouched signals of the training data, emitter outermost [counts]
-    time_constant_s : of following [s]
-    guard_s : before and after a touch nothing is followed [s]
-    full_scale : signals from here on tell nothing [counts]
+    time_constant_s : time constant of tracking [s]
+    guard_s : time before and after a touch without tracking [s]
+    full_scale : signals from here on have no information [counts]
 
     Attributes
     ----------
-    untouched : (pair,) followed levels [counts]
-    gain_steps : told so far
-    start_mismatch : root mean square of start over training beyond gains, over the pairs that tell a ratio [-]
+    untouched : (pair,) tracked levels [counts]
+    gain_steps : number of gain steps reported so far
+    start_mismatch : root mean square of start over training beyond gains, over the pairs with a valid ratio [-]
 
     Raises
     ------
-    InputError : shapes that do not fit, numbers that are not finite, times that are none.
+    InputError : shapes that do not match, numbers that are not finite, or invalid times.
     """
 
     def __init__(
@@ -128,15 +128,15 @@ class DriftTracker:
         self.untouched: FloatArray = start.mean(axis=0).ravel()
         self._first = self.untouched.copy()
         self._level_noise = 1.0 / len(start)
-        """Variance of the levels over a frame's: each is a mean."""
+        """Variance of the levels over that of a frame: each level is a mean."""
         self._calibrate(start.reshape(len(start), -1))
         self.start_mismatch = self._mismatch()
         self.gain_steps = 0
         self._waiting: deque[tuple[float, float, FloatArray]] = deque()
-        """Time of a frame, how long it is since the one before it [s], its signals."""
+        """Time of a frame, interval since the previous frame [s], and its signals."""
         self._short = np.zeros(self.untouched.size)
         self._short_noise = 0.0
-        """Variance of the short average over a frame's; its frames may come at any times."""
+        """Variance of the short average over that of a frame; its frames may arrive at any times."""
         self._touched_share = 0.0
         self._time_s: float | None = None
         self._held_s = -math.inf
@@ -144,18 +144,18 @@ class DriftTracker:
         self._odd_since_s: float | None = None
 
     def features(self, signals: FloatArray) -> FloatArray:
-        """(n, pair) what a model is given for (n, pair) signals [counts]."""
+        """(n, pair) input of a model for (n, pair) signals [counts]."""
         found: FloatArray = signals * self._factor
         return found
 
     def follow(self, time_s: float, signals: FloatArray, is_touched: bool) -> DriftState:
-        """Take one frame into account.
+        """Process one frame.
 
         Parameters
         ----------
-        time_s : rises from frame to frame, as the board's clock [s]
-        signals : (pair,) less the off state's [counts]
-        is_touched : what the model says of it
+        time_s : time that rises from frame to frame, as the board's clock [s]
+        signals : (pair,) signals less those of the off state [counts]
+        is_touched : the model's decision for it
         """
         passed_s = 0.0 if self._time_s is None else max(time_s - self._time_s, 0.0)
         weight = -math.expm1(-passed_s / SHORT_S)
@@ -187,7 +187,7 @@ class DriftTracker:
         )
 
     def restart(self) -> None:
-        """The board began anew: its clock starts again, the untouched levels stay."""
+        """Restart after a reset of the board: its clock starts again, and the untouched levels are kept."""
         self._time_s = None
         self._held_s = -math.inf
         self._gain_since_s = self._odd_since_s = None
@@ -216,7 +216,7 @@ class DriftTracker:
         return float(np.sqrt((used**2).mean())) if used.size else 0.0
 
     def _excess(self) -> float:
-        """Of the averaged change: its noise is less than a frame's by the average's length; the levels add theirs."""
+        """Excess of the averaged change; averaging reduces its noise, and the levels add theirs."""
         noise = self._quiet * (self._short_noise + self._level_noise)
         return float(self._pattern.excess(self._short)) / noise
 
@@ -251,7 +251,7 @@ class DriftTracker:
         self._short_noise = 0.0
 
     def _follow_waiting(self, time_s: float) -> None:
-        """Let in what has waited for the guard."""
+        """Track the frames that have waited for the guard."""
         while self._waiting and time_s - self._waiting[0][0] >= self._guard_s:
             _, passed_s, signals = self._waiting.popleft()
             weight = -math.expm1(-min(passed_s / self._tau_s, LONGEST_STEP))
@@ -265,7 +265,7 @@ class DriftTracker:
 
 
 def _since(begun_s: float | None, time_s: float, goes_on: bool) -> float | None:
-    """When what goes on began; None where it does not."""
+    """Start of a condition that continues; None if it does not."""
     if not goes_on:
         return None
     return time_s if begun_s is None else begun_s

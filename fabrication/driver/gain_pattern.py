@@ -1,15 +1,15 @@
-"""What of a change of signals is gain, and what only a touch explains.
+"""Split of a change of signals into gains and a rest that only a touch explains.
 
-A part that ages, warms up or loses supply changes all pairs that it belongs to by one factor. The change of pair
+A part that ages, warms up or loses supply changes all of its pairs by one factor. The change of pair
 (i, j) from its untouched signal,  c_ij = s_ij / b_ij - 1,  is split by weighted least squares,
 
     c_ij = a_i + r_j + d_ij,        weights 1 / sigma_ij^2,
 
 into emitters' gains a_i, receivers' gains r_j and the rest d_ij (first order in the gains: an emitter and a receiver
-that both change by 5 % leave 0.25 % in the rest). A press shades pairs one by one, and the rest holds nearly all of it.
+that both change by 5 % leave 0.25 % in the rest). A press shades pairs individually: nearly all of it is in the rest.
 
-Left out: pairs below 4 counts or at full scale, which tell no ratio. A change that is the same on all pairs of a part
-is taken for gain, whatever made it: a finger over a single part's window cannot be told.
+Pairs below 4 counts or at full scale are left out, because their ratio is not valid. A change that is the same on all
+pairs of a part counts as gain, whatever its cause: a finger over a single part's window is not detected.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from design.arrays import BoolArray, FloatArray
 from fabrication.driver.link.frames import WEAKEST_BASELINE_COUNTS
 
 LEAST_SIGMA = 1e-4
-"""A pair's noise over its signal is taken as no less than this: rounding can hide all of it [-]."""
+"""Least assumed noise of a pair over its signal: rounding can conceal all of it [-]."""
 
 
 class GainPattern:
@@ -30,13 +30,13 @@ class GainPattern:
     ----------
     untouched : (emitter, receiver) signals of the untouched pad [counts]
     noise : (emitter, receiver) standard deviation of one frame's signals [counts]
-    full_scale : signals from here on tell nothing [counts]
+    full_scale : signals from here on have no information [counts]
 
     Attributes
     ----------
-    used : (pair,) whether a pair tells a ratio
+    used : (pair,) whether a pair has a valid ratio
     sigma : (pair,) noise of one frame's change; 1 where the pair is not used [-]
-    freedom : how many independent numbers the rest has
+    freedom : degrees of freedom of the rest
     """
 
     def __init__(self, untouched: FloatArray, noise: FloatArray, full_scale: float = np.inf) -> None:
@@ -65,12 +65,12 @@ class GainPattern:
         return found
 
     def gain_change(self, change: FloatArray) -> FloatArray:
-        """(n, pair) what the gains explain of (n, pair) changes, also of pairs that tell nothing themselves [-]."""
+        """(n, pair) share of (n, pair) changes that gains explain, also for pairs that are not used [-]."""
         found: FloatArray = self.gains(change) @ self._columns.T
         return found
 
     def rest(self, change: FloatArray) -> FloatArray:
-        """(n, pair) what they do not explain, in noise units of one frame; 0 for pairs that are not used."""
+        """(n, pair) rest of the changes, in standard deviations of one frame; 0 for pairs that are not used."""
         kept = self._kept(change)
         rest: FloatArray = np.where(self.used, (kept - self.gain_change(kept)) / self.sigma, 0.0)
         return rest

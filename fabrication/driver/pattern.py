@@ -1,4 +1,4 @@
-"""The untouched pad's mean readings beside what the simulation expects of them, and how a problem is told."""
+"""The untouched pad's mean readings and their simulated values, and the form of a reported problem."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from design.recordings import signals_of
 from fabrication.driver.descriptor import Descriptor, PartArray
 
 FLOOR_COUNTS = 8.0
-"""Below this readings are alike: ambient light, noise, and light that the model does not follow."""
+"""Readings below this are equivalent: ambient light, noise, and light outside the model."""
 
 SEEN_COUNTS = 24.0
-"""A pair expected below this cannot tell whether its parts live; at a fifth of it they still would."""
+"""A pair expected below this cannot show whether its parts work; a part at a fifth of its light still works."""
 
 CLIP_SHARE = 0.95
 """Readings and expectations above this share of full scale may be clipped."""
@@ -23,14 +23,14 @@ CLIP_SHARE = 0.95
 
 @dataclass(frozen=True, kw_only=True)
 class Problem:
-    """Something that is wrong, with the parts and pins to look at.
+    """A fault, with the parts and pins to inspect.
 
     Attributes
     ----------
     kind : dead, swapped, saturated, dim, ambient, noisy, supply, program
     parts : names of the parts
-    message : what is seen and what to do
-    is_error : False for what may be as it is
+    message : the observation and the way out
+    is_error : False for a warning
     """
 
     kind: str
@@ -41,7 +41,7 @@ class Problem:
 
 @dataclass(frozen=True, kw_only=True)
 class Pattern:
-    """Mean readings and what they should be, all (emitter, receiver), with the names of the parts."""
+    """Mean readings and expected ones, all (emitter, receiver), with the names of the parts."""
 
     measured: FloatArray
     expected: FloatArray
@@ -53,7 +53,7 @@ class Pattern:
 
 
 def pattern_of(counts: NDArray[np.uint16], found: Descriptor) -> Pattern:
-    """Mean readings of (n, state, receiver) counts beside the descriptor's expected ones, which it must have."""
+    """Mean readings of (n, state, receiver) counts, and the descriptor's expected ones, which must be present."""
     assert found.expected_counts is not None, "requested by the caller"
     mean: FloatArray = counts.mean(axis=0)
     lit = mean[:-1]

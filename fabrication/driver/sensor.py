@@ -1,4 +1,4 @@
-"""The built sensor as a context manager that yields frames.
+"""A manufactured unit as a context manager that yields frames.
 
     from fabrication.driver import Sensor
 
@@ -6,8 +6,8 @@
         for frame in sensor:
             print(frame.sequence, frame.normalised)
 
-Opening it finds the board, waits out its reset, refuses one of another design, starts it, and takes a baseline of the
-untouched pad. Frames come whole and checked or not at all; what is missing is counted.
+Opening it finds the board, waits for the end of its reset, refuses a board of another design, starts it, and takes a
+baseline of the untouched pad. Every delivered frame is complete and checked; missing frames are counted.
 """
 
 from __future__ import annotations
@@ -35,36 +35,36 @@ from fabrication.driver_file import DriverConfig, load_driver_config
 BASELINE_S = 0.5
 PATIENCE_S = 10.0
 POLL_S = 0.2
-"""A wait is cut into pieces of this, so that Ctrl-C is answered on every system."""
+"""Longest piece of a wait, so that Ctrl-C works on every system."""
 
 FASTEST_HZ = 100_000.0
 SLOWEST_HZ = 0.001
-"""As a design's own. The board's clock tells intervals below 2^31 us apart, 0.00047 Hz."""
+"""Slowest rate, as of a design. The board's clock resolves intervals below 2^31 us, 0.00047 Hz."""
 
 SILENCE_S = 1.0
-"""At the end of a given time, a board that has sent nothing for so long, and three frames long, is gone."""
+"""At the end of a given time, a board that has been silent for this time and three frames is lost."""
 
 
 class Sensor:
-    """A built sensor.
+    """A manufactured unit.
 
     Parameters
     ----------
-    config : driver.toml of its design, or what was read of one
+    config : driver.toml of its design, or the configuration read from one
     port : name of the port; None finds the board by its USB identity
-    rate_hz : frames a second; None takes the design's, 0 as many as the board can
-    accept_digest : first 8 digits or more of a foreign design's digest that is accepted none the less
-    baseline_s : how long the untouched pad is read on opening [s]; 0 takes no baseline
-    patience_s : longest wait for the board's hello on opening, and for a frame, reconnection included [s]; None takes
-        10 s, or more for a board that boots slower. A frame is waited for three intervals at least
-    gather_s : frames come off the line in batches so far apart, which spares the processor; 0 hands each on at once [s]
-    not_ports : names of ports that are another device's, as a stage's: never taken for the board's
-    on_wait : takes a line about the port that was chosen, and lines about the wait for the board; None prints them on
+    rate_hz : frames per second; None takes the design's rate, 0 the board's fastest
+    accept_digest : first 8 digits or more of another design's digest that is accepted
+    baseline_s : reading time of the untouched pad on opening [s]; 0 takes no baseline
+    patience_s : longest wait for the board's hello on opening, and for a frame, including reconnection [s]; None takes
+        10 s, or more for a board that boots slower. The wait for a frame is at least three intervals
+    gather_s : interval of batches of frames, which reduces the processor's load; 0 delivers each frame at once [s]
+    not_ports : names of ports of other devices, as a stage, which are never used for the board
+    on_wait : called with a line about the chosen port, and lines about the wait for the board; None prints them on
         standard error
 
     Attributes
     ----------
-    config : of the design
+    config : configuration of the design
     descriptor : geometry, names, units, rates
     """
 
@@ -127,11 +127,11 @@ class Sensor:
             yield self.read()
 
     def frames(self, count: int | None = None, seconds: float | None = None) -> Iterator[Frame]:
-        """Frames until so many came or so much time passed [s], whichever is first; None is no limit.
+        """Yield frames up to a count or a time [s], whichever is first; None is no limit.
 
         Raises
         ------
-        DeviceError, OutputError : as `read`; also where the time ends while the board is gone or silent.
+        DeviceError, OutputError : as `read`; also if the time ends while the board is lost or silent.
         """
         heard_at = time.monotonic()
         end = None if seconds is None else heard_at + seconds
@@ -153,7 +153,7 @@ class Sensor:
         Raises
         ------
         DeviceError : none within `patience_s`.
-        OutputError : a recording stopped; the frames before are all there, and reading may go on without it.
+        OutputError : a recording stopped; it has all earlier frames, and reading may continue without it.
         """
         stream, end = self._open, time.monotonic() + self._patience_s
         while time.monotonic() < end:
@@ -163,7 +163,7 @@ class Sensor:
         raise self._silence(self._patience_s)
 
     def take_baseline(self, seconds: float = BASELINE_S) -> FloatArray:
-        """Read the untouched pad for a while; its mean is the baseline from now on.
+        """Read the untouched pad for some time; its mean becomes the baseline.
 
         Returns
         -------
@@ -180,7 +180,7 @@ class Sensor:
 
     @property
     def waiting(self) -> int:
-        """How many frames wait to be read."""
+        """Number of frames that wait to be read."""
         return self._open.waiting
 
     def skip_waiting(self) -> None:
@@ -199,7 +199,7 @@ class Sensor:
         return recorder
 
     def self_test(self, timeout_s: float = 3.0) -> SelfTest:
-        """What the board measures of itself; DeviceError when it does not answer."""
+        """The board's self-test; DeviceError if it does not answer."""
         return self._open.self_test(timeout_s)
 
     @property
@@ -209,17 +209,17 @@ class Sensor:
 
     @property
     def hello(self) -> Hello:
-        """What the board said of itself."""
+        """The board's hello."""
         return self._open.hello
 
     @property
     def counts(self) -> LinkCounts:
-        """Frames received, lost, damaged; reconnects."""
+        """Counts of received, lost and damaged frames, and of reconnections."""
         return self._open.counts
 
     @property
     def rate_hz(self) -> float | None:
-        """Delivered frames a second by the board's clock, over the last 256; None before two frames."""
+        """Delivered frames per second by the board's clock, over the last 256; None before two frames."""
         return self._decoder.rate_hz
 
     @property
@@ -234,7 +234,7 @@ class Sensor:
         return self._stream
 
     def _require_heard(self, heard_at: float) -> None:
-        """DeviceError where the board is gone, or has been silent for long."""
+        """Raise DeviceError if the board is lost, or has been silent for too long."""
         silent_s = time.monotonic() - heard_at
         longest_s = max(SILENCE_S, 3.0 / self._rate_hz if self._rate_hz else 0.0)
         if self._open.why_away or silent_s > longest_s:
@@ -249,7 +249,7 @@ class Sensor:
         )
 
     def _checked(self, hello: Hello) -> Hello:
-        """The hello of a board that began anew, if it is this design's."""
+        """The hello of a board after a restart, if it is of this design."""
         check_hello(hello, self.config, where=self.port, accept_digest=self._accept_digest)
         return hello
 
@@ -274,7 +274,7 @@ class Sensor:
                 on_wait=self._on_wait,
             )
             if guessed:
-                self._found_port = name  # once it is unplugged, the only such chip may be a printer's
+                self._found_port = name  # after unplugging, the only such chip may be a printer's
             return link, hello
         except BaseException:
             port.close()

@@ -1,10 +1,10 @@
-"""The thread that empties the port, so that a slow reader of frames loses none: up to ten seconds wait in a queue.
+"""The thread that reads the port, so that a slow reader loses no frames: a queue keeps up to ten seconds.
 
     port -> scanner -> decoder -> queue -> Sensor
                   \\-> recorder
 
-It reconnects after the port went away: it looks for the board ten times a second, greets it as the first time and
-starts it again. What it cannot mend it hands over as an error, which the next read of a frame raises.
+It reconnects after the loss of the port: it looks for the board ten times per second, greets it as the first time and
+starts it again. Other faults are kept as an error, which the next read of a frame raises.
 """
 
 from __future__ import annotations
@@ -25,34 +25,34 @@ from fabrication.driver.link.scanner import Message
 from fabrication.driver.recording.raw import Recorder
 
 LOOK_EVERY_S = 0.1
-"""How often a port that went away is looked for."""
+"""Interval of the search for a lost port."""
 
 START_AGAIN_S = 1.0
-"""A board that was started and sends nothing for so long is started again: the command may have been damaged."""
+"""A started board that is silent for this time is started again: the command may have been damaged."""
 
 LATE_HELLO_S = 1.5
-"""So long after a greeting a hello may still be the answer to a question that was asked twice."""
+"""Time after a greeting in which a hello may still be the reply to a repeated request."""
 
 QUEUE_FRAMES = 4096
-"""Ten seconds at 400 Hz."""
+"""Length of the queue: ten seconds at 400 Hz."""
 
 Connect = Callable[[Callable[[], bool]], tuple[Link, Hello]]
-"""Opens a port and greets the board, unless told meanwhile that it is over."""
+"""Function that opens a port and greets the board, until its argument returns true."""
 
 
 @dataclass
 class LinkCounts:
-    """What happened on the line since it was opened.
+    """Counts of events on the line since it was opened.
 
     Attributes
     ----------
-    frames : whole frames received
+    frames : complete frames received
     lost : frames missing by their sequence numbers
     damaged : candidates for a message whose CRC was wrong
-    skipped_bytes : bytes that belonged to no whole message
-    overrun : frames dropped because nobody read them for too long
-    reconnects : connections after the first: unplugged and plugged in again, or the board began anew
-    doubled : frames that came twice, with the same number and time; the second was dropped
+    skipped_bytes : bytes that belonged to no complete message
+    overrun : frames dropped because they were not read in time
+    reconnects : connections after the first: the board was plugged in again, or restarted
+    doubled : frames that arrived twice, with the same number and time; the second was dropped
     """
 
     frames: int = 0
@@ -69,10 +69,10 @@ class Stream:
 
     Parameters
     ----------
-    connect : opens a port and greets the board, until told that it is over
-    decoder : of the frames
-    interval_us : between frames [us]; 0 for as fast as the board can
-    checked : hands a hello on, or raises DeviceError for another design's
+    connect : opens a port and greets the board, until its argument returns true
+    decoder : decoder of the frames
+    interval_us : frame interval [us]; 0 for the board's fastest
+    checked : returns a hello, or raises DeviceError for one of another design
     """
 
     def __init__(
@@ -97,20 +97,20 @@ class Stream:
         self._thread = threading.Thread(target=self._run, name="optopad sensor", daemon=True)
 
     def begin(self) -> None:
-        """Start board and thread."""
+        """Start the board and the thread."""
         self.link.start(self._interval_us)
         self._thread.start()
 
     def end(self, *, is_clean: bool) -> None:
-        """Stop board and thread, close the port and what is recorded; also after an error, and twice.
+        """Stop board and thread, close port and recordings; safe after an error and on a second call.
 
         Parameters
         ----------
-        is_clean : whether recordings that are still open get a clean end
+        is_clean : whether open recordings get a clean end
 
         Raises
         ------
-        OutputError : a recording could not be ended; everything else was.
+        OutputError : a recording could not be ended; everything else has ended.
         """
         self._stopping.set()
         if self._thread.is_alive():
@@ -127,14 +127,14 @@ class Stream:
             self._recorders.append(recorder)
 
     def taken(self, timeout_s: float) -> Frame | None:
-        """The oldest frame that waits; None when none came in time.
+        """The oldest waiting frame; None if none arrived in time.
 
         Raises
         ------
-        DeviceError : what the thread could not mend, after the frames before it.
-        OutputError : why a recording stopped, at once and once: the frames go on.
+        DeviceError : a fault that the thread could not fix, after all earlier frames.
+        OutputError : a recording stopped, raised at once and only once; the frames continue.
         """
-        with suppress(IndexError):  # nothing waits in the queue
+        with suppress(IndexError):  # the queue is empty
             if self._notice is None:
                 return self._queue.popleft()
         with self._changed:
@@ -154,15 +154,15 @@ class Stream:
         return len(self._queue)
 
     def forget_waiting(self) -> None:
-        """Drop the frames that wait in the queue, so that the next one is new; they do not count as lost."""
+        """Drop all frames of the queue, so that the next one is new; they do not count as lost."""
         with self._changed:
             self._queue.clear()
 
     def self_test(self, timeout_s: float) -> SelfTest:
-        """Ask the board for its self-test; DeviceError when no answer comes."""
+        """Request the board's self-test; DeviceError if it does not answer."""
         with self._changed:
             self._self_test = None
-            for _ in range(3):  # question or answer may be damaged on the line
+            for _ in range(3):  # request or reply may be damaged on the line
                 self.link.send(Command.SELF_TEST)
                 self._changed.wait_for(lambda: self._self_test or self._error, timeout_s / 3)
                 if self._self_test is not None:
@@ -171,7 +171,7 @@ class Stream:
 
     @property
     def counts(self) -> LinkCounts:
-        """What happened so far."""
+        """Counts of events so far."""
         scanner = self.link.scanner
         return LinkCounts(
             frames=self._decoder.frames,
@@ -191,13 +191,11 @@ class Stream:
                 except PortLostError as err:
                     self._reconnect(err)
             self._stop_board()
-        except (
-            Exception
-        ) as err:  # on purpose all: what the thread cannot mend is raised where frames are read
+        except Exception as err:  # all on purpose: the reader of frames raises what the thread cannot fix
             self._fail(err)
 
     def _follow(self) -> None:
-        """Take messages until the stop or the port is gone."""
+        """Process messages until the stop or the loss of the port."""
         heard_at = time.monotonic()
         while not self._stopping.is_set():
             messages = self.link.messages()
@@ -257,10 +255,10 @@ class Stream:
         return found
 
     def _began_anew(self, message: bytes) -> None:
-        """A hello that nobody asked for: the board was reset while it streamed."""
+        """Handle an unrequested hello: the board was reset while it streamed."""
         if time.monotonic() - self._greeted_at < LATE_HELLO_S:
             return
-        self._greeted_at = time.monotonic()  # a hello that comes twice is one reset
+        self._greeted_at = time.monotonic()  # a repeated hello is one reset
         self.hello = self._checked(unpack_hello(message))
         self._decoder.begin()
         self._note_connection(message)
@@ -282,7 +280,7 @@ class Stream:
                 self.link, self.hello = link, hello
                 self.link.start(self._interval_us)
                 break
-            except PortLostError as again:  # it went away while it was greeted or started
+            except PortLostError as again:  # it was lost during the greeting or start
                 self.why_away = str(again)
                 self.link.port.close()
             except DeviceError as away:
@@ -297,7 +295,7 @@ class Stream:
         try:
             self.link.send(Command.STOP)
         except PortLostError:
-            return  # nobody is left to be stopped
+            return  # no board remains to be stopped
 
     def _fail(self, err: Exception) -> None:
         with self._changed:

@@ -1,4 +1,4 @@
-"""Touch, place, depth and force from a sensor, frame by frame, by a trained model, with drift followed.
+"""Touch, location, depth and force from a sensor, frame by frame, by a trained model with drift tracking.
 
 from fabrication.driver import Sensor
 from fabrication.driver.touch_reader import TouchReader
@@ -31,27 +31,27 @@ from sims.learning.inference.prediction import Prediction
 from sims.learning.inference.touch_model import TouchModel
 
 MOST_TOGETHER = 64
-"""Frames answered together, at most: a second of them."""
+"""Largest number of frames per prediction: one second."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Touch:
-    """What the model says of one frame.
+    """The model's prediction for one frame.
 
     Attributes
     ----------
     frame : the frame
-    is_touched : the model's decision; a change that is one of gains is no touch
-    touch_score : what the decision rests on: above 0 touched, the further the surer [-]
+    is_touched : the model's decision; a change of gains is not a touch
+    touch_score : basis of the decision: touched above 0, with more confidence for larger values [-]
     press_mm : (3,) x, y in plan, depth along the normal; NaN where untouched [mm]
-    point_mm, normal : (3,) where the press touched first, and the unit normal out of the pad there, in the cavity frame
-        [mm, -]; NaN where untouched, and where the driver configuration does not know the top
-    sigma_mm : (3,) standard deviations; NaN where untouched, and where the model does not know them [mm]
-    force_n : by the model's force curve, 0 where untouched [N]; None where the model has none
-    force_sigma_n : its standard deviation by the depth's alone; NaN where that is not known or nothing touches. How
-        well the curve fits the built pad, its modulus first, is not in it [N]
-    drift : what the tracker makes of the frame
-    latency_ms : from the frame's arrival on this machine to this answer [ms]
+    point_mm, normal : (3,) point of first contact, and the unit normal out of the pad there, in the cavity frame
+        [mm, -]; NaN where untouched, and where the driver configuration does not have the top
+    sigma_mm : (3,) standard deviations; NaN where untouched, and where the model does not have them [mm]
+    force_n : force by the model's force curve, 0 where untouched [N]; None where the model has none
+    force_sigma_n : standard deviation of the force due to the depth's; NaN where that is not known or untouched. It
+        excludes the error of the curve for the manufactured unit, mainly of its modulus [N]
+    drift : the tracker's result for the frame
+    latency_ms : time from the frame's arrival on this machine to this prediction [ms]
     """
 
     frame: Frame
@@ -72,14 +72,14 @@ class TouchReader:
 
     Parameters
     ----------
-    sensor : open; the pad untouched when the reader is first read
-    model : of this sensor's design
-    time_constant_s, guard_s : of the drift that is followed, see `drift` [s]
-    start_s : how long the untouched pad is read first [s]
+    sensor : open sensor; the pad must be untouched at the first read
+    model : model of this sensor's design
+    time_constant_s, guard_s : times of drift tracking, see `drift` [s]
+    start_s : reading time of the untouched pad at the start [s]
 
     Raises
     ------
-    InputError : a model of another design or other parts; times that are none.
+    InputError : a model of another design or other parts, or invalid times.
     """
 
     def __init__(
@@ -102,21 +102,21 @@ class TouchReader:
         return self.touches()
 
     def read(self) -> Touch:
-        """The next frame's; errors as `Sensor.read`."""
+        """Prediction for the next frame; errors as `Sensor.read`."""
         self.begin()
         (touch,) = self._answered([self.sensor.read()])
         return touch
 
     def touches(self, count: int | None = None, seconds: float | None = None) -> Iterator[Touch]:
-        """As `Sensor.frames`: until so many came or so much time passed [s].
+        """Yield predictions up to a count or a time [s], as `Sensor.frames`.
 
-        Frames that wait are answered together, which costs most models less, so that a slow machine keeps up.
+        Waiting frames are predicted together, which is faster for most models, so that a slow machine keeps up.
         """
         self.begin()
         return self._touches(self.sensor.frames(count, seconds))
 
     def begin(self) -> None:
-        """Take the untouched levels, where that was not done yet.
+        """Measure the untouched levels, unless this was done.
 
         Raises
         ------
@@ -126,7 +126,7 @@ class TouchReader:
             self.restart()
 
     def restart(self) -> None:
-        """Take the untouched levels anew: the pad must be untouched now."""
+        """Measure the untouched levels again: the pad must be untouched now."""
         self.sensor.skip_waiting()
         end, frames = time.monotonic() + self._start_s, [self.sensor.read()]
         while time.monotonic() < end or len(frames) < 4 * LEAST_START_FRAMES:
@@ -143,7 +143,7 @@ class TouchReader:
 
     @property
     def tracker(self) -> DriftTracker:
-        """What follows the drift; DeviceError before the first read."""
+        """The drift tracker; DeviceError before the first read."""
         if self._tracker is None:
             raise DeviceError("the reader has not begun; read a frame first, with the pad untouched")
         return self._tracker
@@ -185,7 +185,7 @@ class TouchReader:
         )
 
     def _on_top(self, press_mm: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Point of the untouched top and normal of a press."""
+        """Point of the untouched top, and normal, of a press."""
         surface = self.sensor.descriptor.surface
         if surface is None or not np.isfinite(press_mm).all():
             return np.full(3, np.nan), np.full(3, np.nan)
@@ -207,7 +207,7 @@ def require_fits(header: ModelHeader, said: Descriptor) -> None:
 
     Raises
     ------
-    InputError : which design or parts, and the way out.
+    InputError : the design or parts, and the way out.
     """
     require_design(header, said.digest)
     for kind, had, needed in (

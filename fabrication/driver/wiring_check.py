@@ -1,13 +1,13 @@
-"""Which wires are exchanged: the order of emitters and receivers under which the readings fit the expected pattern.
+"""Detection of exchanged wires: the order of emitters and receivers for which readings fit the expected pattern.
 
-Model, on the scale log(max(., floor)): a reading is the expected one times a common factor, a factor of the emitter,
-one of the receiver, and one of the pair. Parts scatter by `PART_SPREAD`, pairs by `PAIR_SPREAD` or by more if the best
-fit says so; a misfit is the sum of squares over these spreads, the factors fitted (ridge regression, unknown common
-factor free). A wrong wire is told by the contrast between pairs, not by brightness.
+On the scale log(max(., floor)) a reading is the expected one times a common factor, a factor of the emitter, one of
+the receiver, and one of the pair. Parts scatter by `PART_SPREAD`, and pairs by `PAIR_SPREAD` or by more if the best
+fit requires it. A misfit is the sum of squares over these spreads, with fitted factors (ridge regression, unknown
+common factor free). The contrast between pairs reveals a wrong wire, not the brightness.
 
-From the wiring as it should be, the exchange of two emitters or of two receivers that mends most is taken, then the
-next: several pairs come apart, and a ring of three as two exchanges. Pairs that are dark both in fact and in
-expectation say nothing; one at full scale in only one of the two counts by how far the other is below.
+From the correct wiring on, the exchange of two emitters or of two receivers with the greatest improvement is applied,
+then the next. So several pairs are separated, and a ring of three becomes two exchanges. Pairs that are dark in both
+readings and expectation have no weight. A pair at full scale in only one of them counts by the other's distance below.
 """
 
 from __future__ import annotations
@@ -33,16 +33,16 @@ PART_SPREAD = 0.3
 """Standard deviation of ln of a part's factor: resistors 5 %, bins of LEDs a factor of 1.5, seating."""
 
 PAIR_SPREAD = 0.12
-"""Standard deviation of ln of a pair's own factor: places and heights of parts, the model's own errors."""
+"""Standard deviation of ln of a pair's own factor: positions and heights of parts, the model's own errors."""
 
 LARGEST_MISS = 5.0
-"""Spreads that a single pair counts at most: one odd pair must not outvote the others."""
+"""Largest distance of a single pair in the misfit [spreads]: one outlier must not outweigh the others."""
 
 EVIDENCE = 20.0
-"""Misfit that an exchange must take away: odds of e^10 to one under the model."""
+"""Least reduction of the misfit by an exchange: odds of e^10 to one under the model."""
 
 EQUAL = 8.0
-"""Exchanges whose misfit is at most this far from the best one's explain the readings as well: odds of 50 to one."""
+"""Exchanges within this misfit of the best one explain the readings equally well: odds of 50 to one."""
 
 NORMAL_MEDIAN_SQUARE = 0.455
 """Median of the square of a standard normal variable."""
@@ -58,13 +58,13 @@ class _Fit:
 
 @dataclass(frozen=True, kw_only=True)
 class _Exchange:
-    """Two emitters (axis 0) or receivers (axis 1) taken for each other."""
+    """Two exchanged emitters (axis 0) or receivers (axis 1)."""
 
     axis: int
     pair: tuple[int, int]
 
     def applied(self, rows: Order, columns: Order) -> tuple[Order, Order]:
-        """The orders with these two changed."""
+        """The orders with these two exchanged."""
         orders = [list(rows), list(columns)]
         a, b = self.pair
         order = orders[self.axis]
@@ -77,11 +77,11 @@ def exchanged_wires(pattern: Pattern, usable: BoolArray) -> tuple[list[int], lis
 
     Parameters
     ----------
-    usable : (emitter, receiver) pairs whose parts live
+    usable : (emitter, receiver) pairs whose parts work
 
     Returns
     -------
-    the expected rows and columns in the order in which they are wired, and a problem an exchange
+    the expected rows and columns in their wired order, and one problem per exchange
     """
     rows: Order = tuple(range(usable.shape[0]))
     columns: Order = tuple(range(usable.shape[1]))
@@ -108,7 +108,7 @@ def _exchanges(usable: BoolArray) -> list[_Exchange]:
 
 
 def _fitted(pattern: Pattern, usable: BoolArray, rows: Order, columns: Order) -> _Fit:
-    """How well an order of the expected rows and columns fits."""
+    """Fit of an order of the expected rows and columns."""
     expected = pattern.expected[list(rows)][:, list(columns)]
     meant = pattern.is_meant_to_clip[list(rows)][:, list(columns)]
     difference = _scaled(pattern.measured) - _scaled(expected)

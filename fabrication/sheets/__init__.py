@@ -1,4 +1,4 @@
-"""What a person builds from: bill of materials, casting, wiring, schematic, gain.
+"""Sheets for manufacturing: bill of materials, casting, wiring, schematic, gain.
 
 Imports of ours: the files of `fabrication/` itself, design, cad, sims.readings.
 """

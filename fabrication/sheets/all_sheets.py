@@ -1,6 +1,6 @@
 """All sheets of a design, written into the bundle's folder.
 
-The wiring table: every part, where it sits, and what its leads go to.
+The wiring table has every part, its position, and the connections of its leads.
 """
 
 from __future__ import annotations
@@ -65,7 +65,7 @@ def sheet_texts(design: SensorDesign, gain: SimulatedGain | None = None) -> dict
 
     Parameters
     ----------
-    gain : what the simulation set; None leaves out what rests on it
+    gain : the simulated gain; None omits everything that depends on it
 
     Raises
     ------
@@ -87,7 +87,7 @@ def sheet_texts(design: SensorDesign, gain: SimulatedGain | None = None) -> dict
 
 
 def write_sheets(design: SensorDesign, folder: Path, gain: SimulatedGain | None = None) -> dict[str, Path]:
-    """Write every sheet into a folder that exists; the paths by file name.
+    """Write every sheet into an existing folder; return the paths by file name.
 
     Raises
     ------

@@ -1,8 +1,8 @@
-"""Bill of materials: what to buy, print and weigh for one sensor.
+"""Bill of materials: items to buy, print and weigh for one sensor.
 
-References hang on the names of the layout: E3-Q is the transistor of emitter E3. A cost is the
-catalogue's, with currency, date and source, or blank and said so. Where no part is chosen (transistor, amplifier) the
-value says what it has to do; where the gain decides (feedback), it says so.
+References extend the names of the layout: E3-Q is the transistor of emitter E3. A cost is the
+catalogue's, with currency, date and source, or marked as blank. Where no part is chosen (transistor, amplifier) the
+value gives the requirements; where the gain decides (feedback), it refers to the gain.
 """
 
 from __future__ import annotations
@@ -45,13 +45,13 @@ NO_PRICE = "no price known"
 
 @dataclass(frozen=True, kw_only=True)
 class BomRow:
-    """One thing to get.
+    """One item to obtain.
 
     Attributes
     ----------
-    quantity, unit : pieces or grams; None where it cannot be told
-    references : designators it serves, in the order of the layout
-    cost : of one unit, where somebody quoted it
+    quantity, unit : pieces or grams; None where it is not known
+    references : its designators, in the order of the layout
+    cost : quoted cost of one unit, if any
     """
 
     item: str
@@ -66,11 +66,11 @@ class BomRow:
 
 
 def bom_rows(design: SensorDesign, gain: SimulatedGain | None = None) -> tuple[BomRow, ...]:
-    """Everything that goes into one sensor.
+    """All items of one sensor.
 
     Parameters
     ----------
-    gain : what the simulation set; without it a gain by a rule leaves the feedback open
+    gain : the simulated gain; without it a gain by a rule leaves the feedback undecided
     """
     cavity, board = cavity_of(design), board_of(design)
     return (
@@ -201,7 +201,7 @@ def _amplifier_rows(
 
 
 def _open_feedback_rows(design: SensorDesign, names: Sequence[str]) -> Iterator[BomRow]:
-    """Resistor and capacitor whose values nobody can tell yet."""
+    """Resistor and capacitor whose values are not known yet."""
     rule = (
         f"so that the median judged pair reads {design.gain.target_counts:g} counts untouched, and none clips"
     )

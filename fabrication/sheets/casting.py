@@ -1,14 +1,14 @@
-"""The build sheet: how to print, fill and cast this very pad, with its own numbers.
+"""The build sheet: instructions for printing, filling and casting a design's pad, with its own numbers.
 
-Every number comes from the design, the catalogue or `design/data/assumptions.toml`; values that
-nobody has read at a source are marked with a star, among them the times of degassing and the share of carbon
+Every number comes from the design, the catalogue or `design/data/assumptions.toml`. Values without a source
+are marked with a star, among them the times of degassing and the share of carbon
 black, which neither the paper nor the catalogue gives.
 
-How much silicone a pad takes: base and curing agent of each layer, by weight.
+The module also computes the silicone of a pad: base and curing agent of each layer, by weight.
 
-Model: volume of the layer (area in plan x thickness, less what a crown takes) times density, plus a share that stays
-in the cup. Base and agent follow from the mixing ratio. Left out: the parts' bodies and the gaps around
-them, which the share covers; carbon black's own volume.
+The weight is the layer's volume (area in plan x thickness, less the loss by a crown) times density, plus a share that
+remains in the cup. Base and agent follow from the mixing ratio. The model leaves out the parts' bodies and the gaps
+around them, which the share covers, and carbon black's own volume.
 """
 
 from __future__ import annotations
@@ -46,10 +46,10 @@ class Pour:
     Attributes
     ----------
     layer : "black" or "clear"
-    thickness_mm : of the layer, at its highest place
-    net_g : what the layer weighs
-    mixed_g : what to mix, waste included
-    base_g, agent_g : the two components of what to mix
+    thickness_mm : thickness of the layer at its highest point
+    net_g : weight of the layer
+    mixed_g : weight to mix, including waste
+    base_g, agent_g : weights of the two components to mix
     carbon_g : carbon black to stir in, by the assumed share; 0 in the clear layer
     """
 
@@ -63,7 +63,7 @@ class Pour:
 
 
 def pours(design: SensorDesign) -> tuple[Pour, ...]:
-    """The layers in the order in which they are cast; no black one where its thickness is 0."""
+    """The layers in the order of casting; there is no black one if its thickness is 0."""
     cavity = cavity_of(design)
     plan = cavity.plan
     black, clear = plan.area_mm2 * cavity.black_mm, plan.clear_volume_mm3
@@ -90,24 +90,24 @@ def _pour(design: SensorDesign, layer: str, thickness_mm: float, volume_mm3: flo
 
 
 MEASURED_FIELDS = ("body_width_mm", "body_depth_mm", "body_height_mm", "active_height_in_body_mm")
-"""Lengths of a part that its socket is cut from."""
+"""Lengths of a part that determine its socket."""
 
 OPEN = ("inferred", "unverified")
-"""Confidences that call for a measurement."""
+"""Confidences that require a measurement."""
 
 HOURS_FROM_MINUTES = 120
-"""Cure times from here on are given in hours."""
+"""Least cure time in hours; shorter ones are in minutes."""
 
 MINUTES_PER_HOUR = 60
 
 HANDS_MINUTES = 20
-"""Weighing, stirring and pouring of one layer: assumed."""
+"""Assumed time to weigh, stir and pour one layer."""
 
 COVER_PLAY_MM = 0.6
-"""How much smaller than its seat a glass cover is cut: prints come out up to this much too small inside."""
+"""Difference between a glass cover and its seat: prints are too small inside by up to this length."""
 
 MOST_WEIGHING_ERROR = 0.05
-"""The mixing ratio, and with it the stiffness, should not be off by more than this for want of a finer scale."""
+"""Largest relative error of the mixing ratio, and so of the stiffness, due to the scale's resolution."""
 
 
 def casting_md(design: SensorDesign, gain: SimulatedGain | None = None) -> str:
@@ -115,7 +115,7 @@ def casting_md(design: SensorDesign, gain: SimulatedGain | None = None) -> str:
 
     Parameters
     ----------
-    gain : what the simulation set; without it a gain by a rule leaves the feedback open
+    gain : the simulated gain; without it a gain by a rule leaves the feedback undecided
 
     Raises
     ------
@@ -310,7 +310,7 @@ def _cast(design: SensorDesign, cavity: CavityGeometry) -> Iterator[str]:
 
 
 def _crowned_steps(design: SensorDesign, cavity: CavityGeometry) -> list[str]:
-    """The order of a crowned pad, which is filled upside down through its floor (`design.mold.filling`)."""
+    """The steps for a crowned pad, which is filled upside down through its floor (`design.mold.filling`)."""
     clear, *black = pours(design)
     where = f"{number(cavity.black_mm)} below the floor" if black else "in all narrow holes"
     steps = [

@@ -1,4 +1,4 @@
-"""The build sheet's section on the amplifiers: resistors, capacitors, what clips, how to trim."""
+"""The build sheet's section on the amplifiers: resistors, capacitors, clipped pairs, trimming."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from fabrication.gain import SimulatedGain, clipped_pairs, feedbacks_for
 from fabrication.sheets.table import number, plain
 
 SHOWN_CLIPPED = 24
-"""Clipped pairs that are named one by one; more are counted."""
+"""Largest number of clipped pairs that are named individually; others are counted."""
 
 
 def gain_lines(design: SensorDesign, gain: SimulatedGain | None) -> Iterator[str]:

@@ -1,14 +1,14 @@
-"""How each part sits in its wall: a section through its socket, true to scale, for every kind and height of part.
+"""Orientation of each part in its wall: a section through its socket, to scale, for every kind and height of part.
 
-      cavity | wall                    the active face looks into the cavity; its centre's height counts from
-             |______ rim               the bottom of the clear layer (z = 0)
+      cavity | wall                    the active face points into the cavity; its centre's height is measured
+             |______ rim               from the bottom of the clear layer (z = 0)
      ~ fill ~| body |
              ||face ||
      ________|______|
      black   |  ||  leads or wires
     ---------+-------- bed
 
-What is drawn is what is printed: numbers come from `design.mold.outline`.
+The drawing agrees with the printed part: its numbers come from `design.mold.outline`.
 """
 
 from __future__ import annotations
@@ -26,9 +26,9 @@ from fabrication.sheets.table import number
 from fabrication.sheets.wiring_svg import EMITTER_COLOUR, RECEIVER_COLOUR
 
 SCALE = 16.0
-"""Drawing units a millimetre."""
+"""Drawing units per millimetre."""
 INSIDE_MM = 9.0
-"""How much of the cavity is shown."""
+"""Length of the cavity in the drawing."""
 MARGIN, GAP = 24.0, 36.0
 HEADING_PX, TEXT_PX = 20.0, 14.0
 LINE_PX = 19.0
@@ -169,7 +169,7 @@ def _words(design: SensorDesign, group: Sequence[Socket]) -> list[str]:
 
 
 def _wrapped(text: str) -> list[str]:
-    """Text in lines of at most 62 letters."""
+    """Text in lines of at most 62 characters."""
     lines: list[str] = []
     line = ""
     for word in text.split():

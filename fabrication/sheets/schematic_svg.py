@@ -7,9 +7,9 @@ r"""The schematic: an NPN switch for each emitter, an amplifier for each receive
             ground      cathode up    |+/
                                      ground
 
-Values are those of bom.csv; what nobody knows yet is written as such.
+Values are those of bom.csv; values that are not known yet are marked.
 
-The build sheet's section on the emitters' switches: resistors, currents, what the supply gives.
+The build sheet's section on the emitters' switches has resistors, currents and the supply.
 """
 
 from __future__ import annotations
@@ -62,7 +62,7 @@ def circuit_lines(design: SensorDesign) -> Iterator[str]:
 
 CELL_X, CELL_Y = 264.0, 210.0
 PIN_ROOM = 36.0
-"""Added to a cell for the longer names of a multiplexer's channels."""
+"""Width added to a cell for the longer names of a multiplexer's channels."""
 MARGIN = 24.0
 HEADING_PX, TEXT_PX, VALUE_PX = 20.0, 14.0, 12.0
 HEAD = 64.0
@@ -78,7 +78,7 @@ def schematic_svg(design: SensorDesign, gain: SimulatedGain | None = None) -> st
 
     Parameters
     ----------
-    gain : what the simulation set; without it a gain by a rule leaves the feedback open
+    gain : the simulated gain; without it a gain by a rule leaves the feedback undecided
 
     Raises
     ------
@@ -188,7 +188,7 @@ def _amplifier(one: Connection, feedback: Feedback | None, corner: Point) -> Ele
 
 
 def _supply_text(board: Board) -> str:
-    """Supply of the emitters and, where it is another, of the amplifiers."""
+    """Supply of the emitters and, if it differs, of the amplifiers."""
     emitters = f"{board.emitter_v:g} V"
     if board.pin_v == board.emitter_v:
         return emitters
@@ -197,7 +197,7 @@ def _supply_text(board: Board) -> str:
 
 @dataclass(frozen=True, kw_only=True)
 class _Block:
-    """One integrated circuit of the schematic: names of its pins, and what each is wired to."""
+    """One integrated circuit of the schematic: names of its pins, and the connection of each."""
 
     name: str
     title: str
@@ -205,7 +205,7 @@ class _Block:
     right: Sequence[tuple[str, str]]
 
     def drawn(self, corner: Point) -> Element:
-        """Its cell."""
+        """The cell of the circuit."""
         x, y = corner[0] + 84, corner[1] + 26
         bottom = y + BLOCK_LINE * max(len(self.left), len(self.right)) + 8
         cell = svg.group(f"{self.name}: {self.title}")

@@ -1,8 +1,8 @@
-"""The few shapes of a technical drawing as SVG elements; text is escaped and stripped of control characters.
+"""Shapes of a technical drawing as SVG elements; text is escaped and stripped of control characters.
 
-Lengths in drawing units (px), y downward.
+Lengths are in drawing units (px), with y downward.
 
-Circuit symbols as SVG elements, on a grid of drawing units; y downward (IEC 60617 shapes, simplified).
+Circuit symbols are on a grid of drawing units (IEC 60617 shapes, simplified).
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ ARROW_HALF_PX = 3.0
 
 
 def drawing(width: float, height: float, title: str, description: str) -> Element:
-    """An empty white sheet with what a screen reader says about it."""
+    """An empty white sheet with its text for screen readers."""
     root = Element(
         "svg",
         xmlns="http://www.w3.org/2000/svg",
@@ -43,7 +43,7 @@ def to_text(root: Element) -> str:
 
 
 def group(label: str = "") -> Element:
-    """Shapes that belong together; the label shows when the mouse rests on them."""
+    """Shapes that belong together; their label is shown under the mouse."""
     element = Element("g")
     if label:
         ElementTree.SubElement(element, "title").text = one_line(label)
@@ -74,7 +74,7 @@ def polygon(points: list[Point], **style: str) -> Element:
 
 
 def outline(corners: list[Point], **style: str) -> Element:
-    """A closed outline; one of four corners whose sides run along the sheet's is a rectangle."""
+    """A closed outline; four corners with sides along those of the sheet become a rectangle."""
     if len(corners) == 4 and {corners[0], corners[2]} <= {
         (x, y) for x, _ in corners[1::2] for _, y in corners[1::2]
     }:
@@ -198,5 +198,5 @@ def amplifier(tip: Point) -> list[Element]:
 
 
 def terminal(at: Point) -> Element:
-    """An end where a cable goes on."""
+    """An end that a cable continues."""
     return circle(at, 4.0, **BOX)

@@ -1,9 +1,9 @@
 """Comma-separated tables that a spreadsheet opens as text, never as a formula.
 
 A cell of text that starts with one of = + - @ (or a control character, which spreadsheets skip)
-would run when the table is opened; it gets an apostrophe in front. Numbers of ours stay as they are.
+would run when the table is opened, so it gets an apostrophe in front. Numbers of optopad are unchanged.
 
-A user's text inside Markdown.
+The module also makes a user's text safe in Markdown.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ def csv_text(columns: Sequence[str], rows: Iterable[Sequence[Cell]]) -> str:
 
 
 def safe_text(text: str) -> str:
-    """Text on one line, without control characters, that no spreadsheet takes for a formula."""
+    """Text on one line, without control characters, that no spreadsheet reads as a formula."""
     line = one_line(text)
     return f"'{line}" if line.startswith(FORMULA_STARTS) else line
 
@@ -47,7 +47,7 @@ def number(value: float) -> str:
 
 
 def size_words(outline: Outline, unit: str = "") -> str:
-    """What an outline measures [mm], as 40 x 25, or 55 across."""
+    """Dimensions of an outline [mm], as 40 x 25, or 55 across."""
     sizes = outline.dimensions
     across = " across" if sizes[0].is_diameter else ""
     return f"{' x '.join(number(one.size_mm) for one in sizes)}{unit}{across}"
@@ -62,5 +62,5 @@ def _shown(cell: Cell) -> str:
 
 
 def plain(text: str) -> str:
-    """A user's text on one line, with Markdown's and HTML's own signs made harmless."""
+    """A user's text on one line, with the special characters of Markdown and HTML escaped."""
     return re.sub(r"([\\`*_{}\[\]<>#|~])", r"\\\1", one_line(text)).replace("\\<", "&lt;")

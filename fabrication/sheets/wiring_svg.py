@@ -1,18 +1,18 @@
-"""The wiring drawing: the pad from above, true to scale, every part with its reference, pin and place.
+"""The wiring drawing: the pad from above, to scale, every part with its reference, pin and position.
 
          E5   R5
-         D26  A4         labels stand outside beside their parts, never on each other
+         D26  A4         labels are outside next to their parts, and do not overlap
       +--v----o---+
-   R8 o           |      triangle: emitter, circle: receiver; also told apart by colour
+   R8 o           |      triangle: emitter, circle: receiver; they also differ in colour
       |  cavity   v E3
       +--^----o---+
          E1   R1
 
-Around a disc each label stands at the side that its part looks away from most.
+Around a disc each label is at the side most opposite to its part's direction.
 
-Bodies and mold come from `design.mold.outline`, so what is drawn is what is printed.
+Bodies and mold come from `design.mold.outline`, so the drawing agrees with the printed part.
 
-The legend of the wiring drawing, and the colours and sizes that it shares with the drawing.
+The legend shares its colours and sizes with the drawing.
 """
 
 from __future__ import annotations
@@ -83,7 +83,7 @@ def _places_words(connections: Sequence[Connection]) -> str:
 
 
 def legend(top: float, lines: Sequence[tuple[str, str]]) -> Iterator[Element]:
-    """The lines as drawn, from a height of the sheet down [px]."""
+    """Elements of the lines, downward from a height on the sheet [px]."""
     for place, (symbol, content) in enumerate(lines):
         middle = (MARGIN_PX + SYMBOL_PX, top + (place + 0.5) * LEGEND_LINE_PX)
         yield from _legend_symbol(symbol, middle)
@@ -112,31 +112,31 @@ CAVITY_COLOUR = "#f4f9ff"
 NAME_PX, NOTE_PX, HEADING_PX = 16.0, 13.0, 20.0
 """Font sizes of references, notes, heading."""
 LETTER_SHARE = 0.6
-"""Width of a letter over the size of its font, on the wide side."""
+"""Width of a letter over the size of its font, a conservative value."""
 LABEL_LINES = 3
 LABEL_START_PX, LABEL_GAP_PX = 5.0, 10.0
 LINE_PX = 18.0
 LEADER_PX = 14.0
 PAD_PX = 640.0
-"""Length of the longer inner side on the sheet, unless the labels of a wall need more."""
+"""Length of the longer inner side on the sheet, unless a wall's labels need more."""
 SIDE_PITCH_PX = 22.0
-"""Distance of labels one below the other."""
+"""Vertical distance of labels."""
 DIMENSION_INSET_PX = 42.0
-"""Dimension lines stand this far inside the cavity."""
+"""Distance of dimension lines inside the cavity."""
 AXIS_PX, AXIS_INSET_PX = 46.0, 34.0
 
 
 @dataclass(frozen=True, kw_only=True)
 class Sheet:
-    """Scale and place of the pad on the sheet.
+    """Scale and position of the pad on the sheet.
 
     Attributes
     ----------
-    outline : the mold in numbers
+    outline : numbers of the mold
     scale : [px/mm]
     left, top : sheet position of the cavity's low-x, high-y corner [px]
-    pitch : distance of labels beside each other [px]
-    columns : where reference, pin and place of a label at the east or west begin, off its leader [px]
+    pitch : horizontal distance of labels [px]
+    columns : start of reference, pin and position of a label at the east or west, from its leader [px]
     side : width of those labels [px]
     """
 
@@ -153,7 +153,7 @@ class Sheet:
         return self.left + x_mm * self.scale, self.top + (self.outline.width_mm - y_mm) * self.scale
 
     def around(self, outline: Outline) -> list[Point]:
-        """Sheet positions of an outline's corners, that at low x and low y first where it has one [px]."""
+        """Sheet positions of an outline's corners, the one at low x and low y first, if it has one [px]."""
         return [self.at(*corner) for corner in outline.points(TURN_RAD).tolist()]
 
     @property
@@ -197,7 +197,7 @@ def wiring_svg(design: SensorDesign) -> str:
 
 
 def _side(one: Connection) -> Wall:
-    """The side of the sheet where a part's label stands: its wall, or of a disc the nearest."""
+    """The side of the sheet for a part's label: its wall, or the nearest side on a disc."""
     x, y = one.part.line.outward
     if abs(x) > abs(y):
         return "east" if x > 0 else "west"
@@ -205,7 +205,7 @@ def _side(one: Connection) -> Wall:
 
 
 def spread(wanted: Sequence[float], gap: float, low: float, high: float) -> list[float]:
-    """Positions at least a gap apart, in order, as near to the wanted ones as squares go.
+    """Positions at least a gap apart, in order, with least squares to the requested ones.
 
     Parameters
     ----------
@@ -334,11 +334,11 @@ def _dimensions(sheet: Sheet) -> Iterator[Element]:
 
 
 def _ends_mm(bare: Outline, direction: Point, inset_mm: float) -> tuple[Point, Point]:
-    """Ends of a dimension line: at the far end of the wall that it leads to, but for an inset from the pad's corner.
+    """Ends of a dimension line: at the far end of its wall, with an inset from the pad's corner.
 
-    One to a round wall passes above the words in the middle.
+    A line to a round wall passes above the text in the middle.
     """
-    axis = int(direction == X)  # of the line's place beside other lines
+    axis = int(direction == X)  # of the line's position next to other lines
     start, end = (place[axis] for place in bare.touches_mm(direction))
     at = list(bare.centre_mm)
     at[axis] = end + inset_mm if start == end else min(max(start, end), bare.box_mm[2 + axis] - inset_mm)
@@ -431,7 +431,7 @@ def _label(sheet: Sheet, one: Connection, anchor: Point, place: float) -> Iterat
 
 
 def _line_places(sheet: Sheet, one: Connection, end: Point) -> list[tuple[Point, str]]:
-    """Where name, pin and place of a label go, and which end of the text that is."""
+    """Positions of name, pin and location of a label, and the anchor of the text."""
     x, y = end
     match _side(one):
         case "south":

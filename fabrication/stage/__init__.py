@@ -1,1 +1,1 @@
-"""The machine that presses the pad at the bench: driven, simulated, left alone. Neither CAD nor physics."""
+"""The stage that presses the pad: driver, simulation, unattended collection. It needs neither CAD nor physics."""

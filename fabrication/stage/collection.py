@@ -1,13 +1,13 @@
-"""Collects a data set unattended: press by press, with frames at every position, resumed where it was left.
+"""Unattended collection of a data set: press by press, with frames at every position; it resumes after a stop.
 
-At a position the stage stands for the settling time, the frames that were measured before are dropped, and so many
-new ones are kept, with the position as the stage reports it. A press is kept when all of it is there; what is kept is
-written as netCDF at the end of every run, also of one that was ended early.
+At a position the stage waits for the settling time, earlier frames are dropped, and a number of new ones is kept,
+with the position that the stage reports. A press is kept if it is complete. Kept presses are
+written as netCDF at the end of every run, also of one that was stopped early.
 
-Presses made so far, a file each, in a folder beside the data set: what an interruption leaves, and resumes.
+Each press so far is a file in a folder next to the data set, from which a stopped collection resumes.
 
-plan.json      which sensor, which presses, how
-000012.npz     arrays of one whole press; written whole or not at all
+plan.json      sensor, presses and settings
+000012.npz     arrays of one complete press; written completely or not at all
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ FORMAT, VERSION = "optopad-collection", 1
 PLAN = "plan.json"
 Arrays = dict[str, NDArray[Any]]
 MOST_BYTES = 500_000_000
-"""Of one press unpacked: an hour of frames at 400 a second of 17 x 16 readings has 400 MB."""
+"""Largest press unpacked: an hour at 400 frames per second of 17 x 16 readings has 400 MB."""
 KEPT = "run the command again: earlier presses are kept"
 COLUMNS = ("counts", "press_mm", "connection", "sequence", "device_us", "host_s", "lost")
 
@@ -48,16 +48,16 @@ class CollectedParts:
 
     Parameters
     ----------
-    out : the data set that comes of it; the folder is named after it
-    plan : what must be the same when it is resumed
+    out : the resulting data set; the folder is named after it
+    plan : settings that must be equal on resumption
 
     Attributes
     ----------
-    was_begun : whether a run before this one began it
+    was_begun : whether an earlier run began it
 
     Raises
     ------
-    InputError : the folder is of another collection; `out` exists and there is no folder.
+    InputError : the folder is of another collection, or `out` exists without a folder.
     """
 
     def __init__(self, out: Path, plan: dict[str, Any]) -> None:
@@ -71,16 +71,16 @@ class CollectedParts:
             raise InputError(f"{out}: exists already; choose another name")
 
     def begin(self) -> None:
-        """Make the folder, before anything moves; OutputError where it cannot be made."""
+        """Make the folder before any motion; OutputError if it cannot be made."""
         own_folder(self.folder, "choose another --out")
         write_whole(self.folder / PLAN, json.dumps(self._document, indent=2).encode())
 
     def numbers(self) -> set[int]:
-        """Of the presses that are there."""
+        """Numbers of the kept presses."""
         return {int(file.stem) for file in self.folder.glob("*.npz") if file.stem.isdecimal()}
 
     def save(self, number: int, frames: list[Frame], press_mm: list[Position]) -> None:
-        """Keep one whole press; OutputError where the disk does not take it."""
+        """Keep one complete press; OutputError if the disk refuses it."""
         arrays = {
             "counts": np.array([frame.counts for frame in frames]),
             "press_mm": np.array(press_mm, dtype=np.float64),
@@ -94,7 +94,7 @@ class CollectedParts:
             np.savez(stream, allow_pickle=False, **arrays)
 
     def recorded(self, config: DriverConfig, presses: PressList) -> Recorded | None:
-        """All presses that are there, in the list's order; None where there is none.
+        """All kept presses, in the list's order; None if there are none.
 
         Raises
         ------
@@ -128,7 +128,7 @@ class CollectedParts:
         )
 
     def remove(self) -> None:
-        """Take the folder away: the data set has all of it."""
+        """Remove the folder, because the data set has all presses."""
         shutil.rmtree(self.folder, ignore_errors=True)
 
     def _part(self, number: int) -> Arrays:
@@ -157,18 +157,18 @@ class CollectedParts:
 SETTLE_S = 0.3
 FRAMES = 1
 TRIES = 3
-"""How often a press is made in which the board was plugged in anew."""
+"""Number of attempts for a press during which the board was reconnected."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Collected:
-    """What is there after a run.
+    """Result of a run.
 
     Attributes
     ----------
-    file : the data set; None where not one press is whole
-    made, kept, wanted : presses of this run, of all runs, of the list
-    frames : in the file
+    file : the data set; None if no press is complete
+    made, kept, wanted : number of presses of this run, of all runs, of the list
+    frames : number of frames in the file
     """
 
     file: Path | None
@@ -179,7 +179,7 @@ class Collected:
 
     @property
     def is_complete(self) -> bool:
-        """Whether all of the list is there."""
+        """Whether all presses of the list are kept."""
         return self.kept == self.wanted
 
 
@@ -188,15 +188,15 @@ class Collector:
 
     Parameters
     ----------
-    sensor : open, without a baseline or with one
-    presses : all of the collection
-    out : the data set, netCDF; beside it lies a folder until it is complete
-    settle_s : how long the tip stands before frames are taken [s]
-    frames : how many at each position
+    sensor : open sensor, with or without a baseline
+    presses : all presses of the collection
+    out : the data set, netCDF; there is a folder next to it until it is complete
+    settle_s : settling time of the tip before frames are taken [s]
+    frames : number of frames at each position
 
     Raises
     ------
-    InputError : `out` exists, or was begun with other presses, another sensor, another way.
+    InputError : `out` exists, or was begun with other presses, another sensor or other settings.
     """
 
     def __init__(
@@ -222,15 +222,15 @@ class Collector:
 
     @property
     def was_begun(self) -> bool:
-        """Whether a run before this one began it: the tip may stand anywhere."""
+        """Whether an earlier run began it; the tip may then be anywhere."""
         return self._parts.was_begun
 
     def begin(self) -> None:
-        """Note on the disk that it is begun, before anything moves; OutputError where that fails."""
+        """Record on the disk that it has begun, before any motion; OutputError if that fails."""
         self._parts.begin()
 
     def remaining(self, only: Collection[str] = ()) -> list[int]:
-        """Numbers of the presses that are not there yet, of all sets or of those named."""
+        """Numbers of the missing presses, of all sets or of the named ones."""
         names = [entry.name for entry in self._presses.sets]
         if strange := sorted(set(only) - set(names)):
             raise InputError(f"--only: no set {', '.join(strange)}; the sets are {', '.join(names)}")
@@ -242,7 +242,7 @@ class Collector:
         ]
 
     def lights(self, numbers: Iterable[int]) -> list[SetEntry]:
-        """The first set of every change of the room's light along these presses."""
+        """The first set, and the first one after every change of the room's light, along these presses."""
         changes: list[SetEntry] = []
         for number in numbers:
             entry = self._presses.sets[self._presses.presses[number].set_number]
@@ -258,18 +258,18 @@ class Collector:
         on_step: Callable[[float], None] = lambda _share: None,
         on_light: Callable[[SetEntry], None] = lambda _entry: None,
     ) -> int:
-        """Make presses; returns how many.
+        """Make presses; return their number.
 
         Parameters
         ----------
-        numbers : as `remaining` gives them
-        on_step : told the share that is done
-        on_light : called, with the tip lifted, before a set whose light is another than the last one's
+        numbers : numbers from `remaining`
+        on_step : called with the completed share
+        on_light : called, with the tip lifted, before a set in another light than the previous one
 
         Raises
         ------
-        InputError : a position outside of the stage's limits, before anything moves.
-        DeviceError : of stage or sensor; the presses before are kept.
+        InputError : a position outside the stage's limits, before any motion.
+        DeviceError : a fault of stage or sensor; earlier presses are kept.
         """
         self._presses.require_within(stage.limits)
         self.begin()
@@ -287,11 +287,11 @@ class Collector:
         return len(order)
 
     def finish(self, made: int = 0) -> Collected:
-        """Write what is there as a data set; with all of it there, the folder beside it goes.
+        """Write the kept presses as a data set; if it is complete, the folder is removed.
 
         Raises
         ------
-        OutputError : the disk does not take it; the folder keeps everything.
+        OutputError : the disk refuses it; the folder keeps everything.
         """
         recorded = self._parts.recorded(self._sensor.config, self._presses)
         kept = len(self._parts.numbers())

@@ -1,12 +1,12 @@
-"""A simulated 3-axis printer that speaks G-code as Marlin does, for trying the bench without one.
+"""A simulated 3-axis printer with Marlin's G-code, for tests of the stage without a printer.
 
-Bytes and times go in, bytes come out; `fabrication.driver.simulated.port.FakePort` puts it on a pseudo-terminal.
-Moves take their way over their speed, without acceleration, and begin when the one before has ended; M400 and G28 are
-answered at the end of the motion, everything else at once. Opening the port resets it: its coordinates are 0 where it
-stands.
+It takes bytes and times and returns bytes; `fabrication.driver.simulated.port.FakePort` connects it to a
+pseudo-terminal. A move takes its distance over its speed, without acceleration, and begins when the previous one has
+ended. M400 and G28 are answered at the end of the motion, everything else at once. Opening the port resets it: the
+coordinates are 0 at the present position.
 
-Faults: `silent` (answers nothing after some moves), `error` (stops with `Error:`), `shifted` (stops short of where it
-was sent, as at its own limits), `restarted` (says `start` in the middle).
+Faults are `silent` (no answer after some moves), `error` (stops with `Error:`), `shifted` (stops short of the target,
+as at its own limits), `restarted` (sends `start` during a motion).
 """
 
 from __future__ import annotations
@@ -45,18 +45,18 @@ class _Ride:
 
 
 class FakePrinter:
-    """A printer whose tip stands over a pad.
+    """A printer whose tip is over a pad.
 
     Parameters
     ----------
-    tip_mm : x, y, depth in the cavity frame where the tip stands at first [mm]
+    tip_mm : initial x, y, depth of the tip in the cavity frame [mm]
     fault : one of `FAULTS`; None for none
-    fault_after : moves before it shows
-    home_mm : x, y, depth of the place that G28 goes to [mm]
+    fault_after : number of moves before the fault
+    home_mm : x, y, depth of the home position of G28 [mm]
 
     Attributes
     ----------
-    place_text : its answer to M114, of x, y, z [mm]
+    place_text : its answer to M114, from x, y, z [mm]
     """
 
     place_text = "X:{0:.2f} Y:{1:.2f} Z:{2:.2f} E:0.00 Count X:0 Y:0 Z:0\nok\n"
@@ -79,7 +79,7 @@ class FakePrinter:
         self._queue: list[bytes] = []
         self.speed_mm_s = 10.0
         self.commands: list[str] = []
-        """Everything that it was told."""
+        """All commands that it has received."""
         self.reset(0.0)
 
     def tip_mm(self, now_s: float) -> FloatArray:
@@ -87,7 +87,7 @@ class FakePrinter:
         return _flipped(self._ride.at(now_s))
 
     def reset(self, now_s: float) -> None:
-        """Start anew, as when the port is opened: it stands where it is and calls that 0."""
+        """Restart, as when the port is opened: the present position becomes 0."""
         here = self._ride.at(now_s)
         self._ride = _Ride(now_s, now_s, here, here)
         self._zero = here
@@ -97,11 +97,11 @@ class FakePrinter:
 
     @property
     def due_s(self) -> float:
-        """When it next says something by itself."""
+        """Time of its next message by itself [s]."""
         return self._due_s
 
     def spoken(self, now_s: float) -> bytes:
-        """What it says by itself at this time."""
+        """Bytes that it sends by itself at this time."""
         if now_s < self._due_s:
             return b""
         if self._says:
@@ -115,7 +115,7 @@ class FakePrinter:
         return b"ok\n" + self._obeyed_all(now_s)
 
     def heard(self, piece: bytes, now_s: float) -> bytes:
-        """Take what the host sends; what it is answered at once."""
+        """Process the host's bytes and return the immediate reply."""
         self._kept += piece
         *lines, self._kept = self._kept.split(b"\n")
         self._queue += lines
@@ -178,7 +178,7 @@ class FakePrinter:
         self._travel(target, now_s)
 
     def _travel(self, target: FloatArray, now_s: float) -> None:
-        """One ride, after the one before: which is short, as a host that waits for M400 leaves it."""
+        """One motion after the previous one, which is short for a host that waits for M400."""
         start = self._ride.end
         begun = max(now_s, self._ride.ends_s)
         takes = float(np.linalg.norm(target - start)) / self.speed_mm_s
@@ -195,11 +195,11 @@ class TipFinger:
         self._printer = printer
 
     def at(self, _time_s: ArrayLike) -> FloatArray:
-        """(3,) x, y, depth now, whatever the board's clock says [mm]."""
+        """(3,) x, y, depth now, independent of the board's clock [mm]."""
         return self._printer.tip_mm(time.monotonic())
 
 
 def _flipped(position: FloatArray) -> FloatArray:
-    """Depth into height and back."""
+    """Conversion of depth to height and back."""
     found: FloatArray = position * np.array([1.0, 1.0, -1.0])
     return found

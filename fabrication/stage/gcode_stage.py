@@ -1,16 +1,16 @@
 """A 3-axis printer as a stage: G-code of Marlin and its kin over a serial line (Klipper, RepRapFirmware, Smoothie).
 
-The pad lies with its x and y along the printer's, z of the printer points up. Where the cavity's corner is in the
-printer's coordinates is told in one of two ways: by homing and known coordinates (`home`), or by the place at which the
-tip stands now (`zero`), which also holds when opening the port reset the printer and its coordinates.
+The pad's x and y are along the printer's, and the printer's z points up. There are two ways to give the cavity's corner
+in the printer's coordinates: homing and known coordinates (`home`), or the present position of the tip (`zero`). The
+second also works if opening the port has reset the printer and its coordinates.
 
-Every move ends with M400 and is checked with M114. M114 tells what the firmware believes: lost steps, play of the
-spindles and bending of the printer are not seen by it.
+Every move ends with M400 and is checked with M114. M114 reports the firmware's own count: it does not include lost
+steps, play of the spindles and bending of the printer.
 
-A serial line to a printer's firmware that speaks G-code with `ok` (Marlin and its kin).
+A serial line connects to a printer's firmware that answers G-code with `ok` (Marlin and its kin).
 
-One command a line, the next when all answers are there. The firmware says `ok` when it has taken a command,
-`echo:busy: ...` every second or two while one takes long, `Error:...` or `!!` when it stops, and `start` after a reset.
+Each line has one command, and the next is sent after all answers. The firmware sends `ok` when it has taken a command,
+`echo:busy: ...` every second or two during a long one, `Error:...` or `!!` when it stops, and `start` after a reset.
 """
 
 from __future__ import annotations
@@ -27,10 +27,10 @@ from fabrication.driver.link.ports import Port, PortLostError, on_standard_error
 from fabrication.stage.stage import Position, StageLimits
 
 ASK_EVERY_S = 2.0
-"""How often a board that boots is asked who it is."""
+"""Interval of requests for identification to a board that boots."""
 
 QUIET_S = 0.3
-"""Longest pause between answers to questions that were asked twice."""
+"""Longest pause between answers to repeated requests."""
 
 _NUMBER = r"([-+]?\d+(?:\.(\d*))?)"
 _PLACE = re.compile(
@@ -40,10 +40,10 @@ _UNKNOWN = re.compile(r"unknown command|bad command|not supported|unsupported co
 
 
 def place_of(line: str) -> tuple[tuple[float, float, float], float] | None:
-    """X, Y, Z [mm] of an answer to M114, and the step of its last digit [mm]; None for a line that is none.
+    """X, Y, Z [mm] of an answer to M114, and the step of its last digit [mm]; None for any other line.
 
     Marlin, Klipper, Repetier and RepRapFirmware begin the line with X, Marlin 1.0 without blanks, Smoothie with
-    `ok C:`. Positions in other coordinates than those of G1 are none: `MCS:`, what follows `Count`, Grbl's status.
+    `ok C:`. Positions in other coordinates than those of G1 are ignored: `MCS:`, the part after `Count`, Grbl's status.
     """
     found = _PLACE.match(line)
     if found is None:
@@ -59,11 +59,11 @@ class GcodeLine:
     Parameters
     ----------
     port : open
-    answer_s : longest silence before a command counts as not answered [s]
+    answer_s : longest silence before a command counts as unanswered [s]
 
     Attributes
     ----------
-    has_begun_anew : whether the firmware was reset after it was greeted: its coordinates mean nothing any more
+    has_begun_anew : whether the firmware was reset after the greeting: its coordinates are no longer valid
     """
 
     def __init__(self, port: Port, answer_s: float) -> None:
@@ -74,9 +74,9 @@ class GcodeLine:
         self.has_begun_anew = False
 
     def greet(self, boot_s: float, on_wait: Callable[[str], None] = on_standard_error) -> None:
-        """Wait until the firmware answers, which opening the port may have reset; DeviceError after `boot_s` [s].
+        """Wait for the firmware, which opening the port may have reset; DeviceError after `boot_s` [s].
 
-        on_wait : takes a line every two seconds of the wait
+        on_wait : called with a line every two seconds of the wait
         """
         begun, heard = time.monotonic(), b""
         end = begun + boot_s
@@ -104,8 +104,8 @@ class GcodeLine:
 
         Parameters
         ----------
-        takes_s : how long it is expected to work before it answers [s]
-        is_optional : whether firmware without it is all right
+        takes_s : expected working time before the answer [s]
+        is_optional : whether firmware may lack the command
 
         Returns
         -------
@@ -113,7 +113,7 @@ class GcodeLine:
 
         Raises
         ------
-        DeviceError : no answer, an error, a reset, an unknown command; the port is gone.
+        DeviceError : no answer, an error, a reset, an unknown command, or a lost port.
         """
         self.post(command)
         said = self.answers(command, takes_s)
@@ -122,19 +122,19 @@ class GcodeLine:
         return said
 
     def post(self, command: str) -> None:
-        """Send a command without waiting; its answer is owed."""
+        """Send a command without waiting; its answer is pending."""
         self._owed += 1
         self._write(command)
 
     def answers(
         self, command: str, takes_s: float = 0.0, is_last: Callable[[str], bool] | None = None
     ) -> list[str]:
-        """Wait until nothing is owed any more; as `send`.
+        """Wait until no answer is pending; as `send`.
 
         Parameters
         ----------
-        is_last : whether a line answers the last command: after its `ok`, answers still owed to earlier ones never come
-            (an interrupt took them, or kept the commands from being sent), and what does come late is dropped
+        is_last : whether a line answers the last command: after its `ok`, pending answers to earlier ones never come
+            (an interrupt took them, or prevented the commands), and late lines are dropped
         """
         said: list[str] = []
         end = time.monotonic() + self._answer_s + takes_s
@@ -162,7 +162,7 @@ class GcodeLine:
     def _judge(self, line: str, command: str) -> None:
         lowered = line.lower()
         if _UNKNOWN.search(line):
-            return  # RepRapFirmware calls it an error; whether the command is needed is the caller's
+            return  # RepRapFirmware calls it an error; the caller decides whether it needs the command
         if lowered.startswith(("error", "!!")) or ("home" in lowered and "first" in lowered):
             self._owed = 0
             raise DeviceError(f"{self._port.name}: the printer replied {line!r} to {command}")
@@ -174,7 +174,7 @@ class GcodeLine:
             )
 
     def _drain(self) -> None:
-        """Drop what comes late, as answers to questions that were asked twice; nothing is owed then."""
+        """Drop late lines, as answers to repeated requests; then no answer is pending."""
         end = time.monotonic() + QUIET_S
         while time.monotonic() < end:
             if self._read():
@@ -204,18 +204,18 @@ def _lines(heard: bytes) -> list[str]:
 
 BAUD = 115200
 TRAVEL_MM = 5.0
-"""Sideways the tip goes at least so far above the pad."""
+"""Least height of the tip above the pad in lateral motion."""
 
 NEAR_MM = 1.0
-"""From so far above the pad on, and below, it goes at the pressing speed."""
+"""Height above the pad from which downward the tip moves at the pressing speed."""
 
 TRAVEL_SPEED_MM_S, PRESS_SPEED_MM_S = 30.0, 5.0
 BOOT_S, ANSWER_S, HOMING_S = 15.0, 10.0, 120.0
 TOLERANCE_MM = 0.03
-"""Least difference of a position from its target that counts as not arrived."""
+"""Largest difference of a position from its target that counts as arrived."""
 
 COARSEST_MM = 0.1
-"""Step of M114's last digit at most: with whole millimetres no press could be checked."""
+"""Largest step of M114's last digit: whole millimetres would be too coarse to check a press."""
 
 S_PER_MIN = 60.0
 MM_DIGITS = 4
@@ -229,16 +229,16 @@ class GcodeStage:
     Parameters
     ----------
     port : name of its serial port
-    limits : where the tip may go, see `stage.limits_of`
+    limits : permitted positions of the tip, see `stage.limits_of`
     baud : rate of the line
-    travel_mm : height above the pad for ways sideways [mm]
-    travel_speed_mm_s, press_speed_mm_s : far from the pad; near it and in it [mm/s]
+    travel_mm : height above the pad for lateral motion [mm]
+    travel_speed_mm_s, press_speed_mm_s : speeds far from the pad, and near or in it [mm/s]
     boot_s, answer_s : longest wait for the firmware after opening, and for an answer [s]
 
     Attributes
     ----------
-    left_at : where the tip stands after the block, x, y, depth [mm]; None before, where it could not be lifted, and
-        where the printer was reset and nobody knows
+    left_at : x, y, depth of the tip after the block [mm]; None before it, if the tip could not be lifted, and
+        if the printer was reset so that the position is unknown
     """
 
     def __init__(
@@ -303,7 +303,7 @@ class GcodeStage:
                 self._port.close()
 
     def home(self, origin_mm: Position) -> None:
-        """Home all axes (G28), after which the printer's coordinates are its own.
+        """Home all axes (G28), which makes the printer's coordinates absolute.
 
         Parameters
         ----------
@@ -314,19 +314,19 @@ class GcodeStage:
         self.lift()
 
     def zero(self, x_mm: float, y_mm: float, depth_mm: float = 0.0) -> None:
-        """Say where the tip stands now [mm]; it then goes up to the travel height.
+        """Define the tip's present position [mm]; it then moves up to the travel height.
 
         Raises
         ------
-        InputError : outside of the limits.
+        InputError : outside the limits.
         """
         self.limits.require(x_mm, y_mm, depth_mm)
         self._limits_are_off = True
-        self._line.send("M211 S0", is_optional=True)  # its own limits mean nothing where it was not homed
+        self._line.send("M211 S0", is_optional=True)  # its own limits are invalid without homing
         (x, y, z), step_mm = self._machine()
         if (
             step_mm > TOLERANCE_MM
-        ):  # its rounding would be an error of every depth: what was told becomes exact
+        ):  # its rounding would be an error of every depth: the given position becomes exact
             self._line.send(f"G92 X{x:.3f} Y{y:.3f} Z{z:.3f}")
         self._origin = x - x_mm, y - y_mm, z + depth_mm
         self._sent = x_mm, y_mm, depth_mm
@@ -345,15 +345,15 @@ class GcodeStage:
         return self._arrived((x_mm, y_mm, depth_mm))
 
     def lift(self) -> None:
-        """To the travel height, on the spot; sent before anything that is still owed is waited for.
+        """Move straight up to the travel height; the command is sent before any wait for a pending answer.
 
-        An interrupt may have taken an answer with it, so that it is the printer's word of its height that counts.
+        An interrupt may have removed an answer, so the height that the printer reports is used.
         """
         height_mm = self._known_origin()[2] + self._travel_mm
         self._line.post(f"G1 Z{height_mm:.3f} {feed_word(self._speeds_mm_s[1])}")
         self._line.post("M400")
         self._line.post("M114")
-        way_mm = 2 * (self.limits.deepest_mm + self._travel_mm)  # down, where that is still owed, and up
+        way_mm = 2 * (self.limits.deepest_mm + self._travel_mm)  # down, if that is pending, and up
 
         def is_up(line: str) -> bool:
             found = place_of(line)
@@ -364,16 +364,16 @@ class GcodeStage:
             self._sent = *self._sent[:2], -self._travel_mm
 
     def position(self) -> Position:
-        """As `stage.Stage.position`; what M114 confirms to its last digit is the position that was asked for."""
+        """As `stage.Stage.position`; a position that M114 confirms to its last digit is returned as requested."""
         return self._position()[0]
 
     def stop(self) -> None:
-        """M410, then lift."""
+        """Send M410, then lift."""
         self._line.post("M410")
         self.lift()
 
     def _position(self) -> tuple[Position, float]:
-        """Where it stands, and the step of M114's last digit [mm]."""
+        """Its position, and the step of M114's last digit [mm]."""
         origin = self._known_origin()
         (x, y, z), step_mm = self._machine()
         told = x - origin[0], y - origin[1], origin[2] - z
@@ -384,14 +384,14 @@ class GcodeStage:
         return (x, y, depth), step_mm
 
     def _lift_blindly(self) -> None:
-        """Straight up by more than any press is deep: a printer that was reset counts from where it stood."""
+        """Move straight up by more than the deepest press: a printer after a reset counts from its position."""
         up_mm = self.limits.deepest_mm + self._travel_mm
         self._line.send("G91")
         self._ride(f"Z{up_mm:.3f}", up_mm, self._speeds_mm_s[1])
         self._line.send("G90")
 
     def _go(self, depth_mm: float, to_depth_mm: float) -> None:
-        """On the spot from one depth to another: slowly below the near height, fast above it."""
+        """Move vertically from one depth to another, slowly below the near height, fast above it."""
         fast, slow = self._speeds_mm_s
         near = -NEAR_MM
         if min(depth_mm, to_depth_mm) < near < max(depth_mm, to_depth_mm):
@@ -403,7 +403,7 @@ class GcodeStage:
             self._ride(f"Z{height:.3f}", abs(to_depth_mm - depth_mm), speed)
 
     def _slide(self, x_mm: float, y_mm: float, way_mm: float) -> None:
-        """Sideways at the height where the tip is."""
+        """Move laterally at the present height."""
         origin = self._known_origin()
         self._ride(f"X{origin[0] + x_mm:.3f} Y{origin[1] + y_mm:.3f}", way_mm, self._speeds_mm_s[0])
 
@@ -412,7 +412,7 @@ class GcodeStage:
         self._line.send("M400", takes_s=way_mm / speed_mm_s)
 
     def _arrived(self, target: Position) -> Position:
-        """Where it stands; DeviceError where that is not the target."""
+        """Its position; DeviceError if that is not the target."""
         self._sent = target
         found, step_mm = self._position()
         if math.dist(found, target) > tolerance_mm(step_mm):
@@ -438,7 +438,7 @@ class GcodeStage:
             raise DeviceError(
                 f"{self._name}: M114 gives whole millimetres; a stage needs one decimal at least"
             )
-        return places[-1]  # one before it is a report that nobody asked for
+        return places[-1]  # an earlier one is an unrequested report
 
     def _known_origin(self) -> Position:
         if self._origin is None:
@@ -455,10 +455,10 @@ class GcodeStage:
 
 
 def tolerance_mm(step_mm: float) -> float:
-    """How far a position may be from its target: it and the origin are each told to a step of the last digit [mm]."""
+    """Tolerance of a position: it and the origin are each reported to a step of the last digit [mm]."""
     return max(TOLERANCE_MM, 2.0 * step_mm + ROUNDING_MM)
 
 
 def feed_word(speed_mm_s: float) -> str:
-    """G-code's word for a speed [mm/min]; in whole numbers a slow one would be another, or none."""
+    """G-code's word for a speed [mm/min]; it has decimals, because rounding would change a slow speed or make it 0."""
     return f"F{S_PER_MIN * speed_mm_s:.6g}"

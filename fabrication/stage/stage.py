@@ -1,15 +1,15 @@
-"""What a stage must be able to do, and what it must not.
+"""The interface and the limits of a stage.
 
 A stage holds the tip above the pad and moves it in the cavity frame: x, y from a corner of the cavity, depth positive
-into the pad, 0 where the tip barely touches. `collection.Collector` drives anything that keeps to `Stage`;
+into the pad, 0 at first contact. `collection.Collector` drives any implementation of `Stage`;
 `gcode_stage` has one for printers.
 
-The presses of a collection: a plain list, or a CSV file of the same.
+The presses of a collection are a list, or a CSV file with these columns:
 
     x_mm,y_mm,depth_mm[,set,place,role,pattern,ambient]
 
-one row a position at which frames are taken, in this order. Consecutive rows of one set and place are one press: it is
-made as a whole or not at all. Without `set` everything is one set; without `place` a press ends where x or y changes.
+Each row is a position at which frames are taken, in this order. Consecutive rows of one set and place are one press,
+which is made completely or not at all. Without `set` all is one set; without `place` a press ends where x or y changes.
 """
 
 from __future__ import annotations
@@ -40,8 +40,8 @@ class Press:
 
     Attributes
     ----------
-    set_number, place_number : of its set in the list's `sets`; of the press within it
-    steps_mm : where frames are taken, in order: x, y, depth [mm]
+    set_number, place_number : number of its set in the list's `sets`; number of the press within it
+    steps_mm : positions for frames, in order: x, y, depth [mm]
     """
 
     set_number: int
@@ -51,19 +51,19 @@ class Press:
 
 @dataclass(frozen=True, kw_only=True)
 class PressList:
-    """Presses in the order in which they are made."""
+    """Presses in their order of execution."""
 
     sets: tuple[SetEntry, ...]
     presses: tuple[Press, ...]
 
     @property
     def digest(self) -> str:
-        """SHA-256 over all of it, 64 digits."""
+        """SHA-256 over the complete list, 64 digits."""
         presses = [(press.set_number, press.place_number, press.steps_mm) for press in self.presses]
         return hashlib.sha256(repr((self.sets, presses)).encode()).hexdigest()
 
     def require_within(self, limits: StageLimits) -> None:
-        """Refuse a list with a position that the stage must not go to; InputError names the first."""
+        """Refuse a list with a position outside the limits; InputError names the first."""
         for press in self.presses:
             for step in press.steps_mm:
                 try:
@@ -78,7 +78,7 @@ def press_list(rows: Iterable[tuple[SetEntry, int, Position]]) -> PressList:
 
     Raises
     ------
-    InputError : no rows; one name for two sets; a press that comes up again after another.
+    InputError : no rows, one name for two sets, or a press that is repeated after another.
     """
     plain = list(rows)
     grouped = [
@@ -109,7 +109,7 @@ def read_press_list(file: Path) -> PressList:
 
     Raises
     ------
-    InputError : unreadable, columns missing, no number where one is needed; as `press_list`.
+    InputError : unreadable, missing columns, a missing number, or as `press_list`.
     """
     table = read_csv(
         file, needed=f"a CSV table with {','.join(NEEDED)}, optionally 'set', 'place'", lower=True
@@ -138,14 +138,14 @@ Position = tuple[float, float, float]
 """x, y, depth [mm]."""
 
 HIGHEST_MM = 60.0
-"""Nothing asks for a tip further above the pad; a slip of a unit does."""
+"""Greatest height of the tip above the pad; a higher one indicates a wrong unit."""
 
 LIMIT_SLACK_MM = 1e-6
 
 
 @dataclass(frozen=True, kw_only=True)
 class StageLimits:
-    """Where the tip may go: the design's press centres and depth; above the pad up to 60 mm.
+    """Permitted positions of the tip: the design's press centres and depth, and up to 60 mm above the pad.
 
     Attributes
     ----------
@@ -157,11 +157,11 @@ class StageLimits:
     deepest_mm: float
 
     def require(self, x_mm: float, y_mm: float, depth_mm: float) -> None:
-        """Refuse a position outside.
+        """Refuse a position outside the limits.
 
         Raises
         ------
-        InputError : which coordinate, its limits.
+        InputError : the coordinate and its limits.
         """
         spans = (
             ("x", x_mm, self.area.x0_mm, self.area.x1_mm),
@@ -183,7 +183,7 @@ def limits_of(workspace: WorkspaceLimits) -> StageLimits:
 
 
 class Stage(Protocol):
-    """A stage; a context manager that leaves with the tip lifted, whatever happened inside."""
+    """A stage; a context manager that always leaves with the tip lifted."""
 
     limits: StageLimits
 
@@ -194,23 +194,23 @@ class Stage(Protocol):
     ) -> None: ...
 
     def move_to(self, x_mm: float, y_mm: float, depth_mm: float) -> Position:
-        """Go there, never sideways while touching, and stand; returns where the stage says that it is [mm].
+        """Move to a position, never laterally in contact, and stop; return the position that the stage reports [mm].
 
         Raises
         ------
-        InputError : outside of the limits; nothing has moved.
-        DeviceError : the stage does not answer, refuses, or is not where it should be.
+        InputError : outside the limits; nothing has moved.
+        DeviceError : the stage does not answer, refuses, or is not at the target.
         """
         ...
 
     def lift(self) -> None:
-        """Go straight up to the travel height."""
+        """Move straight up to the travel height."""
         ...
 
     def position(self) -> Position:
-        """Where the stage says that the tip is, x, y, depth [mm]."""
+        """Position of the tip that the stage reports: x, y, depth [mm]."""
         ...
 
     def stop(self) -> None:
-        """End the motion at once, then lift."""
+        """Stop the motion at once, then lift."""
         ...

@@ -1,4 +1,4 @@
-"""Counters of 32 bits that wrap, as numbers that do not."""
+"""Conversion of 32-bit counters that wrap to numbers that do not."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ from design.arrays import IntArray
 from fabrication.driver.link.protocol import STAMP, WRAP, CountArray
 
 REMEMBERED_FRAMES = 256
-"""So far back a repeat is looked for: 0.6 s at 400 Hz."""
+"""Number of frames in the search for repeats: 0.6 s at 400 Hz."""
 
 
 class WrappingCounter:
-    """One counter of a board, followed from its first value on.
+    """One counter of a board, tracked from its first value.
 
     Parameters
     ----------
-    goes_back : True for sequence numbers, whose step backward says that the board began anew: steps are -2^31 to
+    goes_back : True for sequence numbers, where a step backward means a restart of the board: steps are -2^31 to
         2^31 - 1. False for device time, which only rises: steps are 0 to 2^32 - 1, in microseconds 71.6 minutes.
     """
 
@@ -27,7 +27,7 @@ class WrappingCounter:
         self._last: int | None = None
 
     def next(self, value: int) -> tuple[int, int]:
-        """One value without the wraps, and the step to it; as `extended`, and for single values much faster."""
+        """One value without wraps, and the step to it; as `extended`, but much faster for single values."""
         if self._last is None:
             self._last = value
             return value, 1
@@ -38,7 +38,7 @@ class WrappingCounter:
         return self._last, step
 
     def extended(self, values: CountArray) -> tuple[IntArray, IntArray]:
-        """Values without the wraps, and the step to each from the one before it; 1 to the very first.
+        """Values without wraps, and the step to each from the previous one; 1 to the very first.
 
         values : (n,) as sent; both results are (n,)
         """
@@ -55,9 +55,9 @@ class WrappingCounter:
 
 
 class Repeats:
-    """Frames that the line delivers twice: number and time are those of one of the last 256 frames.
+    """Detection of frames that the line delivers twice: number and time equal those of one of the last 256 frames.
 
-    A board that began anew repeats its numbers, but never a number with its time.
+    A restarted board repeats its numbers, but never a number with its time.
     """
 
     def __init__(self) -> None:
@@ -65,7 +65,7 @@ class Repeats:
         self._seen: set[bytes] = set()
 
     def has(self, message: bytes) -> bool:
-        """Whether a whole message of readings came before; it is noted where it did not."""
+        """Whether a complete message of readings arrived before; a new one is remembered."""
         stamp = message[STAMP]
         if stamp in self._seen:
             return True
@@ -77,7 +77,7 @@ class Repeats:
 
 
 def restarts(values: CountArray, last: int) -> IntArray:
-    """Places of (n,) sequence numbers where the board must have begun anew: not above the one before, modulo 2^32.
+    """Indices of (n,) sequence numbers at a restart of the board: not above the previous number, modulo 2^32.
 
     last : the number before the first
     """

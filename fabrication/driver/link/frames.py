@@ -1,4 +1,4 @@
-"""Frames as users see them, decoded a batch at a time; what was lost between them, and how fast they come."""
+"""Frames for users, decoded in batches; the number of lost frames, and the frame rate."""
 
 from __future__ import annotations
 
@@ -16,25 +16,25 @@ from fabrication.driver.link.protocol import FrameFormat, unpack_frames
 
 US_PER_S = 1e6
 RATE_FRAMES = 256
-"""Frames over which the rate is measured, at most."""
+"""Largest number of frames for the measurement of the rate."""
 
 WEAKEST_BASELINE_COUNTS = 4.0
-"""Below this the quantisation alone is more than a tenth of the signal: no ratio is told."""
+"""Least baseline for a ratio: below it the quantisation alone is more than a tenth of the signal."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Frame:
-    """One whole frame.
+    """One complete frame.
 
     Attributes
     ----------
-    connection : counts from 1 up whenever the board began anew or was plugged in again
+    connection : number from 1, raised at each restart of the board or reconnection
     sequence : number of the frame within the connection, without wraps
     device_us : the board's clock when its first conversion began, without wraps [us]
     host_s : this machine's clock when the batch with the frame had arrived, since 1970 [s]; at 400 Hz up to 5 ms late
-    lost_before : frames missing between this one and the one before it, by the sequence number
+    lost_before : frames missing between this one and the previous one, by the sequence number
     counts : (state, receiver) raw readings; the last state is the dark one [counts]
-    signals : (emitter, receiver) less the dark state's [counts]
+    signals : (emitter, receiver) readings less the dark state's [counts]
     saturated : (state, receiver) whether a reading is at full scale
     baseline : (emitter, receiver) signals of the untouched pad [counts]; None where none was taken
     """
@@ -63,20 +63,20 @@ class Frame:
 
 
 def normalised(signals: NDArray[np.int32] | FloatArray, baseline: FloatArray) -> FloatArray:
-    """(emitter, receiver) signals over a baseline; NaN where that is too weak to divide by."""
+    """(emitter, receiver) signals over a baseline; NaN where the baseline is too small."""
     strong = baseline >= WEAKEST_BASELINE_COUNTS
     ratio: FloatArray = np.divide(signals, baseline, out=np.full(baseline.shape, np.nan), where=strong)
     return ratio
 
 
 class FrameDecoder:
-    """Turns whole messages of readings into frames, and counts.
+    """Decodes complete messages of readings to frames, and counts them.
 
     Attributes
     ----------
-    frames, lost, doubled : decoded so far; missing so far by the sequence numbers; dropped as repeats
-    connection : of the next frame
-    baseline : given to the frames from now on
+    frames, lost, doubled : number decoded so far; missing so far by the sequence numbers; dropped as repeats
+    connection : connection of the next frame
+    baseline : baseline of the next frames
     """
 
     def __init__(self, layout: FrameFormat) -> None:
@@ -89,7 +89,7 @@ class FrameDecoder:
         self.begin()
 
     def begin(self) -> None:
-        """The board begins anew: its counters start again."""
+        """Begin a connection after a restart of the board: its counters start again."""
         self.connection += 1
         self._sequence = WrappingCounter(goes_back=True)
         self._time = WrappingCounter(goes_back=False)
@@ -98,21 +98,21 @@ class FrameDecoder:
 
     @property
     def rate_hz(self) -> float | None:
-        """Delivered frames a second by the board's clock, over the last 256; None before two frames."""
+        """Delivered frames per second by the board's clock, over the last 256; None before two frames."""
         times = self._recent_us
         passed = times[-1] - times[0] if len(times) > 1 else 0
         return (len(times) - 1) * US_PER_S / passed if passed > 0 else None
 
     def without_repeats(self, messages: list[bytes]) -> list[bytes]:
-        """The messages of readings that the line did not deliver before; the others are counted as doubled."""
+        """The messages of readings without repeats; repeats are counted as doubled."""
         new = [message for message in messages if not self._repeats.has(message)]
         self.doubled += len(messages) - len(new)
         return new
 
     def decoded(self, messages: list[bytes], host_s: float) -> list[Frame]:
-        """Frames of whole messages that arrived at `host_s`; a count that goes back begins a connection.
+        """Frames of complete messages that arrived at `host_s`; a count that decreases begins a connection.
 
-        Batches are small, one to a few frames: what is done frame by frame is done on plain numbers.
+        Batches are small, one to a few frames, so the work per frame uses plain numbers.
         """
         found = unpack_frames(self._layout, messages)
         counts = found.counts
@@ -121,7 +121,7 @@ class FrameDecoder:
         frames = []
         for k, number in enumerate(found.sequence.tolist()):
             sequence, step = self._sequence.next(number)
-            if step <= 0:  # the board began anew, although no hello said so
+            if step <= 0:  # the board restarted without a hello
                 self.begin()
                 sequence, step = self._sequence.next(number)
             device_us, _ = self._time.next(int(found.device_us[k]))

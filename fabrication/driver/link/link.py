@@ -1,4 +1,4 @@
-"""A board on an open port: waits out its reset, learns who it is, refuses another's, starts and stops it."""
+"""Link to a board on an open port: wait for its reset, identify it, refuse another design, start and stop it."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ from fabrication.driver.link.scanner import Message, Scanner
 from fabrication.driver_file import DriverConfig
 
 ASK_EVERY_S = 0.25
-"""How often a board that talks is asked who it is; a silent one in gaps twice as long each time, as each byte keeps a
-boot loader waiting."""
+"""Interval of requests for identification to a board that sends. For a silent one the interval doubles each time,
+because each byte makes a boot loader wait longer."""
 
 ANSWER_S = 2.5
-"""How long a board may take from its boot time to its hello, which it says once a second by itself."""
+"""Longest time from a board's boot time to its hello, which it sends once per second by itself."""
 
 SAY_EVERY_S = 2.0
-"""How often a wait says that it goes on."""
+"""Interval of messages during a wait."""
 
 US_PER_S = 1e6
 
@@ -41,8 +41,8 @@ class Link:
 
     Parameters
     ----------
-    port : open
-    config : whose frames are expected
+    port : open port
+    config : configuration of the expected frames
     """
 
     def __init__(self, port: Port, config: DriverConfig) -> None:
@@ -53,16 +53,16 @@ class Link:
         self.hello_message = b""
 
     def messages(self) -> list[Message]:
-        """Whole messages that arrived, after at most a tenth of a second; PortLostError when the port is gone."""
+        """Complete messages that arrived, after at most a tenth of a second; PortLostError if the port is lost."""
         piece = self.port.read()
         return self.scanner.feed(piece) if piece else []
 
     def send(self, command: Command, argument: int = 0) -> None:
-        """Send a command; PortLostError when the port is gone."""
+        """Send a command; PortLostError if the port is lost."""
         self.port.write(pack_command(command, argument))
 
     def start(self, interval_us: int) -> None:
-        """Set the frame interval [us], 0 for as fast as the board can, and start the stream."""
+        """Set the frame interval [us], 0 for the board's fastest, and start the stream."""
         self.send(Command.RATE, interval_us)
         self.send(Command.START)
 
@@ -75,23 +75,23 @@ class Link:
         is_over: Callable[[], bool] = lambda: False,
         on_wait: Callable[[str], None] = lambda _: None,
     ) -> Hello:
-        """Wait until the board says who it is, and check that.
+        """Wait for the board's hello, and check it.
 
-        A board that has just been reset says so by itself and is not disturbed while its boot loader listens; one
-        that already streams is stopped and asked; a silent one is asked after its boot time, unless its port is a
-        guess: nothing is sent to what may be a printer.
+        A board after a reset sends its hello by itself, and nothing is sent while its boot loader listens. A board
+        that already streams is stopped and then identified. A silent one is identified after its boot time, unless
+        its port is a guess: nothing is sent to a possible printer.
 
         Parameters
         ----------
-        accept_digest : a foreign design's digest that is accepted, at least its first 8 digits; None for none
+        accept_digest : another design's digest that is accepted, at least its first 8 digits; None for none
         patience_s : longest wait [s]
-        is_guess : whether only a serial chip that many devices have speaks for this port
-        on_wait : takes a line every two seconds of the wait
-        is_over : whether nobody wants to know any more
+        is_guess : whether only a common serial chip identifies this port
+        on_wait : called with a line every two seconds of the wait
+        is_over : whether to stop waiting
 
         Raises
         ------
-        DeviceError : silence, a printer or another device, other firmware, another design; it is over.
+        DeviceError : silence, a printer or another device, other firmware, another design, or `is_over`.
         """
         begun = time.monotonic()
         ask_at = begun + (math.inf if is_guess else self.config.board.boot_s)
@@ -115,7 +115,7 @@ class Link:
                 kind = version & 0x0F
                 if kind == Kind.HELLO:
                     return self._checked(message, accept_digest)
-                ask_at = min(ask_at, now + gap_s)  # it runs already: nothing to wait out
+                ask_at = min(ask_at, now + gap_s)  # it runs already: no boot to wait for
             if now >= ask_at:
                 ask_at = now + gap_s
                 gap_s *= 1 if heard else 2
@@ -156,7 +156,7 @@ class Link:
 
 
 def check_hello(hello: Hello, config: DriverConfig, *, where: str, accept_digest: str | None) -> None:
-    """Refuse a board that is not this design's.
+    """Refuse a board of another design.
 
     Parameters
     ----------
@@ -164,7 +164,7 @@ def check_hello(hello: Hello, config: DriverConfig, *, where: str, accept_digest
 
     Raises
     ------
-    DeviceError : frames of another shape; another design that was not accepted by name.
+    DeviceError : frames of another shape, or another design that was not accepted by its digest.
     """
     frame = config.frame
     has = (hello.emitters, hello.receivers, hello.bits)
@@ -185,12 +185,12 @@ def check_hello(hello: Hello, config: DriverConfig, *, where: str, accept_digest
 
 
 def is_accepted(digest: str, accept_digest: str | None) -> bool:
-    """Whether a foreign digest was accepted by its first digits."""
+    """Whether another design's digest was accepted by its first digits."""
     return accept_digest is not None and digest.startswith(accept_digest.lower())
 
 
 def require_digest(accept_digest: str | None) -> None:
-    """Refuse digits that name no design clearly: InputError for fewer than eight, or what is none of the digits."""
+    """Refuse digits that do not identify a design: InputError for fewer than eight, or for other characters."""
     if accept_digest is not None and not re.fullmatch(r"[0-9a-fA-F]{8,64}", accept_digest):
         raise InputError(
             f"accept_digest: {accept_digest!r} names no design; give 8 to 64 hexadecimal digits of the board's digest"
@@ -198,5 +198,5 @@ def require_digest(accept_digest: str | None) -> None:
 
 
 def interval_us(rate_hz: float) -> int:
-    """Frame interval of a rate [us]; 0, as fast as the board can, for rate 0."""
+    """Frame interval of a rate [us]; 0, the board's fastest, for rate 0."""
     return round(US_PER_S / rate_hz) if rate_hz > 0 else 0

@@ -1,4 +1,4 @@
-"""Serial ports: found by USB identity, opened, read; every refusal of the system in words.
+"""Serial ports: search by USB identity, opening, reading; the system's errors are explained in words.
 
 A port is a name of the system (`/dev/ttyACM0`, `COM3`), the name of a pseudo-terminal, or an address of pyserial
 (`socket://localhost:4242`). Opening the port of an Arduino resets the board.
@@ -23,10 +23,10 @@ from design.errors import DeviceError
 from fabrication.driver_file import BoardSetup
 
 WAIT_S = 0.1
-"""Longest wait inside one read; what a stop has to wait for, too."""
+"""Longest wait inside one read, and so of a stop."""
 
 GATHER_S = 0.005
-"""Once something has arrived, wait this for more of it: every waking costs the host 0.2 to 0.5 ms of a core."""
+"""Wait for more bytes after the first: every wake-up costs the host 0.2 to 0.5 ms of a core."""
 
 WRITE_WAIT_S = 1.0
 LARGEST_READ = 65536
@@ -34,12 +34,12 @@ SOCKET = "socket://"
 
 
 class PortLostError(DeviceError):
-    """The port went away while it was open: unplugged, or the other end closed."""
+    """The port was lost while it was open: unplugged, or the other end closed."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class FoundPort:
-    """A serial port of this machine: its name, vendor:product ("" where it has none), what the system calls it."""
+    """A serial port of this machine: its name, vendor:product ("" where it has none), the system's description."""
 
     name: str
     usb_id: str
@@ -62,7 +62,7 @@ def ports_here() -> list[FoundPort]:
 
 
 PTY_BAUD = 115200
-"""A pseudo-terminal has no rate: macOS refuses to set one that is not among the old standard ones."""
+"""Rate of a pseudo-terminal, which has none: macOS accepts only the old standard rates."""
 
 
 CHIP_MAKERS = frozenset({"0403", "067b", "10c4", "1a86"})
@@ -73,23 +73,23 @@ GUESSED = "Only the serial chip identifies this port, and printers and other dev
 
 
 def is_guess(port: FoundPort, board: BoardSetup) -> bool:
-    """Whether only a serial chip speaks for the board: a printer may have the same."""
+    """Whether only a serial chip identifies the board: a printer may have the same."""
     return port.usb_id not in board.usb_ids or port.usb_id.partition(":")[0] in CHIP_MAKERS
 
 
 def find_port(
     board: BoardSetup, ports: Iterable[FoundPort] | None = None, *, not_ports: Iterable[str] = ()
 ) -> FoundPort:
-    """The one port with such a board: by the maker's USB identity, else by that of copies' serial chips.
+    """The only port with such a board, by the maker's USB identity, or else by that of copies' serial chips.
 
     Parameters
     ----------
-    ports : to choose from; None asks the system
-    not_ports : names of ports that are known to be another device's
+    ports : ports to choose from; None takes those of the system
+    not_ports : names of ports of other devices
 
     Raises
     ------
-    DeviceError : none, or several of them; the ports are listed.
+    DeviceError : no such port, or several; the message lists the ports.
     """
     taken = {plain_name(name) for name in not_ports}
     here = ports_here() if ports is None else list(ports)
@@ -109,7 +109,7 @@ def find_port(
 
 
 def on_standard_error(line: str) -> None:
-    """Print a line about the wait for a board, where no caller takes it."""
+    """Print a line about the wait for a board; the default of `on_wait`."""
     print(line, file=sys.stderr)
 
 
@@ -118,13 +118,13 @@ class Port:
 
     Parameters
     ----------
-    name : of the port, or an address of pyserial
+    name : name of the port, or an address of pyserial
     baud : rate of the line
-    gather_s : how long to wait for more once something has arrived [s]
+    gather_s : time to wait for more bytes after the first [s]
 
     Raises
     ------
-    DeviceError : no such port, no permission, in use, no serial port; with the way out.
+    DeviceError : no such port, no permission, in use, or not a serial port; with the way out.
     """
 
     def __init__(self, name: str, baud: int, gather_s: float = GATHER_S) -> None:
@@ -142,11 +142,11 @@ class Port:
         self.close()
 
     def read(self) -> bytes:
-        """What has arrived, after at most `WAIT_S` and `gather_s`; empty when nothing did.
+        """Bytes that arrived, after at most `WAIT_S` and `gather_s`; empty if there are none.
 
         Raises
         ------
-        PortLostError : the port is gone.
+        PortLostError : the port is lost.
         """
         try:
             return self._read_socket() if self._is_socket else self._read_line()
@@ -154,14 +154,14 @@ class Port:
             raise self._lost(err) from err
 
     def write(self, message: bytes) -> None:
-        """Send bytes; PortLostError when the port is gone or takes nothing."""
+        """Send bytes; PortLostError if the port is lost or accepts none."""
         try:
             self._line.write(message)
         except (OSError, serial.SerialException) as err:
             raise self._lost(err) from err
 
     def set_baud(self, baud: int) -> None:
-        """Change the rate without opening the port anew, which would reset the board; DeviceError where it cannot."""
+        """Change the rate without reopening the port, which would reset the board; DeviceError if that fails."""
         try:
             self._line.baudrate = baud
         except (OSError, ValueError) as err:
@@ -169,11 +169,11 @@ class Port:
                 raise DeviceError(f"{self.name}: {_why_not(self.name, err, baud)}") from err
 
     def close(self) -> None:
-        """Close the line; a port that is gone already is no error."""
+        """Close the line; a lost port is not an error."""
         try:
             self._line.close()
         except (OSError, serial.SerialException):
-            return  # nothing is left to close
+            return  # nothing remains to close
 
     def _read_line(self) -> bytes:
         first: bytes = self._line.read(1)
@@ -185,7 +185,7 @@ class Port:
         return first + rest
 
     def _read_socket(self) -> bytes:
-        """A socket tells only that bytes wait, not how many: ask for one, then for all that are there."""
+        """Read a socket, which does not report the number of waiting bytes: read one, then all others."""
         self._line.timeout = WAIT_S
         first: bytes = self._line.read(1)
         if not first:
@@ -232,7 +232,7 @@ def _why_not(name: str, err: Exception, baud: int) -> str:
 
 
 def plain_name(name: str) -> str:
-    """A port's name without links, as two names of one port share it."""
+    """A port's name with links resolved, equal for all names of one port."""
     return os.path.normcase(os.path.realpath(name) if os.path.exists(name) else name)
 
 

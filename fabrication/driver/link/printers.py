@@ -1,6 +1,6 @@
-"""Whether a printer is at a port: many have the serial chips and the boards that sensors have.
+"""Detection of a printer at a port: many have the same serial chips and boards as sensors.
 
-A printer that runs Marlin, Repetier, RepRapFirmware or Smoothie answers M115 in text; one that runs Klipper answers a
+A printer with Marlin, Repetier, RepRapFirmware or Smoothie answers M115 in text; one with Klipper answers a
 block of Klipper's own protocol (Klipper3d/klipper, page Protocol). The sensor's firmware answers neither.
 """
 
@@ -19,13 +19,13 @@ BAUDS = 115200, 250000
 """Rates of nearly all printers' lines."""
 
 ANSWER_S = 1.5
-"""How long an answer is waited for at each rate; asked more often, a boot loader would never end."""
+"""Wait for an answer at each rate; more frequent requests would keep a boot loader running."""
 
 HEARD_BYTES = 4096
-"""So much of what is no message is kept, to recognise a printer."""
+"""Bytes outside messages that are kept to recognise a printer."""
 
 FIRST_WORDS_S = 1.0
-"""How long what a board says after its reset is listened to, from its first byte on."""
+"""Listening time to a board after its reset, from its first byte."""
 
 _SAID = re.compile(
     rb"^(?:start|ok\b.*|echo:.*|.*(?:FIRMWARE_NAME|Marlin|Klipper|RepRapFirmware|Repetier|Smoothie|Grbl).*)\r?\n",
@@ -35,7 +35,7 @@ _KLIPPER = re.compile(rb"\x05[\x10-\x1f]..\x7e", re.S)
 
 
 def printer_words(heard: bytes) -> str:
-    """The first line, or block of Klipper, that only a printer sends; "" for none."""
+    """The first line, or block of Klipper, that only a printer sends; "" if there is none."""
     if line := _SAID.search(heard):
         return line[0].decode("ascii", errors="replace").strip()
     blocks = (block for block in _KLIPPER.findall(heard) if block[2:4] == _klipper_crc(block[:2]))
@@ -43,18 +43,18 @@ def printer_words(heard: bytes) -> str:
 
 
 def require_no_printer(name: str, baud: int, patience_s: float) -> None:
-    """Listen at a port to what a reset makes it say, then ask as a printer's host does.
+    """Listen at a port after a reset, then send requests as a printer's host does.
 
-    The sensor's own hello ends it at once, whatever the design.
+    The hello of a sensor of any design ends the test at once.
 
     Parameters
     ----------
-    baud : of the sensor's line; printers are listened to at their own rates
+    baud : rate of the sensor's line; the test uses the printers' own rates for them
     patience_s : longest wait for a boot loader to end [s]
 
     Raises
     ------
-    DeviceError : a printer is there, or the port cannot be opened.
+    DeviceError : a printer is at the port, or the port cannot be opened.
     """
     for rate in (baud, *BAUDS):  # opening resets a board
         with Port(name, rate) as port:
@@ -66,7 +66,7 @@ def require_no_printer(name: str, baud: int, patience_s: float) -> None:
 
 
 def _ask(port: Port, bauds: tuple[int, ...], until_s: float) -> None:
-    """Ask at each rate, over and over for so long and once at least."""
+    """Send requests at each rate, at least once and until a time."""
     end = time.monotonic() + until_s
     while True:
         for baud in bauds:
@@ -79,7 +79,7 @@ def _ask(port: Port, bauds: tuple[int, ...], until_s: float) -> None:
 
 
 def _heard(port: Port, longest_s: float, after_first_s: float = math.inf) -> bytes | None:
-    """What comes within a time, or so long after its first byte; None for a sensor, DeviceError for a printer."""
+    """Bytes within a time, or a time after the first byte; None for a sensor, DeviceError for a printer."""
     scanner, heard = Scanner({VERSION << 4 | Kind.HELLO: HELLO_BYTES}), b""
     end = time.monotonic() + longest_s
     while time.monotonic() < end:

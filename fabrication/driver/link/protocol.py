@@ -1,7 +1,7 @@
 """The bytes between board and host, packed and unpacked.
 
-All numbers are little-endian. Every message ends in a CRC-32 (`zlib.crc32`) over everything before it, the
-magic included. Byte 2 holds the protocol's version in its high and the kind or command in its low half.
+All numbers are little-endian. Every message ends in a CRC-32 (`zlib.crc32`) over all preceding bytes, including
+the magic. The high half of byte 2 is the protocol's version, and the low half is the kind or command.
 
     readings  A5 5A 10  sequence u32, device time u32 [us], readings packed bit by bit, CRC
     hello     A5 5A 11  firmware 2 x u8, board, emitters, receivers, bits, prescaler exponent, settle u16 [us],
@@ -10,10 +10,10 @@ magic included. Byte 2 holds the protocol's version in its high and the kind or 
                         CRC u32 of the program's configuration, CRC
     command   C5 5C 1x  argument u32, CRC; x: 1 start, 2 stop, 3 interval [us], 4 identify, 5 self-test
 
-Readings go state by state and within a state receiver by receiver, the least significant bit first: reading k
-takes bits k x bits to (k + 1) x bits - 1 of the byte string. Both counters wrap at 2^32.
+Readings are ordered by state, and within a state by receiver, with the least significant bit first: reading k
+has bits k x bits to (k + 1) x bits - 1 of the byte string. Both counters wrap at 2^32.
 
-Nothing here reads a port or a clock; the C side of the same layout is the firmware's `session.h`.
+The module reads neither a port nor a clock; the C side of the same layout is the firmware's `session.h`.
 """
 
 from __future__ import annotations
@@ -38,10 +38,10 @@ MAGIC = b"\xa5\x5a"
 COMMAND_MAGIC = b"\xc5\x5c"
 CRC_BYTES = 4
 WRAP = 2**32
-"""Sequence number and device time start again here."""
+"""Value at which sequence number and device time wrap."""
 
 STAMP = slice(3, 11)
-"""Where sequence number and device time are in a message of readings."""
+"""Position of sequence number and device time in a message of readings."""
 
 CountArray = NDArray[np.uint32]
 _HELLO = struct.Struct("<2sB7BHII32s")
@@ -51,7 +51,7 @@ _CRC = struct.Struct("<I")
 
 
 class Kind(IntEnum):
-    """What the board sends."""
+    """Kinds of the board's messages."""
 
     READINGS = 0
     HELLO = 1
@@ -59,7 +59,7 @@ class Kind(IntEnum):
 
 
 class Command(IntEnum):
-    """What the host asks of the board; RATE takes the frame interval [us], 0 for as fast as it can."""
+    """Commands of the host to the board; RATE takes the frame interval [us], 0 for the board's fastest."""
 
     START = 1
     STOP = 2
@@ -75,7 +75,7 @@ COMMAND_BYTES = _COMMAND.size + CRC_BYTES
 
 @dataclass(frozen=True, kw_only=True)
 class FrameFormat:
-    """How many readings a frame has, and of how many bits."""
+    """Number of readings in a frame, and their bits."""
 
     states: int
     receivers: int
@@ -83,17 +83,17 @@ class FrameFormat:
 
     @property
     def readings(self) -> int:
-        """Readings in a frame."""
+        """Number of readings in a frame."""
         return self.states * self.receivers
 
     @property
     def reading_bytes(self) -> int:
-        """Bytes that they take, packed."""
+        """Bytes of the packed readings."""
         return -(-self.readings * self.bits // 8)
 
     @property
     def total_bytes(self) -> int:
-        """Bytes of the whole message."""
+        """Bytes of the complete message."""
         return int(_record_type(self).itemsize)
 
     @property
@@ -104,14 +104,14 @@ class FrameFormat:
 
 @dataclass(frozen=True, kw_only=True)
 class Hello:
-    """What a board says of itself.
+    """A board's description of itself.
 
     Attributes
     ----------
     firmware : major and minor version
     board : its number in the catalogue of boards
     prescaler_exponent : the converter's clock is the board's over 2 to this
-    interval_us : wanted time from frame to frame [us]; 0 is as fast as it can
+    interval_us : requested time from frame to frame [us]; 0 is the board's fastest
     digest : SHA-256 of the design that the firmware was made for, 64 hexadecimal digits
     """
 
@@ -129,12 +129,12 @@ class Hello:
 
 @dataclass(frozen=True, kw_only=True)
 class SelfTest:
-    """What a board measures of itself.
+    """A board's self-test.
 
     Attributes
     ----------
     reference_counts : the internal 1.1 V reference, read against the supply
-    late_frames : frames that began later than the interval asks
+    late_frames : frames that began later than the interval requires
     least_free_ram_bytes : lowest seen since the reset
     config_crc : CRC-32 of the configuration in the program
     """
@@ -159,7 +159,7 @@ def frame_format(config: DriverConfig) -> FrameFormat:
 
     Raises
     ------
-    DeviceError : its frame is not the one that this version of the protocol has.
+    DeviceError : its frame is not that of this version of the protocol.
     """
     frame = config.frame
     found = FrameFormat(states=frame.states, receivers=frame.receivers, bits=frame.bits_per_reading)
@@ -172,7 +172,7 @@ def frame_format(config: DriverConfig) -> FrameFormat:
 
 
 MAX_BITS = 16
-"""Longest reading that fits the arrays."""
+"""Largest number of bits of a reading that fits the arrays."""
 
 
 def message_lengths(layout: FrameFormat) -> dict[int, int]:
@@ -186,7 +186,7 @@ def message_lengths(layout: FrameFormat) -> dict[int, int]:
 
 
 def sealed(content: bytes) -> bytes:
-    """Content and its CRC."""
+    """Content followed by its CRC."""
     return content + _CRC.pack(zlib.crc32(content))
 
 
@@ -196,7 +196,7 @@ def is_whole(message: bytes | memoryview) -> bool:
 
 
 def pack_frames(layout: FrameFormat, sequence: Any, device_us: Any, counts: Any) -> list[bytes]:
-    """Frames as sent.
+    """Packed frames.
 
     Parameters
     ----------
@@ -217,7 +217,7 @@ def pack_frames(layout: FrameFormat, sequence: Any, device_us: Any, counts: Any)
 
 
 def unpack_frames(layout: FrameFormat, frames: Iterable[bytes]) -> Unpacked:
-    """Whole frames of readings as arrays; their CRC has been checked before."""
+    """Complete frames of readings as arrays; their CRC has been checked before."""
     rows = np.frombuffer(b"".join(frames), _record_type(layout))
     return Unpacked(
         sequence=rows["sequence"].astype(np.uint32),
@@ -227,7 +227,7 @@ def unpack_frames(layout: FrameFormat, frames: Iterable[bytes]) -> Unpacked:
 
 
 def pack_hello(hello: Hello) -> bytes:
-    """A hello as sent."""
+    """A packed hello."""
     head = (*hello.firmware, hello.board, hello.emitters, hello.receivers, hello.bits)
     rest = hello.prescaler_exponent, hello.settle_us, hello.baud, hello.interval_us
     version = VERSION << 4 | Kind.HELLO
@@ -235,7 +235,7 @@ def pack_hello(hello: Hello) -> bytes:
 
 
 def unpack_hello(message: bytes) -> Hello:
-    """A whole hello."""
+    """The hello in a complete message."""
     _, _, *plain, digest = _HELLO.unpack_from(message)
     major, minor, board, emitters, receivers, bits, exponent, settle_us, baud, interval_us = plain
     return Hello(
@@ -253,24 +253,24 @@ def unpack_hello(message: bytes) -> Hello:
 
 
 def pack_self_test(found: SelfTest) -> bytes:
-    """A self-test's answer as sent."""
+    """A packed result of a self-test."""
     numbers = found.reference_counts, found.late_frames, found.least_free_ram_bytes, found.config_crc
     return sealed(_SELF_TEST.pack(MAGIC, VERSION << 4 | Kind.SELF_TEST, *numbers))
 
 
 def unpack_self_test(message: bytes) -> SelfTest:
-    """A whole self-test's answer."""
+    """The result of a self-test in a complete message."""
     _, _, reference, late, ram, crc = _SELF_TEST.unpack_from(message)
     return SelfTest(reference_counts=reference, late_frames=late, least_free_ram_bytes=ram, config_crc=crc)
 
 
 def pack_command(command: Command, argument: int = 0) -> bytes:
-    """A command as sent."""
+    """A packed command."""
     return sealed(_COMMAND.pack(COMMAND_MAGIC, VERSION << 4 | command, argument))
 
 
 def unpack_command(message: bytes) -> tuple[Command, int]:
-    """Command and argument of a whole command; ValueError for one that this version does not have."""
+    """Command and argument of a complete message; ValueError for a command that this version does not have."""
     _, kind, argument = _COMMAND.unpack_from(message)
     return Command(kind & 0x0F), argument
 
@@ -289,7 +289,7 @@ def _record_type(layout: FrameFormat) -> np.dtype[np.void]:
 
 
 def _unpacked(layout: FrameFormat, packed: NDArray[np.uint8]) -> NDArray[np.uint16]:
-    """(n, state, receiver) readings of (n, bytes): each lies within three bytes, as it has at most 16 bits."""
+    """(n, state, receiver) readings of (n, bytes): each spans at most three bytes, as it has at most 16 bits."""
     first, shift = _places(layout)
     padded = np.zeros((len(packed), layout.reading_bytes + 2), dtype=np.uint32)
     padded[:, :-2] = packed
@@ -300,6 +300,6 @@ def _unpacked(layout: FrameFormat, packed: NDArray[np.uint8]) -> NDArray[np.uint
 
 @cache
 def _places(layout: FrameFormat) -> tuple[IntArray, CountArray]:
-    """First byte of each reading, and how many bits of it belong to the one before; both (readings,)."""
+    """First byte of each reading, and the number of its bits that belong to the previous one; both (readings,)."""
     first, shift = np.divmod(np.arange(layout.readings) * layout.bits, 8)
     return first, shift.astype(np.uint32)

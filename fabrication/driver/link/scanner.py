@@ -1,10 +1,10 @@
-"""Messages out of a stream of bytes that may be damaged, cut or begun anywhere.
+"""Search for messages in a stream of bytes that may be damaged, cut or started anywhere.
 
-A candidate begins with the magic and a known byte 2; it is a message when its CRC is right, else the search goes
-on one byte further, so that a damaged message never takes a whole one behind it along. What is kept from one piece
-of the stream to the next is shorter than one message, whatever arrives.
+A candidate begins with the magic and a known byte 2. It is a message if its CRC is right. Otherwise the search
+continues one byte further, so that a damaged message never removes a complete one behind it. The bytes kept from
+one piece of the stream to the next are always shorter than one message.
 
-A candidate that only looks like one holds back what follows until as many bytes as it should have are there.
+A false candidate delays the following bytes until its full length has arrived.
 """
 
 from __future__ import annotations
@@ -14,13 +14,13 @@ from collections.abc import Mapping
 from fabrication.driver.link.protocol import MAGIC, is_whole
 
 Message = tuple[int, bytes]
-"""Byte 2 and the whole message."""
+"""Byte 2 and the complete message."""
 
 HEAD_BYTES = 3
 
 
 class Scanner:
-    """Finds the whole messages in pieces of a stream.
+    """Finds the complete messages in pieces of a stream.
 
     Parameters
     ----------
@@ -33,9 +33,9 @@ class Scanner:
         self._magic = magic
         self._kept = b""
         self.damaged = 0
-        """Candidates whose CRC was wrong."""
+        """Number of candidates whose CRC was wrong."""
         self.skipped_bytes = 0
-        """Bytes so far that belong to no whole message; those of an unfinished one are not counted."""
+        """Bytes so far that belong to no complete message; those of an unfinished one are not counted."""
 
     @property
     def kept_bytes(self) -> int:
@@ -43,7 +43,7 @@ class Scanner:
         return len(self._kept)
 
     def forget(self) -> None:
-        """Drop an unfinished candidate, as after a line that was cut."""
+        """Drop an unfinished candidate, as after a break of the line."""
         self.skipped_bytes += len(self._kept)
         self._kept = b""
 

@@ -1,17 +1,17 @@
-"""How far the clock of a stage's log is from the recording's, from the touches that both have.
+"""Offset between the clocks of a stage's log and a recording, from the touches in both.
 
-The signals say when the pad was touched: the first half second, which must be untouched, gives the untouched pattern
-and its noise, and later half seconds without a touch renew the pattern, so that drift is no touch. A frame is touched
-where the rest of its change, less the gains of emitters and receivers (`gain_pattern`), is far above the noise. The log
-says it by its depth crossing 0.
+The signals show touches. The first half second, which must be untouched, gives the untouched pattern and its noise.
+Later half seconds without a touch renew the pattern, so that drift does not count as touch. A frame is touched if the
+rest of its change, less the gains of emitters and receivers (`gain_pattern`), is far above the noise. In the log a
+touch begins and ends where the depth crosses 0.
 
-The two courses of touched and untouched are correlated over every shift that leaves half of the shorter one
-overlapping. The best shifts are then refined on edges: each edge of the signals against the log's nearest of the same
-kind, the offset being the mean of the medians of the two kinds. A touch is seen a little below the surface, late on the
-way in and early on the way out: with the tip equally fast both ways the mean of the two has no such error.
+The two courses of touched and untouched are correlated over every shift at which half of the shorter one overlaps. The
+best shifts are then refined on edges: each edge of the signals is compared with the log's nearest of the same kind. The
+offset is the mean of the medians of the two kinds. A touch is detected slightly below the surface, late on the way in
+and early on the way out: with the tip equally fast both ways the mean of the two has no such error.
 
-Refused: too few edges, edges that do not meet, and several shifts at which they do. A stage that repeats one rhythm
-exactly gives the same picture one press later, and no program can tell these apart.
+The match is refused for too few edges, for edges that do not match, and for several matching shifts. A stage that
+repeats one rhythm exactly gives the same pattern one press later, which cannot be distinguished.
 """
 
 from __future__ import annotations
@@ -33,12 +33,12 @@ STEP_S = 0.02
 
 BASELINE_S = 0.5
 TOUCHED_EXCESS = 6.0
-"""A frame is touched where the mean square of its change's rest is this many times the noise's."""
+"""A frame is touched if the mean square of its change's rest is above this multiple of the noise's."""
 
 LEAST_FRAMES = 5
 LEAST_NOISE_COUNTS = 0.5
 SHORTEST_S = 0.1
-"""Shorter touches and shorter pauses are single frames' noise."""
+"""Shorter touches and pauses are noise of single frames."""
 
 LEAST_TOUCHES = 2
 WINDOW_S = 1.0
@@ -54,14 +54,14 @@ CANDIDATES = 8
 
 @dataclass(frozen=True, kw_only=True)
 class ClockMatch:
-    """How two clocks meet.
+    """Match of two clocks.
 
     Attributes
     ----------
     offset_s : the recording's clock less the log's [s]
     spread_s : scatter of single edges, as a standard deviation [s]
-    share : edges of the one that have their partner in the other, over all in their common time [-]
-    edges : how many were compared
+    share : edges of one with a partner in the other, over all edges in their common time [-]
+    edges : number of compared edges
     """
 
     offset_s: float
@@ -71,11 +71,11 @@ class ClockMatch:
 
     @property
     def is_good(self) -> bool:
-        """Whether the edges meet."""
+        """Whether the edges match."""
         return self.share >= LEAST_SHARE and self.spread_s <= LARGEST_SPREAD_S
 
     def rivals(self, best: ClockMatch) -> bool:
-        """Whether it is nearly as good as the best one, so that nobody can tell which is right."""
+        """Whether it is nearly as good as the best one, so that the match is ambiguous."""
         return self.share > best.share - SHARE_MARGIN and self.spread_s < max(
             3 * best.spread_s, SPREAD_MARGIN_S
         )
@@ -122,11 +122,11 @@ def touches_of_signals(time_s: FloatArray, signals: FloatArray, full_scale: floa
 
 
 def found_offset(signals: Touches, log: Touches) -> ClockMatch:
-    """The offset at which the touches of signals and log meet.
+    """The offset at which the touches of signals and log match.
 
     Raises
     ------
-    InputError : too few touches, none at which they meet, or several.
+    InputError : too few touches, no matching offset, or several.
     """
     for name, touches in (("signals", signals), ("log", log)):
         if min(len(touches.begin_s), len(touches.end_s)) < LEAST_TOUCHES:
@@ -153,7 +153,7 @@ def found_offset(signals: Touches, log: Touches) -> ClockMatch:
 
 
 def match_at(signals: Touches, log: Touches, shift_s: float) -> ClockMatch:
-    """How the edges meet near one offset [s]: each against the nearest of its kind within a second."""
+    """Match of the edges near one offset [s]: each with the nearest of its kind within a second."""
     kinds = ((signals.begin_s, log.begin_s + shift_s), (signals.end_s, log.end_s + shift_s))
     low = max(signals.span_s[0], log.span_s[0] + shift_s)
     high = min(signals.span_s[1], log.span_s[1] + shift_s)
@@ -177,11 +177,11 @@ def match_at(signals: Touches, log: Touches, shift_s: float) -> ClockMatch:
 
 
 def require_in_step(signals: Touches, log: Touches) -> ClockMatch:
-    """Refuse a log that claims the recording's own clock and is not in step with it.
+    """Refuse a log that should have the recording's own clock and is not in step with it.
 
     Raises
     ------
-    InputError : the edges of signals and log do not meet, or more than 0.3 s apart; the message has the way out.
+    InputError : the edges of signals and log do not match, or only more than 0.3 s apart; with the way out.
     """
     found = match_at(signals, log, 0.0)
     if found.edges == 0 or (found.is_good and abs(found.offset_s) <= OUT_OF_STEP_S):
@@ -220,7 +220,7 @@ def _why_out_of_step(signals: Touches, log: Touches, found: ClockMatch) -> str:
 def _lasting(time_s: FloatArray, touched: Mask) -> Mask:
     """Touches and pauses without those that are too short."""
     lasting = touched.copy()
-    for wanted in (False, True):  # pauses first: a touch that flickers at its rim is one
+    for wanted in (False, True):  # pauses first: a touch with a flickering edge is one touch
         edges = [0, *(np.flatnonzero(lasting[1:] != lasting[:-1]) + 1), len(lasting)]
         for begin, end in pairwise(edges):
             is_inner = begin > 0 and end < len(lasting)
@@ -230,7 +230,7 @@ def _lasting(time_s: FloatArray, touched: Mask) -> Mask:
 
 
 def _nearest(seen: FloatArray, said: FloatArray) -> FloatArray:
-    """Lags of each edge to the nearest of the other list, those within the window, each partner once."""
+    """Lags of each edge to the nearest of the other list within the window, each partner once."""
     if not seen.size or not said.size:
         return np.zeros(0)
     lags = seen[:, None] - said[None]
@@ -269,7 +269,7 @@ def _agreement(seen: FloatArray, said: FloatArray) -> FloatArray:
 
 
 def _sums(left: FloatArray, right: FloatArray) -> FloatArray:
-    """Sums of products of two courses at every shift, by Fourier transform, whole numbers."""
+    """Sums of products of two courses at every shift, by Fourier transform, as whole numbers."""
     size = len(left) + len(right) - 1
     length = 1 << (size - 1).bit_length()
     product = np.fft.rfft(left, length) * np.conj(np.fft.rfft(right, length))

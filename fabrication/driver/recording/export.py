@@ -1,4 +1,4 @@
-"""A recording as netCDF, as `optopad compare` and learners read (docs/reference/files.md). Needs xarray."""
+"""A recording as netCDF, for `optopad compare` and learners (docs/reference/files.md). The export needs xarray."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 US_PER_S = 1e6
 CLOCK_SLACK_S = 1.0
-"""Records are written in the order of their times to within this, unless the clock was set back."""
+"""Tolerance of the order of record times; a larger step back means that the clock was set back."""
 
 COMPRESSION = {"zlib": True, "complevel": 4}
 
@@ -39,14 +39,14 @@ class Recorded:
 
     Attributes
     ----------
-    config : of the sensor
-    counts : (time, state, receiver) [counts]
+    config : configuration of the sensor
+    counts : (time, state, receiver) readings [counts]
     connection, sequence : (time,)
     device_s : (time,) the board's clock since its reset [s]
     host_s : (time,) this machine's clock since 1970 [s]
-    labels : where it was pressed; None where the recording does not say
-    lost, doubled : frames missing by the sequence numbers; frames that came twice, of which one is kept
-    stray_bytes : bytes of the file that belong to no whole record of this configuration
+    labels : press of each frame; None if the recording has none
+    lost, doubled : frames missing by the sequence numbers; frames that arrived twice, of which one is kept
+    stray_bytes : bytes of the file that belong to no complete record of this configuration
     ended_cleanly : whether the recorder was closed
     """
 
@@ -64,16 +64,16 @@ class Recorded:
 
     @property
     def press_mm(self) -> FloatArray | None:
-        """(time, 3) x, y, depth [mm]; None where the recording does not say."""
+        """(time, 3) x, y, depth [mm]; None if the recording has none."""
         return None if self.labels is None else self.labels.press_mm
 
     @property
     def signals(self) -> FloatArray:
-        """(time, emitter, receiver) less the dark state's [counts]."""
+        """(time, emitter, receiver) readings less the dark state's [counts]."""
         return signals_of(self.counts.astype(np.float64))
 
     def only(self, kept: BoolArray) -> Recorded:
-        """Some of the frames; what was lost stays lost."""
+        """A part of the frames, with the same counts of lost frames."""
         values = {field.name: getattr(self, field.name) for field in fields(self)}
         cut: dict[str, Any] = {
             name: value[kept] for name, value in values.items() if isinstance(value, np.ndarray)
@@ -82,15 +82,15 @@ class Recorded:
 
 
 def read_recorded(file: Path, path: FingerPath | None = None) -> Recorded:
-    """Everything whole in a recording.
+    """All complete records of a recording.
 
     Parameters
     ----------
-    path : where the pad was pressed, by the board's clock; None takes the presses that the recording says
+    path : presses by the board's clock; None takes the presses in the recording
 
     Raises
     ------
-    InputError : no recording, or no whole frame in it.
+    InputError : not a recording, or one without a complete frame.
     """
     _, config, every, stray = read_records(file)
     layout = frame_format(config)
@@ -171,11 +171,11 @@ def _label(dataset: xr.Dataset, labels: PressLabels) -> None:
 
 
 def write_netcdf(recorded: Recorded, out: Path, name: str) -> None:
-    """Write frames as netCDF, whole or not at all.
+    """Write frames as netCDF, completely or not at all.
 
     Parameters
     ----------
-    name : what they are from, for the attribute `source`
+    name : origin of the frames, for the attribute `source`
 
     Raises
     ------
@@ -194,9 +194,9 @@ def write_netcdf(recorded: Recorded, out: Path, name: str) -> None:
 
 
 def write_csv(recorded: Recorded, out: Path, name: str) -> None:
-    """Write frames as a table, a row a frame, with a column a pair as `optopad compare` reads; as `write_netcdf`.
+    """Write frames as a table for `optopad compare`, one row per frame, one column per pair; as `write_netcdf`.
 
-    Signals are less the dark state's [counts]; positions are there where the recording has them [mm].
+    Signals are readings less the dark state's [counts]; positions are included if the recording has them [mm].
     """
     require_suffix(out, (".csv",))
     said, labels = descriptor_of(recorded.config), recorded.labels
@@ -225,14 +225,14 @@ def write_csv(recorded: Recorded, out: Path, name: str) -> None:
 
 
 def can_export() -> bool:
-    """Whether this Python has what netCDF needs."""
+    """Whether this Python has the libraries for netCDF."""
     from importlib.util import find_spec
 
     return all(find_spec(name) is not None for name in ("xarray", "h5netcdf"))
 
 
 def _without_repeats(records: list[Record]) -> list[Record]:
-    """The records less the frames that the line delivered twice within a connection."""
+    """The records without frames that the line delivered twice within a connection."""
     kept, repeats = [], Repeats()
     for record in records:
         if record.kind == RecordKind.HELLO:
@@ -243,7 +243,7 @@ def _without_repeats(records: list[Record]) -> list[Record]:
 
 
 def _connections(records: list[Record], found: Unpacked) -> IntArray:
-    """(time,) counts from 1 up with every hello between frames, and where a sequence goes back."""
+    """(time,) number of the connection from 1, raised at every hello between frames and decrease of a sequence."""
     begins, number = np.zeros(len(found.sequence), dtype=bool), 0
     is_new = False
     for record in records:
@@ -270,19 +270,19 @@ def _unwrapped(found: Unpacked, connection: IntArray) -> tuple[IntArray, IntArra
 
 
 def _fits(record: Record, frame_bytes: int) -> bool:
-    """Whether a record's content has its kind's length: another has no meaning, right as its CRC may be."""
+    """Whether a record's content has its kind's length: any other is meaningless, even with a correct CRC."""
     lengths = {RecordKind.FRAME: frame_bytes, RecordKind.PRESS: PRESS_BYTES}
     return len(record.content) == lengths.get(record.kind, len(record.content))
 
 
 def _presses(records: list[Record], host_s: FloatArray) -> PressLabels | None:
-    """The press that was said last before each frame; untouched before the first. None where none was."""
+    """The last recorded press before each frame, untouched before the first; None if there is none."""
     said = [record for record in records if record.kind == RecordKind.PRESS]
     if not said:
         return None
     values = np.array([press_of(record) for record in said])
     steps_s = np.diff([record.host_s for record in records])
-    if (steps_s < -CLOCK_SLACK_S).any():  # the clock was set back: the file's order holds
+    if (steps_s < -CLOCK_SLACK_S).any():  # the clock was set back: the file's order is used
         kinds = np.array([record.kind for record in records])
         before = (np.cumsum(kinds == RecordKind.PRESS) - 1)[kinds == RecordKind.FRAME]
     else:

@@ -1,7 +1,7 @@
-"""A stage's log joined to a recording: each frame gets the position at its time, and its set and place.
+"""A stage's log joined to a recording: each frame gets the position at its time, and its set and location.
 
-A frame's time is when this machine had it, some 5 to 20 ms after it was measured: at 5 mm/s up to 0.1 mm. Log the stage
-standing where that matters. Frames whose position is not known are left out and counted.
+A frame's time is its arrival on this machine, some 5 to 20 ms after the measurement: at 5 mm/s up to 0.1 mm. Stop the
+stage while logging if that matters. Frames with an unknown position are left out and counted.
 """
 
 from __future__ import annotations
@@ -26,13 +26,13 @@ from fabrication.driver.recording.export import Recorded
 from fabrication.driver.recording.position_log import PositionLog
 
 LATE_S = 0.05
-"""A frame that came so much later than others near it had waited: this machine was busy or slept."""
+"""A frame that arrived later than others near it by this time had waited: this machine was busy or asleep."""
 
 LAG_S = 2.0
-"""Blocks of time in which the shortest lag is looked for: a resonator off by 0.5 % makes 20 ms of two of them."""
+"""Blocks of time for the search of the shortest lag: a resonator with an error of 0.5 % adds 20 ms in two blocks."""
 
 Offset = float | Literal["auto"] | None
-"""This machine's clock less the log's [s]; `auto` finds it; None is one clock for both, which is checked."""
+"""This machine's clock less the log's [s]; `auto` finds it; None means one clock for both, which is checked."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,8 +42,8 @@ class JoinedLog:
     Attributes
     ----------
     recorded : its frames with a known position
-    offset_s : that was used [s]
-    match : how the touches of both meet, near that offset
+    offset_s : offset that was used [s]
+    match : match of the touches of both, near that offset
     left_out : frames without a known position
     """
 
@@ -58,7 +58,7 @@ def joined(recorded: Recorded, log: PositionLog, offset: Offset = None) -> Joine
 
     Raises
     ------
-    InputError : no time in common; log out of step; an offset that is not found, or ambiguous.
+    InputError : no common time, a log out of step, or an offset that is not found or ambiguous.
     """
     _require_rising(recorded.host_s)
     host_s = _measured_s(recorded)
@@ -84,7 +84,7 @@ def joined(recorded: Recorded, log: PositionLog, offset: Offset = None) -> Joine
 
 
 def _measured_s(recorded: Recorded) -> FloatArray:
-    """(time,) this machine's time, for frames that waited for a reader that paused by the board's clock [s]."""
+    """(time,) this machine's time [s]; frames that waited for a paused reader have it by the board's clock."""
     late_s = np.zeros(len(recorded.host_s))
     for number in np.unique(recorded.connection):
         own = recorded.connection == number
@@ -99,7 +99,7 @@ def _measured_s(recorded: Recorded) -> FloatArray:
 
 
 def _require_rising(host_s: FloatArray) -> None:
-    """Refuse a recording during which this machine's clock was set back: no time in it is sure."""
+    """Refuse a recording during which this machine's clock was set back, because its times are ambiguous."""
     step_s = np.diff(host_s)
     if (step_s < 0).any():
         frame = int(np.flatnonzero(step_s < 0)[0])

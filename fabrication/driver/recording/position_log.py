@@ -1,14 +1,14 @@
-"""The log of any stage: where its tip was, over time.
+"""The log of any stage: the positions of its tip over time.
 
-As a file: CSV with a heading, lines that start with # are remarks. Needed are a time and the three positions:
+The file is CSV with a heading; lines that start with # are remarks. It needs a time and the three positions:
 
     time_s               seconds since 1970, or of any other clock with a known or found offset (also _ms, _us, _ns, and
                          t for time); a counter of 32 bits may wrap around
     time                 or ISO 8601 with its zone: 2026-05-04T14:03:07.250+02:00 (also timestamp)
-    x_mm y_mm depth_mm   place in the cavity frame, depth positive into the pad (also _um, _m)
+    x_mm y_mm depth_mm   location in the cavity frame, depth positive into the pad (also _um, _m)
 
-and as wanted `set` (name), `place` (whole number of the press within its set), `role` (train, test), `pattern` (grid,
-random) and `ambient` (yes, no). A row with an empty `set` or `place` belongs to none: the stage travels.
+Optional columns are `set` (name), `place` (whole number of the press within its set), `role` (train, test), `pattern`
+(grid, random) and `ambient` (yes, no). A row with an empty `set` or `place` belongs to no press: the stage travels.
 """
 
 from __future__ import annotations
@@ -31,12 +31,12 @@ CLOCKS_S = {name + unit: tick for name in ("time", "t") for unit, tick in TICKS_
 MOMENTS = ("time", "timestamp")
 """Columns of ISO 8601."""
 LAST_S = 4.1e9
-"""Seconds since 1970 until the year 2100: what is later is in another unit."""
+"""Seconds since 1970 until the year 2100: later times are in another unit."""
 COUNTER_TICKS = 2.0**32
 YES, NO = {"yes", "true", "1"}, {"no", "false", "0"}
 
 LONGEST_GAP_S = 1.0
-"""Between rows further apart than this the tip is known only where it did not move."""
+"""Between rows further apart than this the position is known only if the tip did not move."""
 
 STILL_MM = 0.02
 """Two rows closer than this are the same position."""
@@ -53,10 +53,10 @@ class PositionLog:
 
     Attributes
     ----------
-    file : where it is from
-    time_s : (row,) rising [s]
+    file : its source
+    time_s : (row,) rising times [s]
     press_mm : (row, 3) x, y, depth [mm]
-    set_number, place_number : (row,), -1 for none; None where the log does not say
+    set_number, place_number : (row,), -1 for none; None if the log has none
     """
 
     file: str
@@ -69,7 +69,7 @@ class PositionLog:
     def labels_at(self, time_s: FloatArray) -> tuple[PressLabels, BoolArray]:
         """Labels at times of the log's own clock, linear between rows, and whether each is known.
 
-        Unknown is what lies outside the log, in a gap in which the tip moved, or in a row that belongs to no set.
+        A label is unknown outside the log, in a gap in which the tip moved, or in a row that belongs to no set.
         """
         after = np.clip(np.searchsorted(self.time_s, time_s, side="right"), 1, len(self.time_s) - 1)
         gap_s = self.time_s[after] - self.time_s[after - 1]
@@ -100,7 +100,7 @@ def read_position_log(file: Path) -> PositionLog:
 
     Raises
     ------
-    InputError : unreadable, columns missing, no number where one is needed, times that do not rise.
+    InputError : unreadable, missing columns, a missing number, or times that do not rise.
     """
     table = read_csv(file, needed=NEEDED, fewest_rows=2, lower=True)
     time_s = _times(table)
@@ -177,7 +177,7 @@ def _require_rising(table: CsvTable, time_s: FloatArray) -> None:
 
 
 def _require_close(table: CsvTable, time_s: FloatArray, press_mm: FloatArray) -> None:
-    """Refuse a log that says of no moment where the tip was."""
+    """Refuse a log without any known position of the tip."""
     step_s, moved_mm = np.diff(time_s), np.linalg.norm(np.diff(press_mm, axis=0), axis=1)
     if ((step_s > LONGEST_GAP_S) & (moved_mm > STILL_MM)).all():
         raise InputError(
@@ -218,7 +218,7 @@ def _sets(table: CsvTable) -> tuple[tuple[SetEntry, ...], IntArray | None]:
 
 
 def set_entry(where: str, row: dict[str, str]) -> SetEntry:
-    """The set that a row of a table says: `set`, and as given `role`, `pattern`, `ambient`."""
+    """The set of a row of a table: `set`, and `role`, `pattern`, `ambient` if present."""
     ambient = (row.get("ambient") or "yes").lower()
     if ambient not in YES | NO:
         raise InputError(f"{where}: ambient is {ambient!r}, needs yes or no")
@@ -245,7 +245,7 @@ def whole_place(where: str, text: str) -> int:
 
     Raises
     ------
-    InputError : no whole number from 0.
+    InputError : not a whole number from 0.
     """
     if not is_number(text) or not 0 <= float(text) < 2**53 or float(text) % 1:
         raise InputError(f"{where}: 'place' is {shown(text)}, needs a whole number from 0")

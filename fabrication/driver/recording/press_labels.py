@@ -1,4 +1,4 @@
-"""Where the pad was pressed in each sample of a recording, and which set of a protocol each belongs to."""
+"""Press location of each sample of a recording, and its set in a protocol."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ class PressLabels:
 
     Attributes
     ----------
-    press_mm : (time, 3) x, y, depth as the stage says [mm]; depth 0 or less is untouched
-    set_number, place_number : (time,) of the set in `sets`, and of the press within it; None where nobody says
+    press_mm : (time, 3) x, y, depth by the stage [mm]; depth 0 or less is untouched
+    set_number, place_number : (time,) number of the set in `sets`, and of the press within it; None if unknown
     """
 
     press_mm: FloatArray
@@ -24,7 +24,7 @@ class PressLabels:
     sets: tuple[SetEntry, ...] = ()
 
     def only(self, kept: BoolArray) -> PressLabels:
-        """The labels of some samples; all sets stay."""
+        """The labels of some samples, with all sets."""
         return PressLabels(
             press_mm=self.press_mm[kept],
             set_number=None if self.set_number is None else self.set_number[kept],

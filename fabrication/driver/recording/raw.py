@@ -1,11 +1,11 @@
-"""Recordings of the raw stream: every frame as it came over the line, its CRC with it.
+"""Recordings of the raw stream: every frame as it arrived over the line, with its CRC.
 
-    one line of JSON, ended by a line feed:  what this is, and the whole driver configuration
+    one line of JSON, ended by a line feed:  kind of the file, and the complete driver configuration
     records:  B5 6B, kind u8, length u16, time of this machine f64 [s], content, CRC-32 over all of the record
 
-Kinds: 0 a frame, 1 a hello (a connection begins), 2 a press (x, y, depth f64 [mm], until the next), 3 the clean end
-(frames u64, lost u64). A file that was torn anywhere keeps every record before the tear; a damaged record is
-stepped over and counted.
+Kinds are 0 a frame, 1 a hello (a connection begins), 2 a press (x, y, depth f64 [mm], until the next), 3 the clean end
+(frames u64, lost u64). A truncated file keeps every complete record before the cut; a damaged record is
+skipped and counted.
 """
 
 from __future__ import annotations
@@ -36,9 +36,9 @@ FORMAT, VERSION = "optopad-recording", 1
 SUFFIX = ".optorec"
 NEEDED = f"a recording of `optopad driver record` ({SUFFIX})"
 MOST_BYTES = 8_000_000_000
-"""Of a file: days of the fastest sensor."""
+"""Largest file: days of the fastest sensor."""
 FLUSH_S = 0.25
-"""Longest time that a record stays in this process; half a second is asked for."""
+"""Longest time that a record stays in this process; half a second is required."""
 
 MAGIC = b"\xb5\x6b"
 _HEAD = struct.Struct("<2sBHd")
@@ -47,15 +47,15 @@ _PRESS = struct.Struct("<3d")
 _END = struct.Struct("<2Q")
 PRESS_BYTES = _PRESS.size
 LONGEST_HEADER = 10_000_000
-"""A header of more bytes is none of ours: the largest configuration takes some 30 kB."""
+"""Longest header of a recording [bytes]: the largest configuration takes some 30 kB."""
 
 Press = tuple[float, float, float]
 OpenFile = Callable[[Path], IO[bytes]]
-"""Opens a new file, unbuffered."""
+"""Function that opens a new file, unbuffered."""
 
 
 class RecordKind(IntEnum):
-    """What a record holds."""
+    """Content of a record."""
 
     FRAME = 0
     HELLO = 1
@@ -65,7 +65,7 @@ class RecordKind(IntEnum):
 
 @dataclass(frozen=True, kw_only=True)
 class Record:
-    """One record: its kind, this machine's time when it came [s], its content."""
+    """One record: its kind, this machine's time at its arrival [s], its content."""
 
     kind: RecordKind
     host_s: float
@@ -73,12 +73,12 @@ class Record:
 
     @property
     def size(self) -> int:
-        """Bytes that it takes in the file."""
+        """Number of its bytes in the file."""
         return _HEAD.size + len(self.content) + _CRC.size
 
 
 def packed_record(kind: RecordKind, host_s: float, content: bytes) -> bytes:
-    """A record as it lies in the file."""
+    """A record in its form in the file."""
     body = _HEAD.pack(MAGIC, kind, len(content), host_s) + content
     return body + _CRC.pack(zlib.crc32(body))
 
@@ -86,18 +86,18 @@ def packed_record(kind: RecordKind, host_s: float, content: bytes) -> bytes:
 class Recorder:
     """Writes a recording; a context manager, used by the stream's thread and the caller's.
 
-    A thread of its own hands what has come to the system, so that a disk that stalls does not hold up the port.
+    A separate thread writes the records to the system, so that a stalled disk does not delay the port.
 
     Parameters
     ----------
-    file : a new file; one that exists is refused
-    config : of the sensor
-    opened : how the file is opened, for tests
+    file : a new file; an existing one is refused
+    config : configuration of the sensor
+    opened : function that opens the file, for tests
 
     Attributes
     ----------
-    failure : why the recording stopped, None while it goes on
-    frames, lost : taken so far; missing so far by the sequence numbers
+    failure : reason why the recording stopped; None while it continues
+    frames, lost : number recorded so far; missing so far by the sequence numbers
 
     Raises
     ------
@@ -139,11 +139,11 @@ class Recorder:
 
     @property
     def is_open(self) -> bool:
-        """Whether records are still taken."""
+        """Whether records are still accepted."""
         return not self._over.is_set()
 
     def frame(self, message: bytes, host_s: float) -> None:
-        """Append a frame as it came."""
+        """Append a frame as it arrived."""
         record = packed_record(RecordKind.FRAME, host_s, message)
         with self._lock:
             if self.is_open:
@@ -155,7 +155,7 @@ class Recorder:
         self._append(packed_record(RecordKind.HELLO, host_s, message))
 
     def press(self, x_mm: float, y_mm: float, depth_mm: float, host_s: float | None = None) -> None:
-        """Say where the pad is pressed from now on [mm]; depth 0 or less is untouched.
+        """Set the press from now on [mm]; depth 0 or less is untouched.
 
         Raises
         ------
@@ -167,7 +167,7 @@ class Recorder:
             raise self.failure
 
     def flush(self) -> None:
-        """Hand everything to the system; where it refuses, cut the file back to its last whole record."""
+        """Write all records to the system; if it refuses, truncate the file to its last complete record."""
         with self._writing:
             with self._lock:
                 records, self._pending = self._pending, []
@@ -178,11 +178,11 @@ class Recorder:
                 self._fail(err)
 
     def close(self, *, is_clean: bool = True) -> None:
-        """Write the clean end, unless it is none, and put everything on the disk.
+        """Write the clean end, if it is one, and flush everything to the disk.
 
         Raises
         ------
-        OutputError : the recording failed, now or before; the message says what the file holds.
+        OutputError : the recording failed, now or before; the message describes the file's content.
         """
         with self._lock:
             if self.is_open:
@@ -215,18 +215,18 @@ class Recorder:
             self._stream.close()
 
     def _fail(self, err: OSError) -> None:
-        """Keep the first reason, drop the part of a record at the end, and close."""
+        """Keep the first reason, drop the incomplete record at the end, and close."""
         self.failure = self.failure or OutputError(_unwritable(self.file, err))
         self._over.set()
         self._stream.close()
 
 
 def read_records(file: Path) -> tuple[dict[str, Any], DriverConfig, list[Record], int]:
-    """A recording: header, configuration, whole records, and bytes that belong to none.
+    """A recording: header, configuration, complete records, and number of bytes that belong to none.
 
     Raises
     ------
-    InputError : no such file, no recording, or one of another version.
+    InputError : no such file, not a recording, or one of another version.
     """
     content = read_bytes(file, needed=NEEDED, most_bytes=MOST_BYTES)
     header, start = _header(file, content)
@@ -259,7 +259,7 @@ def _header(file: Path, content: bytes) -> tuple[dict[str, Any], int]:
 
 
 def _records(content: bytes, start: int) -> Iterator[Record]:
-    """Every whole record; the search goes on one byte after a damaged one."""
+    """Every complete record; the search continues one byte after a damaged one."""
     at = content.find(MAGIC, start)
     while 0 <= at <= len(content) - _HEAD.size:
         _, kind, length, host_s = _HEAD.unpack_from(content, at)
@@ -281,7 +281,7 @@ def _new_file(file: Path) -> IO[bytes]:
 
 
 def _write_all(stream: IO[bytes], records: list[bytes]) -> None:
-    """Write records in one go; where that fails, take back the part of the last one that was written."""
+    """Write records in one call; if that fails, remove the written part of the last one."""
     whole, written = b"".join(records), 0
     try:
         while written < len(whole):
@@ -289,7 +289,7 @@ def _write_all(stream: IO[bytes], records: list[bytes]) -> None:
     except OSError:
         ends = np.cumsum([len(record) for record in records])
         kept = int(max(ends[ends <= written], default=0))
-        with contextlib.suppress(OSError):  # its CRC would tell the part from a whole record anyway
+        with contextlib.suppress(OSError):  # its CRC would mark the part as incomplete anyway
             stream.truncate(stream.tell() - written + kept)
         raise
 

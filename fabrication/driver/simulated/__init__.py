@@ -1,4 +1,4 @@
-"""A board without hardware: a moving finger, its signals, and faults on request.
+"""A simulated board: a moving finger, its signals, and faults on request.
 
 Imports of ours: link, the driver file.
 """

@@ -1,10 +1,10 @@
-"""A simulated board: what the firmware would send, for a pad of which the light was simulated.
+"""A simulated board: the messages of the firmware, for a pad with simulated light.
 
-It speaks the whole protocol: hello at the reset and once a second until it is started, frames at the interval that it
-was told, answers between frames. Readings are the press table's signals, an ambient level, noise, rounded and clipped
-as the converter does. Pure: bytes and times go in, bytes come out; `fake_port` puts it on a port.
+It supports the full protocol: hello at the reset and once per second until it is started, frames at the requested
+interval, replies between frames. Readings are the press table's signals, an ambient level and noise, rounded and
+clipped as the converter does. It takes bytes and times and returns bytes; `fake_port` connects it to a port.
 
-Left out: settling of LED and amplifier, drift, and the line's baud rate: only the timing budget limits the frame rate.
+It leaves out settling of LED and amplifier, drift, and the baud rate: only the timing budget limits the frame rate.
 """
 
 from __future__ import annotations
@@ -36,35 +36,35 @@ from fabrication.driver.simulated.press_table import PressTable
 from fabrication.driver_file import DriverConfig
 
 AMBIENT_COUNTS = 2.0
-"""Level of every reading in the dark: a guess that the paper's untouched rows allow."""
+"""Level of every reading in the dark: an assumption that agrees with the paper's untouched rows."""
 
 READ_NOISE_COUNTS = 0.5
 """Standard deviation of a reading in the dark, as the verdict assumes."""
 
 LIGHT_NOISE = 0.002
-"""Standard deviation of an emitter's light over its mean, as the published touch rows allow [-]."""
+"""Standard deviation of an emitter's light over its mean, within the limits of the published touch rows [-]."""
 
 HELLO_EVERY_S = 1.0
 US_PER_S = 1e6
 REFERENCE_V, SUPPLY_V = 1.1, 5.0
 FREE_RAM_BYTES = 4096
 FIRMWARE = (0, 0)
-"""Version 0.0: no firmware at all."""
+"""Version 0.0, which means no firmware."""
 
 
 class FakeBoard:
-    """A board without hardware.
+    """A simulated board.
 
     Parameters
     ----------
-    config : of the design that it claims to be
-    table : what its pad reads under presses
-    path : where the finger is
-    faults : of the build; None for none
-    seed : of the noise
-    digest : claimed in place of the configuration's
-    clock_offset_us : device time at the reset [us], to see it wrap
-    sequence_offset : of the first frame, to see it wrap
+    config : configuration of its design
+    table : readings of its pad under presses
+    path : path of the finger
+    faults : faults of the simulated unit; None for none
+    seed : seed of the noise
+    digest : digest to report in place of the configuration's
+    clock_offset_us : device time at the reset [us], to test its wrap
+    sequence_offset : sequence number of the first frame, to test its wrap
     """
 
     def __init__(
@@ -95,7 +95,7 @@ class FakeBoard:
         self.reset(0.0)
 
     def reset(self, now_s: float) -> None:
-        """Start anew, as when the port is opened; `now_s` is any clock that rises [s]."""
+        """Restart, as when the port is opened; `now_s` is any clock that rises [s]."""
         self._reset_s = now_s
         self._due_s = now_s
         self._is_started = False
@@ -106,7 +106,7 @@ class FakeBoard:
 
     @property
     def due_s(self) -> float:
-        """When it next sends something by itself."""
+        """Time of its next message by itself [s]."""
         return self._due_s
 
     @property
@@ -120,14 +120,14 @@ class FakeBoard:
         return found
 
     def heard(self, piece: bytes, now_s: float) -> bytes:
-        """Take what the host sends; what it is answered."""
+        """Process the host's bytes and return the reply."""
         answer = b""
         for _, message in self._scanner.feed(piece):
             answer += self._obeyed(*unpack_command(message), now_s)
         return answer
 
     def spoken(self, now_s: float) -> bytes:
-        """What it sends by itself at this time; nothing before `due_s`."""
+        """Bytes that it sends by itself at this time; none before `due_s`."""
         if now_s < self._due_s:
             return b""
         if not self._is_started:
@@ -136,7 +136,7 @@ class FakeBoard:
         wanted_s = self._interval_us / US_PER_S
         step_s = max(wanted_s, self._shortest_s)
         self._late += wanted_s > 0 and (wanted_s < self._shortest_s or now_s > self._due_s + step_s)
-        behind = now_s - self._due_s > 1.0  # this process slept: a board would have sent on, and lost it
+        behind = now_s - self._due_s > 1.0  # this process slept: a board would have lost these frames
         self._due_s = now_s + step_s if behind else self._due_s + step_s
         frame = self._frame(now_s)
         self._sequence += 1

@@ -1,7 +1,7 @@
-"""Faults of a build that the simulated board can show: what `driver check` must find.
+"""Faults of a unit that the simulated board can show, and `driver check` must find.
 
 swap:E1,E2        two emitters' wires exchanged; swap:R1,R2 two receivers'
-dead:E3, dead:R4  a part that does nothing
+dead:E3, dead:R4  a part without any signal
 saturated:R5      an amplifier that stays at full scale
 dim:E2            an emitter at a fifth of its light
 """
@@ -28,9 +28,9 @@ class Faults:
 
     Attributes
     ----------
-    emitter_of_pin : (emitter,) which emitter lights when pin i is high
-    receiver_of_channel : (receiver,) which receiver channel j reads
-    emitter_share, receiver_share : (n,) what is left of a part's signal [-]
+    emitter_of_pin : (emitter,) emitter that lights when pin i is high
+    receiver_of_channel : (receiver,) receiver that channel j reads
+    emitter_share, receiver_share : (n,) remaining share of a part's signal [-]
     is_saturated : (receiver,) channels that stay at full scale
     """
 
@@ -41,7 +41,7 @@ class Faults:
     is_saturated: BoolArray
 
     def applied(self, signals: FloatArray) -> FloatArray:
-        """(..., emitter, receiver) signals as this build has them, by pin and channel [counts]."""
+        """(..., emitter, receiver) signals of the faulty unit, by pin and channel [counts]."""
         left = signals * self.emitter_share[:, None] * self.receiver_share
         found: FloatArray = left[..., self.emitter_of_pin, :][..., self.receiver_of_channel]
         return found
@@ -60,7 +60,7 @@ def faults_of(config: DriverConfig, texts: Iterable[str] = ()) -> Faults:
 
     Raises
     ------
-    InputError : an unknown kind or part, or not as many parts as the kind needs.
+    InputError : an unknown kind or part, or a wrong number of parts for the kind.
     """
     names = {"E": [e.name for e in config.emitters], "R": [r.name for r in config.receivers]}
     draft = _Draft(emitters=list(range(len(names["E"]))), receivers=list(range(len(names["R"]))))

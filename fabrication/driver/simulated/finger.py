@@ -1,6 +1,6 @@
-"""A finger that moves: presses along a path in time, linear between its points, over and over.
+"""A moving finger: presses along a path in time, linear between its points, repeated forever.
 
-As a file: CSV with the heading `t_s,x_mm,y_mm,depth_mm`, times rising from 0.
+The file is CSV with the heading `t_s,x_mm,y_mm,depth_mm` and times rising from 0.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ HOVER_MM = -1.0
 
 
 class Finger(Protocol):
-    """Whatever presses the simulated pad."""
+    """Interface of anything that presses the simulated pad."""
 
     def at(self, time_s: ArrayLike) -> FloatArray:
         """(n, 3) x, y, depth [mm] at times since the board's reset [s]."""
@@ -35,7 +35,7 @@ class FingerPath:
 
     Attributes
     ----------
-    time_s : (n,) rising from 0; the last is the period [s]
+    time_s : (n,) times rising from 0; the last is the period [s]
     press_mm : (n, 3) x, y, depth [mm]
     """
 
@@ -43,7 +43,7 @@ class FingerPath:
     press_mm: FloatArray
 
     def at(self, time_s: ArrayLike) -> FloatArray:
-        """(n, 3) x, y, depth [mm] at times since the board's reset [s]; the path starts again at its end."""
+        """(n, 3) x, y, depth [mm] at times since the board's reset [s]; the path repeats from its end."""
         period = self.time_s[-1]
         within = np.asarray(time_s, dtype=np.float64) % period if period > 0 else np.zeros(np.shape(time_s))
         return np.stack([np.interp(within, self.time_s, column) for column in self.press_mm.T], axis=-1)
@@ -63,7 +63,7 @@ def demo_path(workspace: WorkspaceLimits, rest_s: float = 2.0) -> FingerPath:
 
     Parameters
     ----------
-    rest_s : untouched at the start, for a baseline [s]
+    rest_s : untouched time at the start, for a baseline [s]
     """
     x0, x1, y0, y1 = workspace.x0_mm, workspace.x1_mm, workspace.y0_mm, workspace.y1_mm
     deep = workspace.max_depth_mm
@@ -89,7 +89,7 @@ def read_path(file: Path) -> FingerPath:
 
     Raises
     ------
-    InputError : unreadable, another heading, values that are no numbers, times that do not rise from 0.
+    InputError : unreadable, another heading, values that are not numbers, or times that do not rise from 0.
     """
     table = read_csv(file, needed=f"a CSV table with {','.join(HEADING)}, one point per row", lower=True)
     if missing := [name for name in HEADING if name not in table.heading]:

@@ -18,27 +18,27 @@ from typing import Protocol, Self
 from design.errors import DeviceError, InputError
 
 IDLE_S = 0.02
-"""How often a port that nobody has open is looked at."""
+"""Polling interval of a port that no host has open."""
 
 LONGEST_WAIT_S = 0.05
 LARGEST_READ = 4096
 
 
 class Device(Protocol):
-    """What can be simulated on a port: bytes and times [s] go in, bytes come out."""
+    """Interface of a device simulated on a port: it takes bytes and times [s] and returns bytes."""
 
     @property
     def due_s(self) -> float:
-        """When it next says something by itself."""
+        """Time of its next message by itself [s]."""
 
     def reset(self, now_s: float) -> None:
-        """Start anew: the port was opened."""
+        """Restart, because the port was opened."""
 
     def spoken(self, now_s: float) -> bytes:
-        """What it says by itself at this time."""
+        """Bytes that it sends by itself at this time."""
 
     def heard(self, piece: bytes, now_s: float) -> bytes:
-        """Take what the host sends; what it is answered."""
+        """Process the host's bytes and return the reply."""
 
 
 class Wire(Protocol):
@@ -50,7 +50,7 @@ class Wire(Protocol):
         """Whether a host has the other end open."""
 
     def exchange(self, sent: bytes, wait_s: float) -> bytes:
-        """Send what the host takes, then wait at most so long for what it says."""
+        """Send the bytes that the host accepts, then wait up to a time for its bytes."""
 
     def close(self) -> None:
         """Close this end, as when the board is unplugged."""
@@ -61,7 +61,7 @@ class PtyWire:
 
     Parameters
     ----------
-    link : a name that points to it and stays the same after unplugging; None for none
+    link : a link to it whose name is the same after unplugging; None for none
     """
 
     def __init__(self, link: Path | None = None) -> None:
@@ -80,7 +80,7 @@ class PtyWire:
             _point(link, self._system_name)
 
     def is_open(self) -> bool:
-        """Whether the host has it open: reading the master tells."""
+        """Whether the host has it open, by a read of the master."""
         try:
             piece = os.read(self._master, LARGEST_READ)
         except BlockingIOError:
@@ -91,7 +91,7 @@ class PtyWire:
         return bool(piece)
 
     def exchange(self, sent: bytes, wait_s: float) -> bytes:
-        """Send what fits into the system's buffer and drop the rest; then wait for the host."""
+        """Send the bytes that fit into the system's buffer, drop the others, then wait for the host."""
         if sent:
             with contextlib.suppress(OSError):
                 os.write(self._master, sent)
@@ -101,11 +101,11 @@ class PtyWire:
         try:
             return os.read(self._master, LARGEST_READ)
         except OSError:
-            time.sleep(IDLE_S)  # the host is gone: select returns at once from now on
+            time.sleep(IDLE_S)  # the host has left: select returns at once from now on
             return b""
 
     def close(self) -> None:
-        """Unplug; the link goes first, for the system may give the port's name to the next board at once."""
+        """Unplug; the link is removed first, because the system may reuse the port's name at once."""
         if (
             self._link is not None
             and self._link.is_symlink()
@@ -141,7 +141,7 @@ class SocketWire:
         return True
 
     def exchange(self, sent: bytes, wait_s: float) -> bytes:
-        """Send what the host takes; then wait for what it says."""
+        """Send the bytes that the host accepts, then wait for its bytes."""
         host = self._host
         if host is None:
             return b""
@@ -168,7 +168,7 @@ class SocketWire:
 
 
 def new_wire(*, use_socket: bool = False, link: Path | None = None) -> Wire:
-    """A pseudo-terminal, or a socket where it is asked for or the system has no pseudo-terminals."""
+    """A pseudo-terminal, or a socket if it is requested or the system has no pseudo-terminals."""
     if use_socket or os.name != "posix":
         if link is not None:
             raise InputError("--link: names a pseudo-terminal; leave it out with a socket")
@@ -177,7 +177,7 @@ def new_wire(*, use_socket: bool = False, link: Path | None = None) -> Wire:
 
 
 def serve(board: Device, wire: Wire, is_over: threading.Event) -> None:
-    """Be the board until told otherwise."""
+    """Serve as the board until `is_over` is set."""
     was_open = False
     while not is_over.is_set():
         if not wire.is_open():
@@ -200,8 +200,8 @@ class FakePort:
 
     Parameters
     ----------
-    board : what is simulated
-    wire : None makes a pseudo-terminal, or a socket where there are none
+    board : the simulated device
+    wire : its end of the line; None makes a pseudo-terminal, or a socket where there are none
     """
 
     def __init__(self, board: Device, wire: Wire | None = None) -> None:
@@ -214,7 +214,7 @@ class FakePort:
 
     @property
     def name(self) -> str:
-        """Of the port, for the host."""
+        """Name of the port for the host."""
         return self._wire.name
 
     def __enter__(self) -> Self:
@@ -227,7 +227,7 @@ class FakePort:
         self.unplug()
 
     def unplug(self) -> None:
-        """Take the port away while the host may have it open; twice is once."""
+        """Remove the port, even while the host has it open; a second call has no effect."""
         if self._thread.is_alive():
             self._over.set()
             self._thread.join()
@@ -235,7 +235,7 @@ class FakePort:
 
 
 def require_free(link: Path, option: str = "--link") -> None:
-    """Refuse a name that leads somewhere; one of a board that is gone is free.
+    """Refuse a name that is in use; a link of a removed board is free.
 
     Raises
     ------
@@ -255,7 +255,7 @@ def require_free(link: Path, option: str = "--link") -> None:
 
 
 def _point(link: Path, target: str) -> None:
-    """Make a symbolic link, in place of one that leads nowhere any more only."""
+    """Make a symbolic link; only a broken link is replaced."""
     require_free(link)
     link.unlink(missing_ok=True)
     try:

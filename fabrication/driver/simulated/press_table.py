@@ -1,8 +1,8 @@
-"""Readings of a pad under presses, from a table over places and depths: what the simulated board is fed with.
+"""Readings of a pad under presses, from a table over locations and depths: the input of the simulated board.
 
-Linear between the grid's lines in x, y and depth; beyond the last place or depth the nearest one holds, and depth 0 or
-less is the untouched pad. Signals bend between depths 0.2 mm apart, so that this is for driving software, not for
-judging a layout.
+The table is linear between the grid's lines in x, y and depth. Beyond the last location or depth the nearest one is
+used, and depth 0 or less is the untouched pad. Signals are not linear between depths 0.2 mm apart, so the table serves
+tests of software, not the judgement of a layout.
 """
 
 from __future__ import annotations
@@ -22,9 +22,9 @@ if TYPE_CHECKING:
     import xarray as xr
 
 MOST_BYTES = 500_000_000
-"""Of the arrays unpacked: 6,000 states of 1,024 pairs have 50 MB."""
+"""Largest size of the unpacked arrays: 6,000 states of 1,024 pairs have 50 MB."""
 SAME_MM = 1e-6
-"""Two lines of a grid are one when they agree to this [mm]."""
+"""Tolerance within which two lines of a grid are one [mm]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -50,7 +50,7 @@ class PressTable:
 
     @property
     def knows_presses(self) -> bool:
-        """Whether it has any press at all, or only the untouched pad."""
+        """Whether it has any press, and not only the untouched pad."""
         return len(self.depth_mm) > 1
 
     def at(self, presses: ArrayLike) -> FloatArray:
@@ -76,11 +76,11 @@ def _neighbours(line: FloatArray, values: FloatArray) -> list[tuple[NDArray[np.i
 
 
 def untouched_table(config: DriverConfig) -> PressTable:
-    """Only the untouched pattern of a driver configuration.
+    """A table with only the untouched pattern of a driver configuration.
 
     Raises
     ------
-    InputError : it has none.
+    InputError : the configuration has no untouched pattern.
     """
     if config.expected is None:
         raise InputError(
@@ -93,17 +93,17 @@ def untouched_table(config: DriverConfig) -> PressTable:
 
 
 def table_of(presses: FloatArray, counts: FloatArray, *, is_whole: bool = True) -> PressTable:
-    """A table from states that form a full grid, in whatever order.
+    """A table from states that form a full grid, in any order.
 
     Parameters
     ----------
     presses : (state, 3) x, y, depth; the least depth must be 0 [mm]
     counts : (state, emitter, receiver) signals [counts]
-    is_whole : whether every place of the grid is there; else the nearest one's signals stand for those that are not
+    is_whole : whether every location of the grid is present; else missing ones take the nearest one's signals
 
     Raises
     ------
-    InputError : the states are no full grid.
+    InputError : the states do not form a full grid.
     """
     if not is_whole:
         presses, counts = _squared(presses, counts)
@@ -123,7 +123,7 @@ def table_of(presses: FloatArray, counts: FloatArray, *, is_whole: bool = True) 
 
 
 def _squared(presses: FloatArray, counts: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """The same states, and those that lack to a full grid of places, from the nearest place."""
+    """The states completed to a full grid of locations, from the nearest location."""
     there = np.unique(presses[:, :2], axis=0)
     every = np.array([(x, y) for x in np.unique(presses[:, 0]) for y in np.unique(presses[:, 1])])
     absent = [place for place in every if not (np.abs(there - place).max(axis=1) < SAME_MM).any()]
@@ -141,13 +141,13 @@ def table_from_signals(file: Path, config: DriverConfig) -> PressTable:
 
     Raises
     ------
-    InputError : unreadable, of another design, no full grid; a configuration without gains.
+    InputError : unreadable, of another design, not a full grid, or a configuration without gains.
     """
     import h5py
     import xarray as xr
 
     try:
-        with h5py.File(file, "r") as held:  # what h5netcdf reads first: it must not half open a damaged file
+        with h5py.File(file, "r") as held:  # as h5netcdf reads first: it must not half open a damaged file
             held.attrs.get("_nc3_strict")
         with xr.open_dataset(file, engine="h5netcdf", phony_dims="access") as dataset:
             size = sum(dataset[name].nbytes for name in ("press_x", "press_y", "press_depth", "flux"))
@@ -156,7 +156,7 @@ def table_from_signals(file: Path, config: DriverConfig) -> PressTable:
             presses = np.stack([_numbers(dataset[f"press_{axis}"]) for axis in ("x", "y", "depth")], axis=1)
             flux = _numbers(dataset["flux"])
             belongs_to = str(dataset.attrs["design_digest"])
-    except Exception as err:  # on purpose all: the library answers damage with errors of many types
+    except Exception as err:  # all on purpose: the library raises errors of many types on damage
         raise InputError(f"{file}: no simulated signals: {err}; run `optopad score` again") from None
     if belongs_to != config.digest:
         raise InputError(
@@ -171,18 +171,18 @@ def table_from_signals(file: Path, config: DriverConfig) -> PressTable:
 
 
 def _numbers(array: xr.DataArray) -> FloatArray:
-    """An array's values; a ValueError where damage has made another type of them."""
+    """An array's values; ValueError if damage has changed their type."""
     if array.dtype.kind not in "fiu":
         raise ValueError(f"{array.name} is of the type {array.dtype}, needs numbers")
     return np.asarray(array.values, dtype=np.float64)
 
 
 def gains_of(config: DriverConfig) -> FloatArray:
-    """(receiver,) counts for all of an emitter's power on each receiver [counts].
+    """(receiver,) counts if all of an emitter's power reached each receiver [counts].
 
     Raises
     ------
-    InputError : the configuration was written before anything was simulated.
+    InputError : the configuration was written before a simulation.
     """
     gain = config.gain
     each = gain.receiver_counts_per_flux or (gain.counts_per_flux,) * config.frame.receivers

@@ -1,5 +1,5 @@
 /* Microseconds since reset, wrapping at 32 bits, from timer 1 at an eighth of the processor's clock. It must be read
-   once in 32 ms, or it loses that much: every long wait or computation reads it. */
+   every 32 ms, or it loses that time: every long wait or computation reads it. */
 #ifndef OPTOPAD_CLOCK_H
 #define OPTOPAD_CLOCK_H
 #include <avr/io.h>

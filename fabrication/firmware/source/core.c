@@ -1,8 +1,8 @@
-/* Firmware of an optopad sensor on an AVR board: lights one emitter after another, then none, reads every receiver in
-   each of these states, and sends what it read as binary frames. Everything that belongs to one design is in config.h.
+/* Firmware of an optopad sensor on an AVR board: it lights one emitter after another, then none, reads every receiver
+   in each of these states, and sends the readings as binary frames. All settings of a design are in config.h.
 
-   Pipelined: the next conversion is started before the reading of the last one is packed, so packing and checksum cost
-   no time. The line is served by interrupts from the buffer that is not being filled. A state is read no sooner than
+   The next conversion is started before the reading of the last one is packed, so packing and checksum cost
+   no time. Interrupts send the buffer that is not being filled. A state is read no sooner than
    SETTLE_US after its emitter was switched. Emitters are switched between conversions, so that none sees the step of
    the supply; with SWITCH_EARLY they are switched during a state's last conversion, once its input is held.
    The messages are in session.h. */
@@ -26,7 +26,7 @@
 
 #define REFERENCE_US 2000 /* the reference and its weak drive of the input have settled long before */
 #define SETTLE_TICKS (SETTLE_US * TICKS_PER_US + 1)
-/* The input is held 1.5 converter's clocks after at most one of waiting. */
+/* The input is held 1.5 clocks of the converter after a wait of at most one. */
 #define HOLD_TICKS ((3UL << PRESCALER_EXPONENT) / 8 + 1)
 #define FRESH_RAM 0xa7
 
@@ -37,7 +37,7 @@ typedef struct {
     uint8_t mask;
 } emitter_pin;
 
-/* A change of light, looked up before its moment comes. */
+/* A change of light, looked up in advance. */
 typedef struct {
     volatile uint8_t *off_port, *on_port;
     uint8_t off_mask, on_mask;
@@ -50,7 +50,7 @@ typedef struct {
 } packer;
 
 #define LED(letter, bit) {&PORT##letter, &DDR##letter, 1 << (bit)}
-#define NO_LED {&GPIOR0, &GPIOR0, 0} /* the dark state switches nothing, in a register that does nothing */
+#define NO_LED {&GPIOR0, &GPIOR0, 0} /* the dark state switches no pin, only an unused register */
 static const emitter_pin emitters[N_STATES] = {EMITTERS, NO_LED};
 #define FIRST emitters
 #define DARK (emitters + N_EMITTERS)
@@ -84,7 +84,7 @@ static void pulse(enum shift_line line) {
     *shift_lines[line].port &= ~shift_lines[line].mask;
 }
 
-/* A single bit walks along the chain, and at last out of it; any other way to darkness fills the chain with zeros. */
+/* A single bit moves along the chain and out of it; any other change to darkness fills the chain with zeros. */
 static void shift_to(const emitter_pin *next) {
     const emitter_pin *data = &shift_lines[DATA];
     uint16_t zeros = next == DARK && lit != DARK - 1 ? SHIFT_BITS : 1;
@@ -113,7 +113,7 @@ static inline void select_input(uint8_t mux) {
 #endif
 }
 
-/* Receivers of one address follow one another: a new one waits for the multiplexers. */
+/* Receivers of one address are consecutive: a new address waits for the multiplexers. */
 static inline void select_receiver(uint8_t receiver) {
     select_input(channel_mux[receiver]);
 #if ADDRESS_BITS
@@ -142,7 +142,7 @@ static inline void wait_for_conversion(void) {
     while (ADCSRA & _BV(ADSC)) {}
 }
 
-/* Sum of all readings of a value but the last, which is left under way; for rounding, half a value more. */
+/* Sum of all readings of a value but the last, which is left in progress, plus half a value for rounding. */
 static inline uint32_t most_of_value(void) {
     uint32_t sum = AVERAGES / 2;
     for (uint16_t n = 1; n < AVERAGES; n++) {
@@ -181,7 +181,7 @@ static void drop_frame(void) {
 
 /* ---- a frame */
 
-/* Ten bits, the least significant first, after those that are held already. */
+/* Ten bits, the least significant first, after the bits held so far. */
 static inline __attribute__((always_inline)) void pack_reading(packer *frame, uint16_t reading) {
     switch (frame->phase++) {
     case 0:
@@ -203,7 +203,7 @@ static inline __attribute__((always_inline)) void pack_reading(packer *frame, ui
     }
 }
 
-/* Reads every state. Running freely, the first conversion of the next frame is left under way. */
+/* Reads every state. When it runs freely, the first conversion of the next frame is left in progress. */
 static void read_frame(void) {
     packer frame = {0};
     if (!is_converting) begin_frame();

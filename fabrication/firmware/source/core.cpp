@@ -1,12 +1,12 @@
 /* Firmware of an optopad sensor on a board with an Arduino core other than the AVR's: the same frames and messages as
-   core.c, by nothing but micros, analogRead, digitalWrite and Serial. Everything that belongs to one design is in
-   config.h, the messages are in session.h.
+   core.c, by micros, analogRead, digitalWrite and Serial only. All settings of a design are in config.h, the messages
+   are in session.h.
 
    A state is read no sooner than SETTLE_US after its emitter was switched; a value is the mean of AVERAGES readings. A
-   message that Serial has no room for waits in its buffer, and is handed over while emitters settle. While both buffers
+   message without room in Serial waits in its buffer, and is passed on while emitters settle. While both buffers
    wait for the host, no frame begins and no emitter is lit.
 
-   Not measured, and sent as 0: the reading of a reference, and the free RAM. */
+   The reading of a reference and the free RAM are not measured, and sent as 0. */
 #include <Arduino.h>
 
 #include "config.h"
@@ -31,14 +31,14 @@ static const uint8_t channel_addresses[N_RECEIVERS] = {CHANNEL_ADDRESSES};
 #endif
 
 static const uint8_t *sending, *sending_end;
-static uint8_t *filled_end; /* of the buffer that waits for the one that is sent */
+static uint8_t *filled_end; /* end of the buffer that waits for the one being sent */
 static bool tells_room;
 
 static uint32_t clock_us(void) { return micros(); }
 
 /* ---- the line */
 
-/* Hands over what Serial has room for. A core that never tells of any is handed all, and may wait for the host. */
+/* Passes on the bytes that Serial has room for. A core that never reports room gets all, and may wait for the host. */
 static void pump(void) {
     for (size_t taken = 1; taken;) {
         if (sending == sending_end) {
@@ -72,7 +72,7 @@ static uint8_t next_heard(void) { return Serial.read(); }
 
 /* ---- a frame */
 
-static void drop_frame(void) {} /* none is under way between frames */
+static void drop_frame(void) {} /* none is in progress between frames */
 
 #if SHIFT_BITS
 static void pulse(shift_line line) {
@@ -80,7 +80,7 @@ static void pulse(shift_line line) {
     digitalWrite(shift_pins[line], LOW);
 }
 
-/* Lights the emitter of a state, whose neighbour was lit: a single bit walks along the chain, and at last out of it. */
+/* Lights the emitter of a state, whose neighbour was lit: a single bit moves along the chain and out of it. */
 static void light(uint8_t state) {
     digitalWrite(shift_pins[DATA], state ? LOW : HIGH);
     pulse(CLOCK);
@@ -99,7 +99,7 @@ static void settle_for(uint32_t wait_us) {
     while (clock_us() - switched_us <= wait_us);
 }
 
-/* Receivers of one address follow one another: a new one waits for the multiplexers. */
+/* Receivers of one address are consecutive: a new address waits for the multiplexers. */
 static void select(uint8_t receiver) {
 #if ADDRESS_BITS
     static uint8_t selected = 255;

@@ -1,4 +1,4 @@
-/* The sensor's program: call core_init once, then core_step for ever. */
+/* The sensor's program: call core_init once, then core_step forever. */
 #ifndef OPTOPAD_CORE_H
 #define OPTOPAD_CORE_H
 #ifdef __cplusplus

@@ -1,9 +1,9 @@
-/* CRC-32 as in zlib and Ethernet, a byte at a time. The table is linear in the bits of its index, so eight constants
-   make all of it; it is in the program's memory. */
+/* CRC-32 as in zlib and Ethernet, one byte at a time. The table is linear in the bits of its index, so eight constants
+   generate all of it; it is in the program's memory. */
 #ifndef OPTOPAD_CRC_H
 #define OPTOPAD_CRC_H
 #include <stdint.h>
-#ifdef __AVR__ /* whose program memory is read by instructions of its own */
+#ifdef __AVR__ /* its program memory is read by separate instructions */
 #include <avr/pgmspace.h>
 #define IN_PROGRAM PROGMEM
 #define program_byte(at) pgm_read_byte(at)

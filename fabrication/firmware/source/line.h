@@ -1,4 +1,4 @@
-/* The serial line: one buffer is sent by interrupts while the other is filled; what is heard waits in a ring. */
+/* The serial line: one buffer is sent by interrupts while the other is filled; received bytes wait in a ring. */
 #ifndef OPTOPAD_LINE_H
 #define OPTOPAD_LINE_H
 #include "clock.h"
@@ -19,8 +19,8 @@ static void line_init(void) {
     UCSR0B = _BV(RXEN0) | _BV(TXEN0) | _BV(RXCIE0);
 }
 
-/* In assembler, since it runs for every byte and the compiler's takes twice the time: 3 us of the 10 between bytes at
-   1 Mbaud are left to it. It does UDR0 = *sending++ and, behind the last byte, UCSR0B &= ~_BV(UDRIE0). */
+/* It is in assembler, since it runs for every byte and the compiler's takes twice the time: it may take 3 us of the 10
+   between bytes at 1 Mbaud. It does UDR0 = *sending++ and, behind the last byte, UCSR0B &= ~_BV(UDRIE0). */
 ISR(TRANSMIT_VECTOR, ISR_NAKED) {
     __asm__ volatile("push r24\n\t"
                      "in r24, __SREG__\n\t"
@@ -54,12 +54,12 @@ ISR(TRANSMIT_VECTOR, ISR_NAKED) {
 
 ISR(RECEIVE_VECTOR) {
     uint8_t byte = UDR0, next = (heard_end + 1) & (HEARD_BYTES - 1);
-    if (next == heard_start) return; /* no room: the command's checksum shows it */
+    if (next == heard_start) return; /* no room: the command's checksum detects it */
     heard[heard_end] = byte;
     heard_end = next;
 }
 
-/* Hands the buffer that was being filled to the line, once the line is free. */
+/* Passes the filled buffer to the line, once the line is free. */
 static void send_filled(uint8_t *end) {
     while (UCSR0B & _BV(UDRIE0)) clock_us();
     sending = buffers[filling];

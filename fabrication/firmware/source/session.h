@@ -1,7 +1,7 @@
-/* What all boards have in common: messages, commands, and when a frame is due. A core includes it and defines the
+/* Code of all boards: messages, commands, and the time of the next frame. A core includes it and defines the
    functions that are declared first: `core.c` for AVR chips, `core.cpp` for boards with another Arduino core.
 
-   All numbers little-endian; every message ends with the CRC-32 of everything before it.
+   All numbers are little-endian; every message ends with the CRC-32 of all preceding bytes.
      readings   A5 5A 10, sequence u32, microseconds u32 when the first conversion began, readings packed bit by bit
      hello      A5 5A 11, version u8 u8, board, emitters, receivers, bits, prescaler exponent u8, settle us u16,
                 baud u32, frame interval us u32, design digest 32 bytes
@@ -53,7 +53,7 @@ typedef struct {
     uint32_t crc;
 } message;
 
-/* What makes this program the one of its design; the host knows the same bytes. Hello repeats the first 47. */
+/* Bytes that identify the program's design; the host has the same bytes. Hello repeats the first 47. */
 static const uint8_t config_block[] IN_PROGRAM = {
     BOARD_NUMBER, N_EMITTERS, N_RECEIVERS, ADC_BITS, PRESCALER_EXPONENT, U16(SETTLE_US), U32(BAUD),
     U32(FRAME_INTERVAL_US), DESIGN_DIGEST, EMITTER_PINS, CHANNEL_NUMBERS MORE_CONFIG};
@@ -117,7 +117,7 @@ static inline __attribute__((always_inline)) void close_frame(message *frame) {
     send_filled(put(frame->at, ~frame->crc, CRC_BYTES));
 }
 
-/* Whether the next frame's time has come; counts it as late if it had come before the last frame was finished. */
+/* Whether the next frame is due; counts it as late if it was due before the last frame was finished. */
 static bool frame_is_due(void) {
     uint32_t now_us;
     if (!interval_us) return true;
@@ -135,7 +135,7 @@ static bool frame_is_due(void) {
     return true;
 }
 
-/* ---- what the host hears besides frames */
+/* ---- messages other than frames */
 
 static void say_hello(void) {
     uint8_t *at = put_head(buffers[filling], KIND_HELLO);
@@ -189,7 +189,7 @@ static bool is_command(void) {
            number_at(command + 7) == crc_of(command, COMMAND_BYTES - CRC_BYTES);
 }
 
-/* Drops the first byte of what was taken for a command, and all up to the next one that may begin one. */
+/* Drops the first byte of a false command, and all up to the next byte that may begin one. */
 static void look_further(void) {
     uint8_t from = 1, kept = 0;
     while (from < command_length && command[from] != COMMAND_MAGIC_1) from++;
@@ -197,7 +197,7 @@ static void look_further(void) {
     command_length = kept;
 }
 
-/* Takes at most what the ring can hold, so that a host that never stops talking stops no frame. */
+/* Takes at most the size of the ring, so that a host that sends without a pause stops no frame. */
 static void take_commands(void) {
     for (uint8_t left = HEARD_BYTES; left && can_fill() && has_heard(); left--) {
         command[command_length++] = next_heard();
