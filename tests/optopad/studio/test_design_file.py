@@ -26,7 +26,7 @@ from tests.design.parts.own_parts import own_part
 
 PAD, PAIR = "piacenza2017-pad", "piacenza2017-pair"
 DISC, CROWNED, DOME, STADIUM = SHAPED_PRESETS
-RECTANGLES = (*FLAT_PRESETS, CROWNED)
+RECTANGLES = (*FLAT_PRESETS, CROWNED, "gripper-teensy")
 IN_TURN = [name if name in (PAD, DOME) else pytest.param(name, marks=pytest.mark.slow) for name in PRESETS]
 """A flat and a crowned one; the others in every CI run."""
 OWN_PARTS = tomlkit.dumps({"parts": {"mine": own_part("receiver")}})
@@ -49,6 +49,11 @@ OF_DISCS: dict[str, dict[str, Any]] = {
 OF_STADIUMS: dict[str, dict[str, Any]] = {
     "pitch": {"layout.2.shift_mm": -2.0},
     "many": {"cavity.length_mm": 26.0, "mold.outer_length_mm": 36.0, "noise.read_noise_counts": 1e-05},
+}
+
+
+OF_RINGS: dict[str, dict[str, Any]] = OF_DISCS | {
+    "many": {"cavity.diameter_mm": 140.0, "mold.outer_diameter_mm": 166.0, "layout.0.receivers": 11}
 }
 
 
@@ -87,7 +92,7 @@ def changed_lines(before: str, after: str) -> tuple[list[str], list[str]]:
 def test_a_saved_edit_is_the_design_and_every_other_line_is_as_it_was(
     name: str, kind: str, tmp_path: Path
 ) -> None:
-    of_others = OF_STADIUMS if name == STADIUM else OF_DISCS
+    of_others = {STADIUM: OF_STADIUMS, "roboy-lightskin": OF_RINGS}.get(name, OF_DISCS)
     changes = FIELDS[kind] if name in RECTANGLES else (FIELDS | of_others)[kind]
     path = copy_of(name, tmp_path)
     file = DesignFile(str(path))
