@@ -81,7 +81,7 @@ from sims.readings.readout import Readout
 def unbonded_share(
     depth_mm: FloatArray, time_s: FloatArray, *, deepest_mm: float, share: float, heal_s: float
 ) -> FloatArray:
-    """(n,) share of the walls that is loose at each of a series of samples, 0 at the first [-].
+    """(n,) share of the walls that is loose at each of a series of samples, 0 before the first [-].
 
     Parameters
     ----------
