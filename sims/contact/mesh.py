@@ -73,7 +73,7 @@ class RadialMesh:
 
     Attributes
     ----------
-    nodes : (node, 2) radius and height of the nodes at rest; the top's apex lies at height 0
+    nodes : (node, 2) radius and height of the nodes at rest; the top's apex is at height 0
     triangles : (triangle, 3) node indices
     top : (top node,) indices of the top surface from the axis outward
     is_bonded : (node,) True on the bottom and on the wall

@@ -105,7 +105,7 @@ class PressState:
     last_step : largest motion of a vertex in the last solver step
     chatter : largest distance of a vertex from the mean of the cycle that this state is; 0: no cycle
     steps : solver steps taken [-]
-    tip : what presses
+    tip : the tip that presses
     """
 
     depth: float
@@ -672,7 +672,7 @@ def solve_wedge(
     depths : increasing press depths [tip radii]; a step of more than 1/30 risks divergence
     poisson_ratio : of the layer [-]; beyond 0.49 the tetrahedra lock
     on_step : called with the fraction done
-    tip : what presses
+    tip : the tip that presses
 
     Raises
     ------

@@ -266,7 +266,7 @@ Light = Callable[[FloatArray, FloatArray, int], FloatArray]
 
 MODEL_SHARE = 0.004
 SLOPE_STEP = 0.5
-"""Step of the differences by a parameter, in spreads of its doubt."""
+"""Step of the differences by a parameter, in prior standard deviations."""
 PLACE_MM = 0.1
 """Light is traced at locations rounded to this and extrapolated by the slopes: presses that differ by a stage's error
 only are symmetric again, and traced once. Over half of it a signal of 300 counts bends by about 0.1 counts."""

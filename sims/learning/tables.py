@@ -38,7 +38,7 @@ from sims.readings.press_data import PressData
 
 
 def needed_samples(data: PressData, places_mm: FloatArray) -> PressData:
-    """Samples at the depths of the tables, and all of the presses nearest to some places.
+    """Samples at the depths of the tables, and all of the presses nearest to some locations.
 
     Parameters
     ----------

@@ -1,6 +1,6 @@
 """A recording of a built sensor under presses: a minimal reader without processing.
 
-netCDF (what the driver's recorder writes), dimensions ``time``, ``state``, ``receiver``:
+netCDF (as written by the driver's recorder), dimensions ``time``, ``state``, ``receiver``:
 
     counts (time, state, receiver)   readings [ADC counts]
     press_depth (time)               depth of the press, positive into the pad, 0 or less untouched [mm]

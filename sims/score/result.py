@@ -1,6 +1,6 @@
 """The result of a score: verdict, pairs, pad, tolerance, warnings; and its form as plain data.
 
-The words of a verdict are the same wherever one is shown, and include what qualifies it.
+The words of a verdict are the same wherever one is shown, and include its qualifications.
 
 Warnings to a verdict: how near it is to changing, and on which unmeasured parameters it depends.
 """

@@ -79,7 +79,7 @@ def score(
 
     Parameters
     ----------
-    full : 11 places along the longer side and 0.1 mm steps for the map, in place of 5 and 0.2 mm
+    full : 11 locations along the longer side and 0.1 mm steps for the map, in place of 5 and 0.2 mm
     fine : the same, with finer light, and bounds at more depths
     seed : of the light model's random shifts
     verdict_only : leave out stages that the verdict does not need: tolerance, sensitivity, and the map of facing rows

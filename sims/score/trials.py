@@ -1,4 +1,4 @@
-"""A trial of what would help: component heights and layer thickness are moved, and the moved designs are traced.
+"""A trial of moves that would help: component heights and layer thickness are moved, and the designs are traced.
 
     cause of the worst interval ──► lines to move along ──► moves judged in brief at that location
         ──► the least move without a deadband ──► all locations of the moved pad ──► verdict

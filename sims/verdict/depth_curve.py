@@ -217,7 +217,7 @@ def clipped(
 
 
 def share_above(depth_mm: FloatArray, values: FloatArray, level: float) -> float:
-    """Share of the depth range over which a curve lies above a level.
+    """Share of the depth range over which a curve is above a level.
 
     Parameters
     ----------
@@ -548,7 +548,7 @@ def _inner_extremes(
 def _shares_below(
     at_first: FloatArray, at_last: FloatArray, threshold: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Open part of each cell, as shares 0 to 1, where all lines of all pairs lie below a threshold."""
+    """Open part of each cell, as shares 0 to 1, where all lines of all pairs are below a threshold."""
     rise = at_last - at_first
     crossing = (threshold - at_first) / np.where(rise == 0.0, np.inf, rise)
     first_below, last_below = at_first < threshold, at_last < threshold

@@ -19,7 +19,7 @@ the standard deviation of that sum, 2 σ √(D² + n σ²); less than two of the
 traced once, D² is between the sum of squares and that less 2 Σ (s²(a) + s²(b)), with its standard errors s: those of
 two depths may add, though with common offsets they mostly cancel, so the sum itself is the best estimate.
 
-Between the depths traced, frames lie on straight lines; windows start every 0.02 mm.
+Between the depths traced, frames are on straight lines; windows start every 0.02 mm.
 
 Resolution of the pad at each depth of each location: the verdict's own rule, depth by depth.
 

@@ -13,13 +13,13 @@ in words). The definitions in numbers, with T the specularly top-reflected and D
 Boundaries are where the monotone cubic through the samples (Fritsch and Butland 1984) crosses the level: it overshoots
 nowhere, meets straight lines exactly and smooth curves to the third power of the step, and rounds off a kink by up to
 a seventh of the step. "Stays" is judged up to the deepest press only.
-Left out: whether the change of T or D exceeds the noise; deadbands answer that.
+Left out: whether the change of T or D exceeds the noise, which deadbands show.
 
 Deadbands: depths over which a reading does not resolve depth.
 
 A deadband is an interval of depth, at least 0.3 mm long, over which the signal in noise units varies by
 less than 3. Overlapping maximal intervals are merged, so a reported deadband is their *union*: every
-depth in it lies in some 0.3 mm or longer stretch that is flat, though the signal may drift by more than
+depth in it is in some flat stretch of 0.3 mm or more, though the signal may drift by more than
 3 units from one end of a long deadband to the other (a slope below 10 units/mm is one deadband
 throughout). A steep step of more than 6 units between two plateaus keeps them apart, since the interval
 of each reaches less than 3 units into the step; a smaller one does not.

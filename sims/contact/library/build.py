@@ -143,7 +143,7 @@ def _residual(states: FloatArray, fitted: FloatArray) -> FitResidual:
 
 
 def interval_knots(places: FloatArray) -> FloatArray:
-    """Knots of the cubic splines for increasing sample places, the ends four times."""
+    """Knots of the cubic splines for increasing sample positions, the ends four times."""
     inner = places[DEPTHS_PER_INTERVAL:-DEPTHS_PER_INTERVAL:DEPTHS_PER_INTERVAL]
     return np.concatenate([np.repeat(places[0], 4), inner, np.repeat(places[-1], 4)])
 
@@ -241,7 +241,7 @@ def both_ratios(
 
     Parameters
     ----------
-    inputs : what is pressed, and how
+    inputs : all inputs of the solution
     on_step : called with the fraction done
     """
     tell = _Progress(on_step)

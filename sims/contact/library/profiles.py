@@ -34,7 +34,7 @@ class UnitPress:
     smallest_stretch : (depth,) smallest volume ratio of an element [-]
     volume_loss : (depth,) volume lost by compression [R³]
     energy : (depth,) elastic energy of the layer [E R³]
-    versions : names and versions of what computed it
+    versions : names and versions of the programs that computed it
     crown : tip radius over the radius of the top's sphere; 0 is flat [-]
     """
 

@@ -1,7 +1,7 @@
 """One layer's presses as smooth functions of depth.
 
 A press is described by numbers that change smoothly with depth: ln of the force, ln of the outline
-coordinate t of the contact edge, the free surface from that edge to the wall at fixed places along its arc
+coordinate t of the contact edge, the free surface from that edge to the wall at fixed points along its arc
 (`sample_arcs`; relative to the edge), and the share of the load inside fixed shares of t. On a crown the surface and
 its arc are those of heights above the untouched top, so that crowns can be interpolated. Each number is a cubic
 spline in ln(depth / deepest), in which force and edge are nearly straight lines (powers of the depth:
@@ -124,7 +124,7 @@ def contact_coordinate(
     radius, height : (node,) surface nodes from the axis outward [tip radii]
     depth : press depth [tip radii]
     tolerance : gap below which a node touches [tip radii]
-    tip : what presses
+    tip : the tip that presses
     crown : tip radius over the radius of the untouched top; 0 is flat [-]
     """
     gap = tip_gap(radius, height, depth, tip)
@@ -186,7 +186,7 @@ def free_surface(
     depth : press depth > 0 [tip radii]
     spacing : node spacing at rest under the tip [tip radii]
     tolerance : gap below which a node touches [tip radii]
-    tip : what presses
+    tip : the tip that presses
     crown : tip radius over the radius of the untouched top; 0 is flat [-]
 
     Returns
@@ -254,7 +254,7 @@ def whole_curve(edge: float, free: FloatArray, depth: float, tip: TipOutline = H
     edge : outline coordinate of the contact edge [tip radii]
     free : (n, 2) free surface that follows the edge, to the wall [tip radii]
     depth : press depth > 0 [tip radii]
-    tip : what presses
+    tip : the tip that presses
     """
     along = _inside_contact(edge, tip)
     tip_radius, tip_height = tip_outline(along, depth, tip)
@@ -501,7 +501,7 @@ class SmoothPress:
     coefficients : (coefficient, VALUES) of the splines
     residual : distance of the fit from the solved states
     tip : the tip that presses
-    versions : names and versions of what computed it
+    versions : names and versions of the programs that computed it
     crown : tip radius over the radius of the untouched top, pressed at its apex; 0 is flat [-]
     """
 

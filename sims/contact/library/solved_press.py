@@ -199,7 +199,7 @@ class SolvedPress:
     placed : the presses at a location of the pad; None: those of the round pad
     walls_mm : between round walls, the nearest and the farthest from the press axis; None: all walls are straight [mm]
     unit : the solver's states, where the press was solved live; None from the library
-    notes : what the user should know about this solution
+    notes : notes for the user about this solution
     """
 
     smooth: SmoothPress

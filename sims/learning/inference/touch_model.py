@@ -22,12 +22,12 @@ class TouchModel(Protocol):
 
     Attributes
     ----------
-    header : what it was trained on
+    header : description of the model and its training data
     """
 
     @property
     def header(self) -> ModelHeader:
-        """What it was trained on."""
+        """Description of the model and its training data."""
         ...
 
     def predict(self, signals: FloatArray) -> Prediction:

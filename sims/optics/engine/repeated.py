@@ -549,7 +549,7 @@ def repeated_reflections(
     """Add flux of chains with two or more top reflections to out[replicate, receiver, (outside, inside the skirt)].
 
     lattice, echoes : a replicate's lattice, and (replicate, row, column, 5) ends of the rays over their points
-    shifts : (replicate, 3 or more) place in a cell along u and v, and where on the emitter the first ray starts, 0 to 1
+    shifts : (replicate, 3 or more) position in a cell along u and v, and start of the first ray on the emitter, 0 to 1
     units : (receiver,) power that a sample near it may represent; 0 where not requested
     """
     first = first_free_row(lattice)

@@ -645,7 +645,7 @@ def _follow(
             found[UP] = z
             found[TOPS] = tops
         if p[FLAT] == 1.0 and tops == 0 and kind != TIP:
-            return  # the undisturbed top mirrors it to the same place
+            return  # the undisturbed top mirrors it to the same point
         if kind >= 0 and (kind >= BOTTOM or receiver_at(kind, x, y, z, receivers) < 0):
             add_deposit(kind, x, y, z, weight * left, layout, box, top, out)
     else:

@@ -23,17 +23,17 @@ Where a ray meets a sum
 -----------------------
 Along a ray the clearance c(t), top less ray or, in air, ray less top, is followed from 0 up. Circles of contact
 and edge and the field's border cut the ray into parts on which c is once differentiable and |c''| has a bound K,
-kept in tables over radius: with unit steps of which w² lie in plan, |c''| <= w² (max(|d''|, |d'| / r) + field's).
-A crown adds the bound of its curvature at the part's greatest q, for what lies across a straight direction; it is
-convex, so that only downward from inside and only upward from outside: c'' lies in -K_down to K_up.
-A step s is safe if the clearances at its ends are above K_up s² / 8, or if c cannot fall within it; it holds the
+kept in tables over radius: with unit steps of which w² are in plan, |c''| <= w² (max(|d''|, |d'| / r) + field's).
+A crown adds the bound of its curvature at the part's greatest q, for the component across a straight direction; it is
+convex, so it adds only downward from inside and only upward from outside: c'' is in -K_down to K_up.
+A step s is safe if the clearances at its ends are above K_up s² / 8, or if c cannot fall within it; it contains the
 first zero if its end is below zero and c must fall within it, or K_up is 0, and Newton's steps within a bracket then
-find it; otherwise it is halved. Steps end at `FINEST_MM`, so that what is missed is a graze less than
+find it; otherwise it is halved. Steps end at `FINEST_MM`, so it only misses a graze less than
 K `FINEST_MM`² / 8 deep.
 
 Light in air also meets the tips. What is known of them is the press, so they are taken as solid and endless:
 under a hemisphere the lower half sphere and a cylinder of its radius above; under any other tip a cylinder of the
-contact radius that stands on the end of the contact, which hides no more than the tip does. A press without contact
+contact radius on the end of the contact, which hides no more than the tip does. A press without contact
 has no tip. Where other heights raise the top into a tip, light there counts as absorbed by the tip.
 
 Left out

@@ -118,7 +118,7 @@ def transmitted_share(cosine: FloatArray, index_from: float, index_to: float) ->
     Parameters
     ----------
     cosine : (...,) cosine of the angle of incidence, 0 to 1 [-]
-    index_from, index_to : of the medium that the light comes from, and goes to [-]
+    index_from, index_to : index before and behind the interface [-]
 
     Returns
     -------
