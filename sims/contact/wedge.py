@@ -463,7 +463,7 @@ HOOP_STIFFNESS = 3300.0
 DAMPING_FACTORS = (1.0, 4.0, 16.0)
 """Factors of the damping where contact chatters; the limit at which a state counts as settled falls with it."""
 FEWEST_STEPS, MOST_STEPS = 4, 160
-"""Most solver steps per depth; slow modes of very deep presses take up to 130."""
+"""Fewest and most solver steps per depth; slow modes of very deep presses take up to 130."""
 
 
 @dataclass(frozen=True, kw_only=True)

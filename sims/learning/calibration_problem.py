@@ -275,7 +275,7 @@ PRESS_STEP = 3.0**0.5
 HALVES = 2
 """Seeds of the slopes."""
 LIGHTS = 3
-"""Seeds of the mean light of the last steps; none of them is a seed of the slopes."""
+"""Number of seeds of the mean light of the last steps; none of them is a seed of the slopes."""
 SMALL_FLUX = 1e-12
 
 

@@ -90,7 +90,7 @@ def untouched_cost_s(scene: OpticalScene, settings: Accuracy) -> float:
 Profile = Indentation | Sequence[Indentation | Sequence[Indentation | None] | None]
 Tips = list[list[Indentation | None]]
 _SMOOTH_PARTS: WeakKeyDictionary[PadSurface, SmoothField] = WeakKeyDictionary()
-"""Number of the surfaces that the contact model remembers."""
+"""Smooth parts of the surfaces that the contact model remembers."""
 
 FIELD_STEP, FIELD_FINER = 1.0 / 4.0, 2
 """Largest spacing of the nodes of a surface's smooth part [tip radii], and samples from one to the next: on flat

@@ -33,7 +33,7 @@ VOLTS = {"v": 1.0, "volt": 1.0, "mv": 1e-3, "millivolt": 1e-3}
 SLACK_MM = 0.5
 """Allowed error of a stage [mm]: locations and depths beyond the pad by less are not refused."""
 LARGEST_MM, THICKEST_MM = 200.0, 50.0
-"""Largest size of a design's pad [mm]."""
+"""Largest length and thickness of a design's pad [mm]."""
 METRES_MM = 0.012
 """Deepest press of a file below which all depths must be in metres [mm]: it is less than a hair."""
 HIGHEST_V = 5.5

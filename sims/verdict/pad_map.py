@@ -272,7 +272,7 @@ class PadMap:
 
     @property
     def weakest(self) -> Place:
-        """The location with the worst deadband, else with the least usable depth, else with the least margin."""
+        """The location with the most deadband, then the least usable depth, then the least margin."""
         return min(
             self.places, key=lambda place: (-place.deadband_total_mm, round(place.usable_mm, 6), place.margin)
         )

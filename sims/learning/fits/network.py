@@ -30,7 +30,7 @@ WEIGHT_DECAY = 1e-2
 BATCH = 200
 FIRST_STEP = 2e-3
 STAGES = 10
-"""Stages of the falling step."""
+"""Number of stages of the falling step."""
 
 
 def fit_network(

@@ -536,7 +536,7 @@ FRAMES_AT_ONCE = 200
 """Number of frames searched in parallel: their products stay within a few megabytes."""
 TABLE_PITCH_MM = 2.0
 LARGEST_BOX_MM = 1_000.0
-"""Largest extent of the box [mm]: no pad is larger, and the table of starts grows with its area."""
+"""Largest coordinate of the box [mm]: no pad is larger, and the table of starts grows with its area."""
 LARGEST_TABLE = 50_000_000
 """Most signals of the table of starts, 0.4 GB; a pad of 100 x 100 mm with 256 pairs has 7 million."""
 TABLE_DEPTHS = 10

@@ -271,7 +271,7 @@ STEP_MM = 1.0
 CURVE = 0.15
 """Share of that distance by which light from within a cell may end beyond that of its corners."""
 MIXED_MM = 2.0
-"""Factor of that share where corners have different fates."""
+"""Additional distance where corners have different fates [mm]."""
 DEEPEST, DEEPEST_MIXED, DEEPEST_UNSEEN = 6, 4, 2
 """Most halvings of a cell, of one whose corners have different fates, and of one lit by edges of emitters only."""
 KEPT_UNITS = 4.0

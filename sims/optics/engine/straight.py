@@ -308,7 +308,7 @@ MIN_STEP_MM = 0.02
 LEAST_BEND = 1e-12
 """Added to divisors [1/mm]."""
 NEAREST_AHEAD_MM, AHEAD_SHARE = 0.25, 0.35
-"""Longest step towards one of several tips [mm], or share of the distance to its axis."""
+"""Look-ahead of a step towards one of several tips [mm], or share of the distance to its axis."""
 
 
 @inlined

@@ -66,17 +66,17 @@ MOST = 24
 FAINT = 1e-9
 """Share of the emitter's power below which the pencil of an undivided part is not followed further."""
 SIDES, RAYS = 4, 44
-"""Rays around the middle one, and their columns in work."""
+"""Number of rays around the middle one, and their first column in work."""
 LANDED, LANDINGS = RAYS + 6 * SIDES, 32
-"""Columns of a pencil's contributions, and of their number of windows."""
+"""First column of a pencil's contributions, and largest number of their windows."""
 DIVISIONS, LEVELS = 2, 2
 """Number of parts of a divided pencil in either direction, and most divisions."""
 STACK = LANDED + 3 * LANDINGS
-"""Columns of the shares of a pencil that are still to be followed."""
+"""First column of the shares of a pencil that are still to be followed."""
 IS_LIT = STACK + 4 * (DIVISIONS * DIVISIONS * (LEVELS + 1) + 1)
 """Column for whether the dimple certainly hides none of the emitter's light from the point."""
 PLACE = IS_LIT + 1
-"""Columns of the sample's position in a pencil's part, from -1 to 1 in either direction."""
+"""First column of the sample's position in a pencil's part, from -1 to 1 in either direction."""
 CHAIN_WORK = PLACE + 2
 BEND = 0.2
 """Largest offset of the landing light's mean from the middle ray of an undivided pencil [half sizes of the window]."""

@@ -96,11 +96,11 @@ MOST_PARTS = 12
 """Most parts of an emitter in either direction."""
 BATCHES = 4
 WAYS, PART = CHAIN_WORK, CHAIN_WORK + 9
-"""Columns of the way of light from a part through a point, and of the part's position."""
+"""First columns of the way of light from a part through a point, and of the part's position."""
 AT = PART + 5
-"""Columns of the point's position in the top's frame."""
+"""First column of the point's position in the top's frame."""
 SIGHTS = AT + 3
-"""Columns of the windows' positions, the emitter's first, as `is_open` requires them."""
+"""First column of the windows' positions, the emitter's first, as `is_open` requires them."""
 SIGHT = 4
 
 

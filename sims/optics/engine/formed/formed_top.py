@@ -53,7 +53,7 @@ STEP_MM, LEAST_STEP_MM = 0.3, 0.06
 SHORTER, LONGER = 0.25, 2.0
 """Factor of the next step of a march after one that is not clear, and after one that is."""
 ALOOF, NEWTON_STEPS = 2.5, 8
-"""Excess of a ray's slope to the crown at both ends over the dimple's, with which it certainly meets the top once."""
+"""Least ratio of a ray's slope to the crown at both ends over the dimple's at which it certainly meets the top once."""
 AT_TOP_MM = 1e-10
 """Distance below which a point counts as on the top."""
 NEAR_TOP_MM = 1e-6
