@@ -1,5 +1,5 @@
 """From a design to its signals and its verdict.
 
-Rooms, from the ground up: contact, optics, readings, verdict, bounds, continuity; learning beside them; plots on top.
-Imports of ours: design.
+Rooms in the order of imports: contact, optics, readings, verdict, bounds, score; then learning, which uses some of
+them, and plots, which shows all. They import design.
 """

@@ -1,19 +1,19 @@
-"""Where results are kept between runs: the system's cache folder for optopad, or the one that is named.
+"""The folder in which results are kept between runs: the system's cache folder for optopad, or a given one.
 
-A number for the sources that results rest on: another number, other sources.
+A fingerprint of the sources on which results depend.
 
-Traced light on disk: one row an emitter and state, named by a hash of everything that it depends on.
+Traced light on disk: one row per emitter and state, named by a hash of all its inputs.
 
-One SQLite file of plain bytes. SQLite's locks keep processes apart, and its journal takes back what a killed process
-left half-done; it does not wait for the disk, so a power cut may damage the file. Each row carries a checksum over its
-name and bytes: a row that fails it counts as absent, and a file that is no database any more is removed and begun
-anew. When the file is full, the oldest quarter of the rows goes. Whatever goes wrong here costs a trace and no
-answer: nothing is ever raised but for a size that is no number.
+The store is one SQLite file of plain bytes. SQLite's locks separate processes, and its journal undoes the unfinished
+writes of a killed process; it does not wait for the disk, so a power cut may damage the file. Each row has a checksum
+over its name and bytes: a row that fails it counts as absent, and a file that is no database any more is removed and
+recreated. When the file is full, the oldest quarter of the rows is dropped. A fault here costs a trace, never a result:
+no error is raised except for a size that is no number.
 
-Measured on a state of 8 + 8 parts, which takes 60 ms and more to trace: naming its rows 0.03 ms, reading 0.1 ms,
-writing 0.05 ms.
+For a state of 8 + 8 parts, which takes 60 ms and more to trace, naming its rows takes 0.03 ms, reading 0.1 ms,
+writing 0.05 ms (measured).
 
-`OPTOPAD_LIGHT_CACHE_MB` sets the size, 0 does without; deleting the folder clears it, at any time.
+`OPTOPAD_LIGHT_CACHE_MB` sets the size, 0 turns the store off; deleting the folder clears it at any time.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ CACHE_VARIABLE = "OPTOPAD_CACHE"
 
 
 NO_HOME = Path(os.devnull) / "no home folder"
-"""The home of a user who has none: nothing can be kept below it, and a run goes on without."""
+"""The home of a user without one: nothing can be stored below it, and a run continues without."""
 
 
 def cache_folder() -> Path:
@@ -54,7 +54,7 @@ def cache_folder() -> Path:
 
 
 def kernel_folder() -> Path:
-    """Where compiled kernels are kept: `NUMBA_CACHE_DIR`, else in the cache folder; it need not exist."""
+    """Folder of compiled kernels: `NUMBA_CACHE_DIR`, else in the cache folder; it need not exist."""
     chosen = os.environ.get("NUMBA_CACHE_DIR")
     return Path(chosen) if chosen else cache_folder() / "kernels"
 
@@ -68,7 +68,7 @@ def source_fingerprint(modules: Iterable[ModuleType]) -> int:
 
 
 def folder_fingerprint(*folders: Path) -> int:
-    """63-bit hash of every source and data file in the folders and below them, or of the files that are named."""
+    """63-bit hash of every source and data file in the folders and below them, or of the given files."""
     files = (path for folder in folders for path in (folder, *sorted(folder.rglob("*"))) if path.is_file())
     return _hash_of_files(path for path in files if path.suffix in SUFFIXES)
 
@@ -81,28 +81,28 @@ def _hash_of_files(paths: Iterable[Path]) -> int:
 
 
 SIZE_VARIABLE = "OPTOPAD_LIGHT_CACHE_MB"
-"""Environment variable that sets the largest size [MB]; 0: nothing is kept."""
+"""Environment variable that sets the largest size [MB]; 0: nothing is stored."""
 DEFAULT_SIZE_MB = 500.0
-"""50,000 states of a pad of 8 + 8 parts and their derivates; such a map of the pad takes 189."""
+"""Default size for 50,000 states of a pad of 8 + 8 parts and their derivatives; a map of such a pad takes 189."""
 PATIENCE_S = 10.0
 """Longest wait for another process's write."""
 CHECKSUM_BYTES = 8
 WRITTEN_EVERY_S = 1.0
-"""A trace writes its rows so often: what a killed process loses at most."""
+"""Interval at which a trace writes its rows, the most that a killed process loses."""
 MOST_ROW_BYTES = 64_000_000
-"""Of one row; the light of one emitter and state has some kB."""
+"""Largest size of one row; the light of one emitter and state has some kB."""
 ASKED_AT_ONCE = 500
-"""Names in one question; SQLite allows 999 and more."""
+"""Names in one query; SQLite allows 999 and more."""
 PASSING = (
     sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED, sqlite3.SQLITE_CANTOPEN, sqlite3.SQLITE_IOERR, sqlite3.SQLITE_FULL,
     sqlite3.SQLITE_PERM, sqlite3.SQLITE_AUTH, sqlite3.SQLITE_NOMEM,
 )  # fmt: skip
-"""What is no damage of the file: another process, rights, a full disk."""
+"""Errors that are no damage of the file: another process, permissions, a full disk."""
 _TABLE = "CREATE TABLE IF NOT EXISTS light (name BLOB PRIMARY KEY, content BLOB NOT NULL)"
 
 
 class _DamagedFileError(Exception):
-    """The file's own numbers cannot be."""
+    """The file's own numbers are impossible."""
 
 
 @dataclass(frozen=True)
@@ -111,22 +111,22 @@ class LightStore:
 
     Attributes
     ----------
-    path : of the file; it need not exist
-    size_mb : beyond which the oldest rows go
+    path : path of the file; it need not exist
+    size_mb : size beyond which the oldest rows are dropped
     """
 
     path: Path
     size_mb: float
 
     def read(self, names: Sequence[bytes]) -> dict[bytes, bytes]:
-        """The rows that are there and whole."""
+        """The stored rows that are intact."""
         found: dict[bytes, bytes] = {}
-        if not os.path.isfile(self.path):  # which says no where the folder may not be looked into
+        if not os.path.isfile(self.path):  # False where the folder may not be read
             return found
         with (
             self._going_on((*PASSING, sqlite3.SQLITE_ERROR)),
             self._opened() as file,
-        ):  # there may be no table yet
+        ):  # the table may not exist yet
             for start in range(0, len(names), ASKED_AT_ONCE):
                 asked = names[start : start + ASKED_AT_ONCE]
                 names_of = f"name IN ({','.join('?' * len(asked))}) AND length(content) <= ?"
@@ -136,7 +136,7 @@ class LightStore:
         return {name: content for name, content in whole if content is not None}
 
     def write(self, rows: Mapping[bytes, bytes]) -> None:
-        """Keep rows; a row that is there already is replaced."""
+        """Store rows; an existing row is replaced."""
         with contextlib.suppress(OSError), self._going_on(PASSING):
             self.path.parent.mkdir(parents=True, exist_ok=True)
             with self._opened() as file:
@@ -147,7 +147,7 @@ class LightStore:
                     _drop_oldest_quarter(file)
 
     def rows(self) -> int:
-        """How many rows there are; 0 where none can be counted."""
+        """Number of rows; 0 where none can be counted."""
         count = 0
         if os.path.isfile(self.path):
             with contextlib.suppress(sqlite3.Error, UnicodeDecodeError), self._opened() as file:
@@ -156,14 +156,14 @@ class LightStore:
 
     @contextlib.contextmanager
     def _opened(self) -> Iterator[sqlite3.Connection]:
-        """The file, what is done in it done wholly or not at all."""
+        """The file, in one transaction."""
         with contextlib.closing(sqlite3.connect(self.path, timeout=PATIENCE_S)) as file, file:
             file.execute("PRAGMA synchronous = OFF")
             yield file
 
     @contextlib.contextmanager
     def _going_on(self, passing: tuple[int, ...]) -> Iterator[None]:
-        """Go on without what SQLite cannot do; the file is removed but for what may pass by itself."""
+        """Continue after an error of SQLite; the file is removed unless the error may be temporary."""
         try:
             yield
         except (UnicodeDecodeError, _DamagedFileError):
@@ -185,7 +185,7 @@ class GatheredLight:
 
     Parameters
     ----------
-    store : None: the rows are kept in memory alone
+    store : the store; None keeps the rows in memory only
     """
 
     def __init__(self, store: LightStore | None) -> None:
@@ -197,7 +197,7 @@ class GatheredLight:
         self._written_s = time.monotonic()
 
     def read(self, names: Sequence[bytes]) -> dict[bytes, bytes]:
-        """The rows that are known; the store is asked for each name once."""
+        """The known rows; the store is queried for each name once."""
         new = [name for name in names if name not in self._asked]
         if new and self._store is not None:
             self._rows.update(self._store.read(new))
@@ -205,7 +205,7 @@ class GatheredLight:
         return {name: self._rows[name] for name in names if name in self._rows}
 
     def write(self, rows: Mapping[bytes, bytes]) -> None:
-        """Keep rows."""
+        """Store rows."""
         with self._lock:
             self._asked.update(rows)
             self._rows.update(rows)
@@ -214,7 +214,7 @@ class GatheredLight:
                 self._put_away()
 
     def put_away(self) -> None:
-        """Write what is in memory alone."""
+        """Write the rows that are in memory only."""
         with self._lock:
             self._put_away()
 
@@ -237,7 +237,7 @@ def light_store() -> LightStore | None:
 
 
 def store_file() -> Path:
-    """Where the rows lie."""
+    """Path of the store's file."""
     return cache_folder() / "light" / "rows.sqlite"
 
 
@@ -263,7 +263,7 @@ def _sealed(name: bytes, content: bytes) -> bytes:
 
 
 def _unsealed(name: bytes, sealed: object) -> bytes | None:
-    """A row's bytes; None where they are not what was written."""
+    """A row's bytes; None where they differ from the written ones."""
     if not isinstance(sealed, bytes):
         return None
     content = sealed[CHECKSUM_BYTES:]
@@ -280,7 +280,7 @@ def _used_mb(file: sqlite3.Connection) -> float:
 
 
 def _drop_oldest_quarter(file: sqlite3.Connection) -> None:
-    """Rows are numbered as they are written; freed pages are used again, so the file stops growing."""
+    """Drop the rows with the lowest numbers, which count writes; freed pages are reused, so the file stops growing."""
     (count,) = file.execute("SELECT COUNT(*) FROM light").fetchone()
     file.execute(
         "DELETE FROM light WHERE rowid IN (SELECT rowid FROM light ORDER BY rowid LIMIT ?)", (-(-count // 4),)

@@ -1,7 +1,7 @@
-"""Word of kernels being compiled: once on each machine, and again where a source, numba or the processor has changed.
+"""Progress of compiling kernels: once per machine, and again after a change of a source, numba or the processor.
 
-Who draws progress asks to be told; rooms that hold compiled code listen to numba, which says when it compiles. Code
-read from numba's cache on disk is not compiled, and nobody is told. Nothing here imports numba before it is needed.
+A progress display registers a callback; rooms with compiled code listen to numba's events of compiling. Code read from
+numba's cache on disk is not compiled, so there is no event. Nothing here imports numba before it is needed.
 """
 
 from __future__ import annotations
@@ -14,14 +14,14 @@ LAST = ("trace_further", "trace_emitter", "next_path", "straight_matrix")
 """Entry points that are called after all others of their kind of pad, or of the ray tracer."""
 
 _TOLD = set(LAST)
-"""Entry points, which take long; what is compiled for a caller in Python takes less than a second."""
+"""Entry points, which take long; functions compiled for a caller in Python take less than a second."""
 _ASKED: list[_Word] = []
 _LISTENERS: list[Any] = []
-"""At most one."""
+"""The listener, at most one."""
 
 
 class _Word:
-    """What one who asked has been told so far."""
+    """State of one callback."""
 
     def __init__(self, tell: Callable[[float], None]) -> None:
         self.tell, self.share = tell, 1.0
@@ -34,7 +34,7 @@ class _Word:
 
 @contextmanager
 def compiling_told(tell: Callable[[float], None]) -> Iterator[None]:
-    """While this lasts, call `tell` with 0 when compiling begins and with 1 when it is done."""
+    """Within this context, call `tell` with 0 when compiling begins and with 1 when it is done."""
     word = _Word(tell)
     _ASKED.append(word)
     try:
@@ -45,7 +45,7 @@ def compiling_told(tell: Callable[[float], None]) -> Iterator[None]:
 
 
 def listen_to_numba() -> None:
-    """Pass numba's own events on; called by modules with compiled entry points, as often as they like."""
+    """Forward numba's own events; modules with compiled entry points call it, any number of times."""
     from numba.core import event
 
     class Listener(event.Listener):
@@ -62,7 +62,7 @@ def listen_to_numba() -> None:
 
 
 def tell_of(entry_point: str) -> None:
-    """Tell when this function is compiled, too."""
+    """Report the compiling of this function, too."""
     _TOLD.add(entry_point)
 
 

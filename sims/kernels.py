@@ -1,12 +1,12 @@
 # mypy: allow-untyped-calls
-"""Compiled kernels on disk: one folder for the sources they are made of, outside the checkout and the installation.
+"""Compiled kernels on disk: one folder per version of the sources, outside the checkout and the installation.
 
-Numba keeps compiled code beside the sources, where a new clone does not find it. Here it is kept in the cache folder
-(`NUMBA_CACHE_DIR`, else ``kernels`` in `sims.cache`), in a folder named by a hash of the sources: any checkout
-with the same sources reads it, and a changed source is never answered from an old cache. Numba itself looks after its
-own version and the processor. Of two processes that need the same kernel one compiles, and the other waits for it.
+Numba stores compiled code next to the sources, where a new clone does not find it. Here it is in the cache folder
+(`NUMBA_CACHE_DIR`, else ``kernels`` in `sims.cache`), in a folder named by a hash of the sources: any checkout with the
+same sources reads it, and a changed source never uses an old cache. Numba itself checks its own version and the
+processor. If two processes need the same kernel, one compiles, and the other waits for it.
 
-What is used of numba is no public interface: `FunctionCache`, its locators, and the attribute ``_cache``.
+The used parts of numba are no public interface: `FunctionCache`, its locators, and the attribute ``_cache``.
 """
 
 from __future__ import annotations
@@ -32,16 +32,16 @@ from sims.compiling import is_there, tell_of
 
 Function = TypeVar("Function", bound=Callable[..., object])
 KEPT_FOLDERS = 24
-"""Of sources whose kernels are kept; the ones used longest ago go when another is added."""
+"""Number of source versions whose kernels are kept; the least recently used is dropped when another is added."""
 
 
 def entry_points(modules: Sequence[ModuleType], **options: Any) -> Callable[[Function], Function]:
-    """Decorator of compiled entry points that are kept on disk; everything that they call is compiled into them.
+    """Decorator of compiled entry points that are cached on disk; all functions that they call are compiled into them.
 
     Parameters
     ----------
-    modules : of all that they call, and last the module that defines them
-    options : of `numba.njit`
+    modules : modules of all functions that they call, and last the module that defines them
+    options : options of `numba.njit`
     """
     room, _, own = modules[-1].__name__.rpartition(".")
     name = f"{room.rpartition('.')[2]}-{own}-{source_fingerprint(modules):016x}"
@@ -57,7 +57,7 @@ def entry_points(modules: Sequence[ModuleType], **options: Any) -> Callable[[Fun
 
 @cache
 def compile_beside(program: str, entry_point: Any) -> None:
-    """Start a program that compiles, once, unless an entry point is on disk; it ends with this process at the latest.
+    """Start a program that compiles, once, unless an entry point is on disk; it ends no later than this process.
 
     Parameters
     ----------
@@ -68,7 +68,7 @@ def compile_beside(program: str, entry_point: Any) -> None:
     folder = Path(files.cache_path)
     if (
         os.path.isfile(folder / f"{files._impl.filename_base}.nbi")
-        or folder_fault(folder)  # another process could not hand its kernels over
+        or folder_fault(folder)  # another process could not pass its kernels on
     ):
         return
     process = subprocess.Popen(
@@ -87,7 +87,7 @@ def _see_out(process: subprocess.Popen[bytes]) -> None:
 
 
 class _KernelFiles(FunctionCache):
-    """Files of one entry point, and the lock that the process which compiles it holds."""
+    """Files of one entry point, and the lock of the process that compiles it."""
 
     def __init__(self, function: Any, name: str) -> None:
         class Implementation(CompileResultCacheImpl):
@@ -98,7 +98,7 @@ class _KernelFiles(FunctionCache):
         super().__init__(function)
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
-        """What is on disk; where nothing is, what another process is about to write there."""
+        """The kernel on disk; if there is none, that which another process is about to write."""
         try:
             found = super().load_overload(sig, target_context)
             if found is None and self._lock is None:
@@ -112,7 +112,7 @@ class _KernelFiles(FunctionCache):
         return found
 
     def save_overload(self, sig: Any, data: Any) -> None:
-        """Keep what was compiled; a folder that cannot be written costs compiling once more, and no answer."""
+        """Store the compiled kernel; a folder that cannot be written costs compiling once more, but no result."""
         try:
             super().save_overload(sig, data)
         except OSError:
@@ -121,7 +121,7 @@ class _KernelFiles(FunctionCache):
             self._leave_lock()
 
     def _take_lock(self) -> None:
-        """Until it is left, or this process ends however it does."""
+        """Take the lock until it is released, or this process ends in any way."""
         self._impl.locator.ensure_cache_path()
         file = Path(self.cache_path) / f"{self._impl.filename_base}.lock"
         self._lock = os.open(file, os.O_RDWR | os.O_CREAT)
@@ -134,7 +134,7 @@ class _KernelFiles(FunctionCache):
 
 
 def _located(name: str) -> type[Any]:
-    """Where numba looks for the kernels of a folder."""
+    """Locator by which numba finds the kernels of a folder."""
 
     class Locator(_CacheLocator):
         def get_cache_path(self) -> str:
@@ -160,7 +160,7 @@ def _located(name: str) -> type[Any]:
 
 
 def _make_room(folder: Path) -> None:
-    """Remove the kernels of sources that were compiled longest ago."""
+    """Remove the kernels of the least recently compiled sources."""
     if folder.is_dir():
         known = sorted(
             (path for path in folder.iterdir() if path.is_dir()), key=lambda path: path.stat().st_mtime

@@ -8,7 +8,7 @@ Heights are relative to the undisturbed surface, negative in the dimple, positiv
 Inside the contact circle the surface is the tip's: exactly a sphere under a hemisphere, the curve itself
 under any other tip.
 
-Places that a stage reports a little differently each time, and that are one.
+Merging of locations that a stage reports slightly differently each time.
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ class Indentation:
 
     Attributes
     ----------
-    depth_mm : how far the tip's apex lies below the undisturbed surface [mm]; 0 = untouched
+    depth_mm : depth of the tip's apex below the undisturbed surface [mm]; 0 = untouched
     tip_radius_mm : radius of the tip and its shank [mm]
     radius_mm : (n,) distance from the press axis along the curve [mm]
     height_mm : (n,) height relative to the undisturbed surface [mm]
@@ -81,16 +81,16 @@ class Indentation:
 
 
 SAME_PLACE_MM = 0.15
-"""Places this near are one: seven positioning errors of the default stage, random places lie a millimetre apart."""
+"""Locations this near are the same: seven positioning errors of the default stage; random ones are 1 mm apart."""
 
 
 def place_numbers(at_mm: FloatArray, within_mm: float = SAME_PLACE_MM) -> IntArray:
-    """Number the places of samples.
+    """Number the locations of samples.
 
     Parameters
     ----------
     at_mm : (n, 2) reported x, y [mm]
-    within_mm : places linked by steps of at most this are one [mm]
+    within_mm : locations linked by steps of at most this are the same [mm]
 
     Returns
     -------

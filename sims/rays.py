@@ -1,23 +1,23 @@
-"""What becomes of light, for people: kinds of path, the mode that each belongs to, its words and its colours.
+"""Kinds of light path for display: the mode of each, its words and its colours.
 
-The light models tell more classes and losses apart than a picture can; this is the one table that says which
-of them are drawn alike. A class that is not in it is drawn as `other`, under its own name.
+The light models distinguish more classes and losses than a picture can; this is the only table of those that
+are drawn in the same way. A class that is not in it is drawn as `other`, under its own name.
 
 Colours are those of the signal plots (Okabe and Ito 2008) and pale versions of them for a dark ground; dash
-and mark differ too, so that nothing rests on colour alone.
+and mark differ too, so that nothing depends on colour alone.
 
-Sample paths of some pairs' light, untouched and under presses, with the power that each kind carries.
+Sample paths of some pairs' light, untouched and under presses, with the power of each kind.
 
-Two models, each for what it is good at: the paths are walks of the ray tracer (`sims.optics.oracle.paths`), at random;
-the powers are integrals of the light model (`sims.optics.trace`), which a few dozen paths could never give. Paths are
-drawn on the press's curve around its axis, without what walls add beside it, up to a few tenths of a millimetre beside
-them; powers are those of the whole surface.
-The classes of both agree but for the border between `top` and `skirt`, which are one kind here.
+There are two models: the paths are random walks of the ray tracer (`sims.optics.oracle.paths`); the powers are
+integrals of the light model (`sims.optics.tracing`), which a few dozen paths could not give. Paths are drawn on the
+press's curve around its axis, without the change by walls, up to a few tenths of a millimetre near them; powers are
+those of the whole surface.
+The classes of both agree except for the border between `top` and `skirt`, which are one kind here.
 
-Paths of a kind are each as likely as the power that they carry. How many are drawn of a kind grows with the square
-root of its power, so that weak kinds are still seen and strong ones do not hide them; at least a few. Light lost
-under a press is found by following the rays that arrived while the pad was untouched, so it is a sample of what
-the press takes away. Left out: absorption along the drawn paths, and kinds so rare that no ray of the search
+The probability of a path of a kind is proportional to its power. The number of drawn paths of a kind grows with the
+square root of its power, so that weak kinds are visible and strong ones do not hide them; it is at least a few. Light
+lost under a press is found by following the rays that arrived while the pad was untouched, so it is a sample of the
+light that the press removes. Left out: absorption along the drawn paths, and kinds so rare that no ray of the search
 shows them.
 """
 
@@ -44,18 +44,18 @@ Mark = Literal["none", "mirror", "scatter", "end"]
 
 @dataclass(frozen=True, kw_only=True)
 class LightKind:
-    """Light that is drawn alike.
+    """Light that is drawn in the same way.
 
     Attributes
     ----------
     key : short name, in files and in the page
-    title : for a legend
-    words : what it is, in a sentence
+    title : name for a legend
+    words : description, in a sentence
     mode : 1, 2, or None for light that is part of neither
     classes : names of path classes and losses of the light models
     colour, night_colour : on a light and on a dark ground
     dash : lengths of strokes and gaps over the line's width; empty for a solid line
-    mark : what is marked along a path: places where it is mirrored or scattered, or its end
+    mark : marked points of a path: those where it is mirrored or scattered, or its end
     """
 
     key: str
@@ -162,11 +162,11 @@ Pair = tuple[int, int]
 Press = tuple[float, float, float]
 
 POOL_PER_PATH = 20
-"""Paths found for each one drawn, so that a kind with a hundredth of the power is still there."""
+"""Paths found for each one drawn, so that a kind with a hundredth of the power is still present."""
 FEWEST = 5
-"""Paths drawn of a kind however weak it is, where as many were found."""
+"""Least number of paths drawn of a kind, where that many were found."""
 MOST_RAYS = 2_000_000
-"""Rays tried for an emitter under one press: 1 to 3 s."""
+"""Most rays tried for an emitter under one press: 1 to 3 s."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -178,10 +178,10 @@ class RayState:
     press_mm : x, y, depth [mm]; depth 0 is untouched
     indentation : the deformed surface around the axis; None where untouched
     power : (pair,) by path class, over the power of the pair's emitter [-]
-    emitters : number of emitters that the pairs have together
-    paths : light that arrives, the more of a kind the more power it has
-    lost : light that does not: under a press, rays that arrived while it was untouched
-    lost_by : for each of the lost, the receiver that it reached while untouched, or `NO_RECEIVER`
+    emitters : number of the pairs' emitters
+    paths : light that arrives, more paths of a kind with more power
+    lost : light that does not arrive: under a press, rays that arrived while it was untouched
+    lost_by : for each lost path, the receiver that it reached while untouched, or `NO_RECEIVER`
     """
 
     press_mm: Press
@@ -199,7 +199,7 @@ class RayState:
         return {key: value / self.emitters for key, value in self.sums_by_kind(everything).items()}
 
     def sums_by_kind(self, pairs: list[int]) -> dict[str, float]:
-        """Power of some pairs, by their places in `power`, by the key of its kind, over that of one emitter [-]."""
+        """Power of some pairs, by their indices in `power`, by the key of its kind, over that of one emitter [-]."""
         found: dict[str, float] = {}
         for name, values in self.power.items():
             key = kind_of(name).key
@@ -214,18 +214,18 @@ class RayState:
 
 @dataclass(frozen=True, kw_only=True)
 class RayChoice:
-    """Which light is looked at, and how many paths of it.
+    """The light to show, and the number of its paths.
 
     Attributes
     ----------
     pairs : emitter and receiver numbers
     count : paths drawn of the strongest kind of light
-    draws_each_pair : so many of each pair's strongest kind, in place of that of all pairs together
-    shows_all_losses : draw any light that no receiver of the pairs gets, in place of what the press takes away
-    pool_per_path : paths looked for, over those drawn
+    draws_each_pair : whether `count` applies to each pair's strongest kind, not to that of all pairs together
+    shows_all_losses : whether to draw all light that misses the pairs' receivers, not that removed by the press
+    pool_per_path : paths searched, over those drawn
     most_rays : rays tried for an emitter under one press
-    accuracy : of the light model
-    seed : of all random streams
+    accuracy : settings of the light model
+    seed : seed of all random streams
     """
 
     pairs: tuple[Pair, ...]
@@ -245,14 +245,14 @@ class RayChoice:
 
     @property
     def groups(self) -> list[list[int]]:
-        """Pairs whose light is drawn together, by their places in `pairs`."""
+        """Pairs whose light is drawn together, by their indices in `pairs`."""
         everything = list(range(len(self.pairs)))
         return [[number] for number in everything] if self.draws_each_pair else [everything]
 
 
 @dataclass(frozen=True, kw_only=True)
 class _Found:
-    """A path, and the pair that it is drawn for: for lost light, the one that it reached while untouched."""
+    """A path and its pair: for lost light, the pair that it reached while untouched."""
 
     pair: Pair
     path: LightPath
@@ -273,7 +273,7 @@ def ray_states(
 
     Raises
     ------
-    InputError, ModelScopeError : a press that contact or light model refuses
+    InputError, ModelScopeError : the contact or light model refuses a press
     """
     from sims.contact import indent
 
@@ -321,13 +321,13 @@ def _power(light: LightSignals, state: int, pairs: tuple[Pair, ...]) -> dict[str
 
 @dataclass(frozen=True, kw_only=True)
 class _Search:
-    """Looks for paths under one press."""
+    """Search for paths under one press."""
 
     walker: LightWalker
     choice: RayChoice
 
     def arriving(self) -> list[_Found]:
-        """Light that the pairs' receivers get."""
+        """Light that reaches the pairs' receivers."""
         choice = self.choice
         together = len(choice.pairs) if choice.draws_each_pair else 1
         wanted = max(1, round(choice.count * choice.pool_per_path * together / len(choice.receivers)))
@@ -338,7 +338,7 @@ class _Search:
         ]
 
     def anything_lost(self, receivers: int) -> list[_Found]:
-        """Light that no receiver of the pairs gets, of so many receivers in all."""
+        """Light that reaches no receiver of the pairs, with this many receivers in all."""
         choice, found = self.choice, []
         for emitter, own in choice.receivers.items():
             ends = [NO_RECEIVER, *sorted(set(range(receivers)) - set(own))]
@@ -347,7 +347,7 @@ class _Search:
         return found
 
     def missing(self, before: list[_Found]) -> list[_Found]:
-        """Light that arrived before and does not now."""
+        """Light that arrived before and does not arrive now."""
         found = []
         for emitter, own in self.choice.receivers.items():
             former = {one.path.ray: one.pair for one in before if one.pair[0] == emitter}
@@ -364,7 +364,7 @@ def _filled(
     before: list[_Found],
     lost: list[_Found],
 ) -> RayState:
-    """A state with the paths that are drawn of those found."""
+    """A state with the drawn paths of those found."""
     drawn: list[_Found] = []
     gone: list[_Found] = []
     for group in choice.groups:
@@ -394,12 +394,12 @@ def _of(pairs: set[Pair], found: list[_Found]) -> list[_Found]:
 
 
 def _number(share: float, count: int) -> int:
-    """How many paths are drawn of a kind with so much power, over the brightest kind of the untouched pad."""
+    """Number of paths drawn of a kind by its power over that of the brightest kind of the untouched pad."""
     return min(count, max(FEWEST, round(count * float(np.sqrt(max(share, 0.0))))))
 
 
 def _in_turn(found: list[_Found], count: int) -> list[_Found]:
-    """The first of every emitter's, one after the other, up to a count."""
+    """Paths of the emitters in turn, up to a count."""
     seen: dict[int, int] = {}
     ranks = []
     for place, one in enumerate(found):

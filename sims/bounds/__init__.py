@@ -1,4 +1,4 @@
-"""What the signals can tell at best: Fisher information and Cramér-Rao bounds of a press's place and depth.
+"""Fisher information of the signals, and Cramér-Rao bounds of a press's location and depth.
 
-Imports of ours: verdict and below.
+It imports verdict and the rooms below it.
 """

@@ -1,11 +1,11 @@
-"""The lightest press that the pad answers to, place by place, in millimetres and newtons.
+"""The detection threshold: the lightest press that the pad detects, by location, in millimetres and newtons.
 
-A press is felt when some pair's reading has left its untouched value by the deadband threshold, 3 noise units: one
-pair and one frame; many pairs or frames together feel less. The trace's error is carried: the press is felt at the
-earliest where the change plus two standard errors reaches the threshold, at the latest where the change less two
-does. Loads come from the contact model at the place, near walls included; the band is that of Young's modulus.
-Between depths traced, changes are straight lines, which is too soon below the first of them (signals grow faster than
-depth at first contact).
+A press is detected when some pair's reading differs from its untouched value by the deadband threshold, 3 noise units.
+This holds for one pair and one frame; many pairs or frames together detect lighter presses. The trace's error is
+propagated: detection is earliest where the change plus two standard errors reaches the threshold, and latest where the
+change less two does. Loads come from the contact model at the location, near walls included; the band is that of
+Young's modulus. Between the depths traced, changes are straight lines; this is too early at depths less than the first
+of them (signals grow faster than depth at first contact).
 """
 
 from __future__ import annotations
@@ -26,17 +26,17 @@ from sims.verdict.depth_curve import DEADBAND_THRESHOLD, noise_units, sigma_coun
 
 @dataclass(frozen=True, kw_only=True)
 class DetectionThreshold:
-    """The lightest press that is felt; infinite where none within the range of use is, NaN outside the workspace.
+    """The lightest detected press; infinite where none within the usable range is detected, NaN outside the workspace.
 
     Attributes
     ----------
-    x_mm : (nx,), y_mm : (ny,) lines of the grid of places [mm]
-    depth_mm : (ny, nx) depth from which the pad answers [mm]
+    x_mm : (nx,), y_mm : (ny,) lines of the grid of locations [mm]
+    depth_mm : (ny, nx) depth from which a press is detected [mm]
     depth_low_mm, depth_high_mm : (ny, nx) the same at the earliest and latest, by the trace's error [mm]
-    force_n : (ny, nx) load at that depth at the modulus believed most [N]
+    force_n : (ny, nx) load at that depth at the best value of the modulus [N]
     force_error_low_n, force_error_high_n : (ny, nx) load at the earliest and latest depth [N]
     low_n, high_n : (ny, nx) load at that depth at the ends of the modulus's band [N]
-    threshold : change that counts as felt [noise units]
+    threshold : change that counts as detected [noise units]
     """
 
     x_mm: tuple[float, ...]
@@ -53,7 +53,7 @@ class DetectionThreshold:
 
     @property
     def worst(self) -> tuple[int, int]:
-        """(row, column) of the place that needs the heaviest press."""
+        """(row, column) of the location that needs the heaviest press."""
         row, column = np.unravel_index(int(np.nanargmax(self.depth_mm)), self.depth_mm.shape)
         return int(row), int(column)
 
@@ -68,7 +68,7 @@ def detection_threshold(
     readout: Readout,
     threshold: float = DEADBAND_THRESHOLD,
 ) -> DetectionThreshold:
-    """The lightest press felt at each place of a map.
+    """The lightest detected press at each location of a map.
 
     Parameters
     ----------
@@ -76,7 +76,7 @@ def detection_threshold(
         workspace [-]
     x_mm : (nx,), y_mm : (ny,), depth_mm : (nd,) lines of the map
     readout : gains of the receivers
-    threshold : change that counts as felt [noise units]
+    threshold : change that counts as detected [noise units]
     """
     noise = {
         "read_noise_counts": design.value_noise_counts,
@@ -126,7 +126,7 @@ def _first_reached_mm(depth_mm: FloatArray, change: FloatArray, threshold: float
 def _forces_n(
     design: SensorDesign, x_mm: tuple[float, ...], y_mm: tuple[float, ...], depth_mm: FloatArray
 ) -> FloatArray:
-    """(ny, nx) load at each place's depth [N]; infinite where the depth is."""
+    """(ny, nx) load at each location's depth [N]; infinite where the depth is."""
     force = np.where(np.isnan(depth_mm), np.nan, np.inf)
     for (row, column), depth in np.ndenumerate(depth_mm):
         if np.isfinite(depth):

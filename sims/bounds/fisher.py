@@ -7,53 +7,52 @@ noise. For θ = (x, y, depth) the Fisher information of one frame of readings is
 
     F = Jᵀ W J,   Jₖᵢ = ∂cₖ/∂θᵢ,   W = diag 1/σₖ²,
 
-and no unbiased estimate of θ has a covariance below F⁻¹ (Van Trees 1968, section 2.4). Location bound
-√(F⁻¹ₓₓ + F⁻¹ᵧᵧ), depth bound √F⁻¹_dd, and 1/√F_dd where the place is known.
+and no unbiased estimate of θ has a covariance below F⁻¹ (Van Trees 1968, section 2.4). The location bound is
+√(F⁻¹ₓₓ + F⁻¹ᵧᵧ), the depth bound √F⁻¹_dd, and 1/√F_dd where the location is known.
 
 Trace noise is no information
 -----------------------------
-A Jacobian J + n whose noise n comes from the simulation gives E[(J + n)ᵀW(J + n)] = F + E[nᵀWn]: noise passes for
+A Jacobian J + n whose noise n comes from the simulation gives E[(J + n)ᵀW(J + n)] = F + E[nᵀWn]: noise counts as
 information. With two independent halves, E[(J + a)ᵀW(J + b)] = F. So F is the symmetrised product of the halves. It may
-have eigenvalues that are not positive: there the press is *blind* as far as this trace can tell, never exactly known.
+have eigenvalues that are not positive: such a press is *not resolved* to the accuracy of this trace.
 
 Its error: d(F⁻¹) = -F⁻¹ dF F⁻¹, so a bound with v = F⁻¹eᵢ moves by -vᵀdF v, a sum over pairs of
 w (Jv)((a + b)v) + w (av)(bv), whose variance is w² (2 (Jv)² s² + s⁴) a pair, with s² = var(av) estimated by half of
-((a - b)v)². The differences of stencils between the halves count as noise here, too. A direction with
-information within `TOLD_FROM_ZERO` standard errors of zero counts as blind: a bound is rather too large than too small.
+((a - b)v)². The differences of stencils between the halves count as noise here, too. A direction with information
+within `TOLD_FROM_ZERO` standard errors of zero counts as not resolved, so a bound is rather too large than too small.
 
-Left out: what the variance of the readings tells (σ depends on c; at a relative noise of 0.003 it adds 2e-5 of F), bias
-of estimators, prior knowledge (the workspace ends somewhere), several frames (n independent ones divide bounds by √n),
-error that readings share (drift, supply, temperature), ambient light, an unknown gain.
+Left out: information in the variance of the readings (σ depends on c; at a relative noise of 0.003 it adds 2e-5 of F),
+bias of estimators, prior knowledge (the limits of the workspace), several frames (n independent ones divide bounds by
+√n), error common to the readings (drift, supply, temperature), ambient light, an unknown gain.
 
 Sources: S. M. Kay, Fundamentals of Statistical Signal Processing: Estimation Theory, 1993, sections 3.7 and 3.9;
 H. L. Van Trees, Detection, Estimation, and Modulation Theory I, 1968, section 2.4.
 
-The numbers that bounds and their summaries depend on, in one place; every function takes them as keywords.
+The numbers on which bounds and their summaries depend, collected here; every function takes them as keywords.
 
 Sources
 -------
-[R] Chosen for this tool: a fingertip-sized contact is useful when it is placed to a millimetre and its depth to half a
-    millimetre (coverage); a voxel is dead when it cannot be placed to half a millimetre or its depth to a tenth, the
-    limits of the feasibility study. Confidence: chosen; they are limits to rank layouts by, not findings.
+[R] Chosen for this tool: a fingertip-sized contact is useful when it is located to a millimetre and its depth to half
+a millimetre (coverage); a voxel is dead when its location is not resolved to half a millimetre, or its depth to a
+tenth, the limits of the feasibility study. Confidence: chosen; they serve to rank layouts and are no findings.
 [M] Measured on the paper's pad: docs/understand/model.md, "What the signals can tell".
 
-Derivatives of all readings by place and depth, from presses beside each voxel's centre, in two independent halves.
+Derivatives of all readings by location and depth, from presses around each voxel's centre, in two independent halves.
 
-Central differences of six presses a half: (x ± h, y, d), (x, y ± h, d), (x, y, d ± k), off by terms of the order h²
-and k². Within a half the same seed and settings make one lattice around the tip, whose error is nearly the same on
-both sides and cancels; between the halves seeds differ, so that what is left is independent (`sims.bounds.fisher`
-says why that matters). The replicates of one trace are no such halves: their offsets are spread evenly, so that their
-errors lean against each other. A grid of places a millimetre or two apart is never differenced: signals bend within
-less.
+They are central differences of six presses a half: (x ± h, y, d), (x, y ± h, d), (x, y, d ± k), with errors of the
+order h² and k². Within a half the same seed and settings make one lattice around the tip, whose error is nearly the
+same on both sides and cancels; the seeds of the halves differ, so the remaining errors are independent, as the product
+above requires. The replicates of one trace are no such halves: their offsets are spread evenly, so their errors are
+correlated. Locations a millimetre or two apart are never differenced, since signals bend within less.
 
-Four presses a half would do (the corners of a tetrahedron, mirrored in the other half), but its mixed second
-derivatives differ between the halves by more than the trace's error and hide it; six tell the error truly. One-sided
+Four presses a half would suffice (the corners of a tetrahedron, mirrored in the other half), but its mixed second
+derivatives differ between the halves by more than the trace's error and hide it; six give the true error. One-sided
 differences, outward in one half and inward in the other, were tried, too: their product is free of errors of the first
 order, but where signals bend within the step (the paper's pad at 4.9 mm) the bounds came out twice as large.
 
-Left out: kinks nearer than the steps (the end of a shadow) are smoothed over h and k.
+Left out: kinks nearer than the steps (the end of a shadow), which are smoothed over h and k.
 
-Derivatives at every voxel of a grid of places; voxels that the light settings leave unclear are traced finer.
+Derivatives at every voxel of a grid of locations; voxels that the light settings leave open are traced finer.
 """
 
 from __future__ import annotations
@@ -87,7 +86,7 @@ DEAD_DEPTH_MM: Final = 0.1
 """See `DEAD_LOCATION_MM` [mm]; [R]."""
 
 LATERAL_STEP_MM: Final = SURROUND_MM
-"""Offset of the presses that give the derivatives by place [mm]; [M]."""
+"""Offset of the presses that give the derivatives by location [mm]; [M]."""
 
 DEPTH_STEP_MM: Final = 0.1
 """Offset of the presses that give the derivative by depth [mm]; [M]."""
@@ -96,7 +95,7 @@ LARGEST_DEPTH_STEP_SHARE: Final = 0.25
 """The depth offset is at most this share of the depth [-]: near contact, signals grow like a power of depth."""
 
 SPIKE: Final = 5.0
-"""A pair whose reading has a larger trace error than this at some press of a voxel tells nothing there [noise units];
+"""A pair whose reading has a larger trace error than this at some press of a voxel is left out there [noise units];
 [M]: two of 960 at draft, one of which hid all the others."""
 
 TOLD_FROM_ZERO: Final = 2.0
@@ -107,39 +106,39 @@ BAND: Final = 2.0
 
 FORMED_SPIKE: Final = 20.0
 """The same for discs and crowned pads [noise units]: their light is integrated on lattices and has no spikes, and the
-difference of its halves enters the bounds' error anyway; [M]: with 5, light of half as many points leaves out so many
-pairs of the crowned preset that bounds at 2.9 and 3.9 mm come out up to 24 % wider; with 20 they agree within 6 %."""
+difference of its halves is in the bounds' error anyway; [M]: with 5, light of half as many points leaves out so many
+pairs of the crowned preset that bounds at 2.9 and 3.9 mm are up to 24 % wider; with 20 they agree within 6 %."""
 
 CLEAR_ERROR: Final = 0.05
 """A bound whose trace error is a larger share of it is traced again with finer light [-]; [M]. At a tenth, a depth
-bound of the paper's pad late in the press came out at 18 to 30 µm by six seeds, with errors stated as 0.7 to 2.4; at a
-twentieth at 20 to 21, for an eighth more of the bounds' time."""
+bound of the paper's pad late in the press was 18 to 30 µm by six seeds, with stated errors of 0.7 to 2.4; at a
+twentieth it was 20 to 21, for an eighth more of the bounds' time."""
 
 SHALLOW_MM: Final = 0.3
 """Voxels above this begin with the second settings of the light [mm]: on the paper's pad four in five of them at 0.2 mm
-are open after the first, most of them blind; [M]."""
+are open after the first, most of them not resolved; [M]."""
 
 COARSE_DEPTHS_MM: Final = (0.2, 0.7, 1.5, 2.9)
-"""Depths of the bounds of a quick score; those beyond the range of use are left out, its end is added [mm]. Most lie
-half-way between depths of its map, whose light then serves both."""
+"""Depths of the bounds of a quick score; those beyond the usable range are left out, its end is added [mm]. Most are
+half-way between depths of its map, so that the map's light serves both."""
 
 FINE_DEPTHS_MM: Final = (0.15, 0.4, 0.8, 1.5, 2.5, 3.6)
 """Depths of the bounds of a fine score, likewise [mm]. Bounds change slowly with depth, so these are coarser than the
 deadband map's."""
 
 PRESSES = 6
-"""Presses of one half at one voxel."""
+"""Number of presses of one half at one voxel."""
 
 DEPTH_DIGITS = 12
 """Decimals of a press's depth [mm]: far below any step, above round-off."""
 
 SEED_GAP = 7919
-"""Added to the seed for the second half; a prime, so that neighbouring seeds of a study do not share halves."""
+"""Number added to the seed for the second half; a prime, so that neighbouring seeds of a study share no halves."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Steps:
-    """Offsets of the presses: by place, and by depth at most [mm]."""
+    """Offsets of the presses: by location, and by depth at most [mm]."""
 
     lateral_mm: float = LATERAL_STEP_MM
     depth_mm: float = DEPTH_STEP_MM
@@ -154,7 +153,7 @@ class Steps:
 def stencil_presses(voxels_mm: FloatArray, offsets_mm: FloatArray) -> FloatArray:
     """(voxel x 6, 3) presses: of each (voxel, 3) centre those on both sides by x, by y, by depth [mm].
 
-    Depths are rounded to `DEPTH_DIGITS`, so that sums are the numbers of a map's schedule and its light is found again.
+    Depths are rounded to `DEPTH_DIGITS`, so that they equal those of a map's schedule and its stored light is found.
     """
     sides = np.repeat(np.eye(3), 2, axis=0) * np.tile([1.0, -1.0], 3)[:, None]
     presses = (voxels_mm[:, None, :] + sides * offsets_mm[:, None, :]).reshape(-1, 3)
@@ -183,14 +182,14 @@ def sensitivity(
     Parameters
     ----------
     voxels_mm : (voxel, 3) x, y, depth
-    accuracy, seed : of the light; the second half has ``seed + SEED_GAP``
+    accuracy, seed : settings of the light; the second half has ``seed + SEED_GAP``
     on_step : called with the share that is done
 
     Returns
     -------
     Sensitivity with the leading axis voxel, pairs with the emitter outermost. Pairs that read above full scale at any
-    of the presses tell nothing, nor do those that the trace itself does not know to `SPIKE` (`FORMED_SPIKE`) noise
-    units: leaving a pair out can but widen the bounds.
+    of the presses are left out, as are those with a trace error above `SPIKE` (`FORMED_SPIKE`) noise units: leaving a
+    pair out can only widen the bounds.
     """
     offsets = steps.offsets_mm(voxels_mm[:, 2])
     presses = stencil_presses(voxels_mm, offsets)
@@ -210,9 +209,9 @@ def sensitivity(
 
 
 def _apart(first: FloatArray, second: FloatArray) -> FloatArray:
-    """(voxel, 6, pair) how far the halves' readings of a press lie apart, less what they do at all of the voxel.
+    """(voxel, 6, pair) difference of the halves' readings of a press, less their difference over the whole voxel.
 
-    In place of the stated errors of discs and crowned pads, which bound a lattice's error with much room.
+    It replaces the stated errors of discs and crowned pads, which bound a lattice's error very loosely.
     """
     apart = (first - second) / np.sqrt(2.0)
     return np.asarray(np.abs(apart - apart.mean(axis=1, keepdims=True)))
@@ -250,12 +249,12 @@ def _weights(
 
 @dataclass(frozen=True, kw_only=True)
 class Sensitivity:
-    """How readings answer to a press, twice and independently.
+    """Sensitivity of readings to a press, in two independent halves.
 
     Attributes
     ----------
     first, second : (..., pair, 3) derivatives of the readings by x, y and depth [counts/mm]
-    weight : (..., pair) one over the variance of a reading, 0 where it tells nothing [1/counts²]
+    weight : (..., pair) one over the variance of a reading, 0 where it is left out [1/counts²]
     """
 
     first: FloatArray
@@ -269,14 +268,14 @@ class Sensitivity:
 
 @dataclass(frozen=True, kw_only=True)
 class Bounds:
-    """Least standard deviations of unbiased estimates from one frame; infinite where blind.
+    """Least standard deviations of unbiased estimates from one frame; infinite where not resolved.
 
     Attributes
     ----------
-    location_mm : (...) of the place, √(var x + var y); depth_mm : of the depth
-    depth_alone_mm : of the depth when the place is known
-    location_error_mm, depth_error_mm, depth_alone_error_mm : (...) standard errors that the light trace leaves;
-        infinite where blind
+    location_mm : (...) of the location, √(var x + var y); depth_mm : of the depth
+    depth_alone_mm : of the depth when the location is known
+    location_error_mm, depth_error_mm, depth_alone_error_mm : (...) standard errors from the light trace;
+    infinite where not resolved
     """
 
     location_mm: FloatArray
@@ -288,7 +287,7 @@ class Bounds:
 
     @property
     def is_blind(self) -> BoolArray:
-        """(...) whether some direction of (x, y, depth) has no information that the trace can tell from none."""
+        """(...) whether some direction of (x, y, depth) has no information above the trace's error."""
         return ~np.isfinite(self.location_mm)
 
 
@@ -300,7 +299,7 @@ def information(answers: Sensitivity) -> FloatArray:
 
 
 def information_error(answers: Sensitivity, direction: FloatArray) -> FloatArray:
-    """Standard error of vᵀFv that the trace leaves.
+    """Standard error of vᵀFv from the light trace.
 
     Parameters
     ----------
@@ -318,7 +317,7 @@ def information_error(answers: Sensitivity, direction: FloatArray) -> FloatArray
 
 
 def bounds_of(answers: Sensitivity, told_from_zero: float = TOLD_FROM_ZERO) -> Bounds:
-    """Cramér-Rao bounds of place and depth.
+    """Cramér-Rao bounds of location and depth.
 
     Parameters
     ----------
@@ -354,7 +353,7 @@ def _is_seen(answers: Sensitivity, fisher: FloatArray, told_from_zero: float) ->
 
 
 def _rooted(variance: FloatArray, error: FloatArray, is_seen: BoolArray) -> tuple[FloatArray, FloatArray]:
-    """Root of a variance and its standard error; infinite where not seen."""
+    """Root of a variance and its standard error; infinite where not resolved."""
     root = np.sqrt(np.where(is_seen, variance, 1.0))
     return np.where(is_seen, root, np.inf), np.where(is_seen, 0.5 * error / root, np.inf)
 
@@ -369,7 +368,7 @@ def _depth_alone(
 
 
 FIRST_STAGE_SHARE = 0.8
-"""Share of the progress that the first settings stand for, where others follow."""
+"""Share of the progress for the first settings, where others follow."""
 
 
 def sensitivities(
@@ -383,14 +382,14 @@ def sensitivities(
     steps: Steps,
     on_step: OnShare | None = None,
 ) -> Sensitivity:
-    """Derivatives of all pairs at every place and depth. Presses that a symmetry joins are traced once, by the engine.
+    """Derivatives of all pairs at every location and depth. The engine traces presses that are equal by symmetry once.
 
     Parameters
     ----------
     places_mm : (place, 2); depth_mm : (depth,)
-    accuracies : settings of the light, cheapest first: voxels that are blind, or whose bounds' error is above
-        `CLEAR_ERROR` of them, are traced again with the next; voxels above `SHALLOW_MM` begin with the second
-    seed, steps, on_step : as `sims.bounds.fisher.sensitivity` takes them
+    accuracies : settings of the light, cheapest first: voxels that are not resolved, or whose bounds' error is above
+    `CLEAR_ERROR` of them, are traced again with the next; voxels above `SHALLOW_MM` begin with the second
+    seed, steps, on_step : as for `sims.bounds.fisher.sensitivity`
 
     Returns
     -------
@@ -442,7 +441,7 @@ def _is_unclear(bounds: Bounds) -> BoolArray:
 
 
 def _nothing(like: Sensitivity, voxels: int) -> Sensitivity:
-    """Voxels that nothing is known of yet: blind."""
+    """Voxels without information yet: not resolved."""
     pairs = like.weight.shape[-1]
     zeros = np.zeros((voxels, pairs, 3))
     return Sensitivity(first=zeros, second=zeros, weight=np.zeros((voxels, pairs)))

@@ -1,20 +1,20 @@
-"""What a pad can tell of a press at best: bounds of its place and depth in every voxel of the workspace.
+"""Accuracy of a pad at best: bounds of a press's location and depth in every voxel of the workspace.
 
-For every (x, y, depth) the Cramér-Rao bounds of one frame of readings of all pairs (`sims.bounds.fisher`), from
-derivatives by offset presses in two independent halves (`sims.bounds.fisher`); what of it is lost when an emitter or
-receiver dies; the lightest press that is felt. Helps to compare layouts; a trained estimator does no better on
-average, and usually worse.
+For every (x, y, depth) it computes the Cramér-Rao bounds of one frame of readings of all pairs, from derivatives by
+offset presses in two independent halves (`sims.bounds.fisher`); the loss when an emitter or receiver fails; and the
+detection threshold. The bounds serve to compare layouts; a trained estimator is no better on average, and usually
+worse.
 
-Summaries are shares of the volume that the bounds' grid stands for: every place counts alike, every depth with the
-distance half-way to its neighbours. Their low and high ends come from all bounds moved together by two standard
-errors of the trace, which is the worst case (voxels' errors are nearly independent). They hold the error of the trace
-only: not that of the models, nor the coarseness of the grid.
+Summaries are shares of the volume that the bounds' grid represents: every location has the same weight, every depth
+the distance half-way to its neighbours. Their low and high ends come from all bounds moved together by two standard
+errors of the trace, which is the worst case (voxels' errors are nearly independent). They contain the error of the
+trace only, not that of the models or of the coarse grid.
 
-Summaries of bounds over a volume, each with the ends that the error of the light trace leaves.
+Summaries of bounds over a volume, each with the ends of its band by the error of the light trace.
 
-What is lost when one emitter or one receiver dies: the bounds again without its pairs.
+The loss when one emitter or one receiver fails: the bounds again without its pairs.
 
-Bounds as plain data for JSON: summaries with the ends of their bands, maps by depth; blind is None.
+Bounds as plain data for JSON: summaries with the ends of their bands, maps by depth; not resolved is None.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ from sims.verdict.pad_map import grid_inside, grid_places_mm, map_grid_mm, on_gr
 from sims.verdict.presses import untouched_flux
 
 ROUND_OFF_DIGITS = 12
-"""Decimals of a share that are more than round-off."""
+"""Decimals of a share above round-off."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -66,7 +66,7 @@ class Figure:
         return f"{self.value:.0%}" if same else f"{self.value:.0%} ({self.low:.0%} to {self.high:.0%})"
 
     def complement(self) -> Figure:
-        """One minus it, of a share: sums of shares are off by round-off, which is cut off."""
+        """One minus a share; the round-off of its sum is cut off."""
         value, low, high = (
             max(0.0, round(1.0 - share, ROUND_OFF_DIGITS)) for share in (self.value, self.high, self.low)
         )
@@ -74,7 +74,7 @@ class Figure:
 
 
 def depth_weights(depth_mm: Sequence[float] | FloatArray, max_depth_mm: float) -> FloatArray:
-    """(n,) share of 0 to the deepest press that each depth stands for: half-way to its neighbours [-].
+    """(n,) share of the range 0 to the deepest press that each depth represents: half-way to its neighbours [-].
 
     Parameters
     ----------
@@ -97,7 +97,7 @@ def median_of(values: FloatArray, errors: FloatArray, weight: FloatArray) -> Fig
 
 
 def share_of(bounds: Bounds, location_mm: float, depth_mm: float, weight: FloatArray) -> Figure:
-    """Share of the volume that is not blind and has both bounds below the limits [-]."""
+    """Share of the volume that is resolved and has both bounds below the limits [-]."""
     location_low, location_high = _ends(bounds.location_mm, bounds.location_error_mm)
     depth_low, depth_high = _ends(bounds.depth_mm, bounds.depth_error_mm)
 
@@ -127,14 +127,14 @@ def _median(values: FloatArray, weight: FloatArray) -> float:
 
 @dataclass(frozen=True, kw_only=True)
 class PartLoss:
-    """The pad without one part.
+    """The pad without one component.
 
     Attributes
     ----------
-    part : its name, as E3
+    part : name of the component, as E3
     coverage : share of the workspace's volume still covered [-]
-    median_location_mm, median_depth_mm : median bounds of what is left [mm]; infinite where half is blind
-    blind_share : share of the volume where some direction cannot be told [-]
+    median_location_mm, median_depth_mm : median bounds without it [mm]; infinite where half is not resolved
+    blind_share : share of the volume where some direction is not resolved [-]
     """
 
     part: str
@@ -151,12 +151,12 @@ def part_losses(
     covered_location_mm: float,
     covered_depth_mm: float,
 ) -> tuple[PartLoss, ...]:
-    """The pad without each part in turn, emitters first.
+    """The pad without each component in turn, emitters first.
 
     Parameters
     ----------
     answers : derivatives of all pairs, emitter outermost
-    weight : (...) share of the volume that each voxel stands for
+    weight : (...) share of the volume that each voxel represents
     """
     emitter, receiver = (index.ravel() for index in np.indices((len(cavity.emitters), len(cavity.receivers))))
     lost = [(part.name, emitter == k) for k, part in enumerate(cavity.emitters)]
@@ -185,13 +185,13 @@ def _loss(
 
 
 BOUND_ACCURACIES = ("score", MIRRORED_FINER)
-"""Settings of the light for derivatives, cheapest first: a common lattice takes most of the error out, and voxels
-where that is not enough are traced again with the next. The first are those of a map, whose light is found again."""
+"""Settings of the light for derivatives, cheapest first: a common lattice removes most of the error, and voxels where
+that is not enough are traced again with the next. The first are those of a map, whose stored light is reused."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Limits:
-    """What counts as covered and as dead [mm]: see `sims.bounds.fisher`."""
+    """Limits of covered and of dead voxels [mm]: see `sims.bounds.fisher`."""
 
     covered_location_mm: float = COVERED_LOCATION_MM
     covered_depth_mm: float = COVERED_DEPTH_MM
@@ -201,7 +201,7 @@ class Limits:
 
 @dataclass(frozen=True, kw_only=True)
 class Voxel:
-    """One voxel of the bounds: its centre, its bounds, and their standard errors; infinite where blind [mm]."""
+    """One voxel of the bounds: its centre, its bounds, and their standard errors; infinite where not resolved [mm]."""
 
     x_mm: float
     y_mm: float
@@ -214,25 +214,25 @@ class Voxel:
 
 @dataclass(frozen=True, kw_only=True)
 class PadBounds:
-    """Cramér-Rao bounds over the workspace, and what follows from them.
+    """Cramér-Rao bounds over the workspace, and their summaries.
 
-    Arrays have the axes (y, x, depth); a bound is infinite, and its error too, where the pad is blind, and NaN outside
-    the workspace.
+    Arrays have the axes (y, x, depth); a bound and its error are infinite where a press is not resolved, and NaN
+    outside the workspace.
 
     Attributes
     ----------
     x_mm : (nx,), y_mm : (ny,), depth_mm : (nd,) centres of the voxels [mm]
-    max_depth_mm : end of the range of use, to which the deepest voxel reaches [mm]
-    location_mm : (ny, nx, nd) least standard deviation of the place, √(var x + var y) [mm]
-    depth_bound_mm : (ny, nx, nd) least standard deviation of the depth, place unknown [mm]
-    depth_alone_mm : (ny, nx, nd) the same, place known [mm]
-    location_error_mm, depth_error_mm, depth_alone_error_mm : (ny, nx, nd) standard errors that the trace leaves [mm]
-    losses : what is lost when a part dies, one row a part, emitters first; empty where not computed
-    felt : lightest press that the pad answers to, place by place; None where not computed
-    limits : what counts as covered and as dead
-    pairs : names of the pairs that tell, as E1-R3
-    steps : offsets of the presses behind the derivatives [mm]
-    accuracies, seed, digest : settings of the light, cheapest first, and of what design; the second half has seed +
+    max_depth_mm : end of the usable range, to which the deepest voxel reaches [mm]
+    location_mm : (ny, nx, nd) least standard deviation of the location, √(var x + var y) [mm]
+    depth_bound_mm : (ny, nx, nd) least standard deviation of the depth, location unknown [mm]
+    depth_alone_mm : (ny, nx, nd) the same, location known [mm]
+    location_error_mm, depth_error_mm, depth_alone_error_mm : (ny, nx, nd) standard errors from the light trace [mm]
+    losses : loss when a component fails, one row each, emitters first; empty where not computed
+    felt : detection threshold by location; None where not computed
+    limits : limits of covered and of dead voxels
+    pairs : names of the pairs in the bounds, as E1-R3
+    steps : offsets of the presses for the derivatives [mm]
+    accuracies, seed, digest : settings of the light, cheapest first, and the design; the second half has seed +
         `sims.bounds.fisher.SEED_GAP`
     """
 
@@ -257,19 +257,19 @@ class PadBounds:
 
     @property
     def is_blind(self) -> BoolArray:
-        """(ny, nx, nd) whether some direction of (x, y, depth) cannot be told."""
+        """(ny, nx, nd) whether some direction of (x, y, depth) is not resolved."""
         return np.isinf(self.location_mm)
 
     @property
     def weight(self) -> FloatArray:
-        """(ny, nx, nd) share of the workspace's volume that each voxel stands for; sums to 1."""
+        """(ny, nx, nd) share of the workspace's volume that each voxel represents; sums to 1."""
         inside = self.inside
         shares = depth_weights(self.depth_mm, self.max_depth_mm) / inside.sum()
         return np.where(inside[:, :, None], shares, 0.0)
 
     @property
     def inside(self) -> BoolArray:
-        """(ny, nx) which places of the grid lie in the workspace."""
+        """(ny, nx) which locations of the grid are in the workspace."""
         return ~np.isnan(self.location_mm[:, :, 0])
 
     @property
@@ -286,17 +286,17 @@ class PadBounds:
 
     @property
     def median_location_mm(self) -> Figure:
-        """Median location bound over the volume [mm]; infinite where half of it is blind."""
+        """Median location bound over the volume [mm]; infinite where half of it is not resolved."""
         return median_of(self.location_mm, self.location_error_mm, self.weight)
 
     @property
     def median_depth_mm(self) -> Figure:
-        """Median depth bound over the volume, place unknown [mm]."""
+        """Median depth bound over the volume, location unknown [mm]."""
         return median_of(self.depth_bound_mm, self.depth_error_mm, self.weight)
 
     @property
     def median_depth_alone_mm(self) -> Figure:
-        """Median depth bound over the volume, place known [mm]."""
+        """Median depth bound over the volume, location known [mm]."""
         return median_of(self.depth_alone_mm, self.depth_alone_error_mm, self.weight)
 
     @property
@@ -307,23 +307,23 @@ class PadBounds:
 
     @property
     def dead_share(self) -> Figure:
-        """Share of the volume whose location or depth bound is above its limit, blind voxels included [-]."""
+        """Share of the volume whose location or depth bound is above its limit, or not resolved [-]."""
         limits = self.limits
         return share_of(self.bounds, limits.dead_location_mm, limits.dead_depth_mm, self.weight).complement()
 
     @property
     def dead_depth_share(self) -> Figure:
-        """Share of the volume whose depth bound, place unknown, is above its limit, blind voxels included [-]."""
+        """Share of the volume whose depth bound, location unknown, is above its limit, or not resolved [-]."""
         return share_of(self.bounds, np.inf, self.limits.dead_depth_mm, self.weight).complement()
 
     @property
     def blind_share(self) -> float:
-        """Share of the volume where some direction cannot be told [-]."""
+        """Share of the volume where some direction is not resolved [-]."""
         return float(self.weight[self.is_blind].sum())
 
     @property
     def worst(self) -> Voxel:
-        """The voxel with the largest location bound, blind ones first; among blind ones the deepest."""
+        """The voxel with the largest location bound, unresolved ones first; among these the deepest."""
         rank = np.where(np.isnan(self.location_mm), -np.inf, self.location_mm)
         deepest_first = np.broadcast_to(np.arange(len(self.depth_mm)), rank.shape)
         order = np.lexsort((-deepest_first.ravel(), -rank.ravel()))
@@ -331,7 +331,7 @@ class PadBounds:
 
     @property
     def worst_loss(self) -> PartLoss | None:
-        """The part whose death costs most: coverage first, then the median location bound."""
+        """The component whose failure costs most: coverage first, then the median location bound."""
         if not self.losses:
             return None
         return min(self.losses, key=lambda loss: (loss.coverage.value, -loss.median_location_mm.value))
@@ -351,7 +351,7 @@ class PadBounds:
 
 
 def bound_depths_mm(wanted_mm: tuple[float, ...], max_depth_mm: float, step_mm: float) -> FloatArray:
-    """(n,) depths of the bounds [mm]: the wanted ones that a press `step_mm` deeper still reaches, the deepest such."""
+    """(n,) depths of the bounds [mm]: the requested ones that a press `step_mm` deeper reaches, and the deepest one."""
     deepest = max(max_depth_mm - step_mm, 0.5 * max_depth_mm)
     inside = [depth for depth in wanted_mm if depth < deepest - 1.5 * step_mm]
     return np.array([*inside, deepest])
@@ -373,24 +373,24 @@ def pad_bounds(
     with_losses: bool = True,
     on_step: OnShare | None = None,
 ) -> PadBounds:
-    """Bounds of place and depth over the workspace.
+    """Bounds of location and depth over the workspace.
 
     Parameters
     ----------
     x_mm, y_mm : lines of the grid [mm]; by default ``places`` along the workspace's longer side, at equal pitch
-    depths_mm : depths of the voxels; those beyond the range of use are left out, its end is added [mm]
+    depths_mm : depths of the voxels; those beyond the usable range are left out, its end is added [mm]
     accuracies : settings of the light, each as `sims.optics.trace` takes it; voxels whose bounds the first leaves
         open are traced again with the next
-    seed : of the first half's offsets
-    readout : common gain; by default set on the untouched pad, at a trace more
-    felt : lightest press felt, passed through to the result
-    limits, steps : what counts as covered; offsets of the presses
-    with_losses : whether to tell what is lost with each part
+    seed : seed of the first half's offsets
+    readout : common gain; by default set on the untouched pad, with one more trace
+    felt : detection threshold, passed through to the result
+    limits, steps : limits of covered voxels; offsets of the presses
+    with_losses : whether to compute the loss with each component
     on_step : called with the share that is done
 
     Raises
     ------
-    ModelScopeError : a press that contact or light model does not cover.
+    ModelScopeError : the contact or light model does not cover a press.
     """
     cavity = cavity_of(design)
     steps, limits = steps or Steps(), limits or Limits()
@@ -439,14 +439,14 @@ def pad_bounds(
 
 
 def _name_of(accuracy: str | Accuracy) -> str:
-    """What settings are called in files."""
+    """Name of the settings in files."""
     if isinstance(accuracy, str):
         return accuracy
     return "score, mirrored light as standard" if accuracy == MIRRORED_FINER else "own settings"
 
 
 def own_readout(design: SensorDesign, *, seed: int, accuracy: str | Accuracy = "standard") -> Readout:
-    """The gain that goes with a design, set on its untouched pad."""
+    """The gain of a design, set on its untouched pad."""
     cavity = cavity_of(design)
     flat = untouched_flux(design, cavity, seed=seed, accuracy=accuracy)
     return readout_of(design, flat, mask_of(judged_pairs(cavity), cavity))
@@ -458,7 +458,7 @@ def pair_names(cavity: CavityGeometry) -> tuple[str, ...]:
 
 
 def bounds_json(bounds: PadBounds) -> dict[str, Any]:
-    """Everything that a `PadBounds` tells; maps are lists over depth of rows over y of values over x."""
+    """All values of a `PadBounds`; maps are lists over depth of rows over y of values over x."""
     worst = bounds.worst_loss
     return {
         "x_mm": list(bounds.x_mm),

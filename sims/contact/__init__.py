@@ -1,4 +1,4 @@
-"""Contact: MuJoCo soft contact gives the deformed surface, force and contact radius."""
+"""Contact: deformed surface, force and contact radius, solved with MuJoCo's soft contact."""
 
 from sims.contact.indentation import indent
 from sims.press import Indentation

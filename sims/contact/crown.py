@@ -20,11 +20,11 @@ from design.arrays import FloatArray
 from design.errors import InputError, ModelScopeError
 
 LEAST_RIM_SHARE = 0.15
-"""Least thickness at the rim over that at the apex [-]. The rows of the mesh are as many there as at the apex."""
+"""Least thickness at the rim over that at the apex [-]. The mesh has as many rows there as at the apex."""
 
 
 def crown_drop(radius: FloatArray, crown: float) -> FloatArray:
-    """(...) how far the untouched top lies below its apex at radii (...) [tip radii].
+    """(...) drop of the untouched top below its apex at radii (...) [tip radii].
 
     Parameters
     ----------
@@ -51,7 +51,7 @@ def require_rim(layer_depth: float, wall_radius: float, crown: float) -> None:
 
     Raises
     ------
-    InputError : a crown that is no number from 0 on
+    InputError : the crown is no number from 0 on
     ModelScopeError : the crown ends before the wall, or the rim is thinner than `LEAST_RIM_SHARE` of the apex
     """
     if not (math.isfinite(crown) and crown >= 0.0):

@@ -1,11 +1,11 @@
-"""Load against depth of a press, with the band that the material's modulus leaves open.
+"""Load against depth of a press, with the uncertainty band of the material's modulus.
 
 The layer's shape does not depend on its modulus, and the load is proportional to it: F = E R² f(d/R, h/R).
 So one solved press gives the load at the catalogue's modulus and at both ends of its band (the mixing
-ratio sets the value; cure and batch, the band). A modulus that was measured on the build has no band.
+ratio sets the value; cure and batch set the band). A modulus measured on the manufactured pad has none.
 
-What it leaves out: the band holds the modulus only, not the error of the contact model (see
-`mesh_error`) nor the distance of the real walls.
+Left out: the band covers the modulus only, not the error of the contact model or the distance of the
+real walls.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ class LoadCurve:
     Attributes
     ----------
     depth_mm : (n,) [mm]
-    force_n : (n,) load at the modulus believed most [N]
+    force_n : (n,) load at the best value of the modulus [N]
     low_n, high_n : (n,) load at the ends of the modulus's band [N]; equal to `force_n` without a band
     """
 
@@ -43,7 +43,7 @@ class LoadCurve:
         return bool(self.low_n[-1] < self.high_n[-1])
 
     def at(self, depth_mm: float) -> tuple[float, float, float]:
-        """Load and the ends of its band [N] at a depth, on straight lines between the stored ones."""
+        """Load and the ends of its band [N] at a depth, by straight lines between the stored ones."""
         low, value, high = (
             float(np.interp(depth_mm, self.depth_mm, load))
             for load in (self.low_n, self.force_n, self.high_n)
@@ -63,7 +63,7 @@ class ForceCurve(LoadCurve):
     contact_radius_mm: FloatArray
 
     def contact_radius_at(self, depth_mm: float) -> float:
-        """Contact radius [mm] at a depth, on straight lines between the stored ones."""
+        """Contact radius [mm] at a depth, by straight lines between the stored ones."""
         return float(np.interp(depth_mm, self.depth_mm, self.contact_radius_mm))
 
 
@@ -85,7 +85,7 @@ def load_curve(design: SensorDesign, press: SolvedPress, depth_mm: FloatArray) -
 
     Raises
     ------
-    ModelScopeError : deeper than solved
+    ModelScopeError : a depth is deeper than solved
     """
     depths = np.asarray(depth_mm, dtype=np.float64)
     force = np.array([press.force_n(float(depth)) for depth in depths])

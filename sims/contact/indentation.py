@@ -1,29 +1,29 @@
-"""The press of a design's tip into its pad: depth in, surface, force and contact radius out.
+"""The press of a design's tip into its pad: surface, force and contact radius at a depth.
 
 A press belongs to one elastic depth over tip radius. It is taken from the shipped library (or solved live, where
-a mesh is asked for) and scaled: lengths with the tip radius R, force with E R² (a frictionless neo-Hookean
-layer has no other length or force). A pad is taken for the round one of its area (`scope.wall_radius`). To a block what
-its own walls change is added, for every place (`library.placed_press`). Other pads have a model of their own
-(`shaped_press`).
+a mesh is requested) and scaled: lengths with the tip radius R, force with E R² (a frictionless neo-Hookean layer has
+no other length or force). A pad is modelled as the round one of its area (`scope.wall_radius`). For a block the effect
+of its own walls is added, for every location (`library.solved_press`). Other pads have a model of their own, which
+follows.
 
 Presses on pads that are no blocks: local thickness and mean curvature.
 
 Model
 -----
-A press goes along the normal of the untouched top at its place (x, y), to a depth d from first touch. It is taken for
-the axisymmetric press at the apex of a round pad
+A press is along the normal of the untouched top at its location (x, y), to a depth d from first touch. It is modelled
+as the axisymmetric press at the apex of a round pad
 
 - as thick as the pad is there, along the normal (nearer to finite elements than the height over the bottom),
 - under a sphere of the top's mean curvature: 1/C under a sphere of radius C, 1/(2C) under a cylinder,
-- with its wall at the radius of the pad's area, moved into what the library has. Between round walls its surface is
+- with its wall at the radius of the pad's area, moved into the library's range. Between round walls its surface is
   followed to the nearest wall and runs out to the farthest one.
 
 A flat pad is pressed in the same way, without the crown, also by tips that are solved live. Heights are those above
 the untouched top, along the normal. The exact case is the middle of a disc, flat or under a sphere.
-docs/validation/contact-crowns.md compares presses beside it with finite elements in three dimensions.
+docs/validation/contact-crowns.md compares off-centre presses with finite elements in three dimensions.
 
-Left out: that the wall is nearer on one side and the layer thinner, which tilts the top around the tip, and the
-difference of a cylinder's two curvatures.
+Left out: the nearer wall and thinner layer on one side, which tilt the top around the tip, and the difference of a
+cylinder's two curvatures.
 """
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ Place = tuple[float, float]
 
 
 def crowned_press(design: SensorDesign, at_mm: Place | None) -> SmoothPress:
-    """The presses at a place of a crowned pad, from the library.
+    """The presses at a location of a crowned pad, from the library.
 
     Parameters
     ----------
@@ -68,7 +68,7 @@ def crowned_press(design: SensorDesign, at_mm: Place | None) -> SmoothPress:
 
     Raises
     ------
-    ModelScopeError : a tip that is no hemisphere; a layer or crown that the library does not cover
+    ModelScopeError : the tip is no hemisphere; the library does not cover the layer or crown
     """
     if tip_of(design.indenter) != HEMISPHERE:
         raise ModelScopeError(
@@ -87,18 +87,18 @@ def crowned_press(design: SensorDesign, at_mm: Place | None) -> SmoothPress:
 
 
 def round_walls_mm(design: SensorDesign, at_mm: Place | None) -> tuple[float, float] | None:
-    """Nearest and farthest wall of a pad with round walls from a place, None is the middle [mm]; else None."""
+    """Nearest and farthest wall of a pad with round walls from a location, None is the middle [mm]; else None."""
     outline = plan_of(design).outline
     place = outline.centre_mm if at_mm is None else at_mm
     return (float(outline.gap_mm(*place)), outline.farthest_mm(*place)) if outline.arcs else None
 
 
 def require_place(design: SensorDesign, at_mm: Place) -> None:
-    """Refuse places outside a pad, or nearer to a wall than the contact model covers.
+    """Refuse locations outside a pad, or nearer to a wall than the contact model covers.
 
     Raises
     ------
-    InputError, ModelScopeError : such a place
+    InputError, ModelScopeError : the location is such a one
     """
     plan, tip = cavity_of(design).plan, tip_radius_mm(design)
     if not all(map(math.isfinite, at_mm)) or not plan.contains(*at_mm):
@@ -126,7 +126,7 @@ def modulus_mpa(design: SensorDesign) -> float:
 
     Raises
     ------
-    DesignError : not a positive number
+    DesignError : it is not a positive number
     """
     modulus = youngs_modulus_mpa(design)
     if not (math.isfinite(modulus) and modulus > 0.0):
@@ -135,7 +135,7 @@ def modulus_mpa(design: SensorDesign) -> float:
 
 
 def is_in_library(design: SensorDesign) -> bool:
-    """Whether the shipped library has the presses of a design: a hemisphere, a layer within its entries."""
+    """Whether the shipped library has the presses of a design: a hemisphere, and a layer within its entries."""
     return tip_of(design.indenter) == HEMISPHERE and shipped_library().covers(round(layer_depth(design), 9))
 
 
@@ -158,7 +158,7 @@ def solved_press(
     Parameters
     ----------
     design : the sensor
-    max_depth_mm : deepest press wanted, by default that of the design's range of use [mm]
+    max_depth_mm : deepest press required, by default that of the design's usable range [mm]
     mesh_mm : node spacing under the tip [mm]; a value solves anew. None takes the shipped library, which has
         hemispheres and layers of 1.3 to 6 tip radii; others are solved with a tenth of the tip radius.
     on_step : called with the fraction done while solving
@@ -166,8 +166,8 @@ def solved_press(
 
     Raises
     ------
-    DesignError, InputError : a value that is no positive number
-    ModelScopeError : a layer, depth or (with `at_mm`) place outside the model
+    DesignError, InputError : a value is no positive number
+    ModelScopeError : a layer, depth or (with `at_mm`) location is outside the model
     """
     press = round_press(design, max_depth_mm, mesh_mm, on_step, at_mm=at_mm)
     if not plan_of(design).is_block:
@@ -186,9 +186,9 @@ def round_press(
     *,
     at_mm: tuple[float, float] | None = None,
 ) -> SolvedPress:
-    """The press in the round pad of the same area: what `solved_press` is without its own walls, and sooner.
+    """The press in the round pad of the same area: `solved_press` without the pad's own walls, in less time.
 
-    Parameters and errors are those of `solved_press`; the place matters in other pads than blocks alone.
+    Parameters and errors are those of `solved_press`; the location has an effect in pads other than blocks only.
     """
     radius, layer, modulus = tip_radius_mm(design), round(layer_depth(design), 9), modulus_mpa(design)
     deepest = _deepest(design, max_depth_mm) / radius
@@ -213,7 +213,7 @@ def round_press(
 
 
 def _deepest(design: SensorDesign, max_depth_mm: float | None) -> float:
-    """The deepest press wanted, within the model [mm]."""
+    """The deepest press required, within the model [mm]."""
     if max_depth_mm is None:
         return require_depth(design, design.operating.max_depth_mm, "operating.max_depth_mm")
     return require_depth(design, max_depth_mm, "max_depth_mm")
@@ -222,9 +222,9 @@ def _deepest(design: SensorDesign, max_depth_mm: float | None) -> float:
 def _placed(
     design: SensorDesign, smooth: SmoothPress, at_mm: tuple[float, float] | None, deepest: float
 ) -> tuple[PlacedPress | None, tuple[str, ...]]:
-    """The presses at a place, and notes; None in the middle of a pad that is too small for the walls' model.
+    """The presses at a location, and notes; None in the middle of a pad that is too small for the walls' model.
 
-    At a place that was asked for, that model itself refuses what it does not cover.
+    At a requested location, that model itself refuses presses that it does not cover.
     """
     cavity, tip = design.cavity, tip_radius_mm(design)
     size = cavity.length_mm / tip, cavity.width_mm / tip
@@ -244,7 +244,7 @@ def _placed(
 
 
 def _require_inside(design: SensorDesign, at_mm: tuple[float, float]) -> None:
-    """Refuse a place outside the cavity."""
+    """Refuse a location outside the cavity."""
     for letter, value, limit in zip(
         "xy", at_mm, (design.cavity.length_mm, design.cavity.width_mm), strict=True
     ):
@@ -264,9 +264,9 @@ def indent(
     Parameters
     ----------
     design : the sensor
-    depth_mm : how far the tip's apex lies below the undisturbed surface [mm]; 0 or less: untouched
+    depth_mm : depth of the tip's apex below the undisturbed surface [mm]; 0 or less: untouched
     at_mm : (x, y) of the press axis in the cavity frame [mm]; None is the middle. `pad_surface` has
-        what is not a curve around it
+    the part that is not a curve around it
     mesh_mm : node spacing under the tip [mm]; a value solves anew, see `solved_press`
 
     Returns
@@ -275,8 +275,8 @@ def indent(
 
     Raises
     ------
-    DesignError, InputError : a value that is no number, a place outside the cavity
-    ModelScopeError : a layer or depth outside the model
+    DesignError, InputError : a value is no number, or the location is outside the cavity
+    ModelScopeError : the layer or depth is outside the model
     """
     require_depth(design, depth_mm, "depth_mm")
     if at_mm is not None:

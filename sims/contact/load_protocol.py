@@ -1,4 +1,4 @@
-"""The load that a tip feels over a load protocol: driven in steps with pauses, in and out.
+"""The load on a tip over a load protocol: driven in steps with pauses, in and out.
 
     depth        ______
             ____|      |____
@@ -6,16 +6,15 @@
     __|                          |__     time
 
 The load is that of the elastic press, or with `elastomer.viscoelastic` in the design its hereditary integral
-(`viscoelastic`, which says what that leaves out). Depth counts from first contact; a pause follows every
-step, in and out.
+(see below for its limits). Depth counts from first contact; a pause follows every step, in and out.
 
-What it leaves out: how the stage speeds up and slows down, and errors of the zero of depth.
+Left out: acceleration of the stage, and errors of the zero of depth.
 
-Load that depends on the past: an option for press and retract, off unless a design asks for it.
+Load that depends on the past: an option for press and retract, off unless a design sets it.
 
 Model
 -----
-The standard linear solid (a spring beside a spring and a dashpot in series) relaxes after a step as
+The standard linear solid (a spring parallel to a spring and a dashpot in series) relaxes after a step as
 
     g(t) = 1 + s/(1 - s) exp(-t/τ)
 
@@ -34,16 +33,16 @@ While the contact grows this is Lee and Radok's solution for a linear solid (J. 
 
 What it leaves out
 ------------------
-* Retraction proper: the skin recovers more slowly than the tip leaves, the contact shrinks faster than the
-  elastic one (Ting, J. Appl. Mech. 33, 1966, 845-854), and the load depends on that. Here the elastic contact
-  is kept, which gives negative loads at the end of a fast retraction; a tip without adhesion cannot pull,
-  so they count as 0 (`LoadHistory.has_left`). Against Ting's solution for a Hertz contact, pressed and
+* True retraction: the skin recovers more slowly than the tip leaves, the contact shrinks faster than the
+elastic one (Ting, J. Appl. Mech. 33, 1966, 845-854), and the load depends on that. Here the elastic contact
+is kept, which gives negative loads at the end of a fast retraction; a tip without adhesion cannot pull,
+so they count as 0 (`LoadHistory.has_left`). Against Ting's solution for a Hertz contact, pressed and
   retracted at one rate in a time of τ, the load in retraction is off by up to 2, 4 and 5 % of the peak for
   s = 0.1, 0.3 and 0.5, and the work lost is 16, 11 and 8 % too high (a test compares them).
-* The surface's own slow recovery: shape, and with it light, stay those of the elastic press.
-* More than one time constant, and a dissipation that is positive by theorem: it is for a linear load, and was
-  found so for this one over single cycles of press and retract (tests), but the model does not enforce it.
-* Values: none is offered. The paper shows hysteresis and prints no figure to take them from.
+* The slow recovery of the surface: shape, and with it light, stay those of the elastic press.
+* More than one time constant, and a proof that dissipation is positive: it is for a linear load, and tests
+find it so for this one over single cycles of press and retract, but the model does not enforce it.
+* Values: none is offered. The paper shows hysteresis but prints no figure from which to take them.
 """
 
 from __future__ import annotations
@@ -62,7 +61,7 @@ from design.spec import SensorDesign
 
 @dataclass(frozen=True, kw_only=True)
 class StandardLinearSolid:
-    """How the load relaxes.
+    """Relaxation of the load.
 
     Attributes
     ----------
@@ -84,7 +83,7 @@ class StandardLinearSolid:
 
 
 def solid_of(design: SensorDesign) -> StandardLinearSolid | None:
-    """What the design says about relaxation; None where it says nothing: the load is then elastic."""
+    """The relaxation given in the design; None where it has none, and the load is elastic."""
     given = design.elastomer.viscoelastic
     if given is None:
         return None
@@ -92,7 +91,7 @@ def solid_of(design: SensorDesign) -> StandardLinearSolid | None:
 
 
 def viscoelastic_load_n(time_s: FloatArray, elastic_n: FloatArray, solid: StandardLinearSolid) -> FloatArray:
-    """The hereditary integral, without regard to whether a tip could pull.
+    """The hereditary integral, also where it would need the tip to pull.
 
     Parameters
     ----------
@@ -107,7 +106,7 @@ def viscoelastic_load_n(time_s: FloatArray, elastic_n: FloatArray, solid: Standa
 
     Raises
     ------
-    InputError : times that decrease or differ in number from the loads
+    InputError : times decrease, or differ in number from the loads
     """
     if time_s.shape != elastic_n.shape or bool(np.any(np.diff(time_s) < 0.0)):
         raise InputError("time_s: needs one time per load, in rising order; sort the samples by time")
@@ -130,7 +129,7 @@ def loop_energy_mj(depth_mm: FloatArray, force_n: FloatArray) -> float:
 
 
 SAMPLES_PER_STEP = 20
-"""Samples of a step, and of a pause; ten times as many change the load by less than 1e-5 of its peak."""
+"""Number of samples of a step, and of a pause; ten times as many change the load by less than 1e-5 of its peak."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -165,7 +164,7 @@ class LoadHistory:
 
     @property
     def lost_mj(self) -> float:
-        """Work that stays in the pad over the protocol [mJ]; 0 without relaxation, but for the sampling."""
+        """Work that stays in the pad over the protocol [mJ]; 0 without relaxation, apart from sampling errors."""
         return loop_energy_mj(self.depth_mm, self.load_n)
 
 
@@ -194,7 +193,7 @@ def load_history(
     ----------
     protocol : how the tip is driven
     elastic_n : load of the elastic press [N] at a depth [mm], as `SolvedPress.force_n`
-    solid : how the load relaxes; None: it does not
+    solid : relaxation of the load; None: it does not relax
     """
     time_s, depth_mm, pause_ends = protocol_path(protocol)
     elastic = np.array([elastic_n(float(depth)) for depth in depth_mm])

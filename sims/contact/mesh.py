@@ -16,14 +16,14 @@ kept and its top on the sphere, apex at height 0. There the top meets the wall i
 is singular; columns are finer towards that rim, else force comes out too large (by 3 % on a pad of 3.7 tip radii).
 
 The tip slides on the top, so the spacing there sets how well the contact radius is resolved: the
-fine zone reaches beyond the largest contact radius (one tip radius) and down to where the steep
-strain of a deep press has faded.
+fine zone reaches beyond the largest contact radius (one tip radius) and below the steep strain of
+a deep press.
 
-Stable Neo-Hookean tetrahedra in plain arrays: the second opinion on every MuJoCo solution.
+Stable Neo-Hookean tetrahedra in plain arrays: an independent check of every MuJoCo solution.
 
-MuJoCo computes the contact force; this module computes, from the deformed shape alone, the reaction
-of the bonded bottom and wall. Both must agree, which checks the equilibrium of the whole layer and
-not only that of the solver's own unknowns.
+MuJoCo computes the contact force; this module computes the reaction of the bonded bottom and wall
+from the deformed shape alone. Both must agree, which checks the equilibrium of the whole layer, not
+only that of the solver's own unknowns.
 
 Energy density (Smith, de Goes, Kim 2018, "Stable Neo-Hookean Flesh Simulation", without the
 logarithmic barrier), with Lamé's λ and μ of small strains:
@@ -32,12 +32,12 @@ logarithmic barrier), with Lamé's λ and μ of small strains:
 
 It equals the forces of MuJoCo 4.0's `elastic3d = 1` to 3e-16; a test repeats the comparison.
 
-How hard the tip pushes each node of the top: what the pressure under the tip is made of.
+Force of the tip on each node of the top, from which the pressure under the tip is computed.
 
-The solver finds one normal force a contact between the tip and an element of the layer. Each is shared
-out to the two nodes of the top between which the contact lies, by the lever rule, so that the forces on
-the nodes add up to the sum of all contacts. (The solver itself lets a contact act on all corners of its
-element, 1 to 2 % of the load on nodes below the top; that detail of the mesh is left out here.)
+The solver finds one normal force per contact between the tip and an element of the layer. Each is
+distributed to the two adjacent nodes of the top by the lever rule, so that the forces on the nodes add
+up to the sum of all contacts. The solver itself lets a contact act on all corners of its element, 1 to
+2 % of the load on nodes below the top; that detail of the mesh is left out here.
 """
 
 from __future__ import annotations
@@ -62,7 +62,7 @@ FEWEST_ROWS = 20
 """The largest axial spacing is the layer's depth over this [-], but never less than the spacing under the tip."""
 
 RIM_SPACING = 0.02
-"""Radial spacing beside the wall under a crown [tip radii]. Half of it changes a press by less than a micrometre."""
+"""Radial spacing next to the wall under a crown [tip radii]. Half of it changes a press by less than a micrometre."""
 RIM_GROWTH = 1.3
 """Ratio of neighbouring spacings from there inward [-]."""
 
@@ -73,7 +73,7 @@ class RadialMesh:
 
     Attributes
     ----------
-    nodes : (node, 2) radius and height of the nodes at rest; the top's apex lies at height 0
+    nodes : (node, 2) radius and height of the nodes at rest; the top's apex is at height 0
     triangles : (triangle, 3) node indices
     top : (top node,) indices of the top surface from the axis outward
     is_bonded : (node,) True on the bottom and on the wall
@@ -113,7 +113,7 @@ def graded_spacing(length: float, fine_length: float, fine: float, largest: floa
 
 
 def finer_towards_end(coordinates: FloatArray, last: float, growth: float) -> FloatArray:
-    """Coordinates whose spacing falls to `last` or a little more at the end; as they are where it is less already.
+    """Coordinates whose spacing falls to `last` or a little more at the end; unchanged where it is already less.
 
     Parameters
     ----------
@@ -151,7 +151,7 @@ def radial_mesh(layer_depth: float, wall_radius: float, spacing: float, crown: f
 
     Raises
     ------
-    InputError, ModelScopeError : a crown that is no number from 0 on, or that leaves too little at the rim
+    InputError, ModelScopeError : the crown is no number from 0 on, or leaves too thin a rim
     """
     require_rim(layer_depth, wall_radius, crown)
     radii = graded_spacing(wall_radius, FINE_RADIUS, spacing, LARGEST_RADIAL_SPACING)
@@ -254,13 +254,13 @@ def shared_out(at: FloatArray, force: FloatArray, nodes: FloatArray) -> FloatArr
 
     Parameters
     ----------
-    at : (force, 2) where the forces act
-    force : (force,) their sizes
+    at : (force, 2) points at which the forces act
+    force : (force,) their magnitudes
     nodes : (node, 2) the polyline
 
     Returns
     -------
-    (node,) their sum is that of `force`
+    (node,) forces, whose sum is that of `force`
     """
     side = np.diff(nodes, axis=0)
     offset = at[:, None, :] - nodes[None, :-1, :]

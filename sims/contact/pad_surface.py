@@ -1,9 +1,9 @@
 """The deformed top of a whole pad under one press, between its own walls.
 
-A curve around the axis that ends a few tip radii away, and a smooth height beside it (`library.placed_press`). Height
-here is a function of place: where the surface wraps the shank, it is the lowest of its heights.
+It is a curve around the axis that ends a few tip radii away, plus a smooth height (`library.solved_press`). Height
+here is a function of location: where the surface wraps the shank, it is the lowest of its heights.
 
-What the user should know about the press of a design, in sentences.
+Notes for the user about the press of a design, in sentences.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from sims.press import Indentation
 
 _STEP = 1e-6
 MOST_SURFACES = 1024
-"""Surfaces that are remembered: 30 kB each."""
+"""Most surfaces that are remembered: 30 kB each."""
 _SURFACES: dict[tuple[object, ...], PadSurface] = {}
 """The last surfaces of this process. A key holds the identity of their presses, which the surface keeps alive."""
 
@@ -35,8 +35,8 @@ class PadSurface:
 
     Attributes
     ----------
-    near : the part of the press that is a curve around its axis; force and contact are those of the place
-    solved : the presses at this place
+    near : the part of the press that is a curve around its axis; force and contact are those of the location
+    solved : the presses at this location
     at_mm : (x, y) of the press axis in the cavity frame [mm]
     size_mm : length and width of the cavity [mm]
     """
@@ -86,7 +86,7 @@ def pad_surface(
 
     Raises
     ------
-    ModelScopeError : a tip, layer, depth or place that the contact model does not cover
+    ModelScopeError : the contact model does not cover the tip, layer, depth or location
     """
     size = (design.cavity.length_mm, design.cavity.width_mm)
     solved = solved_press(design, max(depth_mm, design.operating.max_depth_mm), at_mm=at_mm)
@@ -117,7 +117,7 @@ def pad_surfaces(design: SensorDesign, presses_mm: FloatArray) -> Iterator[PadSu
 def _remembered(
     solved: SolvedPress, depth_mm: float, at_mm: tuple[float, float], size_mm: tuple[float, float]
 ) -> PadSurface:
-    """The surface of a press at a place: designs that differ elsewhere share it, one object as long as it is known."""
+    """The surface of a press at a location; designs that differ elsewhere share one object while it is remembered."""
     press = (id(solved.smooth), solved.tip_radius_mm, solved.youngs_modulus_mpa, solved.walls_mm)
     key = (*press, solved.placed is None, depth_mm, *at_mm, *size_mm)
     found = _SURFACES.get(key)
@@ -130,13 +130,13 @@ def _remembered(
 
 
 NOTED_FORCE_CHANGE = 0.03
-"""Change of force by near walls that is worth a note [-]: the contact model's own error."""
+"""Least change of force by near walls that is reported [-]: the contact model's own error."""
 
 
 def edge_force_note(design: SensorDesign) -> str | None:
-    """How much the walls stiffen a press at the corner of the workspace; None where that is little.
+    """A note on the stiffening by walls at the corner of the workspace; None where it is small.
 
-    In other pads than blocks the border is thinner, not nearer to a wall, as far as the contact model goes.
+    In pads other than blocks the contact model has a thinner border, not a nearer wall.
     """
     space, depth_mm = cavity_of(design).workspace, design.operating.max_depth_mm
     corner = space.clamped(space.x0_mm, space.y0_mm)
@@ -154,6 +154,6 @@ def edge_force_note(design: SensorDesign) -> str | None:
 
 
 def contact_notes(design: SensorDesign) -> tuple[str, ...]:
-    """Every note on the press of a design: how it was solved, and what its walls do."""
+    """Every note on the press of a design: the solution, and the effect of its walls."""
     walls = edge_force_note(design)
     return (*solved_press(design).notes, *((walls,) if walls else ()))

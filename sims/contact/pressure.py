@@ -8,9 +8,9 @@ F = ∫ p 2πr dr over the rings, so pressure and force belong together at every
 Error against Hertz (layer of 6 tip radii, press of 1/6, contact of 4 node spacings): 3 % of the peak
 root mean square and 6 % at most out to 0.8 of the contact radius; the peak itself is 5 % high.
 
-What it leaves out: anything finer than the mesh and than the `LOAD_SHARES`. The edge of the contact is
-smeared over one node spacing, a singular edge (of a flat punch) is averaged over it, and a contact of
-fewer than `FEWEST_SPACINGS` node spacings from axis to edge has no profile to speak of (`is_resolved` is False).
+Left out: any detail finer than the mesh and the `LOAD_SHARES`. The edge of the contact is smeared over
+one node spacing, a singular edge (of a flat punch) is averaged over it, and a contact of fewer than
+`FEWEST_SPACINGS` node spacings from axis to edge has no usable profile (`is_resolved` is False).
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from sims.contact.library.solved_press import SolvedPress
 from sims.contact.tip import TipOutline, tip_outline
 
 FEWEST_SPACINGS = 4.0
-"""Contact radius over node spacing below which no pressure is quoted [-]."""
+"""Contact radius over node spacing below which no pressure is reported [-]."""
 _FINE_STEPS = 8
 
 
@@ -40,7 +40,7 @@ class ContactPressure:
     radius_mm : (n,) radii of the tip's outline, from the axis to the contact edge [mm]
     height_mm : (n,) their heights [mm]
     pressure_mpa : (n,) pressure there [MPa]; 0 at the last
-    is_resolved : whether the contact spans enough of the mesh for the profile to mean something
+    is_resolved : whether the contact spans enough of the mesh for a valid profile
     """
 
     depth_mm: float
@@ -56,7 +56,7 @@ class ContactPressure:
 
     @property
     def axial_force_n(self) -> float:
-        """Vertical force of the pressure, ∫ p 2πr dr [N]: equal to the press force but for the mesh."""
+        """Vertical force of the pressure, ∫ p 2πr dr [N]: equal to the press force except for the mesh error."""
         first, second = self.radius_mm[:-1], self.radius_mm[1:]
         near, far = self.pressure_mpa[:-1], self.pressure_mpa[1:]
         moment = near * (2.0 * first + second) + far * (first + 2.0 * second)
@@ -73,7 +73,7 @@ def _outline_areas(edge: float, depth: float, tip: TipOutline) -> tuple[FloatArr
 
 
 def _through_rings(ring: FloatArray) -> FloatArray:
-    """Pressure along the outline from its mean on each ring: even about the axis, 0 at the edge."""
+    """Pressure along the outline from its mean on each ring: an even function about the axis, 0 at the edge."""
     middles = np.arange(ring.size) + 0.5
     places = np.concatenate([-middles[1::-1], middles, [ring.size]])
     course = PchipInterpolator(places, np.concatenate([ring[1::-1], ring, [0.0]]))
@@ -91,9 +91,9 @@ def contact_pressure(press: SolvedPress, depth_mm: float) -> ContactPressure:
 
     Raises
     ------
-    ModelScopeError : deeper than solved
+    ModelScopeError : the depth is deeper than solved
     """
-    force_n, tip_mm = press.force_n(depth_mm), press.tip_radius_mm  # refuses what was not solved
+    force_n, tip_mm = press.force_n(depth_mm), press.tip_radius_mm  # refuses depths that were not solved
     if depth_mm <= 0.0:
         nothing = np.zeros(1)
         return ContactPressure(

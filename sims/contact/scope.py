@@ -1,7 +1,7 @@
 """What the contact model covers: layer depth, press depth, walls, and the depths that are solved.
 
-Limits come from the feasibility study of this project (section "Contact"): outside them the wedge was
-not compared with the independent finite-element solution.
+The limits come from the feasibility study of this project (section "Contact"): outside them the wedge
+was not compared with the independent finite-element solution.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 HALF_WIDTH = 16 / 3
 """Half width of the published pad [tip radii]: 16 mm for a 3 mm tip."""
 WALL_RADIUS = 16 / 3
-"""Where the wall of a round pad is bonded unless another place is asked for [tip radii]."""
+"""Default radius at which the wall of a round pad is bonded [tip radii]."""
 FIRST_DEPTHS = (0.02 / 3, 0.05 / 3, 0.1 / 3, 0.15 / 3, 0.2 / 3)
 """First solved depths [tip radii]: mode 1 of a pair can be over within the first tenths of a millimetre."""
 DEPTH_STEP = 0.1 / 3
@@ -48,7 +48,7 @@ def tip_radius_mm(design: SensorDesign) -> float:
 
 
 def elastic_depth_mm(design: SensorDesign) -> float:
-    """Clear and black layer together [mm]: they are of the same elastomer and deform as one."""
+    """Thickness of clear and black layer together [mm]: they are of the same elastomer and deform as one."""
     cavity = design.cavity
     return _positive(
         "cavity.clear_thickness_mm + cavity.black_thickness_mm",
@@ -60,11 +60,11 @@ def layer_depth(design: SensorDesign, at_mm: tuple[float, float] | None = None) 
     """Elastic depth over tip radius [-].
 
     at_mm : (x, y) in the cavity frame; under a crown the depth is that along the normal there. None is its highest
-        place [mm]
+    point [mm]
 
     Raises
     ------
-    ModelScopeError : outside the modelled range
+    ModelScopeError : it is outside the modelled range
     """
     radius = tip_radius_mm(design)
     depth = elastic_depth_mm(design)
@@ -84,9 +84,9 @@ def layer_depth(design: SensorDesign, at_mm: tuple[float, float] | None = None) 
 def round_radius(length: float, width: float) -> float:
     """Radius of the round pad of a rectangular pad's area; all of one unit.
 
-    Rubber keeps its volume: what the tip displaces rises over the area of the pad. With equal areas the free surface
-    of a round pad is that of a square one to a few micrometres up to the strip beside the walls; what the pad's own
-    walls change of it is added (`library.placed_press`).
+    Rubber keeps its volume: the volume that the tip displaces rises over the area of the pad. With equal areas the free
+    surface of a round pad is that of a square one to a few micrometres up to the strip next to the walls; the effect of
+    the pad's own walls is added (`library.solved_press`).
     """
     return math.sqrt(length * width / math.pi)
 
@@ -102,7 +102,7 @@ From 6.0 to 7.5 the force at 1 tip radius falls by 1 %."""
 
 
 def wall_radius(design: SensorDesign) -> float:
-    """Radius of the round pad that stands for the design's [tip radii], moved into `WALL_RADIUS_RANGE`."""
+    """Radius of the round pad that represents the design's [tip radii], moved into `WALL_RADIUS_RANGE`."""
     radius = math.sqrt(plan_of(design).area_mm2 / math.pi) / tip_radius_mm(design)
     low, high = WALL_RADIUS_RANGE
     return min(max(radius, low), high)
@@ -115,7 +115,7 @@ def mean_crown(design: SensorDesign) -> float:
 
 def depth_limit_mm(design: SensorDesign) -> float:
     """Deepest press that the contact model covers, wherever the design is pressed [mm]."""
-    tip_radius_mm(design), elastic_depth_mm(design)  # refuse what is no number
+    tip_radius_mm(design), elastic_depth_mm(design)  # refuse values that are no numbers
     return deepest_modelled_mm(design)
 
 
@@ -124,8 +124,8 @@ def require_depth(design: SensorDesign, depth_mm: float, name: str) -> float:
 
     Raises
     ------
-    InputError : not a finite number
-    ModelScopeError : deeper than modelled
+    InputError : the depth is not a finite number
+    ModelScopeError : the depth is deeper than modelled
     """
     if not math.isfinite(depth_mm):
         raise InputError(f"{name}: {depth_mm} must be a finite number of mm")
@@ -145,7 +145,7 @@ def solved_depths(layer: float, deepest: float) -> FloatArray:
     Parameters
     ----------
     layer : elastic depth [tip radii]
-    deepest : deepest press asked for [tip radii]
+    deepest : deepest press requested [tip radii]
 
     Returns
     -------

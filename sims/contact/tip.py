@@ -30,11 +30,11 @@ _KINK = 1e-6
 
 @dataclass(frozen=True)
 class TipOutline:
-    """A tip of radius 1; equal outlines are equal, whatever they were made from.
+    """A tip of radius 1; equal outlines compare equal, regardless of their source.
 
     Attributes
     ----------
-    rows : one a piece, from the apex: radius and height of its start, of its end and of its centre, and the
+    rows : one per piece, from the apex: radius and height of its start, of its end and of its centre, and the
         radius of an arc, which bulges outward; centre and radius are 0 for a line [tip radii]
     """
 
@@ -152,7 +152,7 @@ def tip_of(indenter: Indenter) -> TipOutline:
 
 
 def _scaled(row: Sequence[float], scale: float) -> Row:
-    """A row in tip radii, without the last digits that a unit's change makes."""
+    """A row in tip radii, without the round-off of the change of unit."""
     a, b, c, d, e, f, g = (round(value / scale, 12) for value in row)
     return a, b, c, d, e, f, g
 
@@ -194,7 +194,7 @@ def tip_outline(
 def outside_tip(
     radius: FloatArray, height: FloatArray, depth: float, tip: TipOutline = HEMISPHERE
 ) -> tuple[FloatArray, FloatArray]:
-    """Points moved onto the tip's surface where they lie inside it; all (...,) in tip radii."""
+    """Points moved onto the tip's surface where they are inside it; all (...,) in tip radii."""
     inside = tip_gap(radius, height, depth, tip) < 0.0
     on_radius, on_height = tip_outline(tip_coordinate(radius, height, depth, tip), depth, tip)
     return np.where(inside, on_radius, radius), np.where(inside, on_height, height)

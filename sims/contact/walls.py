@@ -1,49 +1,48 @@
-"""Quadratic finite elements along one axis: the one-dimensional integrals that layers on product grids are made of.
+"""Quadratic finite elements along one axis: the one-dimensional integrals of layers on product grids.
 
 On a grid that is a product of axes every integral of products of shape functions is a Kronecker product of these.
 Displacements take the quadratic shape functions (a node at the ends and in the middle of every element), pressures the
 linear ones: together the Taylor-Hood element, stable for incompressible solids (Elman, Silvester and Wathen, Finite
 Elements and Fast Iterative Solvers, 2014, section 3.3).
 
-A rectangular incompressible layer: how its top moves when its four walls are moved; linear elasticity.
+A rectangular incompressible layer: motion of its top when its four walls are moved; linear elasticity.
 
 Model
 -----
 Stress -p 1 + 2 μ ε, div u = 0, u = 0 on the bottom, u given on the walls, the top free. Taylor-Hood elements on a
-product grid (`elements`) whose steps are small beside the walls: inside, such a field is smooth on the scale of the
-layer's depth. Two mirror planes part every field into four, even or odd across each, and a quarter of the block serves
-them all. What is kept is the matrix from the walls' nodes to the top's: one product for every press that follows.
+product grid (`elements`) whose steps are small near the walls: inside, such a field is smooth on the scale of the
+layer's depth. Two mirror planes split every field into four, even or odd across each, and a quarter of the block serves
+them all. The matrix from the walls' nodes to the top's is kept, so every further press is one product.
 
-With walls moved as a press in a wide layer would move them, but the other way, the sum is that press between walls
-that are held. Lengths in tip radii; displacements of any unit.
+Walls moved opposite to their motion by a press in a wide layer, added to that press, give the press between fixed
+walls. Lengths in tip radii; displacements of any unit.
 
 A round incompressible layer, bonded at its bottom and its wall, under loads around its axis: linear elasticity.
 
 Model
 -----
-Stress -p 1 + 2 μ ε, div u = 0, u = 0 on bottom and wall, the top free but for the load; axisymmetric. Weak form by
+Stress -p 1 + 2 μ ε, div u = 0, u = 0 on bottom and wall, the top free except for the load; axisymmetric. Weak form by
 Taylor-Hood elements on a product grid (`elements`), factorised once. Shear modulus μ = 1 here: displacements are those
 of a load over μ. Lengths in tip radii.
 
-What the walls of a rectangular pad change of a press at one place, from its loads: linear elasticity.
+Change of a press at one location by the walls of a rectangular pad, from its loads: linear elasticity.
 
 With loads q of the press (`far_press`), G the top of a layer under them, and ρ the round pad it was solved in,
 
     D = Σ q (G_block - G_ρ) = Σ q (G_wide + C - G_ρ),
 
-where C is what the block adds when its walls undo what the loads move in a wide layer (`block_layer`): smooth in the
-whole pad, though every G is steep at the axis. Lengths in tip radii.
+where C is the addition by the block when its walls undo the motion by the loads in a wide layer (`block_layer`). C is
+smooth in the whole pad, though every G is steep at the axis. Lengths in tip radii.
 
-A press seen from afar: loads on a linear layer that raise its top as the solved press does outside the dimple.
+A press in the far field: loads on a linear layer that raise its top as the solved press does outside the dimple.
 
 Model
 -----
-Beside the dimple strains are small, so the top there is that of a linear incompressible layer (`round_layer`) under
+Outside the dimple strains are small, so the top there is that of a linear incompressible layer (`RoundLayer`) under
 loads near the axis. Two of them, p(r) = 5 / (2 π w²) (1 - r²/w²)^(3/2) with w of `LOAD_RADII`, have any force and
-spread. Their amplitudes are those that give the solved round pad's top from `START` beyond the contact to its wall, in
-least squares. What they raise in a layer of another outline, less what they raise in the round pad, is what that
-outline changes of the press: small, smooth, hence linear too (`surroundings`). Nothing is fitted to results in three
-dimensions.
+spread. Their amplitudes are fitted to the solved round pad's top from `START` beyond the contact to its wall, by least
+squares. Their rise in a layer of another outline, less that in the round pad, is the change of the press by that
+outline: it is small and smooth, hence linear too (`surroundings`). Nothing is fitted to results in three dimensions.
 
 Lengths in tip radii, amplitudes in tip radii times the layer's shear modulus over it.
 """
@@ -99,7 +98,7 @@ class QuadraticAxis:
         return step * np.arange(len(self.ticks) - 1)[:, None] + np.arange(count)
 
     def matrix(self, left: Shape, right: Shape, weight: Weight | None = None) -> csr_matrix:
-        """(left, right) integrals of products of shape functions or their slopes, times a weight of the place."""
+        """(left, right) integrals of products of shape functions or their slopes, times a weight of the position."""
         weights = self._weights if weight is None else self._weights * weight(self._points)
         found = np.einsum("ngk,nhk,nk->ngh", self._shapes[left], self._shapes[right], weights)
         rows, columns = self._places(left), self._places(right)
@@ -108,7 +107,7 @@ class QuadraticAxis:
         return csr_matrix((found.ravel(), (each[0].ravel(), each[1].ravel())), shape=size)
 
     def load(self, density: Weight) -> FloatArray:
-        """(node,) integrals of the quadratic shape functions times a density of the place."""
+        """(node,) integrals of the quadratic shape functions times a density of the position."""
         found = np.einsum("ngk,nk->ng", self._shapes["value"], self._weights * density(self._points))
         out = np.zeros(len(self.nodes))
         np.add.at(out, self._places("value"), found)
@@ -135,7 +134,7 @@ def graded_ticks(length: float, first: float, growth: float, largest: float) -> 
 Size = tuple[float, float]
 
 STEP, STEP_SHARE, GROWTH = 0.7, 0.23, 1.4
-"""First step beside a wall [tip radii], the same over the layer's depth [-], and growth. Against steps of half the size
+"""First step at a wall [tip radii], the same over the layer's depth [-], and growth. Against steps of half the size
 the surface moves by 0.5 µm rms (tip of 3 mm, pressed by its radius, 6 mm from a wall)."""
 HEIGHT_SHARES = 1.0 - np.linspace(1.0, 0.0, 4) ** 1.6
 """Ticks along the height, closer towards the top [layer's depth]."""
@@ -145,7 +144,7 @@ PARITIES = ((1, 1), (1, -1), (-1, 1), (-1, -1))
 
 @dataclass(frozen=True, kw_only=True)
 class BlockLayer:
-    """The top of a block over its walls.
+    """The response of a block's top to motion of its walls.
 
     Attributes
     ----------
@@ -195,7 +194,7 @@ def block_layer(layer: float, size: Size) -> BlockLayer:
 
 
 class _Quarter:
-    """The quarter next to the corner at (0, 0): its matrix, and what is held for each parity."""
+    """The quarter next to the corner at (0, 0): its matrix, and the fixed unknowns for each parity."""
 
     def __init__(self, x: QuadraticAxis, y: QuadraticAxis, z: QuadraticAxis) -> None:
         self.axes = (x, y, z)
@@ -365,12 +364,12 @@ def _height_steps(layer: float) -> tuple[float, float, float]:
 
 
 MOST_PLACES = 4096
-"""Places of a pad that are remembered: 10 kB each."""
+"""Most locations of a pad that are remembered: 10 kB each."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Surroundings:
-    """The loads' answers between the walls of one place.
+    """The response to the loads between the walls around one location.
 
     Attributes
     ----------
@@ -399,7 +398,7 @@ class Surroundings:
         )
 
     def change(self, amplitudes: FloatArray, x: FloatArray, y: FloatArray) -> FloatArray:
-        """(nx, ny) D of loads (load,) at places x (nx,) and y (ny,) from the pad's corner, in its walls."""
+        """(nx, ny) D of loads (load,) at x (nx,) and y (ny,) from the pad's corner, within its walls."""
         spline = RectBivariateSpline(self.block.x, self.block.y, np.tensordot(amplitudes, self.added, axes=1))
         radius = np.hypot(x[:, None] - self.at[0], y[None, :] - self.at[1])
         change = np.asarray(spline(x, y), dtype=np.float64)
@@ -409,7 +408,7 @@ class Surroundings:
 
 
 def surroundings(layer: float, wall: float, size: Size, at: tuple[float, float]) -> Surroundings:
-    """The walls of a pad around a place; those of the last pads are remembered, place by place.
+    """The walls of a pad around a location; those of the last pads are remembered by location.
 
     Parameters
     ----------
@@ -427,7 +426,7 @@ def surroundings(layer: float, wall: float, size: Size, at: tuple[float, float])
 
 @lru_cache(maxsize=4)
 def _places(layer: float, wall: float, size: Size) -> dict[tuple[float, float], Surroundings]:  # noqa: ARG001
-    """What is known of a pad: dropped whole, so that a long row of pads keeps no more than the last ones."""
+    """The remembered locations of a pad; pads are dropped whole, so that only the last ones are kept."""
     return {}
 
 
@@ -450,7 +449,7 @@ def _from(nodes: FloatArray, at: tuple[float, float]) -> tuple[FloatArray, Float
 
 
 def _moved(field: LayerField, radius: FloatArray, direction: FloatArray, height: FloatArray) -> FloatArray:
-    """(3, n) displacement at places."""
+    """(3, n) displacement at nodes."""
     outward, upward = field.at(radius, height)
     return np.stack([*(outward * direction), upward])
 
@@ -461,23 +460,23 @@ Top = Callable[[float], tuple[FloatArray, FloatArray, float]]
 LOAD_RADII = (0.75, 1.5)
 """Of one to four loads, 0.4 to 2.0 wide, two or more give the same surface in a pad within 1 µm rms (tip of 3 mm)."""
 START = 0.6
-"""How far beyond the contact, or the tip's radius, the linear layer is compared with the solved top."""
+"""Distance beyond the contact, or the tip's radius, from which the linear layer is compared with the solved top."""
 SAMPLES = 60
 DEPTHS = 32
-"""Depths at which amplitudes are found, even in their root: the nearest lie close, where amplitudes rise steeply."""
+"""Number of depths for amplitudes, evenly spaced in their root: denser near 0, where amplitudes rise steeply."""
 WIDE = 4.0
-"""Radius over depth of a layer whose wall is felt nowhere [-]: what a load moves decays as exp(-2 r / depth)."""
+"""Radius over depth of a layer whose wall has no effect [-]: the motion by a load decays as exp(-2 r / depth)."""
 
 
 @lru_cache(maxsize=32)
 def load_fields(layer: float, wall: float) -> tuple[LayerField, ...]:
-    """What each load does to a round layer of a depth, bonded at a radius."""
+    """Displacement by each load in a round layer of a depth, bonded at a radius."""
     solved = RoundLayer(layer, wall)
     return tuple(solved.field(_load(width)) for width in LOAD_RADII)
 
 
 def wide_fields(layer: float) -> tuple[LayerField, ...]:
-    """What each load does to a layer without walls."""
+    """Displacement by each load in a layer without walls."""
     return load_fields(layer, max(WIDE * layer, 3.0 * LOAD_RADII[-1]))
 
 
@@ -492,7 +491,7 @@ class FarPress:
     Attributes
     ----------
     layer, wall : depth of the layer, radius of the round pad's wall
-    deepest : deepest press known; beyond it amplitudes go on in a straight line
+    deepest : deepest known press; beyond it amplitudes continue in a straight line
     residual : (depth,) root mean square of the linear layer's top less the solved one where they are compared
     """
 
@@ -519,7 +518,7 @@ def far_press(layer: float, wall: float, deepest: float, top: Top) -> FarPress:
     Parameters
     ----------
     layer, wall, deepest : depth of the layer, radius of the wall, deepest press
-    top : of the solved presses
+    top : the top of the solved presses
     """
     roots = np.sqrt(deepest) * np.arange(1, DEPTHS + 1) / DEPTHS
     fields = load_fields(layer, wall)
@@ -537,7 +536,7 @@ def far_press(layer: float, wall: float, deepest: float, top: Top) -> FarPress:
 def _matched(
     fields: tuple[LayerField, ...], radius: FloatArray, height: FloatArray, contact: float
 ) -> tuple[FloatArray, float]:
-    """Amplitudes (load,) that give a top, and the root mean square of what is left."""
+    """Amplitudes (load,) that give a top, and the root mean square of the residual."""
     places = np.linspace(max(contact, 1.0) + START, fields[0].wall, SAMPLES)
     wanted = PchipInterpolator(radius, height)(places)
     columns = np.stack([field.top_at(places) for field in fields], axis=1)

@@ -10,24 +10,24 @@ Model
   make the Newton solver return garbage without a warning, hence world axes.)
 * Bottom and wall are bonded. The top is free, flat or a sphere about the axis (`crown`), and touched by a tip with
   a straight shank: a capsule for a hemisphere, else the convex bodies of `tip_hulls`. A facet has one contact with
-  each of them. Beneath a flat face it wanders over the facet, so flat tips end in narrow cycles more often, and take
+  each of them. Beneath a flat face it moves over the facet, so flat tips end in narrow cycles more often, and take
   ten times the steps.
 * Stable Neo-Hookean material, integrator `discrete` at time step 1: every
   step is one damped static Newton iteration; velocities are zeroed after it. A depth is settled when
   a step moves no vertex by more than 1e-4 tip radii (0.3 µm for a 3 mm tip) nor by 0.04 % of
   the depth (0.02 % at first touch).
 * Contact is a stiff penalty, proportional to the vertex mass: too light sinks in, too heavy chatters.
-  Where one facet chatters all the same, the mean of its cycle is taken (see `settling`).
+  Where one facet still chatters, the mean of its cycle is taken (see below).
 
-What it leaves out: friction and adhesion, viscosity and inertia, nearer walls, the layer's own
-weight. Linear tetrahedra lock beyond a Poisson's ratio of 0.49: see `incompressible` for the last bit.
+Left out: friction and adhesion, viscosity and inertia, nearer walls, the layer's own weight. Linear
+tetrahedra lock beyond a Poisson's ratio of 0.49: see `library.smooth_press` for the extrapolation.
 The wedge is a 63-sided polygon seen from above: radii are uncertain by 0.1 %. Prisms are split one way,
 so the two faces of the wedge differ a little (9 µm at 3 mm depth on a 0.45 mm mesh); their mean is used.
 
 Method and its traps: feasibility study of this project, section "Contact"; MuJoCo 4.0 documentation,
 `flex` and the `discrete` integrator.
 
-Is a solved press to be believed? Checks from the deformed shape alone, independent of MuJoCo.
+Whether a solved press is valid: checks from the deformed shape alone, independent of MuJoCo.
 
 A state passes when it is settled and finite, no element is inverted, the top has not sunk into the
 tip, and the force on the tip equals the reaction of the bonded bottom and wall, which is computed
@@ -36,22 +36,22 @@ from the deformed shape by `neo_hookean`. A state that fails raises; nothing is 
 The tip as convex bodies for MuJoCo, which takes a mesh to be its convex hull.
 
 An outline whose slope only grows is one convex body of revolution. Another one is cut where its slope
-falls; each part is a body by itself, whose hull lies inside the tip because heights never fall outward
-(the hull closes the hole of a ring with a disc, which lies above the outline further in). A part is
-prolonged straight beyond its end as far as that stays inside the tip, so that no side of a part lies
-near the tip's surface, where the solver could take it for the way out of an overlap.
+falls; each part is a separate body, whose hull is inside the tip because heights never fall outward
+(the hull closes the hole of a ring with a disc, which is above the outline further in). A part is
+extended straight beyond its end as far as that stays inside the tip, so that no side of a part is near
+the tip's surface, where the solver could resolve an overlap towards it.
 
 Arcs become points, with a sagitta of 1e-6 tip radii: coarser ones (1e-4) made contact chatter, these do
 not. Around the axis, points are dense over the wedge and sparse elsewhere.
 
-When is an iteration at rest? When its steps have died away, or when it circles a fixed point closely.
+An iteration is at rest when its steps have vanished, or when it cycles closely around a fixed point.
 
 At a few deep presses one facet at the contact edge enters and leaves the contact again and again, and the
 iteration ends in a cycle of a few micrometres that no damping removes. The mean of such a cycle is taken
-as the state if two windows of iterates have the same mean and no iterate is far from it. A state found so
-says so (its `chatter` is not 0) and has to pass the same force balance as every other.
+as the state if two windows of iterates have the same mean and no iterate is far from it. Such a state is
+marked (its `chatter` is not 0) and has to pass the same force balance as every other.
 
-What wedge and block ask of MuJoCo: a flex beneath a tip, stepped by hand. Lengths in tip radii, forces in E R².
+MuJoCo for wedge and block: a flex beneath a tip, stepped explicitly. Lengths in tip radii, forces in E R².
 """
 
 from __future__ import annotations
@@ -77,7 +77,7 @@ SHALLOW = 0.05
 SHALLOW_SHARE, DEEP_SHARE = 2e-4, 4e-4
 """Largest last step of any vertex as a fraction of the depth [-], for shallow presses and for deeper ones."""
 PENETRATION_LIMIT = 0.02
-"""Deepest a surface facet may lie inside the tip [tip radii]: 60 µm for a 3 mm tip."""
+"""Deepest allowed overlap of a surface facet with the tip [tip radii]: 60 µm for a 3 mm tip."""
 BALANCE_LIMIT = 0.01
 """Largest difference between contact force and reaction, as a fraction of the force, [-]."""
 BALANCE_FLOOR = 1e-4
@@ -99,13 +99,13 @@ class PressState:
     elements : (tetrahedron, 4) vertex indices
     is_bonded : (vertex,) True where the layer is bonded
     poisson_ratio : [-]
-    copies : how many wedges make the full turn [-]
+    copies : number of wedges in the full turn [-]
     contact_force : force of the full turn on the tip
     overlap : deepest overlap of a surface facet with the tip, as the solver sees it
     last_step : largest motion of a vertex in the last solver step
     chatter : largest distance of a vertex from the mean of the cycle that this state is; 0: no cycle
     steps : solver steps taken [-]
-    tip : what presses
+    tip : the tip that presses
     """
 
     depth: float
@@ -125,7 +125,7 @@ class PressState:
 
 @dataclass(frozen=True, kw_only=True)
 class StepCheck:
-    """What the checks of one depth found; lengths in tip radii, forces in E R².
+    """Results of the checks at one depth; lengths in tip radii, forces in E R².
 
     Attributes
     ----------
@@ -165,17 +165,17 @@ def _reaction(state: PressState) -> float:
 
 
 def _balances(force: float, reaction: float) -> bool:
-    """Whether the force on the tip is that on the bonded surfaces; False where one is no number."""
+    """Whether the force on the tip equals that on the bonded surfaces; False where one is no number."""
     return abs(force - reaction) <= BALANCE_LIMIT * max(force, BALANCE_FLOOR)
 
 
 def is_balanced(state: PressState) -> bool:
-    """Whether the force on the tip is that on the bonded surfaces."""
+    """Whether the force on the tip equals that on the bonded surfaces."""
     return _balances(state.contact_force, _reaction(state))
 
 
 def _penetration(state: PressState) -> float:
-    """Deepest overlap; vertices are looked at too, because the solver sees no contact that it missed."""
+    """Deepest overlap; vertices are checked too, because the solver does not report a contact that it missed."""
     radius = np.hypot(state.deformed[:, 0], state.deformed[:, 1])
     return max(
         state.overlap, 0.0, -float(tip_gap(radius, state.deformed[:, 2], state.depth, state.tip).min())
@@ -202,7 +202,7 @@ def measure_press(state: PressState) -> StepCheck:
 
 
 def _complaints(check: StepCheck) -> list[str]:
-    """What is wrong with a measured state, in words."""
+    """The failed checks of a measured state, in words."""
     found = []
     limit = settled_limit(check.depth)
     if not check.last_step <= limit:
@@ -219,7 +219,7 @@ def _complaints(check: StepCheck) -> list[str]:
 
 
 def check_press(state: PressState) -> StepCheck:
-    """Measure a state and raise `ContactSolveError` if it cannot be believed."""
+    """Measure a state and raise `ContactSolveError` if it fails a check."""
     where = f"contact solver at a depth of {state.depth:.4f} tip radii"
     if not np.isfinite(state.deformed).all():
         raise ContactSolveError(f"{where}: positions are not finite; use a finer mesh")
@@ -231,7 +231,7 @@ def check_press(state: PressState) -> StepCheck:
 
 
 SAGITTA = 1e-6
-"""How far an arc's chord may lie inside the arc [tip radii]."""
+"""Largest distance of an arc's chord inside the arc [tip radii]."""
 TOP_HEIGHT = 6.0
 """Height of the shank above the outline [tip radii]; more than the deepest press."""
 DENSE_HALF_ANGLE = 0.06
@@ -272,7 +272,7 @@ def convex_chains(outline: FloatArray) -> list[FloatArray]:
 
 
 def _prolonged(chain: FloatArray, outline: FloatArray) -> FloatArray:
-    """The chain with its last line prolonged while that stays above the outline."""
+    """The chain with its last line extended while that stays above the outline."""
     (r0, h0), (r1, h1) = chain[-2], chain[-1]
     beyond = outline[outline[:, 0] > r1 + 1e-12]
     if len(beyond) == 0 or r1 - r0 < 1e-12:
@@ -301,7 +301,7 @@ def _revolved(chain: FloatArray, top: float) -> FloatArray:
 
 
 WINDOW = 40
-"""Iterates a window."""
+"""Number of iterates in a window."""
 CHATTER_LIMIT = 2e-3
 """Largest distance of a vertex from the mean of its cycle [tip radii]: 6 µm for a 3 mm tip, a fifth of the
 default mesh's error at the depths where cycles occur."""
@@ -338,7 +338,7 @@ class History:
         self._forces.append(force)
 
     def cycle(self) -> Cycle | None:
-        """The cycle that the iteration is in, or None if it is still on its way."""
+        """The cycle that the iteration is in, or None if it has not converged."""
         if len(self._states) < 2 * WINDOW:
             return None
         states = np.array(self._states)
@@ -369,7 +369,7 @@ def set_options(spec: mujoco.MjSpec, iterations: int, memory: int) -> None:
 
 
 def add_round_tip(spec: mujoco.MjSpec) -> None:
-    """A hemisphere of radius 1 with a straight shank on a body that is moved by hand, 1 above the apex."""
+    """A hemisphere of radius 1 with a straight shank on a body that is moved explicitly, 1 above the apex."""
     tip = spec.worldbody.add_body(name="tip", mocap=True, pos=[0.0, 0.0, 2.0])
     size, pos = [1.0, _TIP_HALF_LENGTH, 0.0], [0.0, 0.0, _TIP_HALF_LENGTH]
     tip.add_geom(type=mujoco.mjtGeom.mjGEOM_CAPSULE, size=size, pos=pos, **CONTACT)
@@ -392,7 +392,7 @@ def add_flex(
 
 
 class _Quiet:
-    """How many solves want MuJoCo quiet, and the handler that returns with the last of them."""
+    """Number of solves that require MuJoCo quiet, and the handler to restore after the last of them."""
 
     lock, solves, previous = Lock(), 0, None
 
@@ -401,8 +401,8 @@ class _Quiet:
 def quiet_mujoco() -> Iterator[None]:
     """Keep MuJoCo from writing a log file into the working folder; threads may nest it.
 
-    It warns that the unconstrained start of a step is solved to 1e-4 only; that start does not matter for
-    a state at rest, which `check_press` judges from its shape.
+    It warns that the unconstrained start of a step is solved to 1e-4 only; that start has no effect on a
+    state at rest, which `check_press` judges from its shape.
     """
     with _Quiet.lock:
         if _Quiet.solves == 0:
@@ -419,7 +419,7 @@ def quiet_mujoco() -> Iterator[None]:
 
 
 class PressedFlex:
-    """One model being pressed deeper and deeper; so many copies of it make the whole."""
+    """One model being pressed deeper and deeper; `copies` of it make the whole."""
 
     def __init__(self, model: mujoco.MjModel, copies: float) -> None:
         self.model, self.copies = model, copies
@@ -457,18 +457,18 @@ DAMPING = 4.0
 MASS_PER_RADIUS = 0.004
 """Vertex mass over (spacing · angle · radius) [E R]; sets the contact stiffness."""
 SMALLEST_MASS_RADIUS = 0.7
-"""Vertices nearer to the axis weigh as much as those at this radius [tip radii]."""
+"""Vertices nearer to the axis have the mass of those at this radius [tip radii]."""
 HOOP_STIFFNESS = 3300.0
 """Stiffness that forbids motion out of the radial plane [E R]."""
 DAMPING_FACTORS = (1.0, 4.0, 16.0)
-"""Damping is raised by these where contact chatters; the limit at which a state counts as settled falls with it."""
+"""Factors of the damping where contact chatters; the limit at which a state counts as settled falls with it."""
 FEWEST_STEPS, MOST_STEPS = 4, 160
-"""Solver steps a depth; slow modes of very deep presses take up to 130."""
+"""Fewest and most solver steps per depth; slow modes of very deep presses take up to 130."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class WedgeSolution:
-    """Settled states, one a depth; lengths in tip radii, forces in E R².
+    """Settled states, one per depth; lengths in tip radii, forces in E R².
 
     Attributes
     ----------
@@ -476,7 +476,7 @@ class WedgeSolution:
     radii, heights : (depth, top node) deformed top from the axis to the wall, mean of the two faces
     normal_force : (depth, top node) force of the tip on the node, positive where it presses the layer
     force : (depth,) press force
-    checks : one record a depth
+    checks : one record per depth
     """
 
     depths: FloatArray
@@ -527,7 +527,7 @@ def sweep(mesh: RadialMesh) -> Tetrahedra:
 
 
 def _add_tip(spec: mujoco.MjSpec, shape: TipOutline) -> None:
-    """A tip of radius 1 with a straight shank on a body that is moved by hand, 1 above the apex."""
+    """A tip of radius 1 with a straight shank on a body that is moved explicitly, 1 above the apex."""
     if shape == HEMISPHERE:
         add_round_tip(spec)
         return
@@ -612,7 +612,7 @@ class _Press(PressedFlex):
         return state
 
     def _iterated(self, depth: float, limit: float) -> PressState:
-        """Iterate until no vertex moves by `limit` in a step of a balanced state, a narrow cycle, or patience ends."""
+        """Iterate until no vertex moves by `limit` in a step of a balanced state, a narrow cycle, or the last step."""
         history = History()
         loads: deque[FloatArray] = deque(maxlen=WINDOW)
         for count in range(1, MOST_STEPS + 1):
@@ -630,7 +630,7 @@ class _Press(PressedFlex):
                 latest = self.data.qpos.copy()
                 self.data.qpos[:] = cycle.mean
                 state = self._state(depth, cycle.force, 0.0, cycle.spread, count)
-                if is_balanced(state):  # else the cycle still drifts, slowly beside the depth
+                if is_balanced(state):  # else the cycle still drifts, slowly relative to the depth
                     self.normal_force = np.mean(loads, axis=0)
                     return state
                 self.data.qpos[:] = latest
@@ -672,11 +672,11 @@ def solve_wedge(
     depths : increasing press depths [tip radii]; a step of more than 1/30 risks divergence
     poisson_ratio : of the layer [-]; beyond 0.49 the tetrahedra lock
     on_step : called with the fraction done
-    tip : what presses
+    tip : the tip that presses
 
     Raises
     ------
-    ContactSolveError : a state is not settled, not finite, inverted, sunk in, or out of balance
+    ContactSolveError : a state is not settled, not finite, inverted, overlaps the tip, or is out of balance
     """
     found = []
     with quiet_mujoco():

@@ -1,4 +1,4 @@
-"""Learning: from signals to touch, place and depth. Training is here, what answers on any computer in `inference`.
+"""Learning: from signals to touch, location and depth. Training is here; `inference` runs on any computer.
 
-Imports of ours: bounds, readings, optics, contact.
+It imports bounds, readings, optics and contact.
 """

@@ -1,58 +1,58 @@
-"""Parameters of a build from its readings: Gauss-Newton on traced light, gains and reference depths along.
+"""Parameters of a manufactured pad from its readings: Gauss-Newton on traced light, with gains and reference depths.
 
 Model
 -----
-Signals of sample s and pair (i, j) under unknown parameters u (in spreads of their doubt, about its middle),
+Signals of sample s and pair (i, j) under unknown parameters u (in prior standard deviations about the prior mean) are
 
     y_s,ij = gᵢ hⱼ F_s,ij(u, press_s + δ) + n,     F the light model, g, h the gains
 
-with normal priors: u of mean 0 and spread 1; the tip of every press beside where the stage says it is, δ, of spread
-`stage_mm` in x, y and depth, and in depth of `set_depth_mm` more that all presses of a set have in common; the
-logarithms of gains of spread `GAIN_SPREAD` about those that the untouched signals tell. The untouched signals count as
-one more sample without δ. n is
+with normal priors: u of mean 0 and spread 1; the offset δ of the tip from the stage's position, of spread `stage_mm`
+in x, y and depth, and of `set_depth_mm` more in depth, common to all presses of a set; the logarithms of gains, of
+spread `GAIN_SPREAD` about the estimates from the untouched signals. The untouched signals count as one more sample
+without δ. n is
 
-    the chain's noise, drift and fluctuation of gains, a reading for itself
-    a model error of `MODEL_SHARE` of the untouched signal: the trace's own, walls near the tip; readings that stand
-        against the same number of the light model share it (`shared_error`)
-    what a straight line leaves of the light between the places where the tip may be, a reading for itself: light kinks
-        where the tip meets a path. With F± at ±√3 standard deviations of δ and F₀ between, the curve F₀ + b z + q z² of
-        a standard normal z has q = (F₊ + F₋ - 2 F₀) / 6 and leaves q z², of mean square 3 q²; b is the slope
-        (statistical linearisation by three Gauss-Hermite points: Särkkä 2013, section 6.2)
+    the chain's noise, drift and fluctuation of gains, independent for each reading
+    a model error of `MODEL_SHARE` of the untouched signal: the trace's own, walls near the tip; readings that are
+    compared with the same number of the light model share it (`shared_error`)
+    the residual of a linear fit of light over the possible tip positions, independent for each reading: light kinks
+    where the tip meets a path. With F± at ±√3 standard deviations of δ and F₀ between, the curve F₀ + b z + q z² of
+    a standard normal z has q = (F₊ + F₋ - 2 F₀) / 6 and leaves q z², of mean square 3 q²; b is the slope
+    (statistical linearisation by three Gauss-Hermite points: Särkkä 2013, section 6.2)
 
-Minimised by Gauss-Newton steps on all unknowns at once,
+The cost is minimised by Gauss-Newton steps on all unknowns at once,
 
     (AᵀA + P) Δ = Aᵀr - P(Δ₀),    A and r in standard deviations of n, P the priors' information
 
 F is traced at each step; its slopes by u come from differences at the start and follow Broyden's rank-one rule
-(Broyden 1965) for `STEPS` steps, so that a step costs one trace. Steps end at the doubt's ends. But F is rough in u:
-its adaptive integration errs a little differently at every step, so that near the end its noise decides which of two
-costs is less, and slopes that hold the noise show information that is none: such a descent stops short, far from the
-minimum along the valley of what is hardly told. So from there on no costs are compared. Slopes U come twice by fresh
-differences to both sides, with light of two seeds, whose noise is independent, and
+(Broyden 1965) for `STEPS` steps, so that a step costs one trace. Steps end at the limits of the prior. But F is rough
+in u: the error of its adaptive integration changes at every step, so that near the end its noise decides which of two
+costs is less, and noise in the slopes counts as information. Such a descent stops early, far from the minimum along
+the valley of poorly determined directions. So from there on costs are not compared. Slopes U are computed twice by
+fresh differences to both sides, with light of two seeds, whose noise is independent, and
 
-    I = Uᵀ(1 - N(NᵀN + P)⁻¹Nᵀ)U        what the data tell of u beside the other unknowns; N the slopes by these
+    I = Uᵀ(1 - N(NᵀN + P)⁻¹Nᵀ)U        the information on u with the other unknowns free; N the slopes by these
 
 is the symmetrised product of the two (`sims.bounds.fisher`). Along each of its eigenvectors v, with eigenvalue t and
-the standard error e that the light leaves, the share s = max(t - 2 e, 0) / t of the information is shown, and the data
+its standard error e from the light, the share s = max(t - 2 e, 0) / t of the information is significant, and the data
 count by that share: `POLISH` steps with the mean light of `LIGHTS` seeds solve s vᵀUᵀr = vᵀu, U the mean of both, by
 
     vᵀΔ = (s vᵀUᵀr - vᵀu) / (s (t + e) + 1)
 
-whose end does not depend on the divisor. Where nothing is shown the slopes are noise, and so is Uᵀr: it took the index
-of the paper's pad, of which the data tell nothing, to the low end of its doubt in ten builds of ten. There s is 0, and
-the value goes to the middle of its doubt. The light of these steps is of other seeds than the slopes: noise of one
-seed, in both, has a product of its own. Differences to one side err by the light's curvature, alike with every seed:
-along the valley, where slopes cancel, what the curvature leaves passed for information (190 in place of 33 for both
-heights and the thickness together, on the paper's pad), and the fit went 0.7 spreads astray while it said 0.05.
+whose end does not depend on the divisor. Where no information is significant the slopes are noise, and so is Uᵀr: it
+moved the index of the paper's pad, which the data do not determine, to the low limit of its prior in ten units of ten.
+There s is 0, and the value is the prior mean. The light of these steps has other seeds than the slopes, since the
+noise of one seed in both has a product other than 0. One-sided differences err by the light's curvature, equally with
+every seed: along the valley, where slopes cancel, that error counted as information (190 instead of 33 for both
+heights and the thickness together, on the paper's pad), and the fit erred by 0.7 spreads with a stated error of 0.05.
 
-The covariance of u is (s t + 1)⁻¹ along each v; over that of the prior, 1, it says what the data determine (`report`).
-Left out: scatter from part to part, several minima, gains that differ from set to set (their drift counts as noise),
-model errors that neighbouring places and depths share, and larger ones. How far off values are on hidden builds is in
-docs/validation/calibration.md.
+The covariance of u is (s t + 1)⁻¹ along each v; its ratio to that of the prior, 1, shows what the data determine.
+Left out: scatter from component to component, several minima, gains that differ from set to set (their drift counts as
+noise), model errors common to neighbouring locations and depths, and larger ones. docs/validation/calibration.md has
+the errors of fitted values on hidden units.
 
-A build's twin: the design with what its own presses say of it, and the model that reads the build.
+The twin of a manufactured pad: the design with parameters fitted to its own presses, and the model that reads the pad.
 
-What a calibration determined and what it could not, as numbers and in plain words.
+The determined and the undetermined parameters of a calibration, as numbers and in plain words.
 """
 
 from __future__ import annotations
@@ -85,22 +85,22 @@ from sims.optics.tracing import trace
 from sims.readings.dataset import PressData
 
 LIGHT_SEED = 15_485_863
-"""Added to the seed for the fit's light: simulated data have the seed itself, and must not share its errors."""
+"""Number added to the seed for the fit's light: simulated data have the seed itself, and must not share its errors."""
 SMALLEST_STAGE_MM = 0.005
-"""Least spread of where a press is: a stage told to have none still rounds."""
+"""Least spread of a press's position: a stage without positioning errors still rounds."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Calibration:
-    """What a calibration found.
+    """The result of a calibration.
 
     Attributes
     ----------
     design : with the fitted values set
-    unknowns : what was fitted, and the doubt before
+    unknowns : the fitted parameters and their priors
     fitted : the fit
-    samples : the readings behind it
-    seed : of the light
+    samples : the fitted readings
+    seed : seed of the light
     """
 
     design: SensorDesign
@@ -131,17 +131,17 @@ def calibrated(
     seed: int = 0,
     on_step: OnStep | None = None,
 ) -> Calibration:
-    """Fit a design's unknown optics to a build's presses.
+    """Fit a design's unknown optics to a manufactured pad's presses.
 
     Parameters
     ----------
     data : presses with some frames above the surface before each
-    accuracy, seed : of the light
+    accuracy, seed : settings of the light
 
     Raises
     ------
-    InputError : too few presses or untouched frames; nothing to fit.
-    ModelScopeError : a press that contact or light model does not cover.
+    InputError : there are too few presses or untouched frames, or nothing to fit.
+    ModelScopeError : the contact or light model does not cover a press.
     """
     unknowns = unknowns_of(design)
     samples = calibration_samples(data, design.operating.max_depth_mm)
@@ -177,7 +177,7 @@ def calibrated(
 
 
 def _noise(design: SensorDesign, samples: CalibrationSamples) -> ReadingNoise:
-    """The chain's, no less than untouched frames show beside the LEDs' fluctuation: lamps flicker."""
+    """Noise of the chain, at least that of untouched frames less the LEDs' fluctuation, since lamps flicker."""
     chain = chain_noise(design, samples.emitters, samples.signals.shape[1])
     untouched = samples.untouched
     fluctuation = design.noise.led_fluctuation * untouched.mean_counts
@@ -187,26 +187,26 @@ def _noise(design: SensorDesign, samples: CalibrationSamples) -> ReadingNoise:
 
 GAIN_SPREAD = 0.5
 POLISH = 4
-"""Steps with the mean light."""
+"""Number of steps with the mean light."""
 STEPS = 4
-"""Steps with slopes that follow Broyden's rule."""
+"""Number of steps with slopes that follow Broyden's rule."""
 DONE = 0.05
-"""Steps smaller than this in every parameter end them, in spreads: the light's noise over less is no slope."""
+"""Smallest step, in spreads: the light's noise over a smaller one gives no slope."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Fitted:
-    """The parameters of a build.
+    """The fitted parameters.
 
     Attributes
     ----------
-    values : (unknown,) in spreads of their doubt about its middle [-]
+    values : (unknown,) in prior standard deviations about the prior mean [-]
     covariance : (unknown, unknown) of values [-]
     gains : (pair,) counts per flux, a product of emitter's and receiver's
     gain_spread : (pair,) relative standard deviation of the gains [-]
-    offset_mm : (press, 3) tip beside the stage, x, y and depth [mm]
+    offset_mm : (press, 3) offset of the tip from the stage's position, x, y and depth [mm]
     rms : (2,) root mean square residual before and after, in standard deviations [-]
-    traces : how often the light of all samples was traced
+    traces : number of traces of the light of all samples
     """
 
     values: FloatArray
@@ -230,16 +230,16 @@ def fitted(
     set_depth_mm: float = 0.0,
     on_step: OnStep | None = None,
 ) -> Fitted:
-    """Fit a build.
+    """Fit the parameters.
 
     Parameters
     ----------
     light : the light model
-    noise : of one reading, by the chain
-    start, low, high : (unknown,) where the fit begins, and the ends, in spreads
-    stage_mm : (3,) standard deviations of where a press really is, beside the stage's x, y and depth [mm]
+    noise : noise of one reading, by the chain
+    start, low, high : (unknown,) start and limits of the fit, in spreads
+    stage_mm : (3,) standard deviations of a press's true position about the stage's x, y and depth [mm]
     set_depth_mm : the same of depth, common to all presses of a set [mm]
-    on_step : called with ``calibration`` and about the share that is done
+    on_step : called with ``calibration`` and the approximate share done
     """
     problem = Problem(
         light, samples, noise, low, high, stage_mm, set_depth_mm, on_step or (lambda _stage, _share: None),
@@ -269,12 +269,12 @@ def fitted(
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Told:
-    """What data tell of the parameters, direction by direction, in spreads of their doubt.
+    """Information of the data on the parameters by direction, in prior standard deviations.
 
     Attributes
     ----------
     vectors : (unknown, direction)
-    information : (direction,) on each [-]
+    information : (direction,) information on each [-]
     error : (direction,) its standard error by the light's noise [-]
     """
 
@@ -284,13 +284,13 @@ class Told:
 
     @property
     def share(self) -> FloatArray:
-        """(direction,) share of the information that stands clear of its error, 0 to 1 [-]."""
+        """(direction,) share of the information above its error, 0 to 1 [-]."""
         shown = np.maximum(self.information - TOLD_FROM_ZERO * self.error, 0.0)
         return np.asarray(shown / np.where(shown > 0.0, self.information, 1.0))
 
     @property
     def covariance(self) -> FloatArray:
-        """(unknown, unknown) of the parameters after the data; the unit matrix if nothing is shown."""
+        """(unknown, unknown) covariance of the parameters given the data; the unit matrix without information."""
         return self.combined(1.0 / (self.share * self.information + 1.0))
 
     def combined(self, values: FloatArray) -> FloatArray:
@@ -299,7 +299,7 @@ class Told:
 
 
 class _State:
-    """Where the fit stands."""
+    """The current state of the fit."""
 
     def __init__(self, problem: Problem, values: FloatArray, flux: FloatArray) -> None:
         self.problem, self.values, self.flux = problem, values, flux
@@ -314,20 +314,20 @@ class _State:
         self.offset_mm = np.zeros(3 * samples.presses)
 
     def look_around(self) -> None:
-        """Slopes by the press, and weights of the readings, where the fit stands; gains and offsets to match."""
+        """Update slopes by the press, weights of the readings, and matching gains and offsets at the current state."""
         self.by_press, left = self.problem.press_slopes(self.values, self.flux)
         self.problem.weigh(self.flux, np.exp(self.problem.parts @ self.log_gains) * left)
         self.log_gains, self.offset_mm = self.inner(self.flux)
 
     @property
     def rms(self) -> float:
-        """Residual over readings that count, in standard deviations."""
+        """Residual over the weighted readings, in standard deviations."""
         counted = self.problem.weight.ravel() > 0
         residual = self._residual(self.flux, self.log_gains, self.offset_mm)
         return float(np.sqrt((residual[counted] ** 2).mean()))
 
     def descend(self, steps: int) -> None:
-        """Steps with slopes by Broyden's rule."""
+        """Take steps with slopes by Broyden's rule."""
         for _ in range(steps):
             step = self._step()[: len(self.values)]
             trial = np.clip(self.values + step, self.problem.low, self.problem.high)
@@ -338,7 +338,7 @@ class _State:
                 return
 
     def _take(self, trial: FloatArray, step: FloatArray) -> bool:
-        """Go there, or half or a quarter of the way where that is not better; whether it went."""
+        """Take the step, or half or a quarter of it if that is no improvement; whether one was taken."""
         before = self._cost(self.values, self.flux, self.log_gains, self.offset_mm)
         for _ in range(3):
             flux = self.problem.flux(trial)
@@ -360,7 +360,7 @@ class _State:
         return np.asarray(np.exp(self.problem.parts @ log_gains) * moved)
 
     def _residual(self, flux: FloatArray, log_gains: FloatArray, offset_mm: FloatArray) -> FloatArray:
-        """(reading,) in standard deviations, made independent."""
+        """(reading,) residuals in standard deviations, made independent."""
         off = (self.problem.signals - self._mean(flux, log_gains, offset_mm)) * self.problem.weight
         return self.problem.whitened(off)[:, 0]
 
@@ -415,11 +415,11 @@ class _State:
         return columns.T @ columns + prior, columns.T @ residual - prior @ now
 
     def _step(self) -> FloatArray:
-        """Of all unknowns; a parameter at an end that wants beyond it is held."""
+        """The step of all unknowns; a parameter at a limit that would move beyond it is held."""
         return self._held(*self._normal())
 
     def _held(self, matrix: FloatArray, slope: FloatArray) -> FloatArray:
-        """Solution of matrix x step = slope, parameters first; those at an end that want beyond it are held."""
+        """Solution of matrix x step = slope, parameters first; those at a limit that would move beyond it are held."""
         names = len(self.values)
         held = np.zeros(len(slope), dtype=bool)
         for _ in range(names):
@@ -436,7 +436,7 @@ class _State:
         return step
 
     def polish(self, told: Told) -> None:
-        """Steps with the mean light of several seeds and fixed slopes, by the share of information that is shown."""
+        """Take steps with the mean light of several seeds and fixed slopes, by the significant share of information."""
         problem = self.problem
         for _ in range(POLISH):
             self._settle()
@@ -449,17 +449,17 @@ class _State:
         self._settle()
 
     def _settle(self) -> None:
-        """Mean light where the fit stands, gains and offsets to match."""
+        """Set the mean light at the current state, with matching gains and offsets."""
         self.flux = self.problem.mean_flux(self.values)
         self.log_gains, self.offset_mm = self.inner(self.flux)
 
     def gain_covariance(self) -> FloatArray:
-        """(gain, gain) of the logarithms of gains, all else unknown."""
+        """(gain, gain) covariance of the logarithms of gains, with all other parameters free."""
         names, gains = len(self.values), self.problem.parts.shape[1]
         return np.asarray(np.linalg.inv(self._normal()[0])[names : names + gains, names : names + gains])
 
     def told(self, halves: list[FloatArray]) -> Told:
-        """What the data tell of the parameters, by slopes (unknown, sample, pair) of two independent halves."""
+        """Information of the data on the parameters, by slopes (unknown, sample, pair) of two independent halves."""
         nuisance, gains = self._columns(self.flux, self.log_gains, self.offset_mm)
         level = np.exp(self.problem.parts @ self.log_gains) * self.problem.weight
         first, second = (self.problem.whitened(np.moveaxis(half * level, 0, 2)) for half in halves)
@@ -476,19 +476,19 @@ def _information_error(
 ) -> FloatArray:
     """(direction,) standard error of Σ first x second over readings (reading, direction): `sims.bounds.fisher`.
 
-    With t the mean and d the difference of the halves it is √Σ((t d)² + (d²/2)²); readings that stand against the same
-    light have their noise in common, so that `sums` adds them up before the squares.
+    With t the mean and d the difference of the halves it is √Σ((t d)² + (d²/2)²); readings that are compared with the
+    same light have their noise in common, so `sums` adds them up before the squares.
     """
     mean, off = 0.5 * (first + second), first - second
     return np.asarray(np.sqrt((sums(mean * off) ** 2 + sums(0.5 * off**2) ** 2).sum(axis=0)))
 
 
 DETERMINED = 0.5
-"""A parameter, or a combination, counts as determined if its spread fell to this share of the doubt before, or less."""
+"""Largest spread after the fit over that before at which a parameter, or a combination, counts as determined."""
 NAMED = 0.3
-"""Parameters with at least this share of a combination are named in it."""
+"""Least share of a combination at which a parameter is named in it."""
 GOOD_RMS = 2.0
-"""Residuals above this many standard deviations say that the model does not explain the build."""
+"""Residual, in standard deviations, above which the model does not explain the pad."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -498,9 +498,9 @@ class FittedValue:
     Attributes
     ----------
     path, unit : dotted path of the design
-    before, before_spread : the design's value, and the spread of its doubt
+    before, before_spread : the design's value and its prior standard deviation
     after, after_spread : fitted value and its standard deviation
-    at_end : whether the fit stopped at an end of the doubt
+    at_end : whether the fit stopped at a limit of the prior
     """
 
     path: str
@@ -518,7 +518,7 @@ class FittedValue:
 
     @property
     def is_determined(self) -> bool:
-        """Whether the data say more than the doubt did."""
+        """Whether the data determine it better than the prior does."""
         return self.share_left <= DETERMINED
 
 
@@ -528,9 +528,9 @@ class CalibrationReport:
 
     Attributes
     ----------
-    values : one a parameter
+    values : one per parameter
     undetermined : sentences, the least determined combination first
-    notes : what else to know, as sentences
+    notes : further notes, as sentences
     rms_before, rms_after : residuals in standard deviations [-]
     """
 
@@ -552,7 +552,7 @@ class CalibrationReport:
 
     @property
     def lines(self) -> list[str]:
-        """For people."""
+        """The report as lines of text."""
         rows = [
             f"{one.path:<52} {one.before:9.4g} -> {one.after:9.4g} +- {one.after_spread:.2g} {one.unit}"
             f"{'' if one.is_determined else '   (not determined)'}"
@@ -563,7 +563,7 @@ class CalibrationReport:
 
 
 def report_of(found: Calibration) -> CalibrationReport:
-    """What a calibration amounts to."""
+    """The report of a calibration."""
     fit = found.fitted
     rows = zip(found.unknowns, found.values, found.deviations, strict=True)
     before, after = fit.rms
@@ -592,7 +592,7 @@ def undetermined(unknowns: Sequence[Unknown], covariance: FloatArray) -> tuple[s
 
     Parameters
     ----------
-    covariance : (unknown, unknown) of the parameters in spreads of their doubt: the unit matrix tells nothing
+    covariance : (unknown, unknown) of the parameters in prior standard deviations: the unit matrix has no information
     """
     variance, vectors = np.linalg.eigh(covariance)
     said = []

@@ -1,16 +1,16 @@
-"""Samples, light and noise of one calibration: what `sims.learning.calibration` minimises, and where it traces.
+"""Samples, light and noise of one calibration, for `sims.learning.calibration`, which has the equations.
 
-The equations are there. Light is traced at places rounded to `PLACE_MM`, so that symmetric ones stay so.
+Light is traced at locations rounded to `PLACE_MM`, so that symmetric ones stay so.
 
-Errors of the light model that readings share: one of its numbers, several readings.
+Errors of the light model that readings share: several readings are compared with one of its numbers.
 
 Model
 -----
-Places that a symmetry of the pad makes one are traced once, and a pair whose light misses the dimple keeps its
-untouched light: on a grid of presses several readings stand against one number of the light model, and its error is
-theirs together. A parameter is the same for all parts of a kind, so its slopes are symmetric as the errors are, and
-these add up instead of averaging out: taken for independent they make a deviation too small by up to the root of how
-many share one. So
+Locations that are equal by symmetry are traced once, and a pair whose light misses the dimple keeps its untouched
+light: on a grid of presses several readings are compared with one number of the light model and share its error. A
+parameter is the same for all components of a kind, so its slopes are as symmetric as the errors, which add up instead
+of averaging out. Treated as independent, they make a deviation too small by up to the root of the number of readings
+that share one. So
 
     residual rᵢ = own noise + cᵢ ε_g,   ε_g standard normal, one a group g,   cᵢ in own standard deviations
 
@@ -19,18 +19,18 @@ Morrison 1950),
 
     (1 + c cᵀ)^-½ = 1 - f c cᵀ,   f = (1 - (1 + |c|²)^-½) / |c|²
 
-which takes residuals and slopes to independent ones of spread 1. Left out: errors of neighbouring depths and places,
-which are alike too, but not equal.
+which maps residuals and slopes to independent ones of spread 1. Left out: errors of neighbouring depths and locations,
+which are similar too, but not equal.
 
-What is not known of a build's optics before it is calibrated, and how wide the doubt is.
+The unknown optical parameters of a manufactured pad before its calibration, and their priors.
 
-The optical ones of the design's tolerances (`design.spec.tolerances`): heights of emitters and receivers, the emitting
-area, the emitters' half angle, reflectances, refractive index and absorption, thickness of the clear layer. Each is
-one number for all parts of a kind. A doubt that is uniform from end to end enters the fit as a normal one of the same
-spread, and the fit stays within the ends. Left out: the cavity's length and width and the tip's radius, which a
-caliper measures; the black layer; scatter from part to part.
+They are the optical ones of the design's tolerances (`design.spec.tolerances`): heights of emitters and receivers, the
+emitting area, the emitters' half angle, reflectances, refractive index and absorption, thickness of the clear layer.
+Each is one number for all components of a kind. A uniform prior enters the fit as a normal one of the same spread, and
+the fit stays within its limits. Left out: the cavity's length and width and the tip's radius, which a caliper
+measures; the black layer; scatter from component to component.
 
-The few readings of a recording that a calibration is fitted to: some depths of every press on its way in.
+The few readings of a recording for a calibration: some depths of every press on its way in.
 """
 
 from __future__ import annotations
@@ -50,17 +50,17 @@ from sims.learning.map_learner import Untouched, gain_parts, untouched_of
 from sims.readings.dataset import PressData
 
 DIGITS = 11
-"""Light that agrees to so many digits of the brightest is one number of the model, renumbered by a symmetry."""
+"""Digits of the brightest light to which equal light counts as one number of the model, renumbered by a symmetry."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SharedError:
-    """Readings sorted by what number of the light model they stand against.
+    """Readings sorted by the number of the light model with which they are compared.
 
     Attributes
     ----------
     order : (reading,) readings group by group
-    starts : (group,) where each group begins in that order
+    starts : (group,) start of each group in that order
     group : (reading,) group of each reading
     """
 
@@ -106,7 +106,7 @@ OPTICAL_ENDS = (
     "elastomer.absorption_db_per_cm",
     "cavity.clear_thickness_mm",
 )
-"""Ends of the paths that are fitted."""
+"""Last words of the paths that are fitted."""
 NORMAL_ENDS = 2.0
 """Ends of a normal tolerance, in standard deviations (`design.spec.tolerances`)."""
 
@@ -118,8 +118,8 @@ class Unknown:
     Attributes
     ----------
     path, unit : dotted path that sets it
-    value : the design's
-    low, high : ends of the doubt
+    value : the design's value
+    low, high : limits of the prior
     spread : its standard deviation
     """
 
@@ -132,7 +132,7 @@ class Unknown:
 
     @property
     def middle(self) -> float:
-        """Where the doubt is centred."""
+        """Middle of the prior."""
         return 0.5 * (self.low + self.high)
 
     @property
@@ -150,7 +150,7 @@ def unknowns_of(design: SensorDesign) -> tuple[Unknown, ...]:
 
     Raises
     ------
-    InputError : all of them are measured, so that nothing is left to fit.
+    InputError : all of them are measured, so there is nothing to fit.
     """
     found = tuple(_unknown(one) for one in build_tolerances(design) if one.path.endswith(OPTICAL_ENDS))
     if not found:
@@ -176,12 +176,12 @@ def with_values(design: SensorDesign, unknowns: tuple[Unknown, ...], values: Flo
 
 FEWEST_PRESSES = 5
 STATES = 95
-"""Light is traced for about so many presses and depths at every step of the fit: 1 s to 2 s on one core."""
+"""Approximate number of presses and depths traced at every step of the fit: 1 s to 2 s on one core."""
 FEWEST_DEPTHS, MOST_DEPTHS = 3, 10
 SHALLOWEST_MM = 0.4
-"""Lighter presses say more of the reference depth's error than of the optics."""
+"""Least depth of fitted presses [mm]: lighter ones depend more on the reference depth's error than on the optics."""
 NEAR_MM = 0.15
-"""A depth counts as reached by a frame this near to it."""
+"""Distance within which a frame counts as at a depth."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -194,8 +194,8 @@ class CalibrationSamples:
     press : (n,) number of the press
     press_set : (press,) number of the set that each press belongs to
     signals : (n, pair) readings less the off state [counts]
-    untouched : what the sensor reads without a touch
-    emitters : how many
+    untouched : readings of the sensor without a touch
+    emitters : number of emitters
     """
 
     press_mm: FloatArray
@@ -207,7 +207,7 @@ class CalibrationSamples:
 
     @property
     def presses(self) -> int:
-        """How many."""
+        """Number of presses."""
         return int(self.press.max()) + 1
 
 
@@ -221,7 +221,7 @@ def calibration_samples(data: PressData, deepest_mm: float) -> CalibrationSample
 
     Raises
     ------
-    InputError : too few presses or untouched frames.
+    InputError : there are too few presses or untouched frames.
     """
     untouched, number = untouched_of(data), data.press_numbers()
     reached = [
@@ -250,7 +250,7 @@ def calibration_samples(data: PressData, deepest_mm: float) -> CalibrationSample
 
 
 def _rows_of(depth_mm: FloatArray, rows: IntArray, depths: int, deepest_mm: float) -> IntArray:
-    """Rows of one press nearest to wanted depths, on the way in."""
+    """Rows of one press nearest to the required depths, on the way in."""
     way_in = rows[: int(np.argmax(depth_mm[rows])) + 1]
     end = min(float(depth_mm[way_in].max()), 0.9 * deepest_mm)
     wanted = np.linspace(np.sqrt(SHALLOWEST_MM), np.sqrt(end), depths) ** 2
@@ -262,20 +262,20 @@ def _rows_of(depth_mm: FloatArray, rows: IntArray, depths: int, deepest_mm: floa
 
 
 Light = Callable[[FloatArray, FloatArray, int], FloatArray]
-"""Flux (n, pair) of parameters (unknown,) in spreads and presses (n, 3), depth 0 untouched; by one of several seeds."""
+"""Flux (n, pair) by parameters (unknown,) in spreads, presses (n, 3), depth 0 untouched, and one of several seeds."""
 
 MODEL_SHARE = 0.004
 SLOPE_STEP = 0.5
-"""Step of the differences by a parameter, in spreads of its doubt."""
+"""Step of the differences by a parameter, in prior standard deviations."""
 PLACE_MM = 0.1
-"""Light is traced at places rounded to this and carried to the place itself by the slopes: what a stage's error had
-kept apart is symmetric again, and traced once. Over half of it a signal of 300 counts bends by about 0.1 counts."""
+"""Light is traced at locations rounded to this and extrapolated by the slopes: presses that differ by a stage's error
+only are symmetric again, and traced once. Over half of it a signal of 300 counts bends by about 0.1 counts."""
 PRESS_STEP = 3.0**0.5
-"""Step of the differences by x, y and depth to either side, in standard deviations of where the tip may be."""
+"""Step of the differences by x, y and depth to either side, in standard deviations of the tip's position."""
 HALVES = 2
 """Seeds of the slopes."""
 LIGHTS = 3
-"""Seeds whose mean light the last steps are taken with, none of them a seed of the slopes."""
+"""Number of seeds of the mean light of the last steps; none of them is a seed of the slopes."""
 SMALL_FLUX = 1e-12
 
 
@@ -310,7 +310,7 @@ class Problem:
         self.rounded_mm[:, :2] = np.round(self.press_mm[:, :2] / PLACE_MM) * PLACE_MM
 
     def _offset_information(self) -> FloatArray:
-        """(offset, offset) inverse covariance of the tips beside the stage, x, y and depth of each press [1/mm²]."""
+        """(offset, offset) inverse covariance of the tips' offsets from the stage: x, y, depth per press [1/mm²]."""
         found = np.diag(np.tile(self.stage_mm**-2.0, self.samples.presses))
         is_same_set = self.samples.press_set[:, None] == self.samples.press_set
         own = self.stage_mm[2] ** 2 * np.eye(self.samples.presses)
@@ -319,12 +319,12 @@ class Problem:
 
     @property
     def spread_mm(self) -> FloatArray:
-        """(3,) how far the tip may be from where light is traced, standard deviations [mm]."""
+        """(3,) standard deviations of the tip's position about the point of the trace [mm]."""
         rounding = np.array([1.0, 1.0, 0.0]) * PLACE_MM / np.sqrt(12.0)
         return np.asarray(np.hypot(np.hypot(self.stage_mm, [0.0, 0.0, self.set_depth_mm]), rounding))
 
     def weigh(self, flux: FloatArray, bend_counts: FloatArray) -> None:
-        """Set weights of readings, and what they share, for some light and the signal that its bends leave."""
+        """Set weights of readings, and shared errors, for some light and the residual signal of its bends."""
         variance = self.variance + bend_counts**2
         clip = self.samples.untouched.clip_counts
         is_lost = self.signals >= clip - 3.0 * np.sqrt(variance + self.model_counts**2)
@@ -337,7 +337,7 @@ class Problem:
         return self.shared.whitened(values.reshape(self.signals.size, -1), self.shared_spread)
 
     def flux(self, values: FloatArray, *, moved_mm: FloatArray | None = None, half: int = 0) -> FloatArray:
-        """(sample, pair) light of parameters at the rounded places, moved by (3,); untouched in the last row."""
+        """(sample, pair) light of parameters at the rounded locations, moved by (3,); untouched in the last row."""
         press_mm = self.rounded_mm.copy()
         if moved_mm is not None:
             press_mm[:-1] += moved_mm
@@ -355,7 +355,7 @@ class Problem:
         return np.array(found)
 
     def slopes(self, values: FloatArray, half: int) -> FloatArray:
-        """(unknown, sample, pair) the same by differences to both sides, as far as the doubt's ends let them."""
+        """(unknown, sample, pair) the same by differences to both sides, within the limits of the prior."""
         found = []
         for axis, value in enumerate(values):
             down = max(-SLOPE_STEP, self.low[axis] - value)
@@ -365,7 +365,7 @@ class Problem:
         return np.array(found)
 
     def press_slopes(self, values: FloatArray, flux: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """(3, sample, pair) slopes of light by x, y and depth [1/mm]; (sample, pair) rms of what they leave [-]."""
+        """(3, sample, pair) slopes of light by x, y and depth [1/mm]; (sample, pair) rms residual [-]."""
         found, left = [], np.zeros(flux.shape)
         for step in PRESS_STEP * np.diag(self.spread_mm):
             above, below = (self.flux(values, moved_mm=side * step) for side in (1.0, -1.0))
@@ -374,7 +374,7 @@ class Problem:
         return np.array(found), np.sqrt(left)
 
     def mean_flux(self, values: FloatArray) -> FloatArray:
-        """(sample, pair) mean light of several seeds that no slope has."""
+        """(sample, pair) mean light of several seeds other than those of the slopes."""
         lights = [self.flux(values, half=HALVES + light) for light in range(LIGHTS)]
         return np.asarray(np.mean(lights, axis=0))
 

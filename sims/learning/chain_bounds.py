@@ -6,11 +6,11 @@ One frame of signals y (lit less off, all pairs) of a stage's press θ = (x, y, 
 
     y = D(e, r) m(θ + δ) + n,     D(e, r) = diag (1 + e_i + r_j) for the pair of emitter i and receiver j
 
-    n     own noise of a pair, covariance V: read noise and rounding of both readings, shot noise
+    n     independent noise of a pair, covariance V: read noise and rounding of both readings, shot noise
     e, r  gains: fluctuation of an emitter within the frame and drift of the set; drift of a receiver since its
           untouched signal was taken; normal, mean 0
-    δ     the tip beside where the stage says it is: error of positioning in x and y, of the reference depth (set and
-          place), half the lag of the way back; normal, mean 0, covariance Δ
+    δ     offset of the tip from the stage's position: error of positioning in x and y, of the reference depth (set and
+    location), half the backlash; normal, mean 0, covariance Δ
 
 The nuisances have priors, so the bound is the hybrid one (Van Trees 1968, section 2.4; Messer 2006): information of all
 parameters, the priors' added, the nuisances eliminated by a Schur complement. For e and r that leaves
@@ -19,15 +19,15 @@ parameters, the priors' added, the nuisances eliminated by a Schur complement. F
 
 and for δ, which enters only as θ + δ,
 
-    F⁻¹ of where the tip is,     F⁻¹ + Δ of where the stage says it is
+    F⁻¹ for the tip's position,     F⁻¹ + Δ for the stage's position of it
 
-J comes twice, from stencils of independently seeded light, and F is the symmetrised product of the halves, so that the
-trace's noise is no information (`sims.bounds.fisher`): both are multiplied with L⁻¹, C = L Lᵀ, and go through
-`bounds_of` with weights of 1. Pairs at full scale at any press of a stencil tell nothing.
+J is computed twice, from stencils of independently seeded light, and F is the symmetrised product of the halves, so the
+trace's noise is no information (`sims.bounds.fisher`): both are multiplied with L⁻¹, C = L Lᵀ, and passed to
+`bounds_of` with weights of 1. Pairs at full scale at any press of a stencil are left out.
 
-Left out: as there; gains' part of C is taken at the mean signals; flicker of ambient light (dark frames); several
-frames of a set, which would tell its drift and its reference depth together; the lag's two values count as a normal
-distribution of the same spread.
+Left out: the same as there; flicker of ambient light (dark frames); several frames of a set, which would determine its
+drift and its reference depth together. The gains' part of C is taken at the mean signals; the two values of the
+backlash count as a normal distribution of the same spread.
 """
 
 from __future__ import annotations
@@ -55,20 +55,20 @@ from sims.optics.accuracy import Accuracy
 from sims.optics.tracing import trace
 
 EVENLY = np.array([0.7548776662466927, 0.5698402909980532])
-"""Steps of an even sequence of places, 1/p and 1/p² with p³ = p + 1 (M. Roberts, "The unreasonable effectiveness of
+"""Steps of an even sequence of locations, 1/p and 1/p² with p³ = p + 1 (M. Roberts, "The unreasonable effectiveness of
 quasirandom sequences", 2018)."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class StageErrors:
-    """How far the tip may be from where the stage says: standard deviations of x and y each, and of depth [mm]."""
+    """Errors of the stage's position of the tip: standard deviations of x and y each, and of depth [mm]."""
 
     position_mm: float
     depth_mm: float
 
 
 def stage_errors(design: SensorDesign) -> StageErrors:
-    """Those of a design's signal chain: set, place and half the lag add as squares."""
+    """Positioning errors of the stage: per set, per press, and half the backlash, added in quadrature."""
     noise = design.noise
     depth = np.hypot(noise.zero_offset_set_mm, noise.zero_offset_place_mm)
     return StageErrors(
@@ -78,11 +78,11 @@ def stage_errors(design: SensorDesign) -> StageErrors:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ChainBounds:
-    """Least standard deviations of unbiased estimates from one frame [mm]; infinite where blind.
+    """Least standard deviations of unbiased estimates from one frame [mm]; infinite where not resolved.
 
     Attributes
     ----------
-    tip : of where the tip is, gains unknown
+    tip : bounds of the tip's position, with unknown gains
     stage : the errors of the stage
     """
 
@@ -91,12 +91,12 @@ class ChainBounds:
 
     @property
     def location_mm(self) -> FloatArray:
-        """(n,) √(var x + var y) of where the stage says the tip is."""
+        """(n,) √(var x + var y) of the stage's position of the tip."""
         return np.asarray(np.hypot(self.tip.location_mm, np.sqrt(2.0) * self.stage.position_mm))
 
     @property
     def depth_mm(self) -> FloatArray:
-        """(n,) of the depth that the stage says."""
+        """(n,) bound of the stage's depth."""
         return np.asarray(np.hypot(self.tip.depth_mm, self.stage.depth_mm))
 
 
@@ -108,7 +108,7 @@ def bounds_under(
     Parameters
     ----------
     first, second : (n, pair, 3) slopes of the signals by x, y, depth, from independent halves [counts/mm]
-    signals : (n, pair) mean signals [counts]; from `noise.clip_counts` on a pair tells nothing
+    signals : (n, pair) mean signals [counts]; from `noise.clip_counts` on a pair is left out
     """
     is_lost = signals >= noise.clip_counts
     reached = np.where(is_lost, 0.0, signals)
@@ -140,14 +140,14 @@ def chain_bounds(
     ----------
     press_mm : (n, 3) x, y, depth [mm]
     gains : counts per flux, (receiver,) or (emitter, receiver) [counts]
-    noise : of a frame; its `clip_counts` is full scale
+    noise : noise of a frame; its `clip_counts` is full scale
     stage : errors of the stage; those of the design's signal chain if left out
-    accuracy, seed : of the light; the second half has ``seed + SEED_GAP``
+    accuracy, seed : settings of the light; the second half has ``seed + SEED_GAP``
     on_step : called with the share that is done
 
     Raises
     ------
-    ModelScopeError : a press that contact or light model does not cover.
+    ModelScopeError : the contact or light model does not cover a press.
     """
     offsets = (steps or Steps()).offsets_mm(press_mm[:, 2])
     presses = stencil_presses(press_mm, offsets)
@@ -183,15 +183,15 @@ def bounds_by_depth(
     seed: int = 0,
     on_step: OnShare | None = None,
 ) -> dict[float, tuple[float, float]]:
-    """Medians over places of the workspace of the location and the depth bound, at depths.
+    """Medians over locations of the workspace of the location and the depth bound, at depths.
 
-    Depths at which the trace cannot tell the information from its own noise at half of the places are left out.
+    Depths at which the information is within the trace's own noise at half of the locations are left out.
 
     Parameters
     ----------
-    gains, noise, accuracy, seed, on_step : as `chain_bounds` takes them
+    gains, noise, accuracy, seed, on_step : as for `chain_bounds`
     depths_mm : above 0 [mm]
-    places : how many, spread evenly (the additive recurrence of the plastic number); 12 states of light each and depth
+    places : number of locations, evenly spread (recurrence of the plastic number); 12 states of light each and depth
     """
     space = workspace_of(design)
     share = np.outer(np.arange(1, places + 1), EVENLY) % 1.0

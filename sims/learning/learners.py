@@ -14,12 +14,12 @@ from sims.readings.dataset import PressData
 
 
 class Learner(Protocol):
-    """What makes a model."""
+    """A function that makes a model."""
 
     def __call__(
         self, train: PressData, *, seed: int = ..., on_step: OnStep = ..., settings: FitSettings = ...
     ) -> TouchModel:
-        """Train; raises InputError where the data do not suffice."""
+        """Train; raises InputError where the data are insufficient."""
         ...
 
 
@@ -28,4 +28,4 @@ LEARNERS: dict[str, Learner] = {
     "extra-trees": fit_extra_trees,
     "network": fit_network,
 }
-"""Name, which is also the kind of the model -> its fit."""
+"""Fits by name, which is also the kind of the model."""

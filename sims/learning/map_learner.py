@@ -4,14 +4,14 @@
     untouched signal                           mean of the sensor's untouched frames
     of a pair at full scale while untouched    from gains of emitters and receivers fitted to the other pairs, moved by
                                                the touched frames in which it reads less
-    noise                                      the design's signal chain, widened to what untouched frames show, and the
-                                               map's measured error
-    threshold of touch                         what `FALSE_ALARMS` of the untouched frames exceed in the worst of the
-                                               sets, each held against the untouched signals of the others: a new set
-                                               has gains, lamps and a phase of its own
+    noise                                      the design's signal chain, widened to the noise of untouched frames, and
+    the map's measured error
+    threshold of touch                         the score that `FALSE_ALARMS` of the untouched frames exceed in the worst
+    set, each compared with the untouched signals of the others: a new set
+    has its own gains, lamps and phase
 
-So few presses are needed, or none: untouched frames alone do. Left out: a bias of the reference depth in the data,
-which the model does not learn (`sims.learning.calibration` does).
+So few presses are needed, or none: untouched frames alone are enough. Left out: a bias of the reference depth in the
+data, which the model does not learn (`sims.learning.calibration` does).
 """
 
 from __future__ import annotations
@@ -50,36 +50,36 @@ if TYPE_CHECKING:
     from sims.learning.learners import Learner
 
 MAP_SEED = 104_729
-"""Added to the seed for the map's light: simulated data have the seed itself, and must not share the map's errors."""
+"""Number added to the seed for the map's light: simulated data have the seed and must not share the map's errors."""
 FALSE_ALARMS = 0.01
 """Share of untouched training frames that may count as touched."""
 LEAST_THRESHOLD = 3.0
-"""Of touch, where untouched frames are few: half of χ² with three degrees of freedom exceeds it once in nine times."""
+"""Least threshold of touch, for few untouched frames: half of χ² with 3 degrees of freedom exceeds it once in nine."""
 FEWEST_UNTOUCHED = 10
 FORCE_DEPTHS = 51
 LOCATED_MM = 0.2
-"""Presses from this depth on tell how far deviations are to be trusted: a lighter one is felt but not located."""
+"""Least depth of the presses that scale deviations [mm]: a lighter one is detected but not located."""
 CHECK_FRAMES = 4
 TRUST_BINS = 5
-"""Frames of each such press, bins of depth: ten presses a bin, whose errors of the map make a factor known to 16 % in x
-and y and to 22 % in depth."""
+"""Frames of each such press, and bins of depth: with ten presses a bin, errors of the map make a factor known to 16 %
+in x and y and to 22 % in depth."""
 MOST_FOR_THRESHOLD = 1500
-"""Untouched frames that the threshold is set by, of all sets together."""
+"""Number of untouched frames that set the threshold, of all sets together."""
 MOST_FOR_CLIPPED = 3000
 BRIGHT = 0.05
-"""Pairs of more than this share of the median untouched signal tell gains."""
+"""Least share of the median untouched signal of pairs for the fit of gains."""
 CLIP_SHARE = 0.99
 """Untouched readings above this share of the largest reading count as clipped."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Untouched:
-    """What a sensor reads without a touch.
+    """Readings of a sensor without a touch.
 
     Attributes
     ----------
     mean_counts, spread_counts : (pair,) mean and standard deviation of one frame within a set [counts]
-    clip_counts : (pair,) largest signal that the converter can give [counts]; infinite where not known
+    clip_counts : (pair,) largest signal of the converter [counts]; infinite where not known
     """
 
     mean_counts: FloatArray
@@ -93,11 +93,11 @@ class Untouched:
 
 
 def untouched_rows(data: PressData) -> BoolArray:
-    """(sample,) frames that surely touch nothing.
+    """(sample,) frames that certainly have no touch.
 
     Raises
     ------
-    InputError : too few of them.
+    InputError : there are too few of them.
     """
     rows = data.press_mm[:, 2] <= CLEARLY_UNTOUCHED_MM
     if rows.sum() < FEWEST_UNTOUCHED:
@@ -125,7 +125,7 @@ def untouched_of(data: PressData) -> Untouched:
 
 
 def gain_parts(emitters: int, pairs: int) -> FloatArray:
-    """(pair, emitters + receivers) 1 where a part's gain counts for a pair; pairs with the emitter outermost."""
+    """(pair, emitters + receivers) 1 where a component's gain applies to a pair; pairs with the emitter outermost."""
     receivers = pairs // emitters
     emitter, receiver = np.divmod(np.arange(pairs), receivers)
     return np.concatenate([np.eye(emitters)[emitter], np.eye(receivers)[receiver]], axis=1)
@@ -134,7 +134,7 @@ def gain_parts(emitters: int, pairs: int) -> FloatArray:
 def fitted_gains(untouched: Untouched, flux: FloatArray, emitters: int) -> FloatArray:
     """(pair,) counts per flux as a product of a gain of the emitter and one of the receiver.
 
-    Least squares of the logarithms over bright pairs that do not clip; a part without such a pair gets the mean gain.
+    They are least squares of the logarithms over bright pairs that do not clip; a component without one gets the mean.
 
     Raises
     ------
@@ -176,12 +176,12 @@ def mapped(
     seed: int = 0,
     on_step: OnStep | None = None,
 ) -> SignalMap:
-    """Trace the map of a design with its error at places and depths that are not on its grid.
+    """Trace the map of a design, and its error at locations and depths that are not on its grid.
 
     Parameters
     ----------
     quick : a coarser grid, a third of the time (docs/validation/calibration.md has both errors)
-    seed : of the data that the model will be compared with; the map's light has another
+    seed : seed of the data with which the model will be compared; the map's light has another
     """
     found = traced_map(
         design,
@@ -196,11 +196,11 @@ def mapped(
 
 
 def signal_map_learner(design: SensorDesign, *, quick: bool = False, seed: int = 0) -> Learner:
-    """The learner of a design, beside those that see only data: its map is traced at the first fit, and kept.
+    """The learner that uses the design; the others use only data. Its map is traced at the first fit, and kept.
 
     Parameters
     ----------
-    quick, seed : as `mapped` takes them
+    quick, seed : as for `mapped`
     """
     traced: list[SignalMap] = []
 
@@ -209,7 +209,7 @@ def signal_map_learner(design: SensorDesign, *, quick: bool = False, seed: int =
         *,
         seed: int = seed,
         on_step: OnStep = lambda _stage, _share: None,
-        settings: FitSettings = DEFAULT,  # noqa: ARG001  nothing of it concerns a map
+        settings: FitSettings = DEFAULT,  # noqa: ARG001  no setting concerns a map
     ) -> SignalMapModel:
         if not traced:
             traced.append(mapped(design, quick=quick, seed=map_seed, on_step=on_step))
@@ -221,7 +221,7 @@ def signal_map_learner(design: SensorDesign, *, quick: bool = False, seed: int =
 
 
 def map_header(design: SensorDesign, data: PressData, found: SignalMap, seed: int) -> ModelHeader:
-    """Header of a model that is made of a map: the data's sensor, the map's design, the force of a centred press."""
+    """Header of a model from a map: the data's sensor, the map's design, the force of a centred press."""
     deepest = design.operating.max_depth_mm
     press = solved_press(design, max_depth_mm=deepest)
     curve = force_curve(design, press, np.linspace(0.0, deepest, FORCE_DEPTHS))
@@ -262,18 +262,18 @@ def fit_signal_map(
     seed: int = 0,
     on_step: OnStep | None = None,
 ) -> SignalMapModel:
-    """Make a model of a map and a sensor's readings.
+    """Make a model from a map and a sensor's readings.
 
     Parameters
     ----------
-    found : of that design, or of the design fitted to the build
-    header : of the model; kind and untouched counts are set here
+    found : map of that design, or of the design fitted to the pad
+    header : header of the model; kind and untouched counts are set here
     data : untouched frames at least; touched ones help pairs that clip
-    seed : which untouched frames the threshold is set by
+    seed : selects the untouched frames that set the threshold
 
     Raises
     ------
-    InputError : too few untouched frames, or no pair that reads light without clipping.
+    InputError : there are too few untouched frames, or no pair reads light without clipping.
     """
     untouched = untouched_of(data)
     emitters, spline = len(data.emitter_names), found.ratio_root
@@ -306,7 +306,7 @@ def fit_signal_map(
 
 
 def _trust(model: SignalMapModel, found: SignalMap, noise: ReadingNoise, seed: int) -> SigmaTable:
-    """Error over deviation by depth, at the presses that the map was checked with, under the sensor's own noise."""
+    """Error over deviation by depth, at the presses that checked the map, under the sensor's own noise."""
     if found.checked is None:
         return UNIT_SIGMA
     located = found.checked.press_mm[:, 2] >= LOCATED_MM
@@ -319,7 +319,7 @@ def _trust(model: SignalMapModel, found: SignalMap, noise: ReadingNoise, seed: i
     shared = np.einsum("ng,ngk->nk", chance.normal(size=columns.shape[:2]), columns)
     told = model.found(np.minimum(mean + own + shared, noise.clip_counts))
     raw_mm = np.sqrt(np.einsum("nii->ni", told.covariance))
-    # x and y are alike: each counts for both
+    # x and y are equivalent: each counts for both
     told_mm, spread_mm, true_mm = (
         np.concatenate([one, one[:, [1, 0, 2]]]) for one in (told.press_mm, raw_mm, press_mm)
     )
@@ -337,7 +337,7 @@ def _box(found: SignalMap) -> Box:
 def _sensor_noise(
     chain: ReadingNoise, fluctuation: float, untouched: Untouched, full: FloatArray, error: FloatArray | None
 ) -> ReadingNoise:
-    """The chain's noise, no less than untouched frames show beside the LEDs' fluctuation, and the map's own error."""
+    """Noise of the chain, at least that of untouched frames less the LEDs' fluctuation, and the map's own error."""
     seen = np.where(
         untouched.is_clipped, 0.0, untouched.spread_counts**2 - (fluctuation * full) ** 2 - chain.shot * full
     )
@@ -347,7 +347,7 @@ def _sensor_noise(
 
 
 def _moved_by_touches(model: SignalMapModel, untouched: Untouched, data: PressData, seed: int) -> FloatArray:
-    """(pair,) full counts, those of clipping pairs by the median of reading over ratio where they read less."""
+    """(pair,) full counts; those of clipping pairs are the median of reading over ratio below full scale."""
     touched = np.flatnonzero(data.press_mm[:, 2] > 0.3)
     full = model.full_counts.copy()
     if not untouched.is_clipped.any() or not len(touched):
@@ -365,7 +365,7 @@ def _moved_by_touches(model: SignalMapModel, untouched: Untouched, data: PressDa
 
 
 def _threshold(model: SignalMapModel, data: PressData, seed: int, on_step: OnStep | None) -> float:
-    """What few untouched frames exceed in any set, with untouched signals of the other sets (of all, if it is one)."""
+    """The score that few untouched frames exceed in any set, with untouched signals of the other sets, if any."""
     quiet = data.only(untouched_rows(data))
     numbers = [
         one for one in np.unique(quiet.set_number) if (quiet.set_number == one).sum() >= FEWEST_UNTOUCHED

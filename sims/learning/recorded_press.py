@@ -1,10 +1,10 @@
-"""A measured press over the simulated one: one place, pair by pair, both over their untouched signal.
+"""A measured press over the simulated one: one location, pair by pair, both over their untouched signal.
 
-    recording ──► readings at one place ──► over the mean of its untouched readings ──┐
+    recording ──► readings at one location ► over the mean of its untouched readings ─┐
     design ─────► light under a press there ──► over the untouched total ─────────────┴──► curves, difference
 
-Readings and light share no unit but this ratio, so gain and absolute signal are not compared, and nothing else is
-fitted: not the depth's zero, not the shape. The difference is that of the press; retraction is drawn beside it.
+Readings and light have only this ratio in common, so gain and absolute signal are not compared, and nothing else is
+fitted, neither the zero of depth nor the shape. The difference is that of the press; retraction is drawn too.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from sims.verdict.builds import score_curves
 from sims.verdict.presses import PAIR_ACCURACY, Pair, curves_of, states_of
 
 SAME_PLACE_MM = 0.25
-"""Readings within this distance of a place belong to it: a stage's step is ten times as fine."""
+"""Distance from a location within which readings belong to it: a stage's step is ten times as fine."""
 FEWEST_READINGS = 5
 MOST_PAIRS = 6
 
@@ -38,9 +38,9 @@ class RecordedPair:
 
     Attributes
     ----------
-    simulated : its light and score under a press at the place of the recording
+    simulated : its light and score under a press at the location of the recording
     depth_mm, ratio : (n,) depths of the readings [mm], and the readings over their untouched mean [-]
-    deepest : number of the deepest reading: those up to it are of the press, the others of the retraction
+    deepest : number of the deepest reading: those up to it belong to the press, the others to the retraction
     untouched_counts : that mean [counts]
     rms, worst : difference from the simulated ratio over the readings of the press within its depths [-]
     """
@@ -56,7 +56,7 @@ class RecordedPair:
 
 @dataclass(frozen=True, kw_only=True)
 class RecordedPress:
-    """A measured press over the simulated one; `notes` say what was done and what is assumed."""
+    """A measured press over the simulated one; `notes` list the processing and the assumptions."""
 
     place_mm: tuple[float, float]
     pairs: tuple[RecordedPair, ...]
@@ -71,16 +71,16 @@ def recorded_press(
     at_mm: tuple[float, float] | None = None,
     seed: int = 0,
 ) -> RecordedPress:
-    """Lay a recording over the simulated press.
+    """Compare a recording with the simulated press.
 
     Parameters
     ----------
     pairs : names of the pairs to compare; empty takes the judged pairs that swing most, the middle one of facing rows
-    at_mm : place of the press; None takes that of the recording, or of the pair where it does not say
+    at_mm : location of the press; None takes that of the recording, or of the pair where it has none
 
     Raises
     ------
-    InputError : a recording of another design, unknown pairs, several places, too few readings, no untouched ones.
+    InputError : another design, unknown pairs, several locations, too few readings, or no untouched ones.
     """
     notes = [*recording.notes, *_of_this_design(design, recording)]
     chosen = _chosen(design, recording, pairs)
@@ -154,7 +154,7 @@ def _require_known(names: list[str], known: dict[str, Pair], where: str) -> None
 def _place(
     design: SensorDesign, recording: Recording, chosen: dict[str, Pair], at_mm: tuple[float, float] | None
 ) -> tuple[tuple[float, float], NDArray[np.intp], list[str]]:
-    """Place of the press, the readings there, and what was assumed."""
+    """Location of the press, the readings there, and the assumptions."""
     every = np.arange(len(recording.depth_mm))
     if recording.place_mm is None:
         place = at_mm or chord_midpoint_mm(cavity_of(design), next(iter(chosen.values())))

@@ -1,17 +1,17 @@
-"""How far a press that was told lies from the one that was: what grid searches and held-out checks minimise.
+"""Errors of estimated presses, for grid searches and held-out checks.
 
 The scalings of `sims.learning.inference.feature_scaling`, from training samples.
 
-Touched samples as the better learners take them: readings, presses, and which of them are held out for trust.
+Touched samples for the better learners: readings, presses, and the samples held out to scale deviations.
 
-Which samples tune, which train: by location, never by sample; and a smaller share that covers all of them.
+The split of samples for tuning and training, by location, never by sample; and smaller selections of all of them.
 
-The header of a model that was just trained.
+The header of a newly trained model.
 
-Training data as learners take them: checked, clipped pairs set aside, samples numbered by location.
+Training data for learners: checked, without clipped pairs, samples numbered by location.
 
-A *location* is all places within 0.15 mm of each other, over all sets: the paper presses the same grid four times, and
-a press held out while its location stays in the training half would be no test of places never pressed.
+A *location* is all positions within 0.15 mm of each other, over all sets: the paper presses the same grid four times,
+and a held-out press whose location stays in the training half would not test new locations.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ from sims.press import place_numbers
 from sims.readings.dataset import PressData
 
 FROM_DEPTH_MM = 1.0
-"""Lighter presses change few pairs: where they are is hardly in the signal, and would hide what a learner does."""
+"""Least depth of tested presses [mm]: lighter ones hardly have a signal, and would hide a learner's error."""
 
 
 def location_error_mm(told_mm: FloatArray, press_mm: FloatArray) -> FloatArray:
@@ -42,7 +42,7 @@ def location_error_mm(told_mm: FloatArray, press_mm: FloatArray) -> FloatArray:
 
 
 def held_out_figures(told_mm: FloatArray, press_mm: FloatArray) -> dict[str, float]:
-    """Medians at samples of `FROM_DEPTH_MM` and more that the fit did without, for a model's header [mm]."""
+    """Medians at held-out samples of `FROM_DEPTH_MM` and more, for a model's header [mm]."""
     deep = press_mm[:, 2] >= FROM_DEPTH_MM
     if not deep.any():
         return {}
@@ -61,16 +61,16 @@ def mean_error_mm(told_mm: FloatArray, press_mm: FloatArray) -> float:
 
 LEAST_SCALE_COUNTS = 1.0
 """About the noise of a reading less the off state (0.5 count each and the converter's steps): a pair whose signal
-varies less than that is not blown up."""
+varies less than that is not amplified."""
 
 
 def counts_scaling(kept: NDArray[np.intp]) -> FeatureScaling:
-    """The readings as they are."""
+    """The readings without scaling."""
     return FeatureScaling(kept=kept, centre=np.zeros(len(kept)), scale=np.ones(len(kept)))
 
 
 def standard_scaling(kept: NDArray[np.intp], signals: NDArray[np.float32]) -> FeatureScaling:
-    """Every pair by its own mean and standard deviation over samples (n, pair), at least the noise's.
+    """Scaling of every pair by its own mean and standard deviation over samples (n, pair), at least the noise's.
 
     Parameters
     ----------
@@ -83,7 +83,7 @@ def standard_scaling(kept: NDArray[np.intp], signals: NDArray[np.float32]) -> Fe
 
 
 HELD_OUT_SHARE = 0.2
-"""Of the locations, for the table of trust."""
+"""Share of the locations held out for the table of factors."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -94,7 +94,7 @@ class PressSamples:
     ----------
     signals : (n, pair) readings less the off state [counts]
     press_mm : (n, 3) [mm]
-    is_held_out : (n,) at locations that the fit for trust does without
+    is_held_out : (n,) whether the location is held out of the fit that scales deviations
     """
 
     signals: FloatArray
@@ -106,7 +106,7 @@ class PressSamples:
 
 
 def press_samples(data: TrainingData, most: int, rng: np.random.Generator) -> PressSamples:
-    """At most so many samples of depth 0 and more, spread over presses and depths."""
+    """At most this many samples of depth 0 and more, spread over presses and depths."""
     touched = np.flatnonzero(data.is_touched)
     chosen = touched[spread_samples(data.press[touched], data.press_mm[touched, 2], most, rng)]
     return PressSamples(
@@ -122,7 +122,7 @@ def held_out(location: IntArray, share: float, rng: np.random.Generator) -> Bool
     Parameters
     ----------
     location : (sample,) number of the location, or of the press where presses are to be held out
-    share : of the locations that are held out
+    share : share of the locations that are held out
     """
     numbers = np.unique(location)
     count = int(np.clip(round(share * len(numbers)), 1, len(numbers) - 1))
@@ -132,8 +132,8 @@ def held_out(location: IntArray, share: float, rng: np.random.Generator) -> Bool
 def spread_samples(press: IntArray, depth_mm: FloatArray, count: int, rng: np.random.Generator) -> IntArray:
     """Numbers of at most ``count`` samples, spread over presses and depths, in rising order.
 
-    Every press gives its share, taken at even steps along its depths from a start of its own: each press covers the
-    depths evenly, and neighbouring presses do not all fall on the same ones.
+    Every press gives its share, at even steps along its depths from its own start: each press covers the depths
+    evenly, and neighbouring presses do not all have the same ones.
     """
     samples = len(press)
     if samples <= count:
@@ -150,7 +150,7 @@ def spread_samples(press: IntArray, depth_mm: FloatArray, count: int, rng: np.ra
 
 
 def _shares(sizes: IntArray, count: int, rng: np.random.Generator) -> IntArray:
-    """How many of each press, in proportion to its size; what rounding leaves over goes to presses drawn at random."""
+    """Number of samples of each press, in proportion to its size; the rest from rounding goes to random presses."""
     exact = sizes * (count / sizes.sum())
     shares: IntArray = np.floor(exact).astype(np.int64)
     order = rng.permutation(len(sizes))
@@ -163,11 +163,11 @@ def _shares(sizes: IntArray, count: int, rng: np.random.Generator) -> IntArray:
 LIBRARIES = ("optopad", "numpy", "scipy", "scikit-learn")
 SIGMA_OF_STAGE = "what the stage says, its errors included"
 SIGMA_OF_TIP = "where the tip is, without the stage's errors"
-"""What a model's `sigma_mm` is a deviation of, for its header: learners know the tip by the stage's word only."""
+"""Reference of a model's `sigma_mm`, for its header: learners know the tip by the stage's position only."""
 
 
 def trained_header(kind: str, data: TrainingData, settings: Mapping[str, Any], seed: int) -> ModelHeader:
-    """What the data were and what the fit chose; the force curve is added where the design is at hand."""
+    """Header with the data and the fit's choices; the force curve is added where the design is available."""
     source = data.source
     return ModelHeader(
         kind=kind,
@@ -182,17 +182,17 @@ def trained_header(kind: str, data: TrainingData, settings: Mapping[str, Any], s
 
 
 CLEARLY_UNTOUCHED_MM = -0.25
-"""Frames above this depth touch nothing, whatever the reference depth's error."""
+"""Depth above which frames have no touch, at any error of the reference depth [mm]."""
 FEWEST_LOCATIONS = 9
-"""Three a side: fewer cannot tell a slope of the signal from a curve."""
+"""Three a side: fewer cannot distinguish a slope of the signal from a curve."""
 FEWEST_TOUCHED = 200
 FEWEST_UNTOUCHED = 50
-"""With fewer, the held-out half decides by chance."""
+"""Least number; with fewer, the held-out half decides by chance."""
 MOST_CLIPPED = 0.01
-"""A pair that reads full scale in more of the untouched frames than this is left out: it says nothing of light touches,
-and its difference to the off state says how bright the room is."""
+"""Largest share of untouched frames at full scale of a pair; above it the pair is left out: it does not detect light
+touches, and its difference to the off state depends on the brightness of the room."""
 FEWEST_PAIRS = 3
-"""x, y and depth cannot come from fewer readings."""
+"""Least number of readings for x, y and depth."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -201,13 +201,13 @@ class TrainingData:
 
     Attributes
     ----------
-    source : what they were made of
+    source : the data before selection
     signals : (sample, pair) readings less the off state [counts]
     press_mm : (sample, 3) x, y, depth [mm]
     location : (sample,) number of the location, from 0
     press : (sample,) number of the press (set and place), from 0
-    kept : (feature,) pairs that learners look at
-    left_out : what was left out, as sentences
+    kept : (feature,) pairs that learners use
+    left_out : data left out, as sentences
     """
 
     source: PressData
@@ -220,7 +220,7 @@ class TrainingData:
 
     @property
     def is_touched(self) -> BoolArray:
-        """(sample,) depth 0 or more, as the paper counts."""
+        """(sample,) whether the depth is 0 or more, as the paper counts."""
         return np.asarray(self.press_mm[:, 2] >= 0.0)
 
     @property
@@ -229,7 +229,7 @@ class TrainingData:
         return np.asarray(self.signals[~self.is_touched].mean(axis=0, dtype=np.float64))
 
     def facts(self) -> dict[str, Any]:
-        """What the model's header says of them; locations and presses are those in contact, deeper than 0."""
+        """The data's entries for the model's header; locations and presses are those in contact, deeper than 0."""
         pressed = self.press_mm[:, 2] > 0.0
         return {
             "is_simulated": self.source.true_press_mm is not None,
@@ -244,11 +244,11 @@ class TrainingData:
 
 
 def prepared(train: PressData) -> TrainingData:
-    """Check data and set aside what tells nothing.
+    """Check data and leave out pairs without information.
 
     Raises
     ------
-    InputError : too few samples, locations or usable pairs; values that are no numbers.
+    InputError : there are too few samples, locations or usable pairs, or values are no numbers.
     """
     signals = np.asarray(train.features(), dtype=np.float32)
     if not np.isfinite(signals).all() or not np.isfinite(train.press_mm).all():
@@ -282,7 +282,7 @@ def _require_enough(is_touched: BoolArray, location: IntArray) -> None:
 
 
 def _usable_pairs(train: PressData, signals: NDArray[np.float32]) -> tuple[NDArray[np.intp], tuple[str, ...]]:
-    """Pairs that neither clip while untouched nor stand still, and sentences about the others."""
+    """Pairs that neither clip while untouched nor are constant, and sentences about the others."""
     untouched = train.press_mm[:, 2] < 0.0
     share = train.only(untouched).clipped_share()
     clipped = ((share[:-1] > MOST_CLIPPED) | (share[-1:] > MOST_CLIPPED)).reshape(-1)
@@ -302,7 +302,7 @@ def _usable_pairs(train: PressData, signals: NDArray[np.float32]) -> tuple[NDArr
 
 
 def _plain(attributes: Mapping[str, Any]) -> dict[str, Any]:
-    """What of the data's attributes a JSON header can hold."""
+    """The data's attributes that a JSON header can contain."""
     return {
         name: value
         for name, value in attributes.items()

@@ -1,4 +1,4 @@
-"""How much work a fit may be: numbers of samples, memory, and the sizes of the better learners."""
+"""Limits of the work of a fit: numbers of samples, memory, and the sizes of the better learners."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 @dataclass(frozen=True, kw_only=True)
 class FitSettings:
-    """Limits of a fit; every learner takes what concerns it.
+    """Limits of a fit; every learner uses those that concern it.
 
     Attributes
     ----------
@@ -15,8 +15,8 @@ class FitSettings:
     fit_samples : touched samples of the final kernel-ridge fit; those beyond are used by the approximation only
     network_samples : touched samples of trees and network
     memory_gb : of the kernel matrix of the final fit [GB]
-    landmarks : kept samples of the approximation that serves what does not fit into memory_gb
-    trees : of the forest
+    landmarks : kept samples of the approximation for systems that do not fit into memory_gb
+    trees : trees of the forest
     epochs : passes of the network over its samples
     """
 

@@ -1,17 +1,17 @@
-"""The paper's tables: touch told by depth; error of place and of depth by depth.
+"""The paper's tables: touch detection by depth; error of location and of depth by depth.
 
-Touch: the share of samples at a depth that are told rightly, untouched below 0 mm, touched from 0 mm on. Errors:
-median, mean and standard deviation of the distance in the plane and of the absolute difference in depth, over the
-samples at a depth that are truly touched (the regressor alone), and over those of them that the model finds (the
-cascade); how many it finds stands beside. Standard errors by resampling places and sessions, not samples: press and
-retraction at one place share its signals, all presses of a session its drift and reference depth. From a single session
-the error leaves out what sessions differ by.
+Touch is the share of samples at a depth that are classified correctly, untouched below 0 mm, touched from 0 mm on.
+Errors are median, mean and standard deviation of the distance in the plane and of the absolute difference in depth,
+over the samples at a depth that are truly touched (the regressor alone), and over those of them that the model detects
+(the cascade), with their number. Standard errors come from resampling locations and sessions, not samples: press and
+retraction at one location share its signals, all presses of a session its drift and reference depth. With a single
+session the error leaves out differences between sessions.
 
-Which samples the tables and pictures need: a data set has ten times as many as they show.
+The samples that tables and pictures need: a data set has ten times as many as they show.
 
-Presses beside what a model says of them: the rows that every table and picture is made of.
+Presses with a model's predictions: the rows of every table and picture.
 
-What was published of a sensor's touch, to hold the simulated table against.
+Published touch detection of a sensor, for comparison with the simulated table.
 
 Its untouched rows bounded the assumed noise of the signal chain (`design.spec.sensor`), so they are no blind test;
 nothing is fitted to the others.
@@ -38,11 +38,11 @@ from sims.readings.press_data import PressData
 
 
 def needed_samples(data: PressData, places_mm: FloatArray) -> PressData:
-    """Samples at the depths of the tables, and all of the presses nearest to some places.
+    """Samples at the depths of the tables, and all of the presses nearest to some locations.
 
     Parameters
     ----------
-    places_mm : (place, 2) where depth is shown sample by sample [mm]
+    places_mm : (place, 2) locations at which depth is shown sample by sample [mm]
     """
     depth_mm = data.press_mm[:, 2]
     wanted = np.zeros(len(data), dtype=np.bool_)
@@ -60,20 +60,20 @@ def _all_depths() -> Sequence[float]:
 
 
 DEPTH_TOLERANCE_MM = 0.04
-"""A sample belongs to a row of a table when its depth is this near; schedules step by 0.1 mm."""
+"""Distance in depth within which a sample belongs to a row of a table; schedules step by 0.1 mm."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class JudgedPresses:
-    """Samples, and what one model says of each.
+    """Samples, and one model's prediction for each.
 
     Attributes
     ----------
     press_mm : (n, 3) x, y, depth as the stage reported them; depth below 0 is untouched, 0 and above touched [mm]
-    said_mm : (n, 3) what the model says, whether it finds a touch or not [mm]
-    is_found : (n,) whether the model finds a touch
-    place_number : (n,) which place a sample belongs to; samples of one place share what is particular to it
-    session_number : (n,) which set of which draw; samples of one session share its drift and its reference depth
+    said_mm : (n, 3) prediction of the model, with or without a detected touch [mm]
+    is_found : (n,) whether the model detects a touch
+    place_number : (n,) location of a sample; samples of one location share its particular errors
+    session_number : (n,) set and draw of a sample; samples of one session share its drift and its reference depth
     """
 
     press_mm: FloatArray
@@ -89,13 +89,13 @@ class JudgedPresses:
 
     @property
     def false_alarms(self) -> float | None:
-        """Share of the untouched samples that the model finds touched [-]; None without untouched samples."""
+        """Share of the untouched samples that the model classifies as touched [-]; None without untouched samples."""
         quiet = self.is_found[~self.is_touched]
         return float(quiet.mean()) if len(quiet) else None
 
     @property
     def location_error_mm(self) -> FloatArray:
-        """(n,) distance in the plane between said and reported place [mm]."""
+        """(n,) distance in the plane between predicted and reported location [mm]."""
         return np.asarray(np.hypot(*(self.said_mm - self.press_mm)[:, :2].T))
 
     @property
@@ -108,7 +108,7 @@ class JudgedPresses:
         return self.only(np.abs(self.press_mm[:, 2] - depth_mm) <= DEPTH_TOLERANCE_MM)
 
     def only(self, chosen: BoolArray) -> JudgedPresses:
-        """The samples that a mask (n,) picks."""
+        """The samples that a mask (n,) selects."""
         return JudgedPresses(**{one.name: getattr(self, one.name)[chosen] for one in fields(self)})
 
     def __len__(self) -> int:
@@ -116,11 +116,11 @@ class JudgedPresses:
 
 
 def judged(data: PressData, said: Prediction) -> JudgedPresses:
-    """Hold a model's answers against a data set.
+    """Compare a model's predictions with a data set.
 
     Raises
     ------
-    InputError : another number of answers than of samples.
+    InputError : the numbers of predictions and samples differ.
     """
     if len(said.press_mm) != len(data.press_mm):
         raise InputError(
@@ -136,7 +136,7 @@ def judged(data: PressData, said: Prediction) -> JudgedPresses:
 
 
 def joined(parts: Sequence[JudgedPresses]) -> JudgedPresses:
-    """Samples of several data sets or draws as one: sessions stay apart, places that are the same become one."""
+    """Samples of several data sets or draws as one: sessions stay separate, equal locations are merged."""
     press_mm = np.concatenate([part.press_mm for part in parts])
     shifts = np.cumsum([0, *(int(part.session_number.max(initial=-1)) + 1 for part in parts[:-1])])
     return JudgedPresses(
@@ -156,9 +156,9 @@ class PublishedTouch:
 
     Attributes
     ----------
-    source : where it stands
-    depth_mm : of its rows [mm]
-    ambient, dark : share told rightly in ambient light and in the dark [-]
+    source : citation of the table
+    depth_mm : depths of its rows [mm]
+    ambient, dark : share classified correctly in ambient light and in the dark [-]
     """
 
     source: str
@@ -167,7 +167,7 @@ class PublishedTouch:
     dark: tuple[float, ...]
 
     def right(self, depth_mm: float, *, is_ambient: bool) -> float | None:
-        """Share told rightly at one depth [-]; None where the table has no such row."""
+        """Share classified correctly at one depth [-]; None where the table has no such row."""
         rows = self.ambient if is_ambient else self.dark
         return next(
             (share for at, share in zip(self.depth_mm, rows, strict=True) if abs(at - depth_mm) < 1e-9), None
@@ -196,19 +196,19 @@ RESAMPLES = 200
 """Draws of the bootstrap: its standard error is then itself known to 5 %."""
 
 WITHIN_MM = 0.5
-"""Depth is told within this at the share that a row states [mm]; the paper's own measure."""
+"""Error of depth for the share that a row states [mm]; the paper's own measure."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class TouchRow:
-    """How often touch is told rightly at one depth.
+    """Touch detection at one depth.
 
     Attributes
     ----------
-    depth_mm : of the tip [mm]
-    right : share of the samples told rightly [-]; None without samples
-    right_error : its standard error [-]; None from a single place
-    samples, presses : what it rests on; presses are places
+    depth_mm : depth of the tip [mm]
+    right : share of the samples classified correctly [-]; None without samples
+    right_error : its standard error [-]; None from a single location
+    samples, presses : number of samples, and of locations
     """
 
     depth_mm: float
@@ -231,16 +231,16 @@ class Spread:
 
 @dataclass(frozen=True, kw_only=True)
 class ErrorRow:
-    """Errors of place and depth at one depth.
+    """Errors of location and depth at one depth.
 
     Attributes
     ----------
-    depth_mm : of the tip [mm]
-    found : share of the samples that the model finds touched [-]
-    within : share of depths told within `WITHIN_MM` [-]
-    location, depth : errors of all that are truly touched [mm]; None without samples
-    found_location, found_depth : of those that the model finds [mm]; None where it finds none
-    samples, presses : what it rests on; presses are places
+    depth_mm : depth of the tip [mm]
+    found : share of the samples that the model classifies as touched [-]
+    within : share of depths estimated within `WITHIN_MM` [-]
+    location, depth : errors of all truly touched samples [mm]; None without samples
+    found_location, found_depth : errors of those that the model detects [mm]; None where it detects none
+    samples, presses : number of samples, and of locations
     """
 
     depth_mm: float
@@ -255,14 +255,14 @@ class ErrorRow:
 
 
 def touch_rows(presses: JudgedPresses, depths_mm: Sequence[float] = TOUCH_DEPTHS_MM) -> tuple[TouchRow, ...]:
-    """Touch told rightly, by depth [mm]."""
+    """Touch classified correctly, by depth [mm]."""
     return tuple(_touch_row(presses.at_depth(depth), depth) for depth in depths_mm)
 
 
 def error_rows(
     presses: JudgedPresses, depths_mm: Sequence[float] = ERROR_DEPTHS_MM, *, seed: int = 0
 ) -> tuple[ErrorRow, ...]:
-    """Errors of place and depth, by depth [mm]; `seed` is that of the bootstrap."""
+    """Errors of location and depth, by depth [mm]; `seed` is that of the bootstrap."""
     return tuple(_error_row(presses.at_depth(depth), depth, seed) for depth in depths_mm)
 
 
@@ -315,7 +315,7 @@ def _resampled(
     statistic: Callable[[FloatArray, FloatArray], float],
     seed: int,
 ) -> float:
-    """Standard error of a statistic of (n,) values and weights, from resampled places and sessions."""
+    """Standard error of a statistic of (n,) values and weights, from resampled locations and sessions."""
     rng = np.random.default_rng(seed)
     places = np.unique(presses.place_number, return_inverse=True)[1].reshape(-1)
     sessions = np.unique(presses.session_number, return_inverse=True)[1].reshape(-1)
@@ -330,7 +330,7 @@ def _resampled(
 
 
 def _drawn(groups: NDArray[np.intp], rng: np.random.Generator) -> FloatArray:
-    """(n,) how often each sample's group is drawn, of as many draws as there are groups."""
+    """(n,) number of times that each sample's group is drawn, with as many draws as groups."""
     count = int(groups.max()) + 1
     drawn = np.bincount(rng.integers(count, size=count), minlength=count)
     return np.asarray(drawn[groups], dtype=np.float64)
@@ -361,7 +361,7 @@ def touch_json(rows: Sequence[TouchRow]) -> list[dict[str, Any]]:
 
 
 def error_json(rows: Sequence[ErrorRow]) -> list[dict[str, Any]]:
-    """Rows as plain data; what is not known is null."""
+    """Rows as plain data; unknown values are null."""
     return [
         {
             "depth_mm": row.depth_mm,

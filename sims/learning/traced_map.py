@@ -1,12 +1,12 @@
-"""The force that goes with a depth, for a model's header: the contact model's load of the centred press.
+"""Force against depth for a model's header: the contact model's load of the centred press.
 
-Left out: nearer walls raise the force by up to a tenth at 1 mm (docs/understand/model.md); the band of the modulus;
-viscosity.
+Left out: nearer walls, which raise the force by up to a tenth at 1 mm (docs/understand/model.md); the band of the
+modulus; viscosity.
 
-Signals of a design over its whole workspace: traced on a grid of places and depths, smooth in between.
+Signals of a design over its whole workspace: traced on a grid of locations and depths, interpolated in between.
 
-    places   a grid that reaches a little beyond the workspace, 1 mm apart at most; what lies past round ends of it is
-             mirrored at its border, f(outside) = 2 f(border) - f(inside), so that the spline is smooth there
+    places   a grid that reaches a little beyond the workspace, 1 mm apart at most; nodes outside round ends of it are
+    mirrored at its border, f(outside) = 2 f(border) - f(inside), so that the spline is smooth there
     depths   equal steps of √depth, 0 (the untouched pad) to the deepest press
     between  a tensor cubic spline of √(light / untouched light), pair by pair (`inference.tensor_spline`)
 
@@ -14,8 +14,8 @@ The root of the ratio was chosen by measurement: on the paper's pad, at 400 rand
 seed, the spline of the ratio itself errs as much to 3.5 mm and by a quarter more beyond, that of its logarithm by half
 more (docs/validation/calibration.md has the figures). A pitch of 2 mm errs four times as much.
 
-Symmetric places are traced once (`sims.optics.scene.symmetry`): a quarter of them on a pad that is alike on four
-sides. `measured_error` compares with presses at random places and depths, traced with another seed; it holds the
+Symmetric locations are traced once (`sims.optics.scene.symmetry`): a quarter of them on a pad with four equal sides.
+`measured_error` compares with presses at random locations and depths, traced with another seed; it includes the
 interpolation and both traces' own errors.
 
 Left out: two tips at once.
@@ -49,7 +49,7 @@ def load_curve(design: SensorDesign) -> ForceCurve:
 
     Raises
     ------
-    ModelScopeError : deeper than the contact model goes.
+    ModelScopeError : the depth is beyond the contact model.
     """
     deepest = design.operating.max_depth_mm
     found = force_curve(design, solved_press(design, deepest), depth_schedule_mm(deepest, COARSE_STEP_MM))
@@ -65,26 +65,26 @@ DEPTH_NODES = 11
 QUICK_DEPTH_NODES = 10
 """Grid of a map and of a quick one; nodes of depth count the untouched pad."""
 MARGIN_MM = 1.0
-"""How far a map reaches beyond the workspace at most: the border's presses lie inside a cell, not at its end."""
+"""Largest extent of a map beyond the workspace: the border's presses are inside a cell, not at its end."""
 BEYOND_MM = 0.1
-"""How far a map reaches beyond the deepest press, where the contact model does."""
+"""Extent of a map beyond the deepest press, where the contact model covers it."""
 ERROR_PRESSES = 60
 ERROR_SEED_GAP = 15_485_863
-"""Added to the seed for the presses that tell the error, and for their light; a prime."""
+"""Number added to the seed for the presses that measure the error, and for their light; a prime."""
 FAINTEST = 1e-3
-"""Least untouched light that a ratio is taken to, over the median pair's: a fainter pair would show its noise only."""
+"""Least untouched light of a ratio, over the median pair's: a fainter pair would show its noise only."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SignalMap:
-    """Light of every pair over places and depths.
+    """Light of every pair over locations and depths.
 
     Attributes
     ----------
     x_mm : (nx,), y_mm : (ny,), root_depth : (ns,) nodes at equal steps [mm, mm, √mm]; the first depth is 0
     flux : (nx, ny, ns, emitter, receiver) light over emitted power [-]
-    workspace : press centres that it is for
-    digest, accuracy, seed : of what design, how finely traced
+    workspace : press centres that it covers
+    digest, accuracy, seed : the design, and settings of the light
     error : (pair,) RMS error of the ratio to the untouched light at random presses [-]; None where not measured
     checked : those presses and their light; None where not measured
     """
@@ -102,7 +102,7 @@ class SignalMap:
 
     @property
     def untouched(self) -> FloatArray:
-        """(pair,) light of the untouched pad, faint pairs lifted to what a ratio can be taken to [-]."""
+        """(pair,) light of the untouched pad, faint pairs raised to the least light of a ratio [-]."""
         flat = self.flux[0, 0, 0].ravel()
         return np.asarray(np.maximum(flat, FAINTEST * np.median(flat)))
 
@@ -130,7 +130,7 @@ def map_nodes(
 
     Raises
     ------
-    InputError : a pitch or a number of depths that makes no map.
+    InputError : the pitch or number of depths gives no map.
     """
     if not 0.2 <= pitch_mm <= 5.0 or not 5 <= depth_nodes <= 60:
         raise InputError(
@@ -154,12 +154,12 @@ def _line(low: float, high: float, pitch: float) -> FloatArray:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Nodes:
-    """Where a map is traced, and how its nodes follow.
+    """The traced locations of a map, and the relation of its nodes to them.
 
     Attributes
     ----------
     traced_mm : (place, 2) [mm]
-    border, inner : (node,) places whose light makes a node's, 2 border - inner; one and the same where it was traced
+    border, inner : (node,) locations whose light gives a node's, 2 border - inner; equal where the node was traced
     """
 
     traced_mm: FloatArray
@@ -167,7 +167,7 @@ class _Nodes:
     inner: IntArray
 
     def filled(self, at_places: FloatArray, untouched: FloatArray) -> FloatArray:
-        """(node, ...) light from (place, ...): the root of the ratio to the untouched light is what is mirrored."""
+        """(node, ...) light from (place, ...): the root of the ratio to the untouched light is mirrored."""
         root = np.sqrt(at_places / np.where(untouched > 0.0, untouched, 1.0))
         mirrored = np.maximum(2.0 * root[self.border] - root[self.inner], 0.0) ** 2 * untouched
         is_own = (self.border == self.inner).reshape(-1, *(1,) * (at_places.ndim - 1))
@@ -175,7 +175,7 @@ class _Nodes:
 
 
 def _nodes_of(space: Outline, x_mm: FloatArray, y_mm: FloatArray) -> _Nodes:
-    """The nodes of a grid, x outermost; those outside a workspace as large from two places each."""
+    """The nodes of a grid, x outermost; those outside the workspace follow from two locations each."""
     nodes = np.stack([axis.ravel() for axis in np.meshgrid(x_mm, y_mm, indexing="ij")], axis=1)
     reach = space.in_box((x_mm[0], y_mm[0], x_mm[-1], y_mm[-1]))
     is_own = reach.contains(*nodes.T)
@@ -202,14 +202,14 @@ def traced_map(
 
     Parameters
     ----------
-    pitch_mm : largest distance of places; depth_nodes : how many depths, the untouched pad counted
-    accuracy, seed : of the light
+    pitch_mm : largest distance of locations; depth_nodes : number of depths, the untouched pad included
+    accuracy, seed : settings of the light
     on_step : called with ``map`` and the share that is done
 
     Raises
     ------
-    InputError : a grid that makes no map.
-    ModelScopeError : presses that contact or light model do not cover.
+    InputError : the grid gives no map.
+    ModelScopeError : the contact or light model does not cover a press.
     """
     x_mm, y_mm, root = map_nodes(design, pitch_mm, depth_nodes)
     depths = root[1:] ** 2
@@ -244,7 +244,7 @@ def traced_map(
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class MapError:
-    """A map against presses traced apart from it.
+    """A map compared with presses that are traced separately.
 
     Attributes
     ----------
@@ -270,7 +270,7 @@ def measured_error(
     accuracy: str | Accuracy = "draft",
     on_step: OnStep | None = None,
 ) -> MapError:
-    """Compare a map with presses at random places of the workspace, √depth uniform, traced with another seed."""
+    """Compare a map with presses at random locations of the workspace, √depth uniform, traced with another seed."""
     seed = found.seed + ERROR_SEED_GAP
     chance = np.random.default_rng(seed).uniform(size=(presses, 3))
     press_mm = np.column_stack(

@@ -1,4 +1,4 @@
-"""How finely light is integrated: named settings, own settings, or a wanted relative error."""
+"""Accuracy of the light integration: named settings, own settings, or a required relative error."""
 
 from __future__ import annotations
 
@@ -16,20 +16,20 @@ class Accuracy:
     ----------
     replicates : independent offsets, 2 or more [-]
     rings, columns : cells of the top around a press, for light mirrored once [-]
-    whole_ratio : largest over smallest flux density of an image's corner paths that is still summed path by path; 0:
-        every image on the lattice [-]
+    whole_ratio : largest over smallest flux density of an image's corner paths up to which it is summed path by path;
+    0: every image on the lattice [-]
     image_step : share of its size by which an image that is not whole moves between lattice points, if it brings 3 % of
         the untouched flux; less for a brighter one [-]
     top_rings, top_columns : points of the top for scattered light and for several reflections [-]
-    repeat_share : share of a pair's untouched flux, taken as 3 % of the emitter's brightest pair at least, that a
-        sample of light reflected several times may stand for [-]
-    nodes_emitter, nodes_column, nodes_height : Gauss nodes of straight light [-]
+    repeat_share : largest share of a pair's untouched flux (at least 3 % of that of the emitter's brightest pair) that
+    one sample of light reflected several times may represent [-]
+    nodes_emitter, nodes_column, nodes_height : Gauss nodes of direct light [-]
     few_emitter, few_receiver, most_emitter, most_receiver : Gauss nodes of whole images that vary little and much [-]
     flat_nodes : Gauss nodes of the untouched pad [-]
     reference_rays : rays per emitter and receiver for the untouched pad's scattered light, a power of two [-]
     wall_rays : rays per emitter and receiver and state between smooth walls, a power of two [-]
-    ray_share : power over the mean of a patch's rays over the top, below which a receiver's is followed by chance only
-        and then with that power; for an emitter's a tenth of it, for these also look for several reflections [-]
+    ray_share : power over the mean of a patch's rays over the top, below which a receiver's ray is followed by chance
+    only, and then with that power; a tenth of it for an emitter's rays, which also find several reflections [-]
     """
 
     replicates: int = 2
@@ -114,11 +114,11 @@ MIRRORED_FINER = replace(
     image_step=ACCURACIES["standard"].image_step,
     repeat_share=2e-3,
 )
-"""Light mirrored as in "standard" or finer, the rest as in "score": what keeps voxels near contact open is the lattice
-of images alone; deep ones light mirrored several times. On the paper's pad 0.05 % rms at 0.3 mm, as "standard"."""
+"""Mirrored light is as in "standard" or finer, the rest as in "score": voxels near contact stay open by the lattice of
+images alone, deep ones by light mirrored several times. On the paper's pad 0.05 % rms at 0.3 mm, as "standard"."""
 
 LADDER = tuple(ACCURACIES[name] for name in ("draft", "standard", "fine", "reference"))
-"""Settings that a wanted relative error is tried with, cheapest first."""
+"""Settings that are tried for a required relative error, cheapest first."""
 
 
 def accuracy_of(accuracy: str | Accuracy) -> Accuracy:
@@ -126,7 +126,7 @@ def accuracy_of(accuracy: str | Accuracy) -> Accuracy:
 
     Raises
     ------
-    InputError : an unknown name, or fewer than two replicates.
+    InputError : the name is unknown, or there are fewer than two replicates.
     """
     if isinstance(accuracy, str):
         if accuracy not in ACCURACIES:
@@ -140,11 +140,11 @@ def accuracy_of(accuracy: str | Accuracy) -> Accuracy:
 
 
 def checked_target(target: float) -> float:
-    """A wanted relative error as it is, if it makes sense.
+    """A required relative error, unchanged if it is valid.
 
     Raises
     ------
-    InputError : not above 0 and below 1.
+    InputError : it is not above 0 and below 1.
     """
     if not (math.isfinite(target) and 0.0 < target < 1.0):
         raise InputError(

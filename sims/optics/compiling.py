@@ -1,9 +1,9 @@
 # mypy: allow-untyped-calls
-"""`python -m sims.optics.compiling`: light kernels compiled beside the process that needs them.
+"""`python -m sims.optics.compiling`: light kernels compiled in parallel to the process that needs them.
 
-Compiling takes a minute of one core, once on a machine. The process that traces compiles what it calls, in the order in
-which it calls it; this one begins with what comes last in that order. Whoever comes second to a kernel waits for it
-(`sims.cache`). It ends with its standard input; with `--alone` it goes on until all is compiled.
+Compiling takes a minute of one core, once per machine. The tracing process compiles kernels in the order in which it
+calls them; this one begins with the last ones in that order. The second process to need a kernel waits for it
+(`sims.cache`). It ends with its standard input; with `--alone` it continues until all kernels are compiled.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ BESIDE = ("untouched_deposits", "scattered", "trace_further")
 
 
 def main(arguments: list[str]) -> None:
-    """Compile, in the order in which a tracing process needs what it does not compile itself; then the rest."""
+    """Compile first the kernels that a tracing process needs but does not compile, in its order; then the rest."""
     if arguments != ["--alone"]:
         threading.Thread(target=_end_with_parent, daemon=True).start()
     from sims.optics.engine import compiled
@@ -33,7 +33,7 @@ def main(arguments: list[str]) -> None:
 
 
 def signatures() -> dict[str, tuple[Any, ...]]:
-    """Types that the kernels are called with; every scene calls them with the same."""
+    """Argument types of the kernels; they are the same for every scene."""
     import numba
     from numba import types
 
@@ -60,7 +60,7 @@ def signatures() -> dict[str, tuple[Any, ...]]:
 
 
 def _walk_one_ray() -> None:
-    """Compile what draws rays, which a report needs."""
+    """Compile the kernels that draw rays, which a report needs."""
     from design.preset import preset
     from sims.optics.oracle.paths import LightWalker
     from sims.optics.scene.lower import scene_of
@@ -70,7 +70,7 @@ def _walk_one_ray() -> None:
 
 
 def _end_with_parent() -> None:
-    """The parent holds the other end of standard input until it ends, however it does."""
+    """End with the parent, which holds the other end of standard input until it ends."""
     sys.stdin.read()
     os._exit(1)
 

@@ -1,6 +1,6 @@
-"""Types of kernels: what their decorators make, and what they are handed in tuples (`sims.optics.engine.untouched`).
+"""Types of kernels: results of their decorators, and tuples that they take (`sims.optics.engine.untouched`).
 
-Numba takes no notice of annotations; the type checker does.
+Numba ignores annotations; the type checker uses them.
 """
 
 from __future__ import annotations
@@ -16,10 +16,10 @@ Function = TypeVar("Function", bound=Callable[..., object])
 
 
 class KernelDecorator(Protocol):
-    """`numba.njit` with options that its own types do not know."""
+    """`numba.njit` with options that its own types do not have."""
 
     def __call__(self, function: Function, /) -> Dispatcher[Function]:
-        """The compiled function; `py_func` is what it was made of."""
+        """The compiled function; `py_func` is its source function."""
 
 
 StraightRules = tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]
@@ -31,9 +31,9 @@ ImageRules = tuple[
 Patches = tuple[IntArray, FloatArray]
 """Layout of the patches (`sims.optics.engine.scattered.layout_of`), and their areas."""
 Orders = tuple[IntArray, FloatArray, FloatArray]
-"""What light that is scattered more than once needs (`sims.optics.engine.repeated`)."""
+"""Data for light scattered more than once (`sims.optics.engine.repeated`)."""
 UntouchedLight = tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]
-"""Of the untouched pad: straight flux, mirrored flux and gain of straight flux in one array; scattered and
+"""Data of the untouched pad: direct flux, mirrored flux and gain of direct flux in one array; scattered and
 wall-mirrored flux; both deposits, and their join."""
 UntouchedRays = tuple[FloatArray, FloatArray, FloatArray]
-"""Of the untouched pad, replicate by replicate: both deposits, and what smooth walls mirror onto receivers."""
+"""Data of the untouched pad by replicate: both deposits, and the light that smooth walls mirror onto receivers."""

@@ -1,4 +1,4 @@
-"""What every receiver gets from every emitter: the named result of a trace."""
+"""Flux from every emitter to every receiver: the named result of a trace."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ class LightSignals:
     flux : (state, emitter, receiver) sum over path classes [-]
     by_class : path class (direct, top, skirt, wall, diffuse) to (state, emitter, receiver) [-];
         light mirrored by the top is top + skirt
-    standard_error : (state, emitter, receiver) of flux; what it covers is said in `sims.optics.engine.trace_states` [-]
-    change_error : same shape, the part of it that states do not share, for what two of them differ by; None: all of it
+    standard_error : (state, emitter, receiver) standard error of flux; for its scope see `engine.trace_states` [-]
+    change_error : same shape, the part of it that states do not share, for differences of two states; None: all of it
     presses : (state, 3) x, y, depth of the press, or (state, tip, 3) where some state has several tips;
         depth 0 or less is untouched [mm]
-    digest : of the design
-    seed : of the offsets
-    relative_error : (state,) root mean square over the wanted pairs of standard error over untouched flux [-]
-    is_met : (state,) whether that is within the relative error asked for; True where none was asked for
+    digest : digest of the design
+    seed : seed of the offsets
+    relative_error : (state,) root mean square over the requested pairs of standard error over untouched flux [-]
+    is_met : (state,) whether that is within the required relative error; True where none was required
     """
 
     flux: FloatArray
@@ -39,5 +39,5 @@ class LightSignals:
 
     @property
     def error_of_changes(self) -> FloatArray:
-        """(state, emitter, receiver) error of a state where it is compared with others of the same trace [-]."""
+        """(state, emitter, receiver) error of a state when it is compared with others of the same trace [-]."""
         return self.standard_error if self.change_error is None else self.change_error

@@ -1,9 +1,9 @@
-"""Light of a design under presses: objects in, named signals out.
+"""Light of a design under presses, as named signals.
 
-What light of one state costs, by kind of pad and settings [s of one core].
+Cost of light of one state, by kind of pad and settings [s of one core].
 
-Measured with the presets, nothing stored, kernels compiled (`tests/bench`): flat rectangles by pairs, discs and crowned
-pads by emitters and cells of the grid of the top. Good to a third.
+It is measured with the presets, nothing stored, kernels compiled (`tests/bench`): flat rectangles by pairs, discs and
+crowned pads by emitters and cells of the grid of the top. The error is a third.
 """
 
 from __future__ import annotations
@@ -44,23 +44,23 @@ if TYPE_CHECKING:
     from sims.contact.pad_surface import PadSurface
 
 CELL_S = {"flat": 0.70e-6, "cylinder": 0.43e-6, "sphere": 4.9e-6}
-"""Of a cell of the grid, a replicate and an emitter, by the top: a sphere mirrors most light often [s]."""
+"""Cost of a cell of the grid, a replicate and an emitter, by the top: a sphere mirrors most light often [s]."""
 DEPOSITS_S = 1.5e-3
-"""Of a part's scattered light in a state [s]."""
+"""Cost of a part's scattered light in a state [s]."""
 REFERENCE_S = 0.06
-"""Of a part's light in the untouched pad, with the rays of named settings [s]; with those of tried builds a fifth."""
+"""Cost of a part's light in the untouched pad, with the rays of named settings [s]; a fifth with those of units."""
 PAIR_S, FINEST_S = 0.9e-3, 0.25e-3
-"""Of a pair of a flat rectangle with coarse settings, and what a finer lattice of images adds, over its step [s]."""
+"""Cost of a pair of a flat rectangle with coarse settings, and of a finer lattice of images, over its step [s]."""
 
 
 def _cells(scene: OpticalScene, settings: Accuracy) -> float:
-    """About how many cells the grid of a disc's or crowned pad's top has."""
+    """Approximate number of cells in the grid of a disc's or crowned pad's top."""
     pitch = pitch_of(settings, windows_of(scene, "emitter"), windows_of(scene, "receiver"))
     return scene.length_mm * scene.width_mm / pitch**2
 
 
 def emitter_cost_s(scene: OpticalScene, settings: Accuracy, emitters: int) -> float:
-    """Of a state in which some emitters are traced, each with one pair."""
+    """Cost of a state in which some emitters are traced, each with one pair [s]."""
     if scene.form is None:
         return emitters * pair_cost_s(scene, settings)
     top = scene.form.top
@@ -70,19 +70,19 @@ def emitter_cost_s(scene: OpticalScene, settings: Accuracy, emitters: int) -> fl
 
 
 def pair_cost_s(_scene: OpticalScene, settings: Accuracy) -> float:
-    """Of a pair of a flat rectangle in a state."""
+    """Cost of a pair of a flat rectangle in a state [s]."""
     return PAIR_S + FINEST_S / settings.image_step
 
 
 def state_cost_s(scene: OpticalScene, settings: Accuracy) -> float:
-    """Of a state with all pairs."""
+    """Cost of a state with all pairs [s]."""
     if scene.form is None:
         return len(scene.emitter_wall) * len(scene.receiver_wall) * pair_cost_s(scene, settings)
     return emitter_cost_s(scene, settings, len(scene.emitter_wall))
 
 
 def untouched_cost_s(scene: OpticalScene, settings: Accuracy) -> float:
-    """Of the untouched pad, before the first state."""
+    """Cost of the untouched pad, before the first state [s]."""
     parts = len(scene.emitter_wall) + len(scene.receiver_wall)
     return parts * REFERENCE_S * (1.0 if settings.reference_rays > 8192 else 0.2)
 
@@ -90,23 +90,23 @@ def untouched_cost_s(scene: OpticalScene, settings: Accuracy) -> float:
 Profile = Indentation | Sequence[Indentation | Sequence[Indentation | None] | None]
 Tips = list[list[Indentation | None]]
 _SMOOTH_PARTS: WeakKeyDictionary[PadSurface, SmoothField] = WeakKeyDictionary()
-"""Of the surfaces that the contact model remembers."""
+"""Smooth parts of the surfaces that the contact model remembers."""
 
 FIELD_STEP, FIELD_FINER = 1.0 / 4.0, 2
-"""Nodes of the smooth part of a pad's surface at most so far apart [tip radii], and samples from one to the next: on
-flat presets, pressed by a tip radius and more, heights are within 0.12 µm rms of it and slopes within 1.0e-3 rms, and
-so they are within a third of a millimetre of the walls, where both vary fastest."""
+"""Largest spacing of the nodes of a surface's smooth part [tip radii], and samples from one to the next: on flat
+presets, pressed by a tip radius and more, heights are within 0.12 µm rms of it and slopes within 1.0e-3 rms, also
+within a third of a millimetre of the walls, where both vary fastest."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class PressedTops:
-    """The tops of states, as light is traced on them.
+    """The tops of states for the light trace.
 
     Attributes
     ----------
-    classes : states that symmetries make one; all else is one per class
+    classes : states that are equal by symmetry; the other attributes have one entry per class
     near : per tip, the curve around its axis
-    fields : what is added to the curves; None where nothing is
+    fields : heights added to the curves; None where there are none
     """
 
     classes: StateClasses
@@ -126,25 +126,25 @@ def trace(
 ) -> LightSignals:
     """Trace a design's pad for a list of presses; light traced before is read from disk (`light_store`).
 
-    The light of each press is kept as soon as it is traced, so an interrupted trace goes on where it stopped.
+    The light of each press is stored as soon as it is traced, so an interrupted trace continues where it stopped.
 
     Parameters
     ----------
     design : the sensor
     presses : (state, 3) rows of x, y, depth, or (state, tip, 3) with NaN rows for absent tips; depth 0 or
         less is untouched [mm]
-    profile : None for the contact model's surface of each place; else taken as it is: one indentation for all tips, or
-        one per state, for all its tips or a sequence of one per tip
-    accuracy : draft, score, standard, fine, reference, settings, or a wanted relative error as 0.001
-    seed : of all offsets; same seed, same bits
+    profile : None for the contact model's surface at each location; else used unchanged: one indentation for all tips,
+    or one per state, for all its tips or a sequence of one per tip
+    accuracy : draft, score, standard, fine, reference, settings, or a required relative error as 0.001
+    seed : seed of all offsets; the same seed gives the same bits
     pairs : (emitter, receiver) or (state, emitter, receiver) mask of pairs to trace; others are 0
     on_step : called with (states done, states)
     fields : one per state, added to the tops of a given profile; None: none
 
     Raises
     ------
-    InputError : presses of a wrong shape or outside the block; a bad profile.
-    ModelScopeError : tips whose dimples overlap; a press that contact or surface model does not cover.
+    InputError : presses have a wrong shape or are outside the block, or a profile is invalid.
+    ModelScopeError : dimples of tips overlap, or the contact or surface model does not cover a press.
     """
     tips, scene = _tips(presses), scene_of(design)
     wanted: dict[str, Any] = {"accuracy": accuracy, "seed": seed, "pairs": pairs}
@@ -169,19 +169,19 @@ def trace(
 
 
 class _MissingLightError(Exception):
-    """Some light is not known; its argument is the number of states whose light is."""
+    """Some light is missing; the argument is the number of states with known light."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class _OneTop(Tops):
-    """The top of one class of states, of those of a whole trace."""
+    """The top of one of the classes of states of a whole trace."""
 
     whole: Tops
     number: int
 
     @cached_property
     def stack(self) -> TopStack | FormedStack:
-        """As kernels read it: the same bytes as in the whole."""
+        """The top as kernels read it: the same bytes as in the whole."""
         stack, chosen = self.whole.stack, slice(self.number, self.number + 1)
         if isinstance(stack, FormedStack):
             return FormedStack(rows=stack.rows[chosen])
@@ -191,11 +191,11 @@ class _OneTop(Tops):
 def _kept_one_by_one(
     tops: Tops, classes: StateClasses, wanted: dict[str, Any], on_step: Callable[[int, int], None] | None
 ) -> RawLight:
-    """The light of `trace_tops`, to the bit; each class of states is traced by itself, and kept as soon as it is done.
+    """The light of `trace_tops`, to the bit; each class of states is traced alone, and stored as soon as it is done.
 
     Parameters
     ----------
-    wanted : accuracy, seed and pairs, as `trace_tops` takes them
+    wanted : accuracy, seed and pairs, as for `trace_tops`
     """
     kept, tell = GatheredLight(light_store()), on_step or (lambda _done, _states: None)
 
@@ -222,7 +222,7 @@ def _trace_each(
     kept: GatheredLight,
     tell: Callable[[int, int], None],
 ) -> None:
-    """Trace what is not kept, one class of states a thread; Ctrl-C does not wait for what is under way."""
+    """Trace the classes of states that are not stored, one per thread; Ctrl-C does not wait for running ones."""
     accuracy, pairs, states = wanted["accuracy"], wanted["pairs"], len(classes.member)
     per_state = pairs is not None and np.ndim(pairs) == 3
     settings = accuracy_of(accuracy) if isinstance(accuracy, (str, Accuracy)) else LADDER[0]
@@ -242,17 +242,17 @@ def _trace_each(
         trace_tops(top, alone, **(wanted | {"pairs": pairs[own] if per_state else pairs}), kept=kept)
         return len(own)
 
-    tops.stack  # noqa: B018 (made once, before the threads; and so is what all states share)
+    tops.stack  # noqa: B018 (made once, before the threads, like the data that all states share)
     pool, done = ThreadPoolExecutor(max_workers=min(int(numba.get_num_threads()), len(members))), 0
     try:
-        if threading.current_thread() is threading.main_thread():  # which is deaf to Ctrl-C in compiled code
+        if threading.current_thread() is threading.main_thread():  # which ignores Ctrl-C in compiled code
             pool.submit(shared, tops.scene, settings, wanted["seed"]).result()
         else:
             shared(tops.scene, settings, wanted["seed"])
         for count in pool.map(trace_one, range(len(members))):
             done += count
             tell(done, states)
-            run_each(_nothing, 1)  # serves who asked to be called between pieces (`threads.between_pieces`)
+            run_each(_nothing, 1)  # calls the function set by `threads.between_pieces`
     except KeyboardInterrupt:
         pool.shutdown(wait=False, cancel_futures=True)
         raise
@@ -263,22 +263,22 @@ def _trace_each(
 
 
 def _nothing(_number: int) -> None:
-    """No work of its own."""
+    """Do nothing."""
 
 
 def pressed_tops(design: SensorDesign, presses: FloatArray, *, by_symmetry: bool = True) -> PressedTops:
-    """The surfaces of presses at their places, by the contact model.
+    """The surfaces of presses at their locations, by the contact model.
 
     Parameters
     ----------
     design : the sensor
-    presses : as `trace` takes them; what several tips do adds up
+    presses : as for `trace`; the heights of several tips add up
     by_symmetry : one top for states that a symmetry of the layout carries onto each other; else one each
 
     Raises
     ------
-    InputError : presses of a wrong shape or not finite.
-    ModelScopeError : a press that the contact model does not cover.
+    InputError : presses have a wrong shape or are not finite.
+    ModelScopeError : the contact model does not cover a press.
     """
     tips, scene = _tips(presses), scene_of(design)
     classes = _classes(scene, tips) if by_symmetry else each_its_own(scene, len(tips))
@@ -304,7 +304,7 @@ def _tops_of_presses(
 
 @cache
 def _contact_sources() -> str:
-    """What turns a design and a press into a top: sources, data, and the solver."""
+    """Inputs that determine a top from a design and a press: sources, data, and the solver."""
     import scipy
 
     root = Path(__file__).parents[2]
@@ -320,7 +320,7 @@ def _contact_sources() -> str:
 def _made(
     design: SensorDesign, scene: OpticalScene, traced: FloatArray
 ) -> tuple[Tips, list[SmoothField | None]]:
-    """Per state and tip the curve around its axis, and per state what is added to the curves."""
+    """Per state and tip the curve around its axis, and per state the height added to the curves."""
     pressed = np.unique(traced[traced[:, :, 2] > 0], axis=0)
     known = dict(zip(map(tuple, pressed.tolist()), _tops(design, scene, pressed), strict=True))
     near: Tips = []
@@ -358,7 +358,7 @@ def _smooth_part(surface: PadSurface, scene: OpticalScene) -> SmoothField:
 
 
 def _tips(presses: FloatArray) -> FloatArray:
-    """(state, tip, 3) presses; one tip a state wherever no state has more. Absent tips are zeros."""
+    """(state, tip, 3) presses; one tip per state if no state has more. Absent tips are zeros."""
     rows = np.asarray(presses, dtype=np.float64)
     if rows.ndim not in (2, 3) or rows.shape[-1] != 3 or (rows.ndim == 3 and rows.shape[1] == 0):
         raise InputError(f"presses: shape {rows.shape}, needs (state, 3) or (state, tip, 3) of x, y, depth")

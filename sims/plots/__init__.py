@@ -1,1 +1,1 @@
-"""Plots, one a module: each `plot_x(result, ax=None) -> Axes`, units on the axes, nothing is displayed."""
+"""Plots, one per module: each `plot_x(result, ax=None) -> Axes` has units on the axes and displays nothing."""

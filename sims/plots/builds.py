@@ -1,8 +1,8 @@
-"""What share of builds keeps the verdict, and which values matter most: a tornado of ends beside rank correlations.
+"""Sensitivity of the verdict in a Monte Carlo over tolerances: a tornado of ends next to rank correlations.
 
-Rows are the values that may be off, the strongest rank correlation first. Left: deadband and margin of builds with
-this value alone at its low and its high end, on one scale of firmness: the margin to a deadband, and below zero
-the length of one. Right: rank correlation over the builds with everything off at once, with its 95 % interval.
+Rows are the toleranced values, the strongest rank correlation first. Left: deadband and margin of units with this
+value alone at its low and its high end, on one scale: the margin to a deadband, and below zero the length of one.
+Right: rank correlation over the units with all values drawn at once, with its 95 % interval.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ WIDTH_IN = 7.4
 
 
 def plot_builds(study: BuildStudy, band: ToleranceBand) -> Figure:
-    """Tornado of both ends and rank correlations, a row a value that may be off."""
+    """Tornado of both ends and rank correlations, one row per toleranced value."""
     order = study.ranking
     figure = Figure(figsize=(WIDTH_IN, FRAME_IN + ROW_IN * len(order)), layout="constrained")
     ends, ranks = figure.subplots(1, 2, sharey=True, width_ratios=(3, 2))
@@ -42,7 +42,7 @@ def plot_builds(study: BuildStudy, band: ToleranceBand) -> Figure:
 
 
 def plot_ends(study: BuildStudy, band: ToleranceBand, ax: Axes) -> Axes:
-    """One value alone at its low and high end: margin [noise units]; beside an end with a deadband its length."""
+    """One value alone at its low and high end: margin [noise units]; an end with a deadband has its length as label."""
     rows = {row.path: row for row in band.rows}
     for place, number in enumerate(study.ranking):
         row = rows.get(study.tolerances[number].path)
@@ -72,7 +72,7 @@ def plot_ends(study: BuildStudy, band: ToleranceBand, ax: Axes) -> Axes:
 
 
 def plot_ranks(study: BuildStudy, ax: Axes) -> Axes:
-    """Rank correlation of each value with how firm the verdict is [-], with its 95 % interval."""
+    """Rank correlation of each value with the margin of the verdict [-], with its 95 % interval."""
     found = study.rank_correlations()
     for place, number in enumerate(study.ranking):
         value, low, high = found[number]

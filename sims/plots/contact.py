@@ -1,11 +1,11 @@
-"""The press itself: surface under the tip, load, contact radius, pressure, and the load over a protocol.
+"""Plots of a press: surface under the tip, load, contact radius, pressure, and the load over a protocol.
 
-The top of a pad under a press, in space and where a vertical plane cuts it.
+The top of a pad under a press, in space and in the section by a vertical plane.
 
-A press goes along the normal of the untouched top. In its frame (`design.shape.top`) the top is the crown
-less its fall, and the height of the press over it, a curve around the axis; where the curve runs back beside the
-shank its lowest height is taken, as in `sims.contact.pad_surface`. The tip is its outline turned about the axis.
-A vertical plane does not hold the axis, so that its cut is found as the line along which a point is neither in nor out.
+A press is along the normal of the untouched top. In its frame (`design.shape.top`) the top is the crown's fall, and
+the height of the press over it, a curve around the axis; where the curve runs back near the shank its lowest height
+is taken, as in `sims.contact.pad_surface`. The tip is its outline rotated about the axis. A vertical plane does not
+contain the axis, so its cut is found as the line along which points are neither inside nor outside.
 """
 
 from __future__ import annotations
@@ -44,20 +44,20 @@ from sims.press import Indentation
 Place = tuple[float, float]
 
 CUT_POINTS = 500
-"""Places along and up a cut that its line is found from."""
+"""Number of points along and up a cut from which its line is found."""
 TIP_POINTS, TIP_LENGTH = 400, 6.0
-"""Points of the tip's outline and its length [tip radii]."""
+"""Number of points of the tip's outline, and its length [tip radii]."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class PressFrame:
-    """Where a press goes in, and along what.
+    """Location and axis of a press.
 
     Attributes
     ----------
-    origin_mm : (3,) on the untouched top [mm]
+    origin_mm : (3,) origin on the untouched top [mm]
     axes : (3, 3) a row each, the third along the press, upward [-]
-    top : untouched, as it is seen from the frame
+    top : the untouched top in the frame
     """
 
     origin_mm: FloatArray
@@ -65,16 +65,16 @@ class PressFrame:
     top: Top
 
     def places_mm(self, across_mm: FloatArray, aside_mm: FloatArray, over_mm: FloatArray) -> FloatArray:
-        """(..., 3) places in the cavity frame, of (...,) first and second axis and height along the third [mm]."""
+        """(..., 3) points in the cavity frame, from (...,) first and second axis and height along the third [mm]."""
         return np.asarray(self.origin_mm + np.stack([across_mm, aside_mm, over_mm], axis=-1) @ self.axes)
 
     def seen_from_it(self, places_mm: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """The way back from `places_mm`."""
+        """The inverse of `places_mm`."""
         along = (places_mm - self.origin_mm) @ self.axes.T
         return along[..., 0], along[..., 1], along[..., 2]
 
     def fall_mm(self, across_mm: FloatArray, aside_mm: FloatArray) -> FloatArray:
-        """(...,) how far the untouched top lies below the frame's plane [mm]."""
+        """(...,) distance of the untouched top below the frame's plane [mm]."""
         fall = self.top.sag_mm(across_mm, aside_mm)
         return np.asarray(np.where(np.isnan(fall), self.top.radius_mm, fall))
 
@@ -85,7 +85,7 @@ class PressFrame:
 
 
 def press_frame(design: SensorDesign, at_mm: Place) -> PressFrame:
-    """The frame of a press at a place; upright on a flat top."""
+    """The frame of a press at a location; upright on a flat top."""
     top = plan_of(design).top
     origin, axes = top.press_frame(*at_mm)
     return PressFrame(origin_mm=origin, axes=axes, top=top.in_frame)
@@ -97,10 +97,10 @@ class CutPlane:
 
     Attributes
     ----------
-    start_mm : (x, y) where its distances begin [mm]
+    start_mm : (x, y) origin of its distances [mm]
     direction : (x, y) unit vector along it [-]
     reach_mm : least and greatest distance that is drawn [mm]
-    ceiling_mm : height up to which is drawn [mm]
+    ceiling_mm : height up to which it is drawn [mm]
     """
 
     start_mm: Place
@@ -109,7 +109,7 @@ class CutPlane:
     ceiling_mm: float
 
     def places_mm(self, along_mm: FloatArray, height_mm: FloatArray) -> FloatArray:
-        """(..., 3) places of the plane [mm]."""
+        """(..., 3) points of the plane [mm]."""
         (x, y), (dx, dy) = self.start_mm, self.direction
         return np.stack([x + along_mm * dx, y + along_mm * dy, height_mm], axis=-1)
 
@@ -120,11 +120,11 @@ class CutPlane:
         return np.column_stack([along, [plan.top_mm(float(x), float(y)) for x, y, _ in places]])
 
     def line_mm(self, beyond_mm: Callable[[FloatArray], FloatArray], through_mm: FloatArray) -> FloatArray:
-        """(n, 2) distance and height of the longest line along which a field of places is zero; empty without one.
+        """(n, 2) distance and height of the longest line along which a field of points is zero; empty without one.
 
         Parameters
         ----------
-        through_mm : (3,) a place next to which the line is found exactly, as the foot of a press's axis [mm]
+        through_mm : (3,) a point next to which the line is found exactly, as the foot of a press's axis [mm]
         """
         foot = (through_mm[:2] - np.array(self.start_mm)) @ np.array(self.direction)
         along = np.union1d(np.linspace(*self.reach_mm, CUT_POINTS), np.clip(foot, *self.reach_mm))
@@ -138,7 +138,7 @@ class CutPlane:
 
 
 def cut_top_mm(frame: PressFrame, press: Indentation, plane: CutPlane) -> FloatArray:
-    """(n, 2) distance and height where a vertical plane cuts the pressed top [mm]."""
+    """(n, 2) distance and height of the cut of the pressed top by a vertical plane [mm]."""
 
     def beyond(places: FloatArray) -> FloatArray:
         across, aside, over = frame.seen_from_it(places)
@@ -161,7 +161,7 @@ def seen_tip_mm(design: SensorDesign, frame: PressFrame, depth_mm: float, plane:
 
 
 def cut_tip_mm(design: SensorDesign, frame: PressFrame, depth_mm: float, plane: CutPlane) -> FloatArray:
-    """(n, 2) distance and height where a vertical plane cuts the tip [mm]; empty where it misses it."""
+    """(n, 2) distance and height of the cut of the tip by a vertical plane [mm]; empty where it misses the tip."""
     radius, tall = tip_points_mm(design.indenter, TIP_LENGTH, TIP_POINTS).T
 
     def beyond(places: FloatArray) -> FloatArray:
@@ -212,7 +212,7 @@ def plot_profile(
     radius, height = _mirrored(press.radius_mm, press.height_mm + untouched)
     tip_radius, tip_height = _mirrored(tip_mm[0], tip_mm[1] - press.depth_mm)
     floor, ceiling = -press.depth_mm - 0.5 * press.tip_radius_mm, 0.7 * press.tip_radius_mm
-    # a polygon, because the surface may run back beside the shank
+    # a polygon, because the surface may run back near the shank
     ax.fill(
         np.append(radius, radius[[-1, 0]]), np.append(height, [floor, floor]), color=PALE_BLUE, linewidth=0
     )
@@ -290,8 +290,8 @@ def plot_force(
 
     Parameters
     ----------
-    modulus : Young's modulus that the loads were computed with [MPa]
-    measured : depth [mm], force [N] and label of measurements to hold the curve against
+    modulus : Young's modulus of the loads [MPa]
+    measured : depth [mm], force [N] and label of measurements for comparison
     """
     ax = axes_or_new(ax, HEIGHT_IN)
     if force.has_band:

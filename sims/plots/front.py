@@ -1,7 +1,7 @@
-"""Pictures of a search: the Pareto front, parallel coordinates, and which field moved what.
+"""Pictures of a search: the Pareto front, parallel coordinates, and the importance of fields.
 
-Every picture tells front, other designs and base apart by shape and line as well as by colour. Designs that were
-stopped early have no place on them.
+Every picture distinguishes front, other designs and base by shape and line as well as by colour. Designs that were
+stopped early are not shown.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from sims.plots.style import BLUE, GREY, GRID, INK, MUTED, VERMILLION, axes_or_n
 
 PANEL_IN = (4.6, 3.4)
 AXIS_IN = 1.05
-"""Width of a parallel coordinate: room for its name and its two ends."""
+"""Width of a parallel coordinate: space for its name and its two ends."""
 
 
 def front_svg(space: SearchSpace, base: Judged, tried: Sequence[Tried], front: Sequence[Tried]) -> str:
@@ -109,7 +109,7 @@ def plot_course(space: SearchSpace, base: Judged, tried: Sequence[Tried], ax: Ax
 
 
 def parallel_svg(space: SearchSpace, tried: Sequence[Tried], front: Sequence[Tried]) -> str:
-    """Fields and objectives side by side, one line a design that was judged to the end, as SVG text."""
+    """Fields and objectives side by side, one line per design that was judged to the end, as SVG text."""
     with plain_style():
         return _svg_of(plot_parallel(space, tried, front), "parallel")
 
@@ -205,7 +205,7 @@ def short_name(path: str) -> str:
 
 
 def choice_text(label: str) -> str:
-    """A choice in short: a value as it is, of patterns what sets them apart."""
+    """A choice in short: a value itself, or the distinguishing part of a pattern."""
     value = json.loads(label)
     if isinstance(value, list | dict):
         parts = value if isinstance(value, list) else [value]

@@ -1,8 +1,8 @@
-"""Maps over the pad: deadband, margin and usable depth, bounds of location and depth, and the lightest press felt.
+"""Maps over the pad: deadband, margin and usable depth, bounds of location and depth, and detection threshold.
 
-A cell stands for the press at its centre; nothing is interpolated between places. Cells at the border
-reach half a pitch beyond the workspace, which is drawn dashed; where the workspace has no place there is no cell.
-Places without a finite value are hatched. Maps of several depths share one scale, so that they compare.
+A cell represents the press at its centre; nothing is interpolated between locations. Cells at the border
+reach half a pitch beyond the workspace, which is drawn dashed; there is no cell outside the workspace.
+Locations without a finite value are hatched. Maps of several depths share one scale for comparison.
 
 A pad, its workspace and its parts from above, as marks of a plot.
 """
@@ -37,12 +37,12 @@ def outline_patch(plan: Plan, **look: Any) -> Patch:
 
 
 def workspace_patch(space: Outline, **look: Any) -> Patch:
-    """The places that presses are judged at."""
+    """The workspace, in which presses are judged."""
     return Polygon(space.points(TURN_RAD), **look)
 
 
 def clip_to_pad(artist: Any, ax: Any, cavity: CavityGeometry) -> None:
-    """Leave of cells only what lies in the pad."""
+    """Clip cells to the pad."""
     artist.set_clip_path(outline_patch(cavity.plan, transform=ax.transData))
 
 
@@ -51,7 +51,7 @@ def draw_part(ax: Axes, part: PlacedPart, colour: str, *, size: float, is_named:
 
     Parameters
     ----------
-    size : of the mark [points]
+    size : size of the mark [points]
     """
     x, y, _ = part.position_mm
     is_emitter = part.kind == "emitter"
@@ -75,12 +75,12 @@ def draw_part(ax: Axes, part: PlacedPart, colour: str, *, size: float, is_named:
 
 Quantity = Literal["location", "depth"]
 Lines = tuple[tuple[float, ...], tuple[float, ...]]
-"""x and y of a map's places [mm]."""
+"""x and y of a map's locations [mm]."""
 
 DEAD_COLOURS = LinearSegmentedColormap.from_list("deadband", ["#f7f4ef", "#f2b98a", VERMILLION, "#5c2200"])
 CHANGE_COLOURS = LinearSegmentedColormap.from_list("change", ["#f2f6f9", "#9cc9e6", BLUE, "#002e4a"])
 NONE, HATCH = "#e4e7eb", "////"
-"""Look of a place without a value."""
+"""Look of a location without a value."""
 UM_PER_MM = 1000.0
 COLUMNS, PANEL_IN, LEAST_WIDTH_IN = 3, 2.9, 3.0
 LABELS = {
@@ -88,15 +88,15 @@ LABELS = {
     "depth": "depth bound, location unknown, one frame [µm]",
 }
 MOST_NUMBERED = 13
-"""Places along a side with numbers in their cells; more would not be legible."""
+"""Most locations along a side with numbers in their cells; more would not be legible."""
 FEW, LETTERS = 7, ((7.0, 4.6), (8.0, 5.5))
-"""Numbers in a panel of a sheet and in a large map, with so few places along a side and with more [points]."""
+"""Size of numbers in a panel of a sheet and in a large map, with few locations along a side and with more [points]."""
 MOST_NAMED = 32
-"""Parts with their names beside them; more would overlap."""
+"""Most parts with their names next to them; more would overlap."""
 
 
 def plot_deadband_map(pad_map: PadMap, cavity: CavityGeometry, ax: Axes | None = None) -> Axes:
-    """Summed deadband at each place [mm], with the worst place framed if there is any deadband."""
+    """Summed deadband at each location [mm], with the worst location framed if there is any deadband."""
     dead_mm = pad_map.deadband_grid_mm()
     norm = Normalize(0.0, max(float(np.nanmax(dead_mm)), 1e-9))
     framed = pad_map.worst if pad_map.worst.deadbands_mm else None
@@ -108,7 +108,7 @@ def plot_deadband_map(pad_map: PadMap, cavity: CavityGeometry, ax: Axes | None =
 def plot_margin_map(
     pad_map: PadMap, cavity: CavityGeometry, ax: Axes | None = None, *, most: float | None = None
 ) -> Axes:
-    """Distance of frames over the least told 0.3 mm of depth [noise units]; the weakest place framed.
+    """Distance of frames over the least resolved 0.3 mm of depth [noise units]; the location of least margin framed.
 
     Parameters
     ----------
@@ -121,14 +121,14 @@ def plot_margin_map(
 
 
 def plot_usable_map(pad_map: PadMap, cavity: CavityGeometry, ax: Axes | None = None) -> Axes:
-    """Depth to which each place tells depth [mm]; the weakest place framed."""
+    """Depth to which depth is resolved at each location [mm]; the worst location framed."""
     usable = pad_map.usable_grid_mm()
     norm = Normalize(0.0, float(np.nanmax(usable)) or 1.0)
     return _plot_map(ax, pad_map, cavity, usable, norm, "usable depth [mm]", pad_map.weakest)
 
 
 def plot_felt_map(felt: DetectionThreshold, cavity: CavityGeometry, ax: Axes | None = None) -> Axes:
-    """Lightest press that the pad answers to, place by place [N]."""
+    """Detection threshold by location [N]."""
     ax = axes_or_new(ax, _height_in(cavity))
     norm = _log_scale(felt.force_n)
     draw_map(ax, cavity, (felt.x_mm, felt.y_mm), felt.force_n, CHANGE_COLOURS, norm)
@@ -138,7 +138,7 @@ def plot_felt_map(felt: DetectionThreshold, cavity: CavityGeometry, ax: Axes | N
 
 
 def plot_bound_sheet(bounds: PadBounds, cavity: CavityGeometry, quantity: Quantity) -> Figure:
-    """Least standard deviation of place or depth [µm], one map a depth, side by side."""
+    """Least standard deviation of location or depth [µm], one map per depth, side by side."""
     values = UM_PER_MM * (bounds.location_mm if quantity == "location" else bounds.depth_bound_mm)
     figure, panels = map_sheet(cavity, [f"{depth:g} mm deep" for depth in bounds.depth_mm], PANEL_IN)
     norm, lines = _log_scale(values), (bounds.x_mm, bounds.y_mm)
@@ -185,11 +185,11 @@ def draw_map(
 
     Parameters
     ----------
-    lines : x and y of the places [mm]
+    lines : x and y of the locations [mm]
     values : (ny, nx); NaN where there is no cell
     hatched : (ny, nx) cells that stand out; None: those that are infinite
     is_numbered : whether the cells have numbers, where those are legible
-    is_large : whether there is room for names of parts and the workspace
+    is_large : whether there is space for names of parts and the workspace
     """
     x, y = _edges_mm(lines, cavity)
     known = np.ma.masked_invalid(values)
@@ -221,7 +221,7 @@ def draw_map(
 def add_scale(
     figure: Figure | None, panels: Sequence[Axes], label: str, colours: Colormap, norm: Normalize
 ) -> None:
-    """A colour bar beside the panels; a logarithmic one with ticks at 1, 2 and 5 times powers of ten."""
+    """A colour bar next to the panels; a logarithmic one has ticks at 1, 2 and 5 times powers of ten."""
     assert figure is not None
     assert norm.vmin is not None
     assert norm.vmax is not None
@@ -246,7 +246,7 @@ def _plot_map(
     framed: Place | None,
     colours: Colormap = CHANGE_COLOURS,
 ) -> Axes:
-    """A large map with its scale; a frame around one place's cell has the group identifier ``marked``."""
+    """A large map with its scale; a frame around one location's cell has the group identifier ``marked``."""
     ax = axes_or_new(ax, _height_in(cavity))
     lines = pad_map.x_mm, pad_map.y_mm
     draw_map(ax, cavity, lines, values, colours, norm, is_large=True)
@@ -270,7 +270,7 @@ def _log_scale(values: FloatArray) -> LogNorm:
 
 
 def _edges_mm(lines: Lines, cavity: CavityGeometry) -> tuple[FloatArray, FloatArray]:
-    """Cell borders half-way between places, kept inside the cavity; a single line has the pitch of the others [mm]."""
+    """Cell borders half-way between locations, kept inside the cavity; a single line has the others' pitch [mm]."""
     space = cavity.workspace
     side = max(space.x1_mm - space.x0_mm, space.y1_mm - space.y0_mm, 1.0)
     pitch = next((line[1] - line[0] for line in lines if len(line) > 1), side)
@@ -288,7 +288,7 @@ def _cell(x: FloatArray, y: FloatArray, row: int, column: int, **look: Any) -> R
 
 
 def _number(value: float) -> str:
-    """Two digits that count."""
+    """A number with two significant digits."""
     return f"{value:.0f}" if value == 0.0 or value >= 9.95 else f"{value:.2g}"
 
 

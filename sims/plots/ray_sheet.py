@@ -1,4 +1,4 @@
-"""Several presses of the same light under one another: each a row with its section and its plan."""
+"""Several presses of the same light, one row each with its section and its plan."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ SECTION_IN = (6.0, 2.9)
 PLAN_IN = (3.0, 2.7)
 LEFT_IN, GAP_IN, HEAD_IN, TICKS_IN, FOOT_IN, LINE_IN = 0.55, 0.75, 0.55, 0.25, 0.3, 0.15
 CAPTION_SIGNS = 16
-"""Signs in an inch of the caption."""
+"""Characters per inch of the caption."""
 
 
 def ray_sheet(
@@ -44,7 +44,7 @@ def ray_sheet(
     Parameters
     ----------
     cut : the line of every section
-    is_of_untouched : give powers as shares of the untouched total, else of the emitters' power
+    is_of_untouched : whether powers are shares of the untouched total, else of the emitters' power
     """
     section, plan = _sizes_in(design, cut)
     width = max(LEAST_WIDTH_IN, LEFT_IN + section[0] + GAP_IN + plan[0] + 0.2)
@@ -72,7 +72,7 @@ def _unit(states: Sequence[RayState], is_of_untouched: bool) -> float | None:
 
 
 def _sizes_in(design: SensorDesign, cut: Cut) -> tuple[tuple[float, float], tuple[float, float]]:
-    """Width and height of section and plan [inch], each as large as its place allows."""
+    """Width and height of section and plan [inch], each as large as its space allows."""
     cavity = cavity_of(design)
     start, end = cut.reach_mm(cavity)
     length = (1.0 + 2 * SECTION_ROOM) * (end - start)

@@ -1,13 +1,13 @@
-"""Sample paths of light in a vertical section and in plan, with the power that each kind carries.
+"""Sample paths of light in a vertical section and in plan, with the power of each kind.
 
 The section is cut along a line between two walls, for a pair its chord. Paths are projected onto it straight
 from the side, so a path that leaves the section's plane may seem to end at a wall that it does not touch; the
-plan beside it shows where it goes. Tip and pressed top are cut where the plane meets them in space
-(`shapes.pressed_top`); when the tip's axis is not in the plane, its outline through the axis is drawn dotted.
+plan next to it shows its way. Tip and pressed top are cut where the plane meets them in space
+(`sims.plots.contact`); when the tip's axis is not in the plane, its outline through the axis is drawn dotted.
 
-Lines are samples, `sims.rays` says of what; powers stand in the legend and come from the light model.
+Lines are samples, as `sims.rays` explains; powers are in the legend and come from the light model.
 
-The line of a section: a pair's chord, straight across from a part, or through a place.
+The line of a section: a pair's chord, straight across from a part, or through a point.
 """
 
 from __future__ import annotations
@@ -44,12 +44,12 @@ SILHOUETTE_POINTS = 60
 
 @dataclass(frozen=True, kw_only=True)
 class Cut:
-    """The line of a section from wall to wall, seen from its left hand.
+    """The line of a section from wall to wall, seen from its left side.
 
     Attributes
     ----------
     start_mm, end_mm : (x, y) of its ends [mm]
-    name : what it is, for the axis
+    name : its description, for the axis
     """
 
     start_mm: tuple[float, float]
@@ -78,7 +78,7 @@ class Cut:
         return float(along.min()), float(along.max())
 
     def along_mm(self, places_mm: FloatArray) -> FloatArray:
-        """(...,) distance from the start along the line of (..., 2 or 3) places [mm]."""
+        """(...,) distance from the start along the line of (..., 2 or 3) points [mm]."""
         return np.asarray((places_mm[..., :2] - np.array(self.start_mm)) @ self.direction)
 
     def silhouette_mm(self, cavity: CavityGeometry, reach: tuple[float, float]) -> FloatArray:
@@ -95,7 +95,7 @@ class Cut:
         return np.column_stack([[reach[0], *along, reach[1]], [0.0, *tops, 0.0]])
 
     def beside_mm(self, place_mm: tuple[float, float]) -> float:
-        """Distance of a place from the line [mm]."""
+        """Distance of a point from the line [mm]."""
         ahead, aside = np.subtract(place_mm, self.start_mm), self.direction[::-1] * [-1.0, 1.0]
         return float(abs(ahead @ aside))
 
@@ -117,7 +117,7 @@ def cut_across(cavity: CavityGeometry, part: PlacedPart) -> Cut:
 
 
 def cut_through(cavity: CavityGeometry, x_mm: float, y_mm: float) -> Cut:
-    """The line through a place from wall to wall along the longer side; of a disc along x."""
+    """The line through a point from wall to wall along the longer side; for a disc along x."""
     outline, place = cavity.plan.outline, (x_mm, y_mm)
     if cavity.length_mm >= cavity.width_mm:
         back, far = (outline.way_out_mm(place, (way, 0.0)) for way in (-1.0, 1.0))
@@ -131,19 +131,19 @@ def cut_through(cavity: CavityGeometry, x_mm: float, y_mm: float) -> Cut:
 SECTION_IN = (6.6, 2.3)
 PLAN_IN = (3.6, 3.2)
 BLACK = "#33383f"
-"""The black layer; not quite black, so that marks on it can be seen."""
+"""Colour of the black layer; not quite black, so that marks on it are visible."""
 RAY_WIDTH, LOST_WIDTH = 0.55, 0.8
 HEAD_ROOM = 0.95
 """Height of a section above the undisturbed surface [tip radii]."""
 SECTION_ROOM, PLAN_ROOM = 0.07, 0.11
-"""Room around the block, over its length in view [-]."""
+"""Margin around the block, over its length in view [-]."""
 ON_AXIS_MM = 0.05
 """Distance of the press's axis from the section's plane below which they count as one [mm]."""
 CUT_FACE_MM = 0.15
 """Half the drawn thickness of a face that the section cuts [mm]."""
 RING_POINTS = 72
 MOST_LABELS, MOST_LABELS_IN_SECTION = 32, 2
-"""Parts with their names beside them; more would overlap."""
+"""Most parts with their names next to them; more would overlap."""
 
 
 def plot_ray_section(
@@ -160,7 +160,7 @@ def plot_ray_section(
     ----------
     state : the press, the paths and their powers
     cut : the section's line
-    untouched : power that the legend's shares are of, over that of the emitters [-]; None: of the emitters'
+    untouched : reference power of the legend's shares, over that of the emitters [-]; None: the emitters' power
     """
     ax = axes_or_new(ax, SECTION_IN[1], SECTION_IN[0])
     cavity = cavity_of(design)
@@ -251,7 +251,7 @@ def plot_ray_plan(
 
 
 def _draw_block(ax: Axes, cavity: CavityGeometry, cut: Cut, reach: tuple[float, float]) -> None:
-    """Clear layer and black layer: pale what lies beside the section, full what it cuts."""
+    """Clear layer and black layer: pale beyond the section, full where it cuts them."""
     for (start, end), alpha in ((reach, 0.25), ((0.0, cut.length_mm), 0.45)):
         corner = (start, -cavity.black_mm)
         ax.add_patch(Rectangle(corner, end - start, cavity.black_mm, color=BLACK, alpha=alpha + 0.4, lw=0))
@@ -275,7 +275,7 @@ def _draw_block(ax: Axes, cavity: CavityGeometry, cut: Cut, reach: tuple[float, 
 
 
 def _draw_tip(ax: Axes, design: SensorDesign, cut: Cut, frame: PressFrame, depth_mm: float) -> None:
-    """The tip where the section cuts it, and dotted its outline through the axis where that is beside the plane."""
+    """The cut of the tip by the section; its outline through the axis is dotted if the axis is not in the plane."""
     plane = cut.plane(ceiling_mm(design))
     outline = cut_tip_mm(design, frame, depth_mm, plane)
     if len(outline):
@@ -338,11 +338,11 @@ def _mark(kind: LightKind) -> dict[str, Any]:
 
 
 def legend_handles(state: RayState, untouched: float | None) -> list[Line2D]:
-    """The look of every kind that is drawn or carries power, with its share of the power in words.
+    """The look of every kind that is drawn or has power, with its share of the power in words.
 
     Parameters
     ----------
-    untouched : power that the shares are of, over that of the emitters [-]; None: of the emitters'
+    untouched : reference power of the shares, over that of the emitters [-]; None: the emitters' power
     """
     unit, power = untouched or 1.0, state.power_by_kind
     drawn = {kind.key: kind for kind, _ in paths_by_kind(state.paths)}
@@ -364,14 +364,14 @@ def _handle(kind: LightKind, label: str) -> Line2D:
 
 
 def percent(share: float) -> str:
-    """A share as people read it: never a bare zero for something small."""
+    """A share in per cent; a small one is never shown as zero."""
     if 0.0 < share < 0.0005:
         return "under 0.05 %"
     return f"{100 * share:.1f} %"
 
 
 def _shown_parts(state: RayState, cavity: CavityGeometry) -> set[str]:
-    """Names of the parts that the drawn light runs between."""
+    """Names of the parts between which the drawn light runs."""
     paths = (*state.paths, *state.lost)
     return {cavity.emitters[path.emitter].name for path in paths} | {
         cavity.receivers[path.receiver].name for path in state.paths
@@ -432,7 +432,7 @@ def _draw_dimple(ax: Axes, state: RayState, design: SensorDesign) -> None:
 
 
 def _ring(frame: PressFrame, radius_mm: float, over_mm: float, **look: Any) -> Patch:
-    """A circle about the press from above: beside a crown's top tilted, hence an ellipse."""
+    """A circle about the press from above: tilted off a crown's top, hence an ellipse."""
     turn = np.linspace(0.0, 2.0 * np.pi, RING_POINTS)
     across, aside = radius_mm * np.cos(turn), radius_mm * np.sin(turn)
     return Polygon(frame.places_mm(across, aside, np.full_like(turn, over_mm))[:, :2], **look)

@@ -1,10 +1,10 @@
-"""Signal of one pair against depth: its light by path, the two modes, and where it is blind.
+"""Signal of one pair against depth: its light by path, the two modes, and its deadbands.
 
 All curves are shares of the untouched total, before noise, gain and clipping; deadbands and modes are
-those of the pair's score. "Other" is what is neither direct nor mirrored by the top: light that walls,
-bottom or tip scatter.
+those of the pair's score. "Other" is light that is neither direct nor mirrored by the top, but scattered
+by walls, bottom or tip.
 
-A measured press over the simulated curve, a panel a pair, modes and deadbands of the simulation shaded.
+A measured press over the simulated curve, one panel per pair, modes and deadbands of the simulation shaded.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from sims.score.result import JudgedPair
 
 HEIGHT_IN = 3.9
 SPANS = ("mode", "deadband")
-"""How the labels of shaded areas begin; they follow the curves in the legend."""
+"""First words of the labels of shaded areas, which follow the curves in the legend."""
 
 TOTAL: dict[str, Any] = {"color": INK, "linewidth": 2.2, "linestyle": "-"}
 DIRECT: dict[str, Any] = {"color": BLUE, "linewidth": 1.6, "linestyle": (0, (6, 2))}
@@ -34,7 +34,7 @@ OTHER: dict[str, Any] = {"color": GREEN, "linewidth": 1.6, "linestyle": (0, (5, 
 def plot_signal(pair: JudgedPair, ax: Axes | None = None) -> Axes:
     """Light of a pair over its untouched total [-] against depth [mm].
 
-    Shaded areas carry the group identifiers ``mode1``, ``mode2`` and ``deadband``.
+    Shaded areas have the group identifiers ``mode1``, ``mode2`` and ``deadband``.
     """
     ax = axes_or_new(ax, HEIGHT_IN)
     deepest = float(pair.curves.depth_mm[-1])
@@ -112,7 +112,7 @@ def _hatch_deadbands(ax: Axes, pair: JudgedPair) -> None:
 
 
 def _mark_boundaries(ax: Axes, pair: JudgedPair) -> None:
-    """Lines at the end of mode 1 and the onset of mode 2; of two labels the left one ends at its line."""
+    """Lines at the end of mode 1 and the onset of mode 2; the left one of two labels ends at its line."""
     modes = pair.score.modes
     marks = [(modes.mode1_mm[1], "mode 1 ends", VERMILLION)]
     if modes.mode2_mm[0] is not None:

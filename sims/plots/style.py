@@ -1,11 +1,11 @@
 """Colours and sizes of the plots, and their export as SVG text with the same bytes each time.
 
-Figures are plain objects: no window, no global state, and whatever a user's own settings say inside
-`plain_style` a plot looks the same. Colours are those of Okabe and Ito (2008), told apart with the
-common colour blindnesses; every colour comes with a line style, a hatch or a shape of its own, so that
-nothing rests on colour alone. Text stays text in the SVG, hence in the reader's own fonts.
+Figures are plain objects without window or global state; inside `plain_style` a plot looks the same with
+any settings of the user. Colours are those of Okabe and Ito (2008), distinct with the common colour
+blindnesses; every colour has its own line style, hatch or shape, so that nothing depends on colour alone.
+Text stays text in the SVG, hence in the reader's own fonts.
 
-All judged pairs at a glance: where in depth each one's modes and deadbands lie.
+All judged pairs in one plot: the depths of each one's modes and deadbands.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ _METADATA = {"Creator": None, "Date": None, "Format": None, "Type": None}
 
 @contextmanager
 def plain_style() -> Iterator[None]:
-    """Draw and export inside: matplotlib's own defaults with our sizes; the caller's settings come back after."""
+    """Draw and export inside: matplotlib's own defaults with our sizes; the caller's settings are restored after."""
     with matplotlib.rc_context():
         matplotlib.rcdefaults()
         matplotlib.rcParams.update(
@@ -93,7 +93,7 @@ FRAME_IN = 1.1
 
 
 def plot_spans(pairs: Sequence[JudgedPair], ax: Axes | None = None) -> Axes:
-    """One row a pair over depth [mm]: mode 1 above, mode 2 below, deadbands framed and hatched."""
+    """One row per pair over depth [mm]: mode 1 above, mode 2 below, deadbands framed and hatched."""
     ax = axes_or_new(ax, FRAME_IN + ROW_IN * len(pairs))
     for row, pair in enumerate(pairs):
         _draw_row(ax, row, pair)

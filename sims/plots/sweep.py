@@ -1,10 +1,10 @@
-"""A sweep as small multiples: signal against depth, a panel a value, modes and deadbands shaded.
+"""A sweep as small multiples: signal against depth, one panel per value, modes and deadbands shaded.
 
-All panels share one scale, the brightest untouched signal of the sweep, so that what a value costs in signal is
-seen beside what it does to the modes. The middle one of facing pairs is shown, or the governing pair of a pad; a
-deadband in another pair is named in the title. A title has the verdict's words and the deadband; a line marks the
-usable depth of the design where that is less than the design asks for. A value outside the models' scope stands as an
-empty panel with the reason.
+All panels share one scale, the brightest untouched signal of the sweep, so that a value's effects on signal and on
+modes are seen together. The middle one of facing pairs is shown, or the governing pair of a pad; a deadband in another
+pair is named in the title. A title has the verdict's words and the deadband; a line marks the usable depth of the
+design where that is less than the design requires. A value outside the models' scope has an empty panel with the
+reason.
 """
 
 from __future__ import annotations
@@ -30,12 +30,12 @@ MOST_COLUMNS = 4
 FRAME_IN = 0.75
 REASON_CHARACTERS = 30
 SHORT_VALUE, LONGEST_LINE = 10, 27
-"""Longer values have a line of their own; no line of a title has more characters than a panel is wide."""
+"""Longest value without its own line, and longest line of a title that fits in a panel [characters]."""
 TITLE_LINE_IN = 0.14
 
 
 def plot_sweep(path: str, rows: Sequence[SweepRow]) -> Figure:
-    """Light over the brightest untouched signal of the sweep [-] against depth [mm], a panel a value."""
+    """Light over the brightest untouched signal of the sweep [-] against depth [mm], one panel per value."""
     columns = min(MOST_COLUMNS, len(rows))
     lines = ceil(len(rows) / columns)
     more = max(_title(row).count("\n") for row in rows)
@@ -68,7 +68,7 @@ def plot_swept_value(row: SweepRow, brightest: float, ax: Axes) -> Axes:
 
     Parameters
     ----------
-    brightest : light over emitted power that stands for 1 [-]
+    brightest : light over emitted power that is shown as 1 [-]
     """
     ax.set_title(_title(row), fontsize=8, loc="left")
     ax.grid(color=GRID, linewidth=0.5)
@@ -86,7 +86,7 @@ def plot_swept_value(row: SweepRow, brightest: float, ax: Axes) -> Axes:
 
 
 def _title(row: SweepRow) -> str:
-    """Value, verdict in its own words, deadband; broken where they are wider than a panel."""
+    """Value, verdict in its own words, deadband; wrapped where they are wider than a panel."""
     value = f"{row.value:g}" if isinstance(row.value, float) else str(row.value)
     words = "out of scope" if row.curve is None else row.headline
     lines = textwrap.wrap(f"{value}: {words}", LONGEST_LINE)

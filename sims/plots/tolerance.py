@@ -1,4 +1,4 @@
-"""How firm a verdict is, and what matters: figures at both ends of open values' bands, and a step of each field."""
+"""Confidence and sensitivity: figures at both ends of unmeasured parameters' bands, and for a step of each field."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ ROW_IN = 0.42
 FRAME_IN = 1.0
 NOTHING = "mode 2 not reached"
 WIDE = 1.35
-"""Width of five panels beside each other, over that of one plot [-]."""
+"""Width of five panels next to each other, over that of one plot [-]."""
 BAR = 0.36
 """Height of a bar, of a row [-]."""
 EFFECTS = (
@@ -27,11 +27,11 @@ EFFECTS = (
     ("location_mm", "location bound\n[mm]"),
     ("depth_mm", "depth bound\n[mm]"),
 )
-"""Figures that a step of a field changes, and what they are called."""
+"""Figures that a step of a field changes, and their names."""
 
 
 def plot_tolerance(band: ToleranceBand, ax: Axes | None = None) -> Axes:
-    """Summed deadband [mm] at the low and the high end of each value; rows that turn the verdict are starred."""
+    """Summed deadband [mm] at the low and the high end of each value; rows that change the verdict are starred."""
     ax = axes_or_new(ax, FRAME_IN + ROW_IN * len(band.rows))
     _draw_bars(ax, [row.deadband_mm for row in band.rows], band.deadband_mm)
     most = max([band.deadband_range_mm[1], 0.1])
@@ -43,7 +43,7 @@ def plot_tolerance(band: ToleranceBand, ax: Axes | None = None) -> Axes:
 
 
 def plot_gap_tolerance(band: ToleranceBand, ax: Axes | None = None) -> Axes:
-    """Mode gap [mm] at the low and the high end of each value; an end without mode 2 stands as text."""
+    """Mode gap [mm] at the low and the high end of each value; an end without mode 2 is given as text."""
     ax = axes_or_new(ax, FRAME_IN + ROW_IN * len(band.rows))
     _draw_bars(ax, [row.gap_mm for row in band.rows], band.gap_mm)
     for number, row in enumerate(band.rows):
@@ -127,7 +127,7 @@ def plot_field_steps(steps: FieldSteps, unit_of: Callable[[str], str]) -> Figure
 
 
 def _changes(steps: FieldSteps, name: str) -> list[float]:
-    """What steps change a figure by, where that is known and not nothing."""
+    """Changes of a figure by steps, where known and not zero."""
     known = (
         _change(steps.as_designed, effect, name) for row in steps.rows for effect in (row.lower, row.higher)
     )
@@ -141,7 +141,7 @@ def _change(design: Effect, stepped: Effect | None, name: str) -> float | None:
 
 
 def row_label(row: ToleranceRow) -> str:
-    """The value's path without its section of measurements, starred if it turns the verdict, and the ends tried."""
+    """The value's path without its section of measurements, starred if it changes the verdict, and the ends tried."""
     name = row.path.removeprefix("part_measurements.")
     return f"{'* ' if row.flips else ''}{name}\n{row.values[0]:.3g} / {row.values[1]:.3g}"
 

@@ -1,4 +1,4 @@
 """From light to counts and files: gains, signal chain, press protocols, data sets, recordings.
 
-Imports of ours: optics, contact, press.
+It imports optics, contact and press.
 """

@@ -1,18 +1,18 @@
-"""A data set that grows press by press, survives a kill, and becomes one netCDF file when it is whole.
+"""A data set that grows press by press, survives a kill, and becomes one netCDF file when it is complete.
 
-While it grows it is a journal beside the file: a line of JSON, then one record a press,
+While it grows it is a journal next to the file: a line of JSON, then one record per press,
 
     length of the content, CRC-32 of it (4 bytes each, little-endian), content (samples, as `_sample_type`)
 
-flushed to the disk before the next. Whoever writes the journal locks it. A record that a kill or a power cut left
-half-written fails its length or its check; it and what follows is cut off, and work goes on with the press after the
-last whole one. HDF5 itself has no such promise: a file that was open for writing when its program was killed may never
-open again.
+flushed to the disk before the next. The writer locks the journal. A record half-written at a kill or a power cut fails
+its length or its check; it and all later ones are cut off, and writing continues with the press after the last whole
+one. HDF5 itself gives no such guarantee: a file that was open for writing when its program was killed may never open
+again.
 
-netCDF files read with suspicion: sizes are checked before anything is loaded, and damage is the file's fault.
+netCDF files are checked on reading: sizes before any data are loaded, and damage is reported as the file's.
 
-The HDF5 library looks at metadata only when they are needed, and answers damage with whatever its caller was about to
-do: errors of many types, or arrays of the size that a damaged header says.
+The HDF5 library reads metadata only when they are needed, and damage has various effects: errors of many types, or
+arrays of the size given in a damaged header.
 """
 
 from __future__ import annotations
@@ -45,27 +45,27 @@ ENGINES: dict[str, dict[str, Any]] = {
     "an HDF5 or netCDF-4 file": {"engine": "h5netcdf", "phony_dims": "access"},
     "a netCDF-3 file": {"engine": "scipy"},
 }
-"""How xarray reads each kind of file."""
+"""Engine of xarray for each kind of file."""
 MOST_BYTES = 8_000_000_000
-"""Of all arrays unpacked: twice the largest file that is read, whose counts have 2 bytes and become 4."""
+"""Largest size of all unpacked arrays: twice the largest file, whose counts have 2 bytes and become 4."""
 MOST_RATIO = 200
-"""Of the unpacked size over the file's: measured counts shrink to a fifth, equal ones to a thousandth."""
+"""Largest unpacked size over the file's: measured counts shrink to a fifth, equal ones to a thousandth."""
 FREE_BYTES = 500_000_000
-"""Unpacked size below which any ratio is taken."""
+"""Unpacked size below which any ratio is accepted."""
 
 
 def read_netcdf(file: Path, *, needed: str, most_bytes: int, **options: Any) -> xr.Dataset:
-    """Everything in a netCDF-4 or netCDF-3 file, in memory; texts are `str`.
+    """The content of a netCDF-4 or netCDF-3 file, in memory; texts are `str`.
 
     Parameters
     ----------
-    needed : what the file must be and which command makes it, in words for messages
+    needed : required content of the file and the command that makes it, in words for messages
     most_bytes : size above which the file is refused unread
-    options : for `xarray.open_dataset`
+    options : options for `xarray.open_dataset`
 
     Raises
     ------
-    InputError : no such file, another kind of file, damaged, or too large; the message names the file.
+    InputError : the file is missing, of another kind, damaged, or too large; the message names it.
     """
     import xarray as xr
 
@@ -85,7 +85,7 @@ def read_netcdf(file: Path, *, needed: str, most_bytes: int, **options: Any) -> 
             if dataset.nbytes > most:
                 raise ValueError(f"holds {dataset.nbytes:.3g} bytes, reads at most {most:.3g}")
             found = dataset.load()
-    except Exception as err:  # on purpose all: see above
+    except Exception as err:  # all errors on purpose: see above
         said = str(err) or type(err).__name__
         raise InputError(f"{file}: {kind} that cannot be read: {said}; needs {needed}") from None
     return found.assign(
@@ -94,11 +94,11 @@ def read_netcdf(file: Path, *, needed: str, most_bytes: int, **options: Any) -> 
 
 
 def require_numbers(found: xr.Dataset, file: Path, names: Sequence[str], axes: tuple[str, ...]) -> None:
-    """Refuse arrays of other dimensions (in any order), and of what is no number.
+    """Refuse arrays of other dimensions (in any order), and arrays that are not numeric.
 
     Raises
     ------
-    InputError : the first array that is refused.
+    InputError : an array is refused; the message names the first.
     """
     for name in names:
         array = found[name]
@@ -109,7 +109,7 @@ def require_numbers(found: xr.Dataset, file: Path, names: Sequence[str], axes: t
 
 
 def _unpacked_bytes(file: Path) -> int:
-    """Bytes of all arrays by their headers. What is read first also keeps h5netcdf from half opening a damaged file."""
+    """Bytes of all arrays by their headers. Reading these also keeps h5netcdf from half opening a damaged file."""
     import h5py
 
     sizes: list[int] = []
@@ -126,20 +126,20 @@ def _unpacked_bytes(file: Path) -> int:
 
 RECORD = struct.Struct("<II")
 CHUNK_SAMPLES = 2048
-"""Samples that the netCDF file keeps and packs together: 0.6 MB of a pad of 8 + 8 parts."""
+"""Number of samples that the netCDF file stores and packs together: 0.6 MB for a pad of 8 + 8 parts."""
 JOURNAL_VERSION = 1
 
 
 class DataWriter:
-    """Writes presses to ``file``; nothing is there until `finish`, and nothing finished is lost before.
+    """Writes presses to ``file``; the file does not exist until `finish`, and no finished press is lost before.
 
     Parameters
     ----------
     file : the netCDF file to make
-    header : what all samples share, as data without samples (`PressData.only` of an empty mask)
-    asked : plain data that says what is being made, as protocol, seed and versions: only a journal of the same is
-        taken up again
-    journal_folder : where the journal lies; beside the file if left out
+    header : common part of all samples, as data without samples (`PressData.only` of an empty mask)
+    asked : plain data that identify the data set, as protocol, seed and versions: only a journal with the same data is
+    continued
+    journal_folder : folder of the journal; by default that of the file
 
     Raises
     ------
@@ -172,15 +172,15 @@ class DataWriter:
 
     @property
     def done(self) -> frozenset[tuple[int, int]]:
-        """Presses that are on the disk: (number of the set, number of the place)."""
+        """Presses that are on the disk: (number of the set, number of the location)."""
         return frozenset(self._done)
 
     def add(self, press: PressData) -> None:
-        """Keep the samples of one press, or of several, on the disk.
+        """Store the samples of one press, or of several, on the disk.
 
         Raises
         ------
-        InputError : states, receivers or truth are not as in the header.
+        InputError : states, receivers or true positions are not as in the header.
         OutputError : the disk cannot be written.
         """
         for name in ("state_names", "receiver_names", "sets"):
@@ -196,7 +196,7 @@ class DataWriter:
         self._done |= _presses_of(press)
 
     def finish(self) -> Path:
-        """Make the netCDF file of all that was added, whole or not at all, and remove the journal.
+        """Make the netCDF file of all added presses, whole or not at all, and remove the journal.
 
         Raises
         ------
@@ -208,7 +208,7 @@ class DataWriter:
         return self.file
 
     def write(self) -> None:
-        """Make the netCDF file; the journal stays, for a file that has yet to come to its place.
+        """Make the netCDF file; the journal stays, for a file that is not yet moved to its final path.
 
         Raises
         ------
@@ -217,11 +217,11 @@ class DataWriter:
         _write_whole(self.file, self._header, (rows for rows, _ in self._records()))
 
     def forget(self) -> None:
-        """Remove the journal: the file is in its place."""
+        """Remove the journal, after the file is at its final path."""
         self.journal.unlink(missing_ok=True)
 
     def _begun(self) -> set[tuple[int, int]]:
-        """Whole presses of an earlier run; what follows them in the journal is cut off."""
+        """Whole presses of an earlier run; the rest of the journal is cut off."""
         presses: set[tuple[int, int]] = set()
         end = 0
         try:
@@ -243,7 +243,7 @@ class DataWriter:
     def _opened(self) -> IO[bytes]:
         made_folder(self.journal.parent)
         try:
-            stream = self.journal.open("a+b")  # to write at its end, and to read anywhere
+            stream = self.journal.open("a+b")  # for writing at its end, and reading anywhere
         except OSError as err:
             raise unwritable(self.journal, err) from err
         try:
@@ -259,7 +259,7 @@ class DataWriter:
         return stream
 
     def _records(self) -> Iterator[tuple[NDArray[np.void], int]]:
-        """Samples of each whole record, and where it ends."""
+        """Samples of each whole record, and its end."""
         stream, size = self._stream, os.fstat(self._stream.fileno()).st_size
         stream.seek(len(self._line))
         while len(head := stream.read(RECORD.size)) == RECORD.size:
@@ -333,7 +333,7 @@ def _write_whole(file: Path, header: PressData, parts: Iterator[NDArray[np.void]
 
 
 def _write_netcdf(file: Path, header: PressData, parts: Iterator[NDArray[np.void]]) -> None:
-    """Press after press into one file whose time axis has no end; memory holds one press at a time."""
+    """Write press after press into one file with an unlimited time axis; memory holds one press at a time."""
     import h5netcdf
 
     columns = _columns(header)

@@ -3,16 +3,16 @@
 Dimensions ``time`` (one frame), ``state``, ``receiver``:
 
     counts (time, state, receiver)        readings; the states are emitters' names and ``off`` [ADC counts]
-    press_x, press_y, press_depth (time)  where the stage says that the tip was [mm]
+    press_x, press_y, press_depth (time)  position of the tip by the stage [mm]
     time_s, set, place (time)             time within the set [s], number of the set, of the press within it
-    true_x, true_y, true_depth (time)     where it really was; simulated sets only [mm]
+    true_x, true_y, true_depth (time)     its true position; simulated sets only [mm]
     attributes                            design_digest, full_scale_counts, sets and attributes as JSON
 
 Units are those of the attribute `units` of a variable, by default as above: lengths and times are converted, and volts
-are, by the converter of a design.
+too, by the converter of a design.
 
-What `optopad driver record` and `export` write lacks sets and places: it is read as one set named ``unnamed``. A press
-is a contact: from the sample where the depth rises above 0, or the location changes in contact, to the next.
+Files of `optopad driver record` and `export` have no sets and locations: they are read as one set named ``unnamed``. A
+press is a contact: from the sample where the depth rises above 0, or the location changes in contact, to the next.
 """
 
 from __future__ import annotations
@@ -65,7 +65,7 @@ __all__ = [
 
 MAX_BYTES = 4_000_000_000
 RETREAT_MM = 0.1
-"""The tip has left the pad when it was so far above it; less is jitter of the depth at one location."""
+"""Height above the pad at which the tip has left it [mm]; less is jitter of the depth at one location."""
 NEEDED_FILE = (
     "a data set in netCDF (.nc): `optopad driver export` makes one of a recording with its presses (--stage), "
     "`optopad simulate --protocol` one of a design"
@@ -81,13 +81,12 @@ def read_data(file: Path, design: SensorDesign | None = None) -> PressData:
 
     Parameters
     ----------
-    design : what the data are said to be of, for the size of the pad and for readings in volts; `require_design` tests
-        whether they are
+    design : presumed design of the data, for the size of the pad and for readings in volts; `require_design` tests it
 
     Raises
     ------
-    InputError : no such file, another format, missing parts or states, readings that are no numbers, unknown units,
-        presses that contradict the pad or the signals.
+    InputError : the file is missing or of another format, parts or states are missing, readings are no numbers, units
+    are unknown, or presses contradict the pad or the signals.
     """
     found = read_netcdf(file, needed=NEEDED_FILE, most_bytes=MAX_BYTES, decode_times=False)
     _require_parts(found, file)
@@ -98,11 +97,11 @@ def read_data(file: Path, design: SensorDesign | None = None) -> PressData:
 
 
 def require_design(data: PressData, design: SensorDesign, *, what: str = "data") -> tuple[str, ...]:
-    """Refuse data of another design; returns what the data do not say, as sentences.
+    """Refuse data of another design; returns the missing information of the data, as sentences.
 
     Raises
     ------
-    InputError : another digest, other emitters or receivers.
+    InputError : the digest, the emitters or the receivers differ.
     """
     from design.shape.cavity import cavity_of
 

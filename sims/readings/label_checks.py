@@ -1,8 +1,8 @@
-"""Units and labels of data from anywhere: what a file says of them is converted, what contradicts the pad is refused.
+"""Units and labels of data from any source: stated units are converted, labels that contradict the pad are refused.
 
 A data set whose locations are counted from the middle of the pad, or whose depth is positive upwards, trains a model
-without any complaint of its own, and the model is wrong by the size of the pad. The checks use the design where it is
-known, else the limits that every design keeps. Noise, drift, hovering samples and few touched samples pass.
+without any error message, and the model is wrong by the size of the pad. The checks use the design where it is known,
+else the limits of all designs. Noise, drift, hovering samples and few touched samples are accepted.
 """
 
 from __future__ import annotations
@@ -31,29 +31,29 @@ READINGS = {"count": 1.0, "1": 1.0, "adc": 1.0, "adc count": 1.0, "lsb": 1.0, "a
 VOLTS = {"v": 1.0, "volt": 1.0, "mv": 1e-3, "millivolt": 1e-3}
 
 SLACK_MM = 0.5
-"""A stage may be so far off: locations and depths beyond the pad by less are not refused."""
+"""Allowed error of a stage [mm]: locations and depths beyond the pad by less are not refused."""
 LARGEST_MM, THICKEST_MM = 200.0, 50.0
-"""Of the pads that a design can have."""
+"""Largest length and thickness of a design's pad [mm]."""
 METRES_MM = 0.012
-"""Deepest press of a file in which all depths are thinner than a hair: they are in metres."""
+"""Deepest press of a file below which all depths must be in metres [mm]: it is less than a hair."""
 HIGHEST_V = 5.5
-"""Converters of boards read at most this."""
+"""Largest reading of the boards' converters."""
 LEAST_CHANGE = 0.1
-"""Share of a pair's signal that must change above the surface before the sign of the depth is doubted: reflections of
-a hovering tip, drift and noise change less."""
+"""Share of a pair's signal whose change above the surface makes the sign of the depth suspect: reflections of a
+hovering tip, drift and noise change less."""
 TIMES_MORE = 4.0
-"""The signals must change so many times more above the surface than below it."""
+"""Least ratio of the signals' change above the surface to that below it for a suspect sign."""
 NOISE_SIGMAS = 5.0
 MOST_SAMPLES = 20_000
-"""Samples that the sign of the depth is judged by."""
+"""Number of samples for the test of the depth's sign."""
 
 
 def unit_factor(units: object, known: Mapping[str, float], name: str) -> float:
-    """What values are multiplied by, by their unit; 1 where none is given.
+    """Factor of values by their unit; 1 where none is given.
 
     Raises
     ------
-    InputError : an unknown unit; the message names the variable and the units that are known.
+    InputError : the unit is unknown; the message names the variable and the known units.
     """
     if units is None or not str(units).strip():
         return 1.0
@@ -71,7 +71,7 @@ def in_unit(found: xr.Dataset, names: list[str], known: Mapping[str, float]) -> 
 
     Raises
     ------
-    InputError : as `unit_factor`.
+    InputError : as for `unit_factor`.
     """
     columns = [
         found[name].values.astype(np.float64) * unit_factor(found[name].attrs.get("units"), known, name)
@@ -81,11 +81,11 @@ def in_unit(found: xr.Dataset, names: list[str], known: Mapping[str, float]) -> 
 
 
 def counts_factor(found: xr.Dataset, design: SensorDesign | None) -> float:
-    """What the readings of a file are multiplied by to be ADC counts: 1, or of volts the converter's counts a volt.
+    """Factor from the readings of a file to ADC counts: 1, or for volts the converter's counts per volt.
 
     Raises
     ------
-    InputError : an unknown unit; volts without a design; readings without a unit that can be no counts.
+    InputError : the unit is unknown, volts have no design, or readings without a unit cannot be counts.
     """
     array = found["counts"]
     units = array.attrs.get("units")
@@ -112,7 +112,7 @@ def counts_factor(found: xr.Dataset, design: SensorDesign | None) -> float:
 
 
 def known_design(design: SensorDesign | None, digest: str | None) -> SensorDesign | None:
-    """The design that data are of: the one given where the digest does not say another, or a preset of that digest."""
+    """The design of the data: the given one unless the digest differs, or a preset of that digest."""
     from design.preset import PRESETS, preset
 
     if digest is None or (design is not None and design.digest.startswith(digest)):
@@ -121,16 +121,16 @@ def known_design(design: SensorDesign | None, digest: str | None) -> SensorDesig
 
 
 def require_finite(named: Mapping[str, NDArray[Any] | None], *, where: str, row: str) -> None:
-    """Refuse values that are no numbers: a gap must not pass for a signal.
+    """Refuse values that are no numbers: a gap must not count as a signal.
 
     Parameters
     ----------
     named : (row, ...) values by name; None is left out
-    where, row : for the message: the file, and what a row is called
+    where, row : the file and the name of a row, for the message
 
     Raises
     ------
-    InputError : the first name with such values, how many rows have them, and the first of these.
+    InputError : there are such values; the message has the first name, the number of rows, and the first row.
     """
     for name, values in named.items():
         if values is None or np.isfinite(values).all():
@@ -154,15 +154,15 @@ def require_true_labels(
 
     Parameters
     ----------
-    depth_mm : (sample,) of the presses, 0 or less is untouched [mm]
-    location_mm : (sample, 2) x and y of the presses [mm]; None where nobody says
+    depth_mm : (sample,) depth of the presses, 0 or less is untouched [mm]
+    location_mm : (sample, 2) x and y of the presses [mm]; None where not given
     signals : (sample, pair) readings less those of the off state [any one unit]
-    design : what the data are of; None takes the limits of all designs
-    is_counts : whether the signals are ADC counts, so that the design's noise is theirs
+    design : design of the data; None takes the limits of all designs
+    is_counts : whether the signals are ADC counts, so that the design's noise applies
 
     Raises
     ------
-    InputError : depth that is positive upwards or in another unit, locations outside the cavity.
+    InputError : depth is positive upwards or in another unit, or locations are outside the cavity.
     """
     if not len(depth_mm):
         return
@@ -187,10 +187,10 @@ def _require_depth_into_the_pad(depth_mm: FloatArray, signals: NDArray[Any], noi
 
 
 def _change(distance_mm: FloatArray, signals: FloatArray, level: FloatArray) -> float:
-    """How much more the signals spread far from the surface than near it, over the level of the pair; largest pair [-].
+    """Excess spread of the signals far from the surface over that near it, over the pair's level; largest pair [-].
 
-    The two are an outer and an inner third of the distance. What changes with time and not with distance spreads both.
-    A fifth of the samples may be wild.
+    The two are an outer and an inner third of the distance. Changes with time and not with distance spread both. A
+    fifth of the samples may be outliers.
     """
     reach = float(distance_mm.max(initial=0.0))
     near, far = distance_mm <= reach / 3.0, distance_mm >= reach * 2.0 / 3.0
@@ -234,7 +234,7 @@ def _require_in_the_cavity(location_mm: FloatArray, design: SensorDesign | None)
 
 
 def _counts_per_volt(design: SensorDesign) -> float:
-    """Of the board's converter [counts/V]."""
+    """Counts per volt of the board's converter [counts/V]."""
     from design.circuit.pins import board_of, full_scale_v
 
     return float(2 ** board_of(design).adc_bits / full_scale_v(design))

@@ -1,23 +1,23 @@
-"""Readings of a sensor under presses whose place and depth are known: what learners are trained and tested on.
+"""Readings of a sensor under presses of known location and depth, on which learners are trained and tested.
 
-One sample is one frame: every state (each emitter alone, then all off) read by every receiver, and where the stage
-says that the tip was. Samples belong to presses (one approach and retraction at one place), presses to sets (one
-session of one pattern). Splits keep presses whole: samples of one press are too alike to stand on both sides.
+One sample is one frame: every state (each emitter alone, then all off) read by every receiver, and the position of the
+tip by the stage. Samples belong to presses (one approach and retraction at one location), presses to sets (one session
+of one pattern). Splits keep presses whole: samples of one press are too similar to be on both sides.
 
 numpy only; files are read and written by `sims.readings.dataset`.
 
-Light against depth at fixed places, traced at a few depths and interpolated between them.
+Light against depth at fixed locations, traced at a few depths and interpolated between them.
 
-A press runs through depth at one place, so a data set of thousands of samples needs only a curve a place. Between
-the knots: modified Akima (makima, Hermite pieces with local slopes) in the square root of depth, which is what the
-contact's radius grows with. Chosen by measurement (`python -m tests.validation.learning.press_curve_table`; six
-places of the paper's pad, 73 depths, a median pair of 300 counts): with these knots makima, pchip and a cubic spline
-are all 0.35 counts (rms) off light traced at "standard", 0.16 to 0.18 below 1 mm, and 0.46 off "draft", where half is
-the light's own error. Makima is taken because it rings less beside a kink than the spline and bends less at knots
-than pchip. The worst errors, 15 counts, are kinks beyond 2 mm, where the tip enters or leaves a straight path.
+A press runs through depth at one location, so a data set of thousands of samples needs only one curve per location.
+The interpolation is modified Akima (makima, Hermite pieces with local slopes) in the square root of depth, with which
+the contact's radius grows. It was chosen by measurement (`python -m tests.validation.learning.press_curve_table`; six
+locations of the paper's pad, 73 depths, a median pair of 300 counts): with these knots makima, pchip and a cubic
+spline are all 0.35 counts (rms) off light traced at "standard", 0.16 to 0.18 below 1 mm, and 0.46 off "draft", where
+half is the numerical error of the light. Makima rings less near a kink than the spline and bends less at knots than
+pchip. The worst errors, 15 counts, are kinks beyond 2 mm, where the tip enters or leaves a direct path.
 `interpolation_error` measures any design.
 
-Depth 0 or less is the untouched pad. Deeper than the last knot the last piece's end slope goes on for `BEYOND_MM` at
+Depth 0 or less is the untouched pad. Deeper than the last knot the last piece's end slope continues for `BEYOND_MM` at
 most: a press of full depth overshoots by its zero offset.
 """
 
@@ -39,7 +39,7 @@ from sims.optics.accuracy import Accuracy
 from sims.readings.label_checks import require_finite
 
 CONVERTED = "converted"
-"""Attribute of data that says what was done to the unit of their readings."""
+"""Attribute of data with the conversion of the unit of their readings."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -50,15 +50,15 @@ class PressData:
     ----------
     counts : (sample, state, receiver) float32 readings; the last state is ``off`` [ADC counts]
     press_mm : (sample, 3) x, y, depth as the stage reports them; depth 0 or less is untouched [mm]
-    time_s : (sample,) of each frame within its set [s]
+    time_s : (sample,) time of each frame within its set [s]
     set_number : (sample,) index into `sets`
-    place_number : (sample,) which press of its set
+    place_number : (sample,) number of the press in its set
     sets : the sessions
     state_names, receiver_names : in the order of the axes
-    full_scale_counts : reading at which the converter clips; None where the file does not say [counts]
-    design_digest : of the design that was built or simulated; None where the file does not say
-    attributes : what else is known: protocol, parameters of the signal chain, seed
-    true_press_mm : (sample, 3) where the tip really was; simulated sets only [mm]
+    full_scale_counts : reading at which the converter clips; None where the file does not have it [counts]
+    design_digest : digest of the design that was built or simulated; None where the file does not have it
+    attributes : further data: protocol, parameters of the signal chain, seed
+    true_press_mm : (sample, 3) true position of the tip; simulated sets only [mm]
     """
 
     counts: NDArray[np.float32]
@@ -101,7 +101,7 @@ class PressData:
         return self.signals().reshape(len(self), -1)
 
     def only(self, mask: BoolArray | IntArray) -> PressData:
-        """The samples that a mask (sample,) picks, or of the numbers (n,) given."""
+        """The samples that a mask (sample,) selects, or those with the given numbers (n,)."""
         picked = {
             name: getattr(self, name)[mask]
             for name in ("counts", "press_mm", "time_s", "set_number", "place_number")
@@ -114,7 +114,7 @@ class PressData:
 
         Raises
         ------
-        InputError : no such role.
+        InputError : there is no such role.
         """
         if name not in ROLES:
             raise InputError(f"role: {name!r} is refused: give {' or '.join(ROLES)}")
@@ -122,7 +122,7 @@ class PressData:
         return self.only(wanted[self.set_number])
 
     def press_numbers(self) -> IntArray:
-        """(sample,) one number a press over all sets, rising from 0 without gaps: what splits keep whole."""
+        """(sample,) one number per press over all sets, rising from 0 without gaps; splits keep presses whole."""
         presses = np.stack([self.set_number, self.place_number], axis=1)
         return np.asarray(np.unique(presses, axis=0, return_inverse=True)[1], dtype=np.int64).reshape(-1)
 
@@ -134,11 +134,11 @@ class PressData:
 
 
 def joined(parts: Sequence[PressData]) -> PressData:
-    """Sets of several files as one; set numbers are counted on.
+    """Sets of several files as one; set numbers continue.
 
     Raises
     ------
-    InputError : no part, or parts of other designs, states, receivers or converters.
+    InputError : there is no part, or parts have other designs, states, receivers or converters.
     """
     if not parts:
         raise InputError("data: none given; name at least one file")
@@ -169,16 +169,16 @@ def joined(parts: Sequence[PressData]) -> PressData:
 
 
 def data_notes(data: PressData) -> tuple[str, ...]:
-    """What a result must say of the data that it rests on, as sentences: simulated, converted, clipped."""
+    """Notes of a result about its data, as sentences: simulated, converted, clipped."""
     simulated = "the data are simulated, not recorded" if data.true_press_mm is not None else None
     notes = (simulated, data.attributes.get(CONVERTED), clipped_note(data))
     return tuple(str(note) for note in notes if note is not None)
 
 
 def clipped_note(data: PressData) -> str | None:
-    """Which channels clip, in a sentence; None where none does.
+    """The clipped channels, in a sentence; None where there are none.
 
-    The off state's readings are named as ``off-R1``; a pair that clips tells less, or nothing, of a press.
+    The off state's readings are named as ``off-R1``; a clipped pair has less, or no, information on a press.
     """
     share = data.clipped_share()
     at = np.argwhere(share > 0)
@@ -229,20 +229,20 @@ KNOTS_MM = (
 )  # fmt: skip
 """Depths of the paper's tip, 3 mm in radius, pressed to 5 mm: dense where the surface starts to tilt [mm]."""
 COARSE_KNOTS_MM = (0.0, 0.1, 0.26, 0.45, 0.7, 1.0, 1.5, 2.1, 2.8, 3.6, 4.3, 5.1)
-"""For a first look, two thirds of the light; 0.73 counts rms off "draft", 0.62 off "standard", as above [mm]."""
+"""Knots for a first look, two thirds of the light; 0.73 counts rms off "draft", 0.62 off "standard", as above [mm]."""
 KNOTS_TIP_MM = 3.0
 """Tip radius of `KNOTS_MM`; contact and dimple scale with it [mm]."""
 SPARE_MM = 0.1
-"""How far the knots go beyond a design's deepest press: offsets of the reference depth [mm]."""
+"""Extent of the knots beyond a design's deepest press: offsets of the reference depth [mm]."""
 BEYOND_MM = 0.25
-"""How far beyond the last knot a curve is continued [mm]."""
+"""Extent of a curve beyond the last knot [mm]."""
 CHUNK = 4096
-"""Depths worked on at a time: 2 MB of a pad of 8 + 8 parts."""
+"""Number of depths processed at a time: 2 MB for a pad of 8 + 8 parts."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class PressCurves:
-    """Flux against depth at some places.
+    """Flux against depth at some locations.
 
     Attributes
     ----------
@@ -271,7 +271,7 @@ class PressCurves:
 
     @property
     def deepest_mm(self) -> float:
-        """Deepest press that `at` takes [mm]."""
+        """Deepest press that `at` accepts [mm]."""
         return float(self.depth_mm[-1]) + BEYOND_MM
 
     def at(self, place_number: IntArray, depth_mm: FloatArray) -> FloatArray:
@@ -288,7 +288,7 @@ class PressCurves:
 
         Raises
         ------
-        ModelScopeError : deeper than the curves reach.
+        ModelScopeError : a depth is deeper than the curves.
         """
         number, depth = np.broadcast_arrays(np.asarray(place_number), np.asarray(depth_mm, dtype=np.float64))
         if depth.size and not depth.max() <= self.deepest_mm:
@@ -303,7 +303,7 @@ class PressCurves:
         return found
 
     def only(self, place_number: IntArray) -> PressCurves:
-        """The curves of some of the places."""
+        """The curves of some of the locations."""
         return PressCurves(
             places_mm=self.places_mm[place_number], depth_mm=self.depth_mm, flux=self.flux[place_number]
         )
@@ -346,12 +346,12 @@ class PressCurves:
 def knots_mm(design: SensorDesign, *, is_coarse: bool = False, deepest_mm: float | None = None) -> FloatArray:
     """Depths at which a design's curves are traced.
 
-    `KNOTS_MM` scaled with the tip, to a little beyond the deepest press where the contact model reaches so far.
+    They are `KNOTS_MM` scaled with the tip, to a little beyond the deepest press where the contact model covers it.
 
     Parameters
     ----------
-    is_coarse : `COARSE_KNOTS_MM` in their place
-    deepest_mm : deepest press wanted; that of the design's range of use if left out [mm]
+    is_coarse : whether to use `COARSE_KNOTS_MM` instead
+    deepest_mm : deepest press required; by default that of the design's usable range [mm]
 
     Returns
     -------
@@ -368,7 +368,7 @@ def knots_mm(design: SensorDesign, *, is_coarse: bool = False, deepest_mm: float
 
 
 def _spare_mm(design: SensorDesign) -> float:
-    """How far presses of full depth may overshoot, less what the curves' last slope serves: five deviations [mm]."""
+    """Overshoot of presses of full depth, five deviations, less the extent of the curves' last slope [mm]."""
     noise = design.noise
     offset = float(np.hypot(noise.zero_offset_set_mm, noise.zero_offset_place_mm))
     return max(SPARE_MM, 5.0 * offset + noise.retract_lag_mm - BEYOND_MM)
@@ -383,19 +383,19 @@ def traced_curves(
     seed: int = 0,
     on_step: OnStep | None = None,
 ) -> PressCurves:
-    """Trace curves; places that a symmetry of the layout carries onto each other are traced once.
+    """Trace curves; locations that a symmetry of the layout carries onto each other are traced once.
 
     Parameters
     ----------
     places_mm : (place, 2) [mm]
-    depth_mm : (knot,) rising from 0; `knots_mm` of the design if left out [mm]
-    accuracy, seed : of the light
+    depth_mm : (knot,) rising from 0; by default `knots_mm` of the design [mm]
+    accuracy, seed : settings of the light
     on_step : called with (states done, states)
 
     Raises
     ------
-    InputError : places of another shape or not finite, depths that do not rise from 0.
-    ModelScopeError : a depth or place that contact or light do not cover.
+    InputError : locations have another shape or are not finite, or depths do not rise from 0.
+    ModelScopeError : the contact or light model does not cover a depth or location.
     """
     from sims.optics.tracing import trace
 
@@ -411,7 +411,7 @@ def traced_curves(
 
 @dataclass(frozen=True, kw_only=True)
 class InterpolationError:
-    """How far interpolated flux is from traced flux halfway between the knots.
+    """Difference of interpolated and traced flux halfway between the knots.
 
     Attributes
     ----------
@@ -423,11 +423,11 @@ class InterpolationError:
     flux: FloatArray
 
     def rms_counts(self, gains: FloatArray) -> float:
-        """Root mean square over places, depths and pairs, with gains that multiply (emitter, receiver) [counts]."""
+        """Root mean square over locations, depths and pairs, with gains that multiply (emitter, receiver) [counts]."""
         return float(np.sqrt(((self.flux * gains) ** 2).mean()))
 
     def worst_counts(self, gains: FloatArray) -> float:
-        """The largest one [counts]."""
+        """The largest difference [counts]."""
         return float(np.abs(self.flux * gains).max())
 
 
@@ -439,11 +439,11 @@ def interpolation_error(
     checked_with: str = "draft",
     seed: int = 0,
 ) -> InterpolationError:
-    """Trace curves at some places and hold them against light traced halfway between the knots.
+    """Trace curves at some locations and compare them with light traced halfway between the knots.
 
     Parameters
     ----------
-    accuracy, checked_with : of the curves, and of the light between
+    accuracy, checked_with : settings of the curves, and of the light between the knots
     """
     curves = traced_curves(design, places_mm, accuracy=accuracy, seed=seed)
     between = (curves.depth_mm[1:] + curves.depth_mm[:-1]) / 2

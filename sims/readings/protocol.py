@@ -1,11 +1,11 @@
-"""A press protocol on a simulated sensor: light traced once, then data drawn as often as wanted.
+"""A press protocol on a simulated sensor: light is traced once, then data are drawn any number of times.
 
-`protocol_curves` traces the light of all places of a protocol (those that a symmetry of the layout makes one cost one);
-`draw` runs the signal chain over it for a seed, in seconds. Every press has random numbers of its own, named by seed,
-set and number of the press: what was drawn before, or never was, changes nothing, so that an interrupted run goes on
-with the same data, and one press is the same alone as among all.
+`protocol_curves` traces the light of all locations of a protocol (those equal by symmetry once); `draw` runs the signal
+chain over it for a seed, in seconds. Every press has its own random numbers, named by seed, set and number of the
+press: they do not depend on earlier draws, so an interrupted run continues with the same data, and one press is the
+same alone as among all.
 
-Order of the places, offsets, drift, lamps and noise depend on the seed of the draw; places and light do not.
+Order of the locations, offsets, drift, lamps and noise depend on the seed of the draw; locations and light do not.
 """
 
 from __future__ import annotations
@@ -39,19 +39,19 @@ from sims.readings.signal_chain import (
 )
 
 ORDER, SET, PRESS, FRAME = range(4)
-"""What a stream of random numbers is for."""
+"""Purposes of streams of random numbers."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class ProtocolCurves:
-    """The light of a protocol on a design, and where each of its presses finds it.
+    """The light of a protocol on a design, with an index for each of its presses.
 
     Attributes
     ----------
-    design, protocol : what was traced
-    curves : of all distinct places
-    loose : the same places with walls that have come loose; None where the design's do not
-    place_of : of each set (place,) index into the curves
+    design, protocol : the traced design and protocol
+    curves : curves at all distinct locations
+    loose : the same locations with walls that have come loose; None where the design's do not
+    place_of : for each set (place,) index into the curves
     readout : gains, set on the untouched pad
     """
 
@@ -72,13 +72,13 @@ def protocol_curves(
     is_coarse: bool | None = None,
     on_step: OnStep | None = None,
 ) -> ProtocolCurves:
-    """Trace what a protocol needs.
+    """Trace the light of a protocol.
 
     Parameters
     ----------
-    seed, accuracy : of the light
-    is_coarse : fewer depths, two thirds of the light, a larger error (docs/how-to/simulate-data-set.md); None: as the
-        protocol says
+    seed, accuracy : settings of the light
+    is_coarse : fewer depths, two thirds of the light, a larger error (docs/how-to/simulate-data-set.md); None: as in
+    the protocol
     on_step : called with a stage's name and the share of it that is done
 
     Raises
@@ -104,7 +104,7 @@ def protocol_curves(
 
 
 def untouched_readout(design: SensorDesign, untouched_flux: FloatArray) -> Readout:
-    """The gains that the design's rule sets on an untouched pad, (emitter, receiver), as in the verdict."""
+    """The gains by the design's rule on an untouched pad, (emitter, receiver), as in the verdict."""
     cavity = cavity_of(design)
     return readout_of(design, untouched_flux, mask_of(judged_pairs(cavity), cavity))
 
@@ -120,8 +120,8 @@ def draw(
 
     Parameters
     ----------
-    chain : the build that is read, by default the design's own; its noise decides on the stage and the walls too
-    seed : of order, offsets, drift and noise
+    chain : the unit that is read, by default the design's own; its noise also sets the stage's errors and loose walls
+    seed : seed of order, offsets, drift and noise
     """
     presses = []
     total = sum(map(len, curves.place_of))
@@ -151,7 +151,7 @@ def drawn_presses(
 
     Parameters
     ----------
-    but : presses that are not wanted: (number of the set, number of the press within it)
+    but : presses to leave out: (number of the set, number of the press within it)
     """
     whole = chain_of(curves.design, curves.readout) if chain is None else chain
     header = data_header(curves, whole, seed)
@@ -172,12 +172,12 @@ def simulate_protocol(
     is_coarse: bool | None = None,
     on_step: OnStep | None = None,
 ) -> PressData:
-    """Light and data in one go; trace once with `protocol_curves` where several seeds or builds are wanted.
+    """Light and data in one call; for several seeds or units, trace once with `protocol_curves`.
 
     Parameters
     ----------
-    seed : of the draw; the light's own is always 0, so that data of several seeds share one trace
-    accuracy, is_coarse, on_step : as `protocol_curves` takes them
+    seed : seed of the draw; the light's is always 0, so that data of several seeds share one trace
+    accuracy, is_coarse, on_step : as for `protocol_curves`
 
     Raises
     ------
@@ -188,7 +188,7 @@ def simulate_protocol(
 
 
 def data_header(curves: ProtocolCurves, chain: SignalChain, seed: int) -> PressData:
-    """What all samples share: names, sets, digest, protocol, parameters of the chain; no samples."""
+    """Common part of all samples: names, sets, digest, protocol, parameters of the chain; no samples."""
     cavity = cavity_of(curves.design)
     states = (*(one.name for one in cavity.emitters), OFF)
     receivers = tuple(one.name for one in cavity.receivers)
@@ -209,7 +209,7 @@ def data_header(curves: ProtocolCurves, chain: SignalChain, seed: int) -> PressD
 
 
 class _DrawnSet:
-    """One set of a draw: what holds for all of its presses."""
+    """One set of a draw: the common part of its presses."""
 
     def __init__(self, curves: ProtocolCurves, chain: SignalChain, number: int, seed: int) -> None:
         self.curves, self.chain, self.number, self.seed = curves, chain, number, seed
@@ -221,7 +221,7 @@ class _DrawnSet:
         self.loose_share = self._loose_share()
 
     def press(self, k: int, header: PressData) -> PressData:
-        """Samples of the press that comes k-th."""
+        """Samples of the k-th press."""
         protocol, noise = self.curves.protocol, self.chain.noise
         place = int(self.curves.place_of[self.number][self.order[k]])
         errors = drawn_press(noise, self.offset_mm, self._rng(PRESS, k))
@@ -243,7 +243,7 @@ class _DrawnSet:
 
     @property
     def _frame_s(self) -> float:
-        """Frames come of themselves; the one that is kept begins within a period of the stage's arrival."""
+        """Period of frames, which run freely; the kept frame begins within a period of the stage's arrival."""
         return 1.0 / self.curves.design.board.frame_rate_hz
 
     def _begins_s(self, k: int) -> FloatArray:
@@ -258,7 +258,7 @@ class _DrawnSet:
         return blended(bonded, self.curves.loose.at(places, depth_mm), self.loose_share[k])
 
     def _loose_share(self) -> FloatArray | None:
-        """(press, sample) by the depths that the stage reports; None where walls hold."""
+        """(press, sample) loose share by the depths that the stage reports; None where walls do not come loose."""
         protocol, noise = self.curves.protocol, self.chain.noise
         if noise.wall_unbonded_share == 0.0:
             return None
@@ -286,7 +286,7 @@ def _presses(at_mm: FloatArray, depth_mm: FloatArray) -> FloatArray:
 
 
 def _distinct(places: tuple[FloatArray, ...]) -> tuple[FloatArray, tuple[IntArray, ...]]:
-    """All places once, and of each set the numbers of its own."""
+    """All distinct locations, and for each set the numbers of its own."""
     known: dict[tuple[float, float], int] = {}
     numbers = tuple(
         np.array([known.setdefault((float(x), float(y)), len(known)) for x, y in one], dtype=np.int64)

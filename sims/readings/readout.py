@@ -1,18 +1,18 @@
 """From light to counts: the receivers' transimpedance gains, then a converter that clips.
 
-counts = gain x flux, flux as a fraction of the emitted power. `gain.feedback_ohm` says how the gains come about:
+counts = gain x flux, flux as a fraction of the emitted power. `gain.feedback_ohm` selects the rule of the gains:
 
-    each     a gain for every receiver; the median of its own judged pairs, untouched, reads `gain.target_counts`, or as
-             much less as the brightest of them needs to read `HEADROOM` of full scale at most; the default
+    each     a gain for every receiver; the median of its own judged pairs, untouched, reads `gain.target_counts`, or
+    less, so that the brightest of them reads `HEADROOM` of full scale at most; the default
     common   one gain for all; the median judged pair, untouched, reads the target; brighter ones may clip
-    ohms     the resistors that are fitted, with the emitters' power and the receivers' responsivity
+    ohms     the mounted resistors, with the emitters' power and the receivers' responsivity
              (`design.circuit.transimpedance`)
 
 Left out: emitters of different power on one pad, ambient light, drift (they belong to the signal chain).
 
 Signals as an xarray data set with units and provenance, and as a netCDF file.
 
-Open one with a line: ``xarray.open_dataset("sims/signals.nc")``.
+``xarray.open_dataset("sims/signals.nc")`` opens it.
 """
 
 from __future__ import annotations
@@ -35,8 +35,8 @@ from design.spec.properties import entries_of
 from sims.optics.light_signals import LightSignals
 
 HEADROOM = 0.75
-"""Share of full scale that the brightest judged pair of a receiver reads untouched at most, by the rule `each`: on the
-published layouts a dimple mirrors up to a quarter more onto the brightest pairs."""
+"""Largest share of full scale of a receiver's brightest judged pair, untouched, by the rule `each`: on the published
+layouts a dimple mirrors up to a quarter more onto the brightest pairs."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -47,7 +47,7 @@ class Readout:
     ----------
     counts_per_flux : ADC counts for all of an emitter's power on one receiver; the median of the receivers' [counts]
     full_scale_counts : largest reading [counts]
-    by_receiver : the same for each receiver, in order; empty where one gain serves all
+    by_receiver : the same for each receiver, in order; empty with one common gain
     """
 
     counts_per_flux: float
@@ -64,7 +64,7 @@ class Readout:
         return self.by_receiver[receiver] if self.by_receiver else self.counts_per_flux
 
     def of_each(self, receivers: int) -> tuple[float, ...]:
-        """Gain of each of so many receivers [counts]."""
+        """Gain of each of this many receivers [counts]."""
         return self.by_receiver or (self.counts_per_flux,) * receivers
 
     def of_pairs(self, pairs: Sequence[tuple[int, int]]) -> FloatArray:
@@ -72,7 +72,7 @@ class Readout:
         return np.array([self.of_receiver(receiver) for _, receiver in pairs])
 
     def of_mask(self, mask: BoolArray) -> FloatArray:
-        """(pair,) gains of the pairs that a mask (emitter, receiver) picks, in its order [counts]."""
+        """(pair,) gains of the pairs that a mask (emitter, receiver) selects, in its order [counts]."""
         return np.broadcast_to(self.gains, mask.shape)[mask]
 
     def of_all_pairs(self, count: int) -> FloatArray:
@@ -91,7 +91,7 @@ def readout_of(design: SensorDesign, untouched_flux: FloatArray, reference: Bool
     Parameters
     ----------
     untouched_flux : (emitter, receiver) flux as a fraction of emitted power [-]
-    reference : (emitter, receiver) pairs whose median is brought to the target
+    reference : (emitter, receiver) pairs whose median is set to the target
 
     Raises
     ------
@@ -107,7 +107,7 @@ def readout_of(design: SensorDesign, untouched_flux: FloatArray, reference: Bool
 
 
 def _each(design: SensorDesign, flux: FloatArray, reference: BoolArray) -> tuple[float, ...]:
-    """A receiver without a judged pair of its own gets the gain of all judged pairs."""
+    """Gain of each receiver; one without a judged pair gets the gain of all judged pairs."""
     found, most = [], HEADROOM * full_scale_counts(design)
     for receiver in range(flux.shape[1]):
         own = np.zeros_like(reference)
@@ -175,7 +175,7 @@ def signals_dataset(
 
 
 def save_dataset(dataset: xr.Dataset, file: Path) -> None:
-    """Write a data set as netCDF, whole or not at all; raises as `design.files.whole_file`."""
+    """Write a data set as netCDF, whole or not at all; errors are those of `design.files.whole_file`."""
     encoding = {name: COMPRESSION for name, values in dataset.data_vars.items() if values.ndim > 1}
     with whole_file(file) as hidden:
         dataset.to_netcdf(hidden, engine="h5netcdf", encoding=encoding)

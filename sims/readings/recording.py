@@ -1,20 +1,20 @@
-"""A recording of a built sensor under presses: the smallest honest reader.
+"""A recording of a built sensor under presses: a minimal reader without processing.
 
-netCDF (what the driver's recorder writes), dimensions ``time``, ``state``, ``receiver``:
+netCDF (as written by the driver's recorder), dimensions ``time``, ``state``, ``receiver``:
 
     counts (time, state, receiver)   readings [ADC counts]
     press_depth (time)               depth of the press, positive into the pad, 0 or less untouched [mm]
-    press_x, press_y (time)          its location in the cavity frame [mm]; may be absent
+    press_x, press_y (time)          its location in the cavity frame [mm]; optional
     state, receiver                  names: the emitter that is lit (E1, ...) or ``off``; R1, ...
     attribute design_digest          SHA-256 of the design that was built
 
-Lengths in another unit than mm have it in their attribute `units`, and are converted.
+Lengths in a unit other than mm have it in their attribute `units`, and are converted.
 
-CSV: a heading line, one row a reading; ``depth_mm``, perhaps ``x_mm`` and ``y_mm`` (each also ``_um``, ``_m``), and a
-column a pair (``E1-R1``) or one column ``signal``; lines before the heading that start with # may say
-``# design_digest: <64 digits>``, or the first 8 of them and more.
+CSV: a heading line, one row per reading; ``depth_mm``, optionally ``x_mm`` and ``y_mm`` (each also ``_um``, ``_m``),
+and one column per pair (``E1-R1``) or one column ``signal``; lines before the heading that start with # may contain
+``# design_digest: <64 digits>``, or at least the first 8 of them.
 
-Where there is an ``off`` state its readings are subtracted. Nothing else is: no filter, no drift, no lag.
+The readings of an ``off`` state are subtracted. There is no filter, and no correction of drift or lag.
 """
 
 from __future__ import annotations
@@ -54,12 +54,12 @@ class Recording:
 
     Attributes
     ----------
-    file : where they are from
-    design_digest : of the design that was built, or its first digits; None where the file does not say
-    depth_mm : (time,) [mm]
-    place_mm : (time, 2) x and y of the press [mm]; None where the file does not say
+    file : source of the readings
+    design_digest : digest of the built design, or its first digits; None where the file does not have it
+    depth_mm : (time,) depth [mm]
+    place_mm : (time, 2) x and y of the press [mm]; None where the file does not have them
     counts : readings by pair, (time,) each; `signal` for a file of one unnamed pair [any one unit]
-    notes : what was done to the readings, and what the file does not say
+    notes : processing of the readings, and missing information of the file
     """
 
     file: Path
@@ -75,12 +75,12 @@ def read_recording(file: Path, design: SensorDesign | None = None) -> Recording:
 
     Parameters
     ----------
-    design : what the recording is said to be of, for the size of the pad
+    design : presumed design of the recording, for the size of the pad
 
     Raises
     ------
-    InputError : no such file, another format, missing parts, readings that are not numbers, unknown units, presses that
-        contradict the pad or the signals.
+    InputError : the file is missing or of another format, parts are missing, readings are no numbers, units are
+    unknown, or presses contradict the pad or the signals.
     """
     found = _read_csv(file) if kind_of_file(file) in TEXT_KINDS else _read_netcdf(file)
     places = {} if found.place_mm is None else {"x": found.place_mm[:, 0], "y": found.place_mm[:, 1]}
@@ -153,7 +153,7 @@ def _length_mm(table: CsvTable, axis: str) -> FloatArray | None:
 
     Raises
     ------
-    InputError : the axis is there twice, or has no number in a row.
+    InputError : the axis occurs twice, or has no number in a row.
     """
     named = {f"{axis}_{unit}": LENGTHS_MM[unit] for unit in CSV_UNITS}
     has = [name for name in table.heading if name in named]
@@ -176,7 +176,7 @@ def _checked_digest(file: Path, stated: object) -> str | None:
 
 
 def _has_place(file: Path, names: Container[Any], x: str, y: str) -> bool:
-    """Whether both coordinates of the press are there; one alone is refused."""
+    """Whether both coordinates of the press are present; one alone is refused."""
     if (x in names) != (y in names):
         one, other = (x, y) if x in names else (y, x)
         raise InputError(f"{file}: has {one} without {other}; give both, or neither and --at X,Y")

@@ -1,27 +1,27 @@
-"""How much of the walls a press has torn loose, and the signals in between.
+"""Share of the walls that a press has torn loose, and the signals with it.
 
-The paper: elastomer and wall bond and unbond over 5 to 10 s, which shows as hysteresis; it gives no magnitude. Here
-a press of depth d unbonds at least the share s d / d_max of all walls, and what is loose heals:
+By the paper, elastomer and wall bond and unbond over 5 to 10 s, seen as hysteresis, without a magnitude. Here a press
+of depth d unbonds at least the share s d / d_max of all walls, and the loose share heals:
 
     du/dt = -u / T,   u >= s max(d, 0) / d_max
 
 with s = `noise.wall_unbonded_share` (0 by default) and T = `noise.wall_heal_s`. Signals are (1 - u) times those of
 the design's bonded walls plus u times those of walls with an air gap, both from the light model: light adds up over
-patches of wall, so this is right for what meets walls once and a first order for the rest.
+patches of wall, so this is exact for light that meets walls once and a first order for the rest.
 
-With a black layer the bottom is silicone cast on silicone and stays. Without one the mold's floor may come loose too;
-the light model has no smooth floor, so only the walls are followed there too. Left out: where along the
-walls the bond goes, and the change of force and shape.
+With a black layer the bottom is silicone cast on silicone and stays bonded. Without one the mold's floor may come loose
+too; the light model has no smooth floor, so only the walls are modelled there too. Left out: the distribution of the
+loose share along the walls, and the change of force and shape.
 
-Where the tip really is, beside what the stage says.
+True position of the tip, as opposed to the stage's.
 
-    depth = reported + offset of the set + offset of the place, and on the way back + lag, never beyond the turn
+    depth = reported + offset of the set + offset of the location, and on the way back + lag, never beyond the turn
     x, y  = reported + error of the press
 
-The offsets of depth stand for a zero that was set by hand and a surface that is not level; the lag is backlash, so
-that after the turn the tip stays until the lag is taken up. Light is traced at the protocol's places and depths are
-interpolated, so the error in x and y is put on the reported place: its spread is the same, and one trace serves all
-seeds. Left out: a stage that is not square or not level, errors that depend on the place.
+The offsets of depth represent a zero set by hand and a surface that is not level; the lag is backlash, so after the
+turn the tip stays until the lag is taken up. Light is traced at the protocol's locations and depths are interpolated,
+so the error in x and y is added to the reported location: its spread is the same, and one trace serves all seeds.
+Left out: a stage that is not square or not level, errors that depend on the location.
 
 Shot noise of the receivers' amplifiers, and the emitters' unequal power.
 
@@ -30,16 +30,16 @@ R and C passes the noise bandwidth 1 / (4 R C), its step is V = supply / 2^bits,
 
     variance = 2 q i R^2 / (4 R C V^2) = n q / (2 C V)
 
-so that neither the light nor the resistor matters, but for the capacitor that goes with it. With 27 pF and 10 bits
-of 5 V it is 6e-7 a count: 0.01 counts at 300, far below the reading noise of any board here. Left out: the
-resistor's thermal noise, which no data sheet of a chosen amplifier allows to be added up; `read_noise_counts` has it.
+so it depends neither on the light nor on the resistor, only on the resistor's capacitor. With 27 pF and 10 bits of 5 V
+it is 6e-7 per count: 0.01 counts at 300, far below the reading noise of any board here. Left out: the resistor's
+thermal noise, for which the data sheets of the chosen amplifiers lack figures; `read_noise_counts` includes it.
 
 From flux to counts, frame by frame.
 
-Of emitter e, receiver r, in a frame that begins at t, with flux F (share of the emitted power):
+For emitter e and receiver r, in a frame that begins at t, with flux F (share of the emitted power):
 
     lit      = F x power_e x gain_r                      counts of a still sensor (`sims.readings.readout`)
-    drifted  = lit x (1 + a_e)(1 + b_r)                  a, b: drawn for a set, and steady within it by the hour
+    drifted  = lit x (1 + a_e)(1 + b_r)                  a, b: drawn for a set, with a constant hourly rate within it
     now      = drifted x (1 + c_e)                       c: drawn for a frame, one for all receivers of an emitter
     ambient  = A (1 + m cos(2 pi f t_er + phase))        in all states, the off state too, each at its own time t_er
     reading  = now + ambient + dark + noise              noise: normal, variance = read^2 + shot x (now + ambient),
@@ -47,10 +47,10 @@ Of emitter e, receiver r, in a frame that begins at t, with flux F (share of the
     counts   = whole number within 0 and full scale
 
 States follow one another as on the board: every emitter alone, then all off; in each, receiver after receiver
-(`design.circuit.pins`). Whoever takes the off state away is left with the flicker between its time and the others'.
+(`design.circuit.pins`). Subtraction of the off state leaves the flicker between its time and the others'.
 
 Left out: settling of amplifiers (the firmware waits for it), crosstalk of the converter's inputs, ambient light that
-the finger shadows, the converter's nonlinearity, temperature but for the drift.
+the finger shadows, the converter's nonlinearity, temperature except for the drift.
 """
 
 from __future__ import annotations
@@ -81,11 +81,11 @@ from sims.readings.readout import Readout
 def unbonded_share(
     depth_mm: FloatArray, time_s: FloatArray, *, deepest_mm: float, share: float, heal_s: float
 ) -> FloatArray:
-    """(n,) share of the walls that is loose at each of a series of samples, whole at the first [-].
+    """(n,) share of the walls that is loose at each of a series of samples, 0 before the first [-].
 
     Parameters
     ----------
-    depth_mm, time_s : (n,) of the samples, times rising [mm], [s]
+    depth_mm, time_s : (n,) depth and rising time of the samples [mm], [s]
     deepest_mm : press that unbonds `share` [mm]
     heal_s : time constant [s]
     """
@@ -104,7 +104,7 @@ def with_loose_walls(design: SensorDesign) -> SensorDesign:
 
     Raises
     ------
-    ModelScopeError : its walls have one already, so nothing can come loose.
+    ModelScopeError : its walls already have one, so no wall can come loose.
     """
     if design.surfaces.wall_finish == "air_gap":
         raise ModelScopeError(
@@ -160,11 +160,11 @@ ELECTRON_C = 1.602176634e-19
 """Charge of the electron, exact in the SI [C]."""
 F_PER_PF = 1e-12
 UNKNOWN_FEEDBACK_PF = 22.0
-"""Feedback capacitor where an emitter's power is unknown, so that none can be chosen; assumed [pF]."""
+"""Assumed feedback capacitor where an emitter's power is unknown, so that none can be chosen [pF]."""
 
 
 def shot_variance_per_count(design: SensorDesign, readout: Readout) -> FloatArray:
-    """(receiver,) variance of a value over its counts, from the design's own for all if it has one [counts]."""
+    """(receiver,) variance of a value over its counts; the design's own for all if it has one [counts]."""
     count = len(cavity_of(design).receivers)
     if design.noise.shot_variance_per_count is not None:
         return np.full(count, design.noise.shot_variance_per_count / design.board.averages)
@@ -180,8 +180,8 @@ def shot_variance_per_count(design: SensorDesign, readout: Readout) -> FloatArra
 def relative_power(design: SensorDesign) -> FloatArray:
     """(emitter, receiver) photocurrent over that of the mean emitter, for equal flux [-].
 
-    1 where all emitters are one part, and where the power of one is unknown. The gains of a readout belong to the
-    mean emitter.
+    It is 1 where all emitters are one part, and where the power of one is unknown. The gains of a readout belong to
+    the mean emitter.
     """
     cavity = cavity_of(design)
     powers = [emitted_mw(one.part, board_of(design)) for one in cavity.emitters]
@@ -207,14 +207,14 @@ S_PER_HOUR = 3600.0
 
 @dataclass(frozen=True, kw_only=True)
 class SetDraw:
-    """What holds for one data set: drawn once.
+    """Drift and lamps of one data set, drawn once.
 
     Attributes
     ----------
     emitter_drift, receiver_drift : (emitter,), (receiver,) relative change of gain at the set's begin [-]
-    emitter_rate, receiver_rate : the same by the hour [1/h]
-    flicker_phase : of the lamps at time 0 [rad]
-    ambient_counts : 0 in a dark set [counts]
+    emitter_rate, receiver_rate : its rate per hour [1/h]
+    flicker_phase : phase of the lamps at time 0 [rad]
+    ambient_counts : ambient light, 0 in a dark set [counts]
     """
 
     emitter_drift: FloatArray
@@ -234,15 +234,15 @@ class SetDraw:
 
 @dataclass(frozen=True, kw_only=True)
 class SignalChain:
-    """The chain of one sensor; a copy with other gains (`dataclasses.replace`) is another build of it.
+    """The chain of one sensor; a copy with other gains (`dataclasses.replace`) is another unit of it.
 
     Attributes
     ----------
     gains : (emitter, receiver) counts for all of an emitter's power on a receiver [counts]
     full_scale_counts : largest reading [counts]
     noise : the design's parameters
-    shot_variance_per_count : (receiver,) [counts]
-    read_at_s : (state, receiver) when each is read, from the frame's begin; off is last [s]
+    shot_variance_per_count : (receiver,) variance over counts [counts]
+    read_at_s : (state, receiver) time of each reading, from the frame's start; off is last [s]
     """
 
     gains: FloatArray
@@ -282,10 +282,10 @@ class SignalChain:
         Parameters
         ----------
         flux : (n, emitter, receiver) share of the emitted power [-]
-        time_s : (n,) begin of each frame within its set [s]
-        rng : of all noise from frame to frame
-        is_ambient : whether lamps are on; where `drawn` is given it decides
-        drawn : of the set that the frames belong to; None draws a new one from `rng`
+        time_s : (n,) start of each frame within its set [s]
+        rng : generator of all noise from frame to frame
+        is_ambient : whether lamps are on; `drawn` has precedence
+        drawn : drift and lamps of the frames' set; None draws a new one from `rng`
 
         Returns
         -------
@@ -305,10 +305,10 @@ class SignalChain:
         return np.clip(reading, 0.0, self.full_scale_counts).astype(np.float32)
 
     def pair_sigma_counts(self, signal: FloatArray) -> FloatArray:
-        """Standard deviation from frame to frame of a pair's signal, the off state taken away [counts].
+        """Standard deviation from frame to frame of a pair's signal, the off state subtracted [counts].
 
-        Two readings with read noise, rounding and shot noise, and the emitter's fluctuation. Not in it: drift, and
-        flicker (`flicker_sigma_counts`), which neighbouring pairs share.
+        It contains two readings with read noise, rounding and shot noise, and the emitter's fluctuation. Left out:
+        drift, and flicker (`flicker_sigma_counts`), which neighbouring pairs share.
 
         Parameters
         ----------
@@ -320,9 +320,9 @@ class SignalChain:
         return np.sqrt(2.0 * each + shot + (self.noise.led_fluctuation * signal) ** 2)
 
     def flicker_sigma_counts(self) -> FloatArray:
-        """(emitter, receiver) what is left of the lamps' flicker without the off state, rms over phases [counts].
+        """(emitter, receiver) residual of the lamps' flicker with the off state subtracted, rms over phases [counts].
 
-        A m sqrt(1 - cos(2 pi f dt)), dt the time between a pair's reading and the off state's.
+        It is A m sqrt(1 - cos(2 pi f dt)), with dt the time between a pair's reading and the off state's.
         """
         apart_s = self.read_at_s[-1] - self.read_at_s[:-1]
         turn = 1.0 - np.cos(2.0 * np.pi * self.noise.flicker_hz * apart_s)
@@ -341,7 +341,7 @@ class SignalChain:
 def chain_of(design: SensorDesign, readout: Readout) -> SignalChain:
     """The chain of a design with the gains of a readout.
 
-    Unequal emitters count by their power where all are known; a readout's gains belong to the mean one.
+    Unequal emitters are weighted by their power where all are known; a readout's gains belong to the mean one.
     """
     cavity = cavity_of(design)
     gains = relative_power(design) * readout.of_each(len(cavity.receivers))
@@ -355,9 +355,9 @@ def chain_of(design: SensorDesign, readout: Readout) -> SignalChain:
 
 
 def reading_times_s(design: SensorDesign) -> FloatArray:
-    """(state, receiver) begin of each value's first reading, from the frame's begin: every emitter alone, then off [s].
+    """(state, receiver) start of each value's first reading, from the frame's start: every emitter alone, then off [s].
 
-    Before the first reading at an address of the multiplexers this settles.
+    The multiplexers settle before the first reading at an address.
     """
     states = len(cavity_of(design).emitters) + 1
     addresses = np.array([path.address or 0 for path in receiver_paths(design)])
@@ -372,5 +372,5 @@ def reading_times_s(design: SensorDesign) -> FloatArray:
 
 
 def without_noise(design: SensorDesign) -> SensorDesign:
-    """The design with everything of the chain off: its counts are gain times light, up to full scale."""
+    """The design without errors of the chain: its counts are gain times light, up to full scale."""
     return design.with_(**{f"noise.{name}": value for name, value in PURE.items()})

@@ -1,6 +1,6 @@
-"""The score of a design: verdict, bounds and tolerance together, one field varied, the aims of a search.
+"""The score of a design: verdict, bounds and tolerance together, sweeps of one field, the figures of a search.
 
-Imports of ours: bounds, verdict and below.
+It imports bounds, verdict and the rooms below them.
 """
 
 from sims.score.result import ContinuityScore

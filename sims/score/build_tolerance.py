@@ -1,4 +1,4 @@
-"""How firm a scored verdict is: everything that may be off on a build, one value at a time and all at once."""
+"""How robust a scored verdict is: all tolerances of a manufactured unit, one at a time and all at once."""
 
 from __future__ import annotations
 
@@ -25,9 +25,9 @@ DEFAULT_BUILDS = 200
 def with_tolerance(
     design: SensorDesign, score: ContinuityScore, *, seed: int = 0, on_step: OnStep | None = None
 ) -> ContinuityScore:
-    """A score with both ends of every open value tried.
+    """A score with the verdict recomputed at both ends of every unmeasured parameter's band.
 
-    Facing rows are judged by their governing pair; a pad by the pairs that answer at its weakest place.
+    Facing rows are judged by their governing pair; a pad by the pairs that respond at its location of least margin.
 
     Parameters
     ----------
@@ -44,7 +44,7 @@ def with_tolerance(
 def governing_judge(
     design: SensorDesign, score: ContinuityScore, seed: int
 ) -> tuple[str, BuildJudge, tuple[float, float]]:
-    """What a score turns on, in words; the function that judges a build by it; and where it is pressed [mm]."""
+    """The basis of the verdict, in words; the function that judges a unit by it; and the location of the press [mm]."""
     pad_map, light, readout = score.pad_map, score.pad_signals, score.readout
     if pad_map is None or light is None or readout is None or score.is_facing_rows:
         pair = next(pair for pair in score.pairs if pair.name == score.governing)
@@ -54,7 +54,7 @@ def governing_judge(
 
 
 def _with_band(score: ContinuityScore, band: ToleranceBand) -> ContinuityScore:
-    """The score with that band, and its caution in place of an earlier one's."""
+    """The score with that band; the band's warning replaces an earlier one."""
     kept = tuple(text for text in score.warnings if text != band_caution(score.tolerance))
     told = band_caution(band)
     return replace(score, tolerance=band, warnings=(*kept, told) if told else kept)
@@ -69,17 +69,17 @@ def with_builds(
     memo: Memo | None = None,
     on_step: OnStep | None = None,
 ) -> ContinuityScore:
-    """A score with its builds: `tolerance` then also tries the tolerances of making, `builds` draws all at once.
+    """A score with a Monte Carlo over all tolerances (`builds`); `tolerance` then has manufacturing tolerances, too.
 
     Parameters
     ----------
     score : of that design, with its map if it is a pad; out of scope it comes back as it is
-    builds : how many are drawn
-    memo : where finished builds are kept; None keeps none
+    builds : number of manufactured units that are drawn
+    memo : where judged units are kept; None keeps none
 
     Raises
     ------
-    InputError : a number of builds that is refused, or nothing that varies.
+    InputError : the number of units is refused, or no parameter varies.
     """
     if score.readout is None:
         return score

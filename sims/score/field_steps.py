@@ -1,11 +1,11 @@
-"""What matters: what a small step of each field of a design changes of its verdict and of its bounds.
+"""Sensitivity to each parameter: the change of verdict and bounds at a small step of each field of a design.
 
-One field at a time, a step down and a step up, a gain by rule set anew. Looked at in brief, as tried builds are
-(`sims.verdict.builds`): facing rows by their governing pair, a pad at its weakest place. There, at half the deepest
-press, also the Cramér-Rao bounds of one frame (`sims.bounds`).
+One field moves at a time, a step down and a step up; a gain by rule is set anew. Each design is judged in brief, as
+manufactured units are (`sims.verdict.builds`): facing rows by their governing pair, a pad at its location of least
+margin. The Cramér-Rao bounds of one frame (`sims.bounds`) are computed there, at half the deepest press.
 
-Left out: that after a step another place may be the weakest; fields stepped together. Light is that of tried builds, so
-a step's change is good to some tenths of a noise unit.
+Left out: after a step another location may have the least margin; fields stepped together. Light settings are those of
+manufactured units, so the error of a change is some tenths of a noise unit.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ def stepped_fields(design: SensorDesign) -> Iterator[tuple[str, float]]:
 def with_field_steps(
     design: SensorDesign, score: ContinuityScore, *, seed: int = 0, on_step: OnStep | None = None
 ) -> ContinuityScore:
-    """A score with what a small step of each field changes.
+    """A score with its sensitivity to a small step of each field.
 
     Parameters
     ----------
@@ -74,7 +74,7 @@ def with_field_steps(
 
 
 def _stepped(design: SensorDesign, path: str, by: float) -> SensorDesign | None:
-    """The design with one field moved; None where that is no design."""
+    """The design with one field moved; None where it breaks a rule."""
     value = round(float(get_at(design.model_dump(mode="json"), path)) + by, DIGITS)
     try:
         build = design.with_(**{path: value})
@@ -82,13 +82,13 @@ def _stepped(design: SensorDesign, path: str, by: float) -> SensorDesign | None:
     except OptopadError:
         return None
     kinds = {is_facing_rows(cavity_of(one)) for one in (design, build)}
-    return build if len(kinds) == 1 else None  # else what is judged would not be the same
+    return build if len(kinds) == 1 else None  # else the two would be judged by different pairs or locations
 
 
 def _tried(
     build: SensorDesign, judge: BuildJudge, place_mm: tuple[float, float], seed: int, *, is_facing: bool
 ) -> Effect | None:
-    """Figures of a build; None where the models do not answer."""
+    """Figures of a unit; None where the models do not cover it."""
     try:
         return _effect(build, judge, place_mm, seed, is_facing=is_facing)
     except OptopadError:
@@ -112,9 +112,9 @@ def _effect(
 def _bounds_mm(
     build: SensorDesign, place_mm: tuple[float, float], seed: int, *, is_facing: bool
 ) -> tuple[float | None, float | None]:
-    """Bounds of place and depth at half the deepest press [mm], None where blind; of facing rows the depth's alone."""
+    """Bounds of location and depth at half the deepest press [mm], None where not resolved; facing rows: depth only."""
     settings = accuracy_of_builds(build)
-    # the untouched pad of a disc or crown is the dear part, and traced with these settings already
+    # the untouched pad of a disc or crown costs most, and is already traced with these settings
     readout = own_readout(build, seed=seed, accuracy="standard" if settings == ACCURACY else settings)
     voxel = np.array([[*place_mm, 0.5 * build.operating.max_depth_mm]])
     found = bounds_of(sensitivity(build, voxel, readout, accuracy=settings, seed=seed, steps=Steps()))

@@ -1,30 +1,30 @@
-"""One design, judged stage by stage: each stage is worked out when it is first asked for, and kept.
+"""One design, judged stage by stage: each stage is computed when it is first requested, and kept.
 
     untouched light ──► readout ──► pairs, each under its own press        verdict of facing rows
-                               └──► map: places of the workspace           verdict of a pad
+                               └──► map: locations in the workspace        verdict of a pad
                                        └──► bounds of location and depth
 
-How finely is a row of `SETTINGS`; the stages are the same for a score, a draft and a search. A pad's verdict needs the
-map alone, that of facing rows their pairs alone.
+A row of `SETTINGS` sets how finely; the stages are the same for a score, a draft and a search. The verdict of a pad
+needs the map alone, that of facing rows their pairs alone.
 
 How finely a design is judged: a row of settings for each use, from a layout that is being moved to a fine score.
 
 | row    | for                                     | time on a pad of 48 pairs, two cores   |
 |--------|-----------------------------------------|----------------------------------------|
-| draft  | what is being moved about by hand       | one to six seconds, bounds two to ten  |
+| draft  | a layout that is being moved by hand    | one to six seconds, bounds two to ten  |
 | search | designs of a search, base included      | two to eight seconds                   |
 | score  | `optopad score`                         | ten to forty seconds                   |
-| full   | the same, the map at 11 places a side   | minutes                                |
+| full   | the same, the map at 11 points a side   | minutes                                |
 | fine   | the same with finer light, more bounds  | minutes                                |
 
-How far the figures of a search are from those of a score is measured in docs/validation/search.md. Designs of a search
-are judged alike, so their order suffers less than the figures do.
+The difference between the figures of a search and of a score is measured in docs/validation/search.md. Designs of a
+search are judged alike, so their order is less affected than the figures are.
 
-The readings of a map's places, and which of the places are traced again.
+The readings at a map's locations, and which of the locations are traced again.
 
-map's light, once ──► what is open by the light's own error ──► a second, independent trace
+map's light, once ──► locations left open by the numerical error ──► a second, independent trace
                  │                                └─► finer ones, two each, while it stays open
-                 └──► of a draft: what is close to the threshold ──► a finer trace
+                 └──► of a draft: locations close to the threshold ──► a finer trace
 """
 
 from __future__ import annotations
@@ -90,8 +90,8 @@ from sims.verdict.presses import (
 )
 
 NEAR_TIPS = 4.0
-"""Pairs whose chord is farther from a place are left as untouched there by a draft [tip radii]: on the paper's pad 28
-of 48 are nearer. Margins of up to 20 noise units then differ by 0.3 from those of all, larger ones by up to 7."""
+"""A draft takes pairs whose chord is farther from a location as untouched there [tip radii]: on the paper's pad 28 of
+48 are nearer. Margins of up to 20 noise units then differ by 0.3 from those of all pairs, larger ones by up to 7."""
 HALF_OF_DEPTH = 0.5
 
 
@@ -102,16 +102,16 @@ class Settings:
     Attributes
     ----------
     untouched, pairs, map, bounds : settings of the light
-    near : settings of the map's light near contact, where the map then has all depths; None: as the rest of it
-    step_mm, map_step_mm : of the depths of pairs and of the map [mm]
-    map_places, bound_places : places along the longer side of the workspace [-]
-    bound_depths_mm : depths of the bounds; the end of the range of use is added [mm]
-    bound_depth_share : share of the deepest press that these depths are limited to [-]
+    near : settings of the map's light near contact, where the map then has all depths; None takes those of the map
+    step_mm, map_step_mm : steps of the depths of pairs and of the map [mm]
+    map_places, bound_places : locations along the longer side of the workspace [-]
+    bound_depths_mm : depths of the bounds; the end of the usable range is added [mm]
+    bound_depth_share : share of the deepest press to which these depths are limited [-]
     near_tips : pairs of the map farther from a press are taken as untouched there [tip radii]; None traces all
-    settled : places of the map that are traced again: those that the light's own error leaves open, by two independent
-        traces; those close to the threshold, by a finer one; or none
+    settled : locations of the map that are traced again: those that the numerical error leaves open, by two independent
+    traces; those close to the threshold, by a finer one; or none
     doubts : settings of these traces, tried in turn
-    has_felt, has_losses : whether bounds come with the lightest press felt, and with what is lost with each part
+    has_felt, has_losses : whether bounds include the detection threshold, and the loss with each failed component
     """
 
     untouched: str | Accuracy
@@ -145,7 +145,7 @@ _DRAFT_MAP = replace(
     image_step=0.7,
     ray_share=1.0,
 )
-"""A third of the time a state of a search's; 1 % rms of the untouched signal, most of it common to all depths."""
+"""A third of the time per state of a search; error 1 % rms of the untouched signal, mostly common to all depths."""
 
 _SCORE = Settings(
     untouched="standard",
@@ -171,7 +171,7 @@ SETTINGS = {
         pairs=replace(_QUICK, rings=16, columns=40, image_step=0.2, top_rings=14, top_columns=32),
         map=_DRAFT_MAP,
         near=None,
-        bounds=(ACCURACIES["score"],),  # coarser light leaves voxels open, which then pass for blind
+        bounds=(ACCURACIES["score"],),  # coarser light leaves voxels open, which then count as not resolved
         step_mm=COARSE_STEP_MM,
         map_step_mm=2 * COARSE_STEP_MM,
         map_places=COARSE_PLACES,
@@ -214,10 +214,10 @@ def settings_of(*, fine: bool, full: bool) -> Settings:
 
 
 CLOSE_UNITS = 1.0
-"""Places of a draft whose margin is this near to the threshold are traced again [noise units]: a draft's margins were
-off by 0.3 there, enough to hide the deadband in the middle of the paper's pad of 10 mm."""
+"""Locations of a draft whose margin is this near to the threshold are traced again [noise units]: the margins of a
+draft were off by 0.3 there, enough to hide the deadband in the middle of the paper's pad of 10 mm."""
 MOST_CLOSE = 3
-"""So many of them, the nearest first."""
+"""At most this many of them are traced again, the nearest first."""
 
 
 def settled_open(
@@ -228,7 +228,7 @@ def settled_open(
     seed: int,
     on_step: OnShare,
 ) -> PadMap:
-    """The map with its open places judged by two independent traces, and by finer ones while they stay open.
+    """The map with its open locations judged by two independent traces, and by finer ones while they stay open.
 
     Parameters
     ----------
@@ -264,7 +264,7 @@ def settled_close(
     seed: int,
     on_step: OnShare,
 ) -> PadMap:
-    """The map with the places closest to the threshold judged by one finer trace, whose settings are the first."""
+    """The map with the locations closest to the threshold judged by one finer trace, with the first settings."""
     away = [abs(place.margin - DEADBAND_THRESHOLD) for place in pad_map.places]
     close = [number for number in np.argsort(away, kind="stable").tolist() if away[number] <= CLOSE_UNITS]
     close = close[:MOST_CLOSE]
@@ -279,7 +279,7 @@ def settled_close(
 
 @dataclass(frozen=True, kw_only=True)
 class MapFrames:
-    """The frames of a map's places.
+    """The frames at a map's locations.
 
     Attributes
     ----------
@@ -303,7 +303,7 @@ class MapFrames:
         light: LightSignals,
         readout: Readout,
     ) -> MapFrames:
-        """From a map's light, whose states run through depths first, and the (emitter, receiver) pairs to judge."""
+        """Frames of the (emitter, receiver) pairs to judge, from a map's light (depths first)."""
         shape = (len(places_mm), len(depth_mm), -1)
         counts, errors = (
             (values[:, mask] * readout.of_mask(mask)).reshape(shape)
@@ -319,13 +319,13 @@ class MapFrames:
         )
 
     def put(self, half: int, places: list[int], depths: BoolArray, light: LightSignals) -> None:
-        """Replace a half's readings at some places and depths."""
+        """Replace a half's readings at some locations and depths."""
         counts = light.flux[:, self.mask] * self.readout.of_mask(self.mask)
         rows = np.ix_(np.array(places), np.flatnonzero(depths))
         self.counts[half][rows] = counts.reshape(len(places), int(depths.sum()), -1)
 
     def place(self, design: SensorDesign, number: int) -> Place:
-        """One place judged."""
+        """One location judged."""
         x_mm, y_mm = self.places_mm[number].tolist()
         return place_of(
             design,
@@ -344,9 +344,9 @@ class Judge:
     ----------
     design : one that breaks no rule
     settings : a row of `SETTINGS`, or its name
-    seed : of the light model's random shifts
-    also_mm : (x, y) of further places of a pad, such as one that is known to decide; left out where they are not in the
-        workspace [mm]
+    seed : seed of the light model's random shifts
+    also_mm : (x, y) of further locations of a pad, such as one that is known to decide; those outside the workspace are
+    left out [mm]
     on_step : called with a stage's name and the share of it that is done
     """
 
@@ -364,7 +364,7 @@ class Judge:
         self.tell = on_step or (lambda _stage, _share: None)
 
     def take(self, readout: Readout, pad_map: PadMap, light: LightSignals) -> None:
-        """Go on from a map that is known."""
+        """Continue from a known map."""
         self.readout, self._mapped = readout, (pad_map, light, ())
 
     @cached_property
@@ -384,7 +384,7 @@ class Judge:
 
     @cached_property
     def force(self) -> ForceCurve:
-        """Load of the centred press at the depths of a score."""
+        """Load of the centred press at a score's depths."""
         press = solved_press(self.design, on_step=lambda share: self.tell("contact", share))
         return force_curve(self.design, press, depth_schedule_mm(self.deepest_mm))
 
@@ -394,7 +394,7 @@ class Judge:
 
         Raises
         ------
-        ModelScopeError : less than a deadband's least length, so that none could be.
+        ModelScopeError : the depth is below a deadband's least length, so none could exist.
         """
         deepest = self.design.operating.max_depth_mm
         if deepest < DEADBAND_MIN_LENGTH_MM:
@@ -415,7 +415,7 @@ class Judge:
         return readout_of(self.design, self.untouched, mask_of(self.names, self.cavity))
 
     def judged(self, pairs: tuple[Pair, ...]) -> tuple[JudgedPair, ...]:
-        """Some pairs, each judged by itself under its own press, without loads and errors."""
+        """Some pairs, each judged alone under its own press, without loads and errors."""
         curves = pair_curves(
             self.design,
             self.cavity,
@@ -441,7 +441,7 @@ class Judge:
 
     @cached_property
     def _mapped(self) -> tuple[PadMap, LightSignals, tuple[Place, ...]]:
-        """The map, its light, and further places."""
+        """The map, its light, and further locations."""
         x_mm, y_mm = map_grid_mm(self.cavity, self.settings.map_places)
         grid_mm = grid_places_mm(self.cavity.workspace, x_mm, y_mm)
         further = [place for place in self.also_mm if _is_further(self.cavity, grid_mm, place)]
@@ -490,7 +490,7 @@ class Judge:
         return depth_mm, replace(light, flux=np.where(near, light.flux, self.untouched))
 
     def _settled(self, pad_map: PadMap, frames: MapFrames) -> PadMap:
-        """The map with its doubtful places traced again, as the settings have it."""
+        """The map with its open locations traced again, as the settings require."""
         kind = self.settings.settled
         if kind == "none":
             return pad_map
@@ -506,22 +506,22 @@ class Judge:
 
     @property
     def pad_map(self) -> PadMap:
-        """What the places of the workspace say."""
+        """The judged locations of the workspace."""
         return self._mapped[0]
 
     @property
     def pad_signals(self) -> LightSignals:
-        """The light behind the map, places outermost."""
+        """The light from which the map is computed, locations outermost."""
         return self._mapped[1]
 
     @property
     def places(self) -> tuple[Place, ...]:
-        """Places of the map, and further ones."""
+        """Locations of the map, and further ones."""
         return (*self._mapped[0].places, *self._mapped[2])
 
     @cached_property
     def bounds(self) -> PadBounds:
-        """What all readings of a frame can tell of location and depth at best."""
+        """Lower bounds on the error of location and depth from all readings of one frame."""
         settings = self.settings
         limit = settings.bound_depth_share * self.deepest_mm
         return pad_bounds(
@@ -537,7 +537,7 @@ class Judge:
         )
 
     def _felt(self) -> DetectionThreshold:
-        """The lightest press felt at the map's places, by the map's light."""
+        """The detection threshold at the map's locations, by the map's light."""
         pad_map, light = self.pad_map, self.pad_signals
         depth_mm = light.presses[: len(light.presses) // len(pad_map.places), 2]
         flux, error = (
@@ -550,7 +550,7 @@ class Judge:
 
     @property
     def verdict(self) -> Literal["CONTIGUOUS", "DEADBAND"]:
-        """DEADBAND where some facing pair, or some place of a pad, has one."""
+        """DEADBAND where some facing pair, or some location of a pad, has one."""
         found = (
             any(pair.score.deadbands_mm for pair in self.pairs)
             if self.is_facing
@@ -560,56 +560,56 @@ class Judge:
 
     @property
     def deadbands_mm(self) -> tuple[Interval, ...]:
-        """Intervals of the governing facing pair, or of the worst place of a pad [mm]."""
+        """Intervals of the governing facing pair, or of the worst location of a pad [mm]."""
         if self.is_facing:
             return tuple(self.governing.score.deadbands_mm)
         return max(self.places, key=lambda place: place.deadband_total_mm).deadbands_mm
 
     @property
     def governing(self) -> JudgedPair:
-        """The pair that stands for the rest."""
+        """The pair that represents the others."""
         return governing_pair(self.pairs, self.is_facing)
 
     @property
     def usable_depth_mm(self) -> float:
-        """Least depth from which on some facing pair, or place, does not resolve depth; or the deepest press [mm]."""
+        """Least depth from which on a facing pair, or location, does not resolve depth; or the deepest press [mm]."""
         if self.is_facing:
             return usable_of_pairs(self.design, self.pairs)
         return min(place.usable_mm for place in self.places)
 
     @property
     def usable_range_mm(self) -> Interval:
-        """What the light's own error leaves of that [mm]."""
+        """Usable depth at least and at most, by the numerical error of the light model [mm]."""
         if self.is_facing:
             return self.usable_depth_mm, self.usable_depth_mm
         return self.pad_map.usable_range_mm
 
     @property
     def margin(self) -> float:
-        """Least margin of any facing pair, or place [noise units]; below 3 is a deadband."""
+        """Least margin of any facing pair, or location [noise units]; below 3 is a deadband."""
         if not self.is_facing:
             return min(place.margin for place in self.places)
         return min(pair_margin(self.design, self.readout, pair.curves, pair.score)[0] for pair in self.pairs)
 
     @cached_property
     def is_open(self) -> bool:
-        """Whether the light's own error may make or hide every deadband."""
+        """Whether the numerical error of the light model may make or hide every deadband."""
         if not self.is_facing:
             return self.pad_map.is_open
         return self.settings.settled == "open" and self._pairs_are_open()
 
     @property
     def causes(self) -> tuple[Cause, ...]:
-        """Why depth is not told, for every blind interval, the worst first."""
+        """Why depth is not resolved, for every such interval, the worst first."""
         if self.is_facing:
             pairs = [(pair.curves, pair.score) for pair in self.pairs]
             return causes_of_pairs(self.design, pairs, self.readout)
         return causes_of_pad(self.design, self.pad_map, self.pad_signals, self.readout)
 
     def _pairs_are_open(self) -> bool:
-        """Whether a second trace leaves a deadband of facing pairs open.
+        """Whether a deadband of facing pairs is still open after a second trace.
 
-        Two traces err independently of each other, so what both agree on is no error (`sims.verdict.pad_map`).
+        The errors of two traces are independent, so a result on which both agree is no error (`sims.verdict.pad_map`).
         """
         if any(pair.score.deadbands_mm for pair in self.pairs):
             return False
@@ -661,7 +661,7 @@ def _first_states(light: LightSignals, count: int) -> LightSignals:
 def governing_pair(judged: tuple[JudgedPair, ...], facing: bool) -> JudgedPair:
     """The middle facing pair, or the worst one if only another has a deadband.
 
-    Of a pad: the pair with most deadband, then least evenness, clipped ones last.
+    For a pad, it is the pair with most deadband, then least evenness, clipped ones last.
     """
     if facing:
         worst = max(judged, key=lambda pair: pair.score.deadband_total_mm)
@@ -673,13 +673,13 @@ def governing_pair(judged: tuple[JudgedPair, ...], facing: bool) -> JudgedPair:
 
 
 def usable_of_pairs(design: SensorDesign, judged: tuple[JudgedPair, ...]) -> float:
-    """Least depth of any facing pair from which on its depth is not told any more, or the deepest press [mm]."""
+    """Least depth of any facing pair from which on depth is not resolved any more, or the deepest press [mm]."""
     ends = [pair.score.saturation_mm[0] for pair in judged if pair.score.saturation_mm is not None]
     return min([*ends, design.operating.max_depth_mm])
 
 
 def _pairs_near(cavity: CavityGeometry, places_mm: FloatArray, tips: float) -> BoolArray:
-    """(place, emitter, receiver) pairs whose chord runs near each place; the others hardly change there."""
+    """(place, emitter, receiver) pairs whose chord runs near each location; the others hardly change there."""
     near = np.zeros((len(places_mm), len(cavity.emitters), len(cavity.receivers)), dtype=np.bool_)
     for number, (x_mm, y_mm) in enumerate(places_mm.tolist()):
         for i, j in np.argwhere(direct_path_pairs(cavity)):
@@ -689,7 +689,7 @@ def _pairs_near(cavity: CavityGeometry, places_mm: FloatArray, tips: float) -> B
 
 
 def _is_further(cavity: CavityGeometry, places_mm: FloatArray, place_mm: tuple[float, float]) -> bool:
-    """Whether a place is in this design's workspace, and not among those already."""
+    """Whether a location is in this design's workspace, and not already in the map."""
     return (
         bool(cavity.workspace.contains(*place_mm, 0.0))
         and not (np.abs(places_mm - place_mm).max(axis=1) < 1e-9).any()

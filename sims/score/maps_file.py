@@ -1,8 +1,8 @@
-"""Maps of a pad as an xarray data set with units and provenance: what ``sims/maps.nc`` of a bundle holds.
+"""Maps of a pad as an xarray data set with units and provenance: the content of ``sims/maps.nc`` in a bundle.
 
-Open one with a line: ``xarray.open_dataset("sims/maps.nc")``. Bounds have the axes ``y``, ``x``, ``depth``; readings
-have ``y``, ``x``, ``press_depth``, ``pair``, for they are traced at more depths. Infinite is blind, or not felt; NaN
-lies outside the workspace of a disc.
+``xarray.open_dataset("sims/maps.nc")`` opens one. Bounds have the axes ``y``, ``x``, ``depth``; readings have ``y``,
+``x``, ``press_depth``, ``pair``, since they are traced at more depths. Infinite means not resolved, or not detected;
+NaN is outside the workspace of a disc.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ VERSIONED = ("optopad", "numpy", "numba", "mujoco", "xarray")
 
 
 def provenance(design: SensorDesign, seed: int) -> dict[str, Any]:
-    """Attributes that say what made a file: design, digest, seed, versions."""
+    """Attributes that record the origin of a file: design, digest, seed, versions."""
     return {
         "design": design.name,
         "design_digest": design.digest,
@@ -37,7 +37,7 @@ def provenance(design: SensorDesign, seed: int) -> dict[str, Any]:
 
 
 def bounds_dataset(bounds: PadBounds) -> xr.Dataset:
-    """Bounds of place and depth, the weight of voxels, the lightest press felt, and what each part's death leaves."""
+    """Bounds of location and depth, weights of voxels, detection threshold, and bounds with each component failed."""
     axes = ("y", "x", "depth")
     dataset = xr.Dataset(
         {
@@ -61,11 +61,11 @@ def bounds_dataset(bounds: PadBounds) -> xr.Dataset:
 
 
 def maps_dataset(design: SensorDesign, score: ContinuityScore) -> xr.Dataset:
-    """Everything that a score knows place by place.
+    """All results of a score by location.
 
     Raises
     ------
-    ValueError : a score without a map (out of the models' scope, or of a verdict only)
+    ValueError : the score has no map (out of the models' scope, or of a verdict only)
     """
     if score.pad_map is None or score.pad_signals is None or score.readout is None:
         raise ValueError("score: it has no map; score the design with verdict_only=False")

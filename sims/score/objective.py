@@ -1,20 +1,20 @@
-"""What a search asks of a design: the score's figures, cheapest first, and no more of them than are wanted.
+"""Figures of a design for a search: those of the score, cheapest first, and only the requested ones.
 
     rules ──► parts and height ──► untouched light ──► pairs ──► map of the pad ──► bounds
-      each step ends the judging when a limit can no longer be met: the reason is kept
+      a step ends the evaluation when a limit can no longer be met; the reason is kept
 
-The stages are those of a score (`sims.score.judge`), with the settings of a search, or of a score. The figures
-are those of the score's headline: of facing rows the governing pair's, of a pad the medians over judged pairs. Left
-out: the tolerance of unmeasured parameters.
+The stages are those of a score (`sims.score.judge`), with the settings of a search or of a score. The figures are
+those of the score's headline: the governing pair's for facing rows, the medians over judged pairs for a pad.
+Left out: the tolerance of unmeasured parameters.
 
-A verdict in seconds, for a layout that is being moved about: coarse light, depths and bounds (`SETTINGS["draft"]`).
+A verdict in seconds, for a layout that is being moved by hand: coarse light, depths and bounds (`SETTINGS["draft"]`).
 
-    curves_under   pairs whose chord runs under one press, judged by themselves      a third of a second
+    curves_under   pairs whose chord runs under one press, each judged alone         a third of a second
     draft_score    verdict and map of the pad, or of all facing pairs                one to six seconds
-    with_draft_bounds   place and depth at best, at two depths                       two to ten more
+    with_draft_bounds   bounds of location and depth, at two depths                  two to ten more
 
-On a pad of 48 pairs and two cores; the longer times where no symmetry helps. Places of a pad that are nearly blind, or
-nearly not, are traced again, finely. Left out: tolerance, what matters, single pairs of a pad.
+Times are for a pad of 48 pairs and two cores; the longer ones apply without symmetry. Locations of a pad close to the
+threshold are traced again, finely. Left out: tolerance, sensitivity to each parameter, single pairs of a pad.
 """
 
 from __future__ import annotations
@@ -46,21 +46,21 @@ from sims.verdict.presses import accuracy_of_pairs, curves_of, states_of
 Pair = tuple[int, int]
 
 MOST_PAIRS = 8
-"""Pairs under a press that are traced at most, the nearest first."""
+"""Most pairs under a press that are traced, the nearest first."""
 FEWEST_PAIRS = 3
-"""Where no chord runs under the tip, so many of the nearest."""
+"""Number of nearest pairs that are traced where no chord runs under the tip."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class PlaceCurves:
-    """Pairs under one press, each judged by itself.
+    """Pairs under one press, each judged alone.
 
     Attributes
     ----------
     place_mm : (x, y) of the press [mm]
     readout : gains of the receivers
     pairs : the nearest chord first
-    is_draft : whether by a draft's light, not a score's
+    is_draft : whether the light is that of a draft, not of a score
     """
 
     place_mm: tuple[float, float]
@@ -70,7 +70,7 @@ class PlaceCurves:
 
 
 def pairs_under(cavity: CavityGeometry, place_mm: tuple[float, float]) -> tuple[Pair, ...]:
-    """Judged pairs whose chord runs under the tip at a place, the nearest first; the nearest few where none does."""
+    """Judged pairs whose chord runs under the tip at a location, the nearest first; the nearest few where none does."""
     distances = {pair: beside_chord(cavity, pair, place_mm)[0] for pair in judged_pairs(cavity)}
     nearest = sorted(distances, key=lambda pair: round(distances[pair], 6))
     under = [pair for pair in nearest if distances[pair] <= cavity.tip_radius_mm]
@@ -85,16 +85,16 @@ def curves_under(
     seed: int = 0,
     on_step: OnStep | None = None,
 ) -> PlaceCurves:
-    """Light of the pairs under a press against its depth, and what each tells.
+    """Light of the pairs under a press against its depth, and the score of each.
 
     Parameters
     ----------
     place_mm : (x, y) in the cavity frame [mm]
-    is_draft : a draft's light and depths, on a round pad's surface; else those of a score's single pairs
+    is_draft : whether light and depths are those of a draft, on a round pad's surface; else of a score's single pairs
 
     Raises
     ------
-    DesignError, ModelScopeError : a design that breaks a rule, a press that the models do not cover.
+    DesignError, ModelScopeError : the design breaks a rule, or the models do not cover the press.
     """
     require_valid(design)
     judge = Judge(design, "draft" if is_draft else "score", seed=seed)
@@ -139,7 +139,7 @@ def draft_score(design: SensorDesign, *, seed: int = 0, on_step: OnStep | None =
 def with_draft_bounds(
     design: SensorDesign, draft: ContinuityScore, *, on_step: OnStep | None = None
 ) -> ContinuityScore:
-    """The same with what one frame tells of place and depth at best, and the lightest press felt; pads only."""
+    """The same with the bounds of location and depth from one frame, and the detection threshold; pads only."""
     if draft.pad_map is None or draft.readout is None or draft.pad_signals is None:
         return draft
     judge = Judge(design, "draft", seed=draft.seed, on_step=on_step)
@@ -151,7 +151,7 @@ MAP_FIGURES = frozenset({"verdict", "deadband_mm", "usable_depth_mm", "margin"})
 PAIR_FIGURES = frozenset({"evenness", "continuity", "swing", "resolvable_steps"})
 
 _ONE_AT_A_TIME = threading.Lock()
-"""The compiled kernels must not be entered by two threads of a process at once, as workers of a cluster have."""
+"""Two threads of a process must not enter the compiled kernels at once; workers of a cluster have several threads."""
 
 
 class _PrunedError(Exception):
@@ -171,12 +171,12 @@ def judge(
 
     Parameters
     ----------
-    limits : what it must keep; the judging stops at the first step that breaks one
-    wanted : figures to work out, those of the limits besides (`design.search.figures`; "verdict" as well)
+    limits : limits that it must keep; the evaluation stops at the first step that breaks one
+    wanted : requested figures, in addition to those of the limits (`design.search.figures`, or "verdict")
     accuracy : a row of `sims.score.judge.SETTINGS` by name
-    also_mm : (x, y) of further places of a pad's map, such as one that is known to decide; left out where they are
-        not in a design's workspace [mm]
-    seed : of the light's offsets
+    also_mm : (x, y) of further locations of a pad's map, such as one that is known to decide; those outside a design's
+    workspace are left out [mm]
+    seed : seed of the light's offsets
     """
     needed = {*wanted, *(limit.figure for limit in limits)}
     with _ONE_AT_A_TIME:
@@ -192,7 +192,7 @@ class _Search:
         self.verdict, self.may_be = "", False
 
     def outcome(self) -> Judged:
-        """Go through the steps until the end or until one shows that the design is hopeless."""
+        """Go through the steps until the end, or until a limit cannot be met."""
         reason = ""
         try:
             self._steps()
@@ -229,12 +229,12 @@ class _Search:
 
     def _untouched(self) -> None:
         flux, names = self.stages.untouched, self.stages.names
-        # The common gain hides how much light there is, so strength is light: a share of the emitted power.
+        # The common gain hides the amount of light, so strength is light: a share of the emitted power.
         chosen = names[:1] if self.stages.is_facing else names
         self.figures["strength"] = float(np.median([flux[pair] for pair in chosen])) if chosen else 0.0
 
     def _facing(self) -> None:
-        """The middle pair first: most designs fall with it. The others only where it has no deadband."""
+        """Judge the middle pair first, which rejects most designs; judge the others only where it has no deadband."""
         names = self.stages.names
         judged = self.stages.judged(names[:1])
         self._headline(judged)
@@ -245,7 +245,7 @@ class _Search:
         self._bounds()
 
     def _headline(self, judged: tuple[JudgedPair, ...]) -> None:
-        """The governing pair's figures; of usable depth and margin the least of any."""
+        """The governing pair's figures; usable depth and margin are the least of any pair."""
         design, score = self.stages.design, governing_pair(judged, True).score
         margins = [pair_margin(design, self.stages.readout, pair.curves, pair.score) for pair in judged]
         self.may_be = min(margin + error for margin, error in margins) >= DEADBAND_THRESHOLD
@@ -302,7 +302,7 @@ def price_of(cavity: CavityGeometry) -> float:
 
     Raises
     ------
-    DesignError : a part without a price, or prices in two currencies.
+    DesignError : a component has no price, or the prices are in two currencies.
     """
     costs = {part.part_id: part.part.cost for part in cavity.parts}
     missing = sorted(name for name, cost in costs.items() if cost is None)

@@ -1,8 +1,8 @@
-"""What a verdict says: pairs, pad, tolerance, warnings; and its form as plain data.
+"""The result of a score: verdict, pairs, pad, tolerance, warnings; and its form as plain data.
 
-The words of a verdict, the same wherever one is shown: never a bare verdict where more has to be said.
+The words of a verdict are the same wherever one is shown, and include its qualifications.
 
-What a verdict says beside itself: how near it is to turning, and what it rests on.
+Warnings to a verdict: how near it is to changing, and on which unmeasured parameters it depends.
 """
 
 from __future__ import annotations
@@ -28,9 +28,9 @@ from sims.verdict.tolerance import FieldSteps, ToleranceBand, ToleranceRow
 from sims.verdict.trial import Trial
 
 RESTS, UNDECIDED = "the verdict rests on unmeasured parameters", "the verdict is undecided"
-"""How two warnings begin, which the screen reports in a line of its own."""
+"""First words of two warnings that the screen shows in a line of their own."""
 NEGLIGIBLE_MM = 5e-4
-"""Usable depths this near to the depth asked for are that depth: plain data is rounded [mm]."""
+"""Usable depths this near to the required depth count as that depth, since plain data is rounded [mm]."""
 
 
 def headline(
@@ -41,7 +41,7 @@ def headline(
     asked_mm: float | None,
     is_short: bool = False,
 ) -> str:
-    """The verdict, whether it is undecided, and the usable depth where the design asks for more.
+    """The verdict, whether it is undecided, and the usable depth where the design requires more.
 
     Parameters
     ----------
@@ -58,7 +58,7 @@ def headline(
 
 
 def _depth(usable_mm: float, asked_mm: float) -> str:
-    """To a tenth, or as many digits as tell it from the depth asked for."""
+    """Depth to a tenth, or with enough digits to differ from the required depth."""
     digits = next(n for n in (1, 2, 3) if n == 3 or round(usable_mm, n) < asked_mm - NEGLIGIBLE_MM)
     return f"{usable_mm:.{digits}f}"
 
@@ -112,7 +112,7 @@ Interval = tuple[float, float]
 @dataclass(frozen=True, kw_only=True)
 class JudgedPair:
     """One judged pair: its name (as E1-R3), light against depth, score, loads at the boundaries of its modes, and the
-    standard errors of its figures by name (`sims.verdict.figure_errors`); None where not worked out.
+    standard errors of its figures by name (`sims.verdict.figure_errors`); None where not computed.
     """
 
     name: str
@@ -139,7 +139,7 @@ class KeyFigures:
         None when open
     continuity, evenness : of the governing pair, or the medians over judged pairs [-]
     strength : baseline light and counts, swing, resolvable steps
-    warnings : what to keep in mind
+    warnings : limits to the validity of the verdict
     """
 
     verdict: Verdict
@@ -156,29 +156,29 @@ class KeyFigures:
 
 @dataclass(frozen=True, kw_only=True)
 class ContinuityScore(KeyFigures):
-    """The verdict on a design, with all that it follows from.
+    """The verdict on a design, with all results that it follows from.
 
     Attributes
     ----------
-    digest, name, seed, fine, full : what was scored, and how
+    digest, name, seed, fine, full : the design that was scored, and the settings
     is_facing_rows : whether the verdict is that of facing pairs (else of the pad)
-    usable_range_mm : between what depths the light's own error leaves that [mm]
+    usable_range_mm : usable depth at least and at most, by the numerical error of the light model [mm]
     margin : least distance of frames, or change of a facing pair's signal, over 0.3 mm of depth before the range ends
         [noise units]; below 3 is a deadband
-    governing : name of the pair that stands for the rest: the middle facing one; of a pad the unclipped one with
+    governing : name of the pair that represents the others: the middle facing one; of a pad the unclipped one with
         most deadband, then least evenness
     worst_pair_mm, worst_pair : largest summed deadband of a judged pair, and its name
-    figure_errors : standard errors of continuity, evenness and strength by name; None where not worked out
+    figure_errors : standard errors of continuity, evenness and strength by name; None where not computed
     untouched_flux : (emitter, receiver) [-]; counts follow from readout
     pairs : judged pairs in order; unjudged : names and untouched counts of the others
     clipped : names of judged pairs above full scale
-    tolerance, builds : both ends of every open value, one at a time; builds with everything off at once, if asked for
-    steps : what a small step of each field changes; None where not worked out
-    pad_map, pad_signals : what the places of the workspace say, and the light behind it
-    causes : why depth is not told, for every blind interval of a place, or of a facing pair, the worst first
-    trial : what moving heights or thickness does about the worst of them; None where not tried
-    bounds : what all readings together can tell of a press's place and depth, at the map's places; None for a verdict
-        only
+    tolerance, builds : verdict at both ends of every unmeasured parameter, one at a time; Monte Carlo, if requested
+    steps : sensitivity to a small step of each field; None where not computed
+    pad_map, pad_signals : the judged locations of the workspace, and their light
+    causes : why depth is not resolved, for every such interval of a location, or of a facing pair, the worst first
+    trial : the effect of moving heights or thickness on the worst of them; None where not tried
+    bounds : lower bounds on the error of a press's location and depth from all readings together, at the map's
+    locations; None for a verdict only
     """
 
     digest: str
@@ -215,7 +215,7 @@ class ContinuityScore(KeyFigures):
 
     @property
     def rise(self) -> Rise | None:
-        """The judged pair that reads most above untouched under a press of the map; None where none does."""
+        """The judged pair whose reading rises most above untouched under a press of the map; None where none rises."""
         if self.pad_signals is None or self.pad_signals.presses.ndim != 2:
             return None
         return rise_of(self.pad_signals, {pair.name: pair.curves.pair for pair in self.pairs})
@@ -226,7 +226,7 @@ class ContinuityScore(KeyFigures):
         return sum(bool(pair.score.deadbands_mm) for pair in self.pairs)
 
     def to_json(self) -> dict[str, Any]:
-        """Plain data for JSON; an open end is None."""
+        """Plain data for JSON; an end that is not reached is None."""
         return {
             "name": self.name,
             "digest": self.digest,

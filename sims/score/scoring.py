@@ -1,20 +1,20 @@
-"""The verdict on a design: are the two modes contiguous, and where is the sensor blind to depth?
+"""The verdict on a design: are the two modes contiguous, and where is depth not resolved?
 
     judged pairs, each under its own press ──► light ──► counts ──► modes, deadbands, strength
-    places of the workspace ──► judged pairs together ──► map of the pad
-    open values, both ends of their bands ──► the governing pair again ──► how firm it is
+    locations in the workspace ──► judged pairs together ──► map of the pad
+    unmeasured parameters, both ends of their bands ──► the governing pair again ──► confidence
 
 Facing rows: the verdict is that of the facing pairs, the middle one first (it governs). Pads: by all judged readings of
-a frame together (`sims.verdict.pad_map`): DEADBAND if some place is blind over 0.3 mm of depth or more and sees
-again below; where it stays blind, the usable depth ends.
+a frame together (`sims.verdict.pad_map`): DEADBAND if some location does not resolve depth over 0.3 mm or more and
+the signal comes back below; where it does not come back, the usable depth ends.
 
-How long a score, or a whole run, will take, told before it begins: stages x states x what one costs.
+How long a score, or a whole run, will take, reported before it begins: stages x states x cost of a state.
 
-Almost all of a score is light. Every stage traces states (a press at a place and a depth); states that a symmetry of
-the layout carries onto each other are traced once. On flat rectangles a state costs time by pairs, on discs and crowned
-pads by emitters and by points of the top. Light that is stored already costs nothing.
+Almost all of the time is light. Every stage traces states (a press at a location and a depth); states that a symmetry
+of the layout carries onto each other are traced once. The time of a state depends on the pairs on flat rectangles, on
+emitters and points of the top on discs and crowned pads. Light that is already stored costs nothing.
 
-Left out: places that the first light leaves open, the Monte Carlo over manufacturing tolerances, compiling.
+Left out: locations that the first light leaves open, the Monte Carlo over manufacturing tolerances, compiling.
 """
 
 from __future__ import annotations
@@ -79,11 +79,11 @@ def score(
 
     Parameters
     ----------
-    full : 11 places along the longer side and 0.1 mm steps for the map, in place of 5 and 0.2 mm
+    full : 11 locations along the longer side and 0.1 mm steps for the map, in place of 5 and 0.2 mm
     fine : the same, with finer light, and bounds at more depths
     seed : of the light model's random shifts
-    verdict_only : leave out what the verdict does not need: tolerance, what matters, and the map of facing rows
-    tolerance : try both ends of every open value, a step of each field, and moves that would help, as
+    verdict_only : leave out stages that the verdict does not need: tolerance, sensitivity, and the map of facing rows
+    tolerance : try both ends of every unmeasured parameter, a step of each field, and moves that would help, as
         `with_tolerance`, `with_field_steps` and `with_trial` do afterwards
     on_step : called with the stage's name and the share of it that is done
 
@@ -107,7 +107,7 @@ def score(
 def verdict_of(
     design: SensorDesign, settings: str = "score", *, seed: int = 0, on_step: OnStep | None = None
 ) -> ContinuityScore:
-    """The verdict, with the map of a pad or the pairs of facing rows, and nothing that it does not need.
+    """The verdict, with the map of a pad or the pairs of facing rows, and no stage that it does not need.
 
     Parameters
     ----------
@@ -126,7 +126,7 @@ def verdict_of(
 
 
 def _base_of(design: SensorDesign, *, seed: int, fine: bool = False, full: bool = False) -> ContinuityScore:
-    """A score that says nothing yet."""
+    """A score without results."""
     return ContinuityScore(
         verdict="OUT_OF_MODEL_SCOPE",
         reason="",
@@ -140,7 +140,7 @@ def _base_of(design: SensorDesign, *, seed: int, fine: bool = False, full: bool 
 
 
 def _with_verdict(judge: Judge, base: ContinuityScore) -> ContinuityScore:
-    """The verdict of a pad's map or of facing pairs, with what it is read from."""
+    """The verdict of a pad's map or of facing pairs, with the map or pairs that it follows from."""
     facing = judge.is_facing
     return replace(
         base,
@@ -162,7 +162,7 @@ def _with_verdict(judge: Judge, base: ContinuityScore) -> ContinuityScore:
 
 
 def _scored(judge: Judge, base: ContinuityScore, *, verdict_only: bool) -> ContinuityScore:
-    """All that a score has before its tolerance: stages in the order of the progress lines."""
+    """The stages of a score before its tolerance, in the order of the progress lines."""
     facing = judge.is_facing
     _ = judge.force
     judged, drawn = _with_errors(judge)
@@ -195,7 +195,7 @@ def _scored(judge: Judge, base: ContinuityScore, *, verdict_only: bool) -> Conti
 
 
 def _with_errors(judge: Judge) -> tuple[tuple[JudgedPair, ...], FloatArray]:
-    """All pairs with loads and errors, and their figures drawn again within the trace's error."""
+    """All pairs with loads and errors, and their figures redrawn within the trace's error."""
     design, pairs = judge.design, judge.pairs
     drawn = drawn_figures(
         design, [pair.curves for pair in pairs], [pair.score for pair in pairs], judge.readout
@@ -250,7 +250,7 @@ def _warnings(
     design: SensorDesign, judged: tuple[JudgedPair, ...], pad_map: PadMap | None, gains: tuple[float, ...]
 ) -> tuple[str, ...]:
     found = [str(finding) for finding in check(design)]  # errors were refused before
-    if given_ohms(design) is None:  # resistors by a rule are known with the light alone
+    if given_ohms(design) is None:  # resistors by a rule follow from the light
         found += [str(finding) for finding in settling_findings(design, gains)]
     found += contact_notes(design)
     found += filter(None, [noise_caution(judged)])
@@ -267,28 +267,28 @@ def _warnings(
 
 
 ANSWERING_PAIRS = 0.35
-"""Share of a pad's pairs that answer at its weakest place, by which builds are judged: 0.17 to 0.7 on the presets."""
+"""Share of a pad's pairs by which units are judged at its location of least margin: 0.17 to 0.7 on the presets."""
 TRACED_AGAIN = 0.15
 """Share of the bounds' deep voxels that the first light leaves open."""
 SAME_MIRRORS = 0.2
-"""Cost of a build of a disc or crowned pad that scatters otherwise and mirrors alike, over that of another one."""
+"""Relative cost of a unit of a disc or crowned pad that differs in scattering only, not in mirrored light."""
 TRACED_TWICE = 1.25
-"""Cost of builds of discs and crowned pads, over that of one trace: those close to a deadband take two."""
+"""Cost of units of discs and crowned pads, over that of one trace: those close to a deadband take two."""
 REST_S, RUN_S = 10.0, 24.0
-"""Processor time of all but light [s]: of a score (start, contact, drawings), and what a run adds (mold, report)."""
+"""Processor time of all but light [s]: of a score (start, contact, drawings), and added by a run (mold, report)."""
 WORTH_SAYING_S = 20.0
-"""Nobody wonders before."""
+"""Shorter times are not reported."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class ScoreCost:
-    """What a score traces.
+    """Estimated cost of a score.
 
     Attributes
     ----------
-    presses, pairs : of the map
+    presses, pairs : numbers of presses and pairs of the map
     core_s : processor time [s]
-    stages_s : of it, stage by stage [s]
+    stages_s : processor time by stage [s]
     job : score or run
     """
 
@@ -299,7 +299,7 @@ class ScoreCost:
     job: str = "score"
 
     def sentence(self, cores: int) -> str:
-        """What to say before a score begins; nothing where it is soon over."""
+        """The message before a score begins; empty for a short one."""
         seconds = self.core_s / cores
         if seconds < WORTH_SAYING_S:
             return ""
@@ -312,7 +312,7 @@ class ScoreCost:
 
 
 def score_cost(design: SensorDesign, *, fine: bool, full: bool, is_run: bool = False) -> ScoreCost:
-    """What a score of a design costs, `fine` and `full` as `sims.score.scoring.score` takes them.
+    """The cost of a score of a design, with `fine` and `full` as `sims.score.scoring.score` takes them.
 
     is_run : the whole `optopad run`, with mold, report and the firmware's files
     """
@@ -338,13 +338,13 @@ def score_cost(design: SensorDesign, *, fine: bool, full: bool, is_run: bool = F
 
 
 def _distinct(design: SensorDesign, places_mm: FloatArray) -> int:
-    """How many of (n, 2) places no symmetry of the layout carries onto another."""
+    """Number of (n, 2) locations that no symmetry of the layout carries onto another."""
     found = state_classes(scene_of(design), places_mm[:, None, :], [[1.0]] * len(places_mm))
     return len(found.first)
 
 
 def _pairs_s(design: SensorDesign, cavity: CavityGeometry, row: Settings) -> float:
-    """Single pairs, each under its own press; a pair's image under a symmetry is not traced again."""
+    """Time of single pairs, each under its own press; a pair's image under a symmetry is not traced again."""
     settings = accuracy_of(accuracy_of_pairs(design, row.pairs))
     pairs = judged_pairs(cavity)
     alike = len(pairs) / max(_distinct_pairs(design, cavity), 1)
@@ -353,7 +353,7 @@ def _pairs_s(design: SensorDesign, cavity: CavityGeometry, row: Settings) -> flo
 
 
 def _distinct_pairs(design: SensorDesign, cavity: CavityGeometry) -> int:
-    """How many judged pairs no symmetry of the layout carries onto another, by the places of their presses."""
+    """Number of judged pairs that no symmetry of the layout carries onto another, by the locations of their presses."""
     places = np.array([chord_midpoint_mm(cavity, pair) for pair in judged_pairs(cavity)])
     distinct = np.unique(np.round(places, 6), axis=0)
     return round(len(places) * _distinct(design, distinct) / len(distinct))
@@ -368,7 +368,7 @@ def _map_s(design: SensorDesign, places_mm: FloatArray, depth_mm: FloatArray, ro
 
 
 def _bounds_s(design: SensorDesign, places_mm: FloatArray, row: Settings) -> float:
-    """Both halves of all stencils."""
+    """Time of both halves of all stencils."""
     if is_facing_rows(cavity_of(design)):
         return 0.0
     scene, steps = scene_of(design), Steps()
@@ -388,7 +388,7 @@ def _bounds_s(design: SensorDesign, places_mm: FloatArray, row: Settings) -> flo
 
 
 def _builds_s(design: SensorDesign, cavity: CavityGeometry) -> float:
-    """Both ends of every unmeasured parameter, and a step of each field either way."""
+    """Time of both ends of every unmeasured parameter, and of a step of each field either way."""
     settings, scene = accuracy_of_builds(design), scene_of(design)
     pairs = len(cavity.emitters) * len(cavity.receivers)
     is_facing, is_flat = is_facing_rows(cavity), scene.form is None
@@ -413,13 +413,13 @@ def _builds_s(design: SensorDesign, cavity: CavityGeometry) -> float:
 
 
 def _tried(design: SensorDesign, stepped: Sequence[SensorDesign]) -> list[tuple[SensorDesign, bool]]:
-    """Builds that are judged, and whether their bounds are wanted, too."""
+    """Designs that are judged, and whether their bounds are required, too."""
     ends = [(design.with_(**{used.path: end}), False) for used, both in tried_values(design) for end in both]
     return [(design, True), *ends, *((build, True) for build in stepped)]
 
 
 def _mirrors_alike(one: object, other: object) -> bool:
-    """Whether two scenes differ in what scatters alone."""
+    """Whether two scenes differ in scattering only."""
     scatters = {"wall_reflectance", "bottom_reflectance", "tip_reflectance"}
     kept = [
         {name: repr(value) for name, value in vars(scene).items() if name not in scatters}

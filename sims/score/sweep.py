@@ -1,9 +1,8 @@
 """One field of a design at several values: each value judged, as plain data for table, plot and file.
 
-A row is the score (without tolerance) and the light of one pair, so that a finished row can be kept in a file
-and drawn later without computing anything again. Of facing rows that pair is the middle one at every value, even
-where the verdict is that of another, so that the panels of a figure compare like with like; of a pad it is the
-governing one.
+A row is the score (without tolerance) and the light of one pair, so a finished row can be kept in a file and drawn
+later without new computation. For facing rows that pair is the middle one at every value, even where another decides
+the verdict, so the panels of a figure are comparable; for a pad it is the governing one.
 """
 
 from __future__ import annotations
@@ -20,7 +19,7 @@ from sims.verdict.figure_errors import BoundaryForces, boundary_forces, place_fo
 from sims.verdict.pair_score import total_length_mm
 
 SAMPLING_MM = 0.15
-"""How far depth steps twice as long change the length of a deadband (docs/understand/model.md) [mm]."""
+"""Change of a deadband's length when depth steps are doubled (docs/understand/model.md) [mm]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -31,8 +30,8 @@ class SweptCurve:
     ----------
     pair : its name
     depth_mm : depths [mm]
-    total, direct, top : light over the emitted power, all of it, straight, and mirrored by the top [-]
-    standard_error : of total, from the light trace [-]
+    total, direct, top : light over the emitted power: total, direct, and mirrored by the top [-]
+    standard_error : standard error of total, from the light trace [-]
     """
 
     pair: str
@@ -53,7 +52,7 @@ class SweepRow:
     score : the score as plain data, as in ``score.json``
     curve : light of the pair that is shown; None out of the model's scope
     forces_n : loads at its mode boundaries with the band of the modulus [N]; None likewise
-    possible_deadband_mm : summed deadband of that pair with what the light trace's error may hide [mm]
+    possible_deadband_mm : summed deadband of that pair, with deadbands that the numerical error may hide [mm]
     refined : the finer setting of `score` by which the row was judged again, full or fine; empty where it was not
     """
 
@@ -66,7 +65,7 @@ class SweepRow:
 
     @property
     def is_judged(self) -> bool:
-        """Whether the value lies in the models' scope."""
+        """Whether the value is in the models' scope."""
         return self.curve is not None
 
     @property
@@ -84,13 +83,13 @@ class SweepRow:
 
     @property
     def asked_mm(self) -> float | None:
-        """Deepest press that the design asks for [mm]; None out of scope."""
+        """Deepest press that the design requires [mm]; None out of scope."""
         force = self.score["force"]
         return None if force is None else float(force["depth_mm"][-1])
 
     @property
     def lost_mm(self) -> float:
-        """What is lost of the depth asked for: deadbands, and what lies beyond the usable depth [mm]."""
+        """Part of the required depth that is not resolved: deadbands, and the depth beyond the usable depth [mm]."""
         asked, usable = self.asked_mm, self.score["usable_depth_mm"]
         beyond = 0.0 if asked is None or usable is None else max(asked - usable, 0.0)
         return float(self.score["deadband_mm"]["total"] or 0.0) + beyond
@@ -107,7 +106,7 @@ class SweepRow:
         )
 
     def to_json(self) -> dict[str, Any]:
-        """Plain data: the value and the keys of a score, with headline, curve and loads beside them."""
+        """Plain data: the value, the keys of a score, headline, curve and loads."""
         return {
             "value": self.value,
             "headline": self.headline,
@@ -158,9 +157,9 @@ def sweep_row(design: SensorDesign, value: Any, score: ContinuityScore) -> Sweep
 def disputed(rows: Sequence[SweepRow]) -> tuple[int, ...]:
     """Numbers of the rows at which neighbours disagree, and of their neighbours; none unless the values are numbers.
 
-    Neighbours disagree about a row where its verdict differs from both of theirs, or where more depth is lost at it
-    than at either by more than the sampling's error. A row that loses less than both may be an optimum. Which of the
-    three is wrong is not known.
+    Neighbours disagree about a row where its verdict differs from both of theirs, or where it loses more depth than
+    either by more than the sampling error. A row that loses less than both may be an optimum. It is not known which of
+    the three is wrong.
     """
     if not all(isinstance(row.value, int | float) for row in rows):
         return ()
@@ -181,12 +180,12 @@ def _stands_out(before: SweepRow, row: SweepRow, after: SweepRow) -> bool:
 
 
 def swept_designs(design: SensorDesign, path: str, values: Sequence[Any]) -> tuple[SensorDesign, ...]:
-    """The design at every value; all are checked before anything is computed, so that no finished value is lost.
+    """The design at every value; all are checked before any computation, so that no finished value is lost.
 
     Raises
     ------
-    DesignError : an unknown field (nearest names offered), or a value that breaks a rule.
-    InputError : a value given twice.
+    DesignError : the field is unknown (the nearest names are offered), or a value breaks a rule.
+    InputError : a value is given twice.
     """
     doubled = [value for number, value in enumerate(values) if value in values[:number]]
     if doubled:

@@ -1,12 +1,12 @@
-"""A trial of what would help: component heights and layer thickness are moved, and the moved designs are traced.
+"""A trial of moves that would help: component heights and layer thickness are moved, and the designs are traced.
 
     cause of the worst interval ──► lines to move along ──► moves judged in brief at that location
         ──► the least move without a deadband ──► all locations of the moved pad ──► verdict
 
 A line moves both heights, one of them, or the thickness. Its direction follows from the cause: components up or a
-thinner layer where the modes are too far apart, the other way where light is used up, both ways else. A move is enough
-where no deadband is left and the margin is `ENOUGH_MARGIN`. Where no move is enough, one more component a side is
-tried; where no chord runs near the location, that comes first.
+thinner layer where the modes are too far apart, the other way where light is saturated, both ways otherwise. A move is
+enough where no deadband is left and the margin is `ENOUGH_MARGIN`. Where no move is enough, one more component a side
+is tried; where no chord runs near the location, that is tried first.
 
 Left out: causes that heights do not fix (saturated or dim readings); two lines at once; pitch, shift and gain, which
 `optopad improve` varies.
@@ -37,15 +37,15 @@ Line = tuple[tuple[str, int], ...]
 """Fields that move together, each with its sign."""
 
 ENOUGH_MARGIN = 1.5 * DEADBAND_THRESHOLD
-"""Margin of a moved design that is enough: half of the threshold in reserve for the light of a trial [noise units]."""
+"""Sufficient margin of a moved design: half of the threshold is a reserve for the light of a trial [noise units]."""
 GAIN_MM = 0.3
 """Usable depth that a move must add where none reaches the deepest press; a deadband's least length [mm]."""
 MOST_BRIEFS = 10
-"""Moves judged in brief at most: about a tenth of a score's processor time."""
+"""Most moves that are judged in brief: about a tenth of a score's processor time."""
 GRID_MM = 0.1
-"""Moves are multiples of it: what a printer places."""
+"""Moves are multiples of this step, which a printer can place."""
 LENGTHS_MM = (0.8, 3.0)
-"""First length of a move, at least and at most; by the cause where it has one [mm]."""
+"""Least and largest first length of a move; the cause sets it where it has a length [mm]."""
 SHARES = (0.5, 0.8, 0.25)
 """Moves along the first line, as shares of that length, until one is enough."""
 BISECTIONS = 2
@@ -55,7 +55,7 @@ MORE_PARTS = {
     "facing_rows": "count",
     "disc_ring": "count",
 }
-"""Field of each pattern that says how many components it has."""
+"""Field of each pattern that sets its number of components."""
 NEARER = 0.94
 """Pitch over an even spacing where that is too near to the corners [-]."""
 
@@ -63,7 +63,7 @@ NEARER = 0.94
 def with_trial(
     design: SensorDesign, score: ContinuityScore, *, seed: int = 0, on_step: OnStep | None = None
 ) -> ContinuityScore:
-    """A score with a trial of what would help; as it is where there is no cause, or one that heights do not fix.
+    """A score with a trial of moves that would help; unchanged where there is no cause, or heights do not fix it.
 
     Parameters
     ----------
@@ -108,7 +108,7 @@ class _Search:
         self.more_parts_tried = False
 
     def outcome(self) -> Trial:
-        """Search, and judge what it found as a whole; more components first where no chord runs near."""
+        """Search, and judge the moves found on the whole pad; try more components first where no chord runs near."""
         steps = (self._move_that_helps, self._parts_that_help)
         for step in steps[::-1] if self.cause.lack == "none near" else steps:
             found = step()
@@ -200,7 +200,7 @@ class _Search:
         return enough_mm
 
     def _reaches(self, line: Line, length_mm: float) -> bool:
-        """Whether a move is enough, judged in brief; not where it is no design, or all briefs are spent."""
+        """Whether a move is enough, judged in brief; False where it breaks a rule, or no briefs are left."""
         length_mm = _on_grid(length_mm)
         if (line, length_mm) not in self.tried and line and length_mm > 0.0:
             if len(self._rows()) >= MOST_BRIEFS:
@@ -227,13 +227,13 @@ class _Search:
         return brief.deadband_mm == 0.0 and brief.margin >= ENOUGH_MARGIN and is_deep
 
     def _is_useful(self, brief: Brief) -> bool:
-        """Enough, or an end of the range that lies deeper."""
+        """Whether a move is enough, or extends the usable depth."""
         deeper = self._usable(brief) - (self.score.usable_depth_mm or 0.0)
         is_clear = brief.deadband_mm == 0.0 and brief.margin >= ENOUGH_MARGIN
         return self._is_enough(brief) or (is_clear and self.cause.kind == "fade" and deeper >= GAIN_MM)
 
     def _is_better(self, whole: _Whole) -> bool:
-        """Whether the moved design has no deadband at any location, margin enough, and more depth if that is asked."""
+        """Whether the moved design has no deadband at any location, enough margin, and more depth if required."""
         deeper = whole.usable_mm - (self.score.usable_depth_mm or 0.0)
         is_clear = whole.deadband_mm == 0.0 and whole.margin >= ENOUGH_MARGIN
         return is_clear and (self.cause.kind == "deadband" or deeper >= GAIN_MM)
@@ -263,7 +263,7 @@ class _Search:
 def _judge_at(
     design: SensorDesign, score: ContinuityScore, cause: Cause, seed: int
 ) -> tuple[str, BuildJudge]:
-    """What judges moves in brief: all facing pairs, or a pad at the cause's location."""
+    """The function that judges moves in brief: by all facing pairs, or a pad at the cause's location."""
     if score.is_facing_rows or score.pad_map is None:
         return facing_judge(seed=seed)
     here = min(
@@ -277,12 +277,12 @@ def _judge_at(
 
 
 def _sides(cause: Cause) -> tuple[int, ...]:
-    """1 to move components nearer to the top, -1 to move them away from it; both where the cause says neither."""
+    """1 to move components nearer to the top, -1 to move them away from it; both where the cause implies neither."""
     return {"apart": (1,), "used up": (-1,)}.get(cause.lack, (1, -1))
 
 
 def _lines(design: SensorDesign, side: int) -> tuple[Line, Line, Line, Line]:
-    """Both heights, the receivers', the emitters', the thickness; empty where a field moves nothing."""
+    """Lines of both heights, the receivers', the emitters', and the thickness; empty where a field moves nothing."""
     fields = {part.height_field for part in cavity_of(design).parts}
     emitters, receivers = (((path, side),) if path in fields else () for path in HEIGHTS)
     both = emitters + receivers if emitters and receivers else ()

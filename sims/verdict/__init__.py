@@ -1,4 +1,4 @@
-"""The rules of the verdict: presses, modes, deadbands, builds, the map of the pad.
+"""The rules of the verdict: presses, modes, deadbands, manufactured units, the map of the pad.
 
-Imports of ours: readings, optics, contact, press. `pair` has the rules of one pair.
+It imports readings, optics, contact and press. `pair_score` has the rules of one pair.
 """

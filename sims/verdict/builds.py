@@ -1,30 +1,30 @@
-"""One build of a design, judged in brief: the gap, the deadband and the margin that a verdict turns on.
+"""One manufactured unit of a design, judged in brief: gap, deadband and margin, on which a verdict depends.
 
-Used to try builds that differ from the design in an open value. Facing rows are judged by one pair under
-its own press; a pad at one place, by the pairs that make up nine tenths of what its frames change there in any part of
-the depth. Fewer pairs can only lengthen a pad's deadband, so a pad that is safe by them is safe.
+It serves to try units that differ from the design in an unmeasured parameter. Facing rows are judged by one pair under
+its own press; a pad at one location, by the pairs that make up nine tenths of the change of its frames there in any
+part of the depth. Fewer pairs can only lengthen a pad's deadband, so a pad without one by these pairs has none.
 
-How builds of a design are judged: what is looked at, in words, and the function that judges one build.
+How units of a design are judged: the judged pairs or location in words, and the function that judges one unit.
 
-Facing rows by their governing pair or by all facing pairs; a pad by the pairs that answer at its weakest place.
+Facing rows are judged by their governing pair or by all facing pairs; a pad by pairs at its location of least margin.
 
-What share of builds keeps the verdict: a Monte Carlo over everything that may be off on a build.
+Share of units that keep the verdict: a Monte Carlo over all tolerances of a manufactured unit.
 
-    tolerances ──► Sobol points, scrambled with the seed ──► builds ──► verdict in brief ──► share that keeps it
+    tolerances ──► Sobol points, scrambled with the seed ──► units ──► verdict in brief ──► share that keeps it
 
-Each build is the design with all its tolerances drawn at once, the gain set anew as it would be on that build, and
-judged as the design itself is judged here: facing rows by all facing pairs, a pad at its weakest place. The light's own
-random shifts are the same for all builds, so two builds differ by what was changed.
+Each unit is the design with all its tolerances drawn at once. Its gain is set anew, as it would be on that unit, and
+it is judged as the design itself is: facing rows by all facing pairs, a pad at its location of least margin. The
+random shifts of the light model are the same for all units, so two units differ by the drawn values only.
 
 Uncertainty: the share carries the exact binomial interval (Clopper and Pearson 1934) at 95 %; Sobol points are more
 even than random ones, so the interval errs on the wide side. It is the uncertainty of the *count*, not of the
-tolerances, which are assumptions. Builds whose verdict the light trace's own error may turn are counted apart.
+tolerances, which are assumptions. Units whose verdict the numerical error may change are counted separately.
 
-What matters most: Spearman's rank correlation of each value with how firm the build's verdict is (its margin to a
-deadband; among builds with one, minus its length), with Fisher's 95 % interval. It sees a value's effect among
-all the others; the one-at-a-time ends (`tolerance`) see it alone.
+Sensitivity: Spearman's rank correlation of each value with the margin of the unit's verdict (for units with a
+deadband, minus its length), with Fisher's 95 % interval. It shows a value's effect while all others vary; the
+one-at-a-time ends (`tolerance`) show it alone.
 
-Left out: what `design.spec.tolerances` leaves out.
+Left out: the same as in `design.spec.tolerances`.
 """
 
 from __future__ import annotations
@@ -63,31 +63,31 @@ from sims.verdict.pair_score import PairScore, score_pair, total_length_mm
 from sims.verdict.presses import SECOND_SEED, Pair, PairCurves, curves_of, pair_curves, states_of
 
 ACCURACY = replace(ACCURACIES["draft"], reference_rays=4096)
-"""Light settings of tried builds; the design as it is is traced the same way for comparison. On the paper's pad and
-pair, four seeds' margins spread as at "standard" (by 0.16 noise units on the pad), at half the cost."""
+"""Light settings of units; the design itself is traced the same way for comparison. On the paper's pad and pair, the
+margins of four seeds spread as at "standard" (by 0.16 noise units on the pad), at half the cost."""
 FORMED_ACCURACY = replace(ACCURACY, image_step=0.7, rings=16, columns=40)
-"""The same for discs and crowned pads. On three presets four seeds' margins spread by 3 to 5 % of themselves, twice
-as much as with `ACCURACY`, at half the cost."""
+"""The same for discs and crowned pads. On three presets the margins of four seeds spread by 3 to 5 %, twice as much
+as with `ACCURACY`, at half the cost."""
 NEARLY_BLIND = 1.5 * DEADBAND_THRESHOLD
-"""Distance below which depths of a build are traced a second time, to take the light's own error out [noise units]."""
+"""Distance below which depths of a unit are traced again, to remove the numerical error [noise units]."""
 RESPONSE_WINDOW_MM = 0.5
-"""Part of the depth in which the most responsive pairs of a place are looked for [mm]."""
+"""Part of the depth in which the most responsive pairs of a location are selected [mm]."""
 RESPONSE_SHARE = 0.9
-"""Share of the squared distance of frames that they make up there [-]."""
+"""Share of the squared distance of frames that these pairs make up there [-]."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Brief:
-    """What a verdict turns on.
+    """The figures on which a verdict depends.
 
     Attributes
     ----------
     gap_mm : signed mode gap [mm]; None when mode 2 is never reached, or for a pad
     deadband_mm : summed length of the deadbands [mm]
-    margin : change of the signal, or distance of a pad's frames, over the least told 0.3 mm of depth [noise units];
+    margin : change of the signal, or distance of a pad's frames, over the least resolved 0.3 mm of depth [noise units];
         below 3 is a deadband
-    usable_mm : depth from which on depth is not told any more, or the deepest press [mm]; None where not worked out
-    in_doubt : whether the light trace's own error may hide a deadband where none was found
+    usable_mm : depth from which on depth is not resolved any more, or the deepest press [mm]; None where not computed
+    in_doubt : whether the numerical error of the light model may hide a deadband where none was found
     """
 
     gap_mm: float | None
@@ -98,12 +98,12 @@ class Brief:
 
 
 def accuracy_of_builds(design: SensorDesign) -> Accuracy:
-    """Light settings of tried builds of a design."""
+    """Light settings of a design's units."""
     return ACCURACY if plan_of(design).is_block else FORMED_ACCURACY
 
 
 def score_curves(design: SensorDesign, curves: PairCurves, readout: Readout) -> PairScore:
-    """Judge one pair's light at its receiver's gain; a clipped reading cuts the trace's error off with it."""
+    """Judge one pair's light at its receiver's gain; the trace's error of a clipped reading is clipped, too."""
     gain = readout.of_receiver(curves.pair[1])
     is_clipped = curves.total * gain >= readout.full_scale_counts
     return score_pair(
@@ -119,7 +119,7 @@ def score_curves(design: SensorDesign, curves: PairCurves, readout: Readout) -> 
 
 
 def facing_brief(design: SensorDesign, *, seed: int) -> Brief:
-    """A build of facing rows, judged by all facing pairs: gap of the middle one, deadband and margin of the worst."""
+    """A unit of facing rows, judged by all facing pairs: gap of the middle one, deadband and margin of the worst."""
     cavity = cavity_of(design)
     pairs = judged_pairs(cavity)
     depth_mm = depth_schedule_mm(design.operating.max_depth_mm, COARSE_STEP_MM)
@@ -145,7 +145,7 @@ def facing_brief(design: SensorDesign, *, seed: int) -> Brief:
 def pair_margin(
     design: SensorDesign, readout: Readout, curves: PairCurves, score: PairScore
 ) -> tuple[float, float]:
-    """Margin of a pair, and the light trace's error over its judged depth [noise units]."""
+    """Margin of a pair, and the numerical error over its judged depth [noise units]."""
     depth_mm = curves.depth_mm
     judged = depth_mm <= score.end_mm
     gain, full_scale = readout.of_receiver(curves.pair[1]), readout.full_scale_counts
@@ -156,7 +156,7 @@ def pair_margin(
 
 
 def pair_brief(design: SensorDesign, pair: Pair, *, seed: int) -> Brief:
-    """A build judged by one pair under the press at its chord's midpoint."""
+    """A unit judged by one pair under the press at its chord's midpoint."""
     place_mm = chord_midpoint_mm(cavity_of(design), pair)
     depth_mm, light, readout = _pressed(design, place_mm, (pair,), seed)
     curves = curves_of(light, pair, place_mm, slice(1, None), depth_mm)
@@ -171,14 +171,14 @@ def pair_brief(design: SensorDesign, pair: Pair, *, seed: int) -> Brief:
 
 
 def _usable_mm(design: SensorDesign, score: PairScore) -> float:
-    """Depth from which on a pair does not tell depth any more, or the deepest press [mm]."""
+    """Depth from which on a pair does not resolve depth any more, or the deepest press [mm]."""
     return design.operating.max_depth_mm if score.saturation_mm is None else score.saturation_mm[0]
 
 
 def place_brief(
     design: SensorDesign, place_mm: tuple[float, float], pairs: tuple[Pair, ...], *, seed: int
 ) -> Brief:
-    """A build judged at one place by some pairs together, over all depths; where nearly blind, by two traces."""
+    """A unit judged at one location by some pairs together, over all depths; by two traces near the threshold."""
     depth_mm, light, readout = _pressed(design, place_mm, pairs, seed)
     counts = np.stack([_counts(light, pairs, readout, first=1)] * 2)
     full_scale, once = readout.full_scale_counts, np.zeros_like(counts[0])
@@ -211,12 +211,12 @@ def _counts(light: LightSignals, pairs: tuple[Pair, ...], readout: Readout, *, f
 def responsive_pairs(
     design: SensorDesign, depth_mm: FloatArray, counts: FloatArray, pairs: tuple[Pair, ...]
 ) -> tuple[Pair, ...]:
-    """The pairs that make up most of what frames change in any part of the depth.
+    """The pairs that make up most of the change of frames in any part of the depth.
 
     Parameters
     ----------
     depth_mm : (n,) depths
-    counts : (n, pair) readings at one place
+    counts : (n, pair) readings at one location
     pairs : names of the columns
     """
     units = noise_units(counts, **noise_of(design))
@@ -234,7 +234,7 @@ def responsive_pairs(
 def _pressed(
     design: SensorDesign, place_mm: tuple[float, float], pairs: tuple[Pair, ...], seed: int
 ) -> tuple[FloatArray, LightSignals, Readout]:
-    """Depths, light and gain of one press: state 0 is the untouched pad with all pairs, then a state a depth."""
+    """Depths, light and gain of one press: state 0 is the untouched pad with all pairs, then one state per depth."""
     cavity = cavity_of(design)
     depth_mm = depth_schedule_mm(design.operating.max_depth_mm, COARSE_STEP_MM)
     light = _light(design, place_mm, depth_mm, pairs, seed, is_after_untouched=True)
@@ -250,7 +250,7 @@ def _light(
     *,
     is_after_untouched: bool = False,
 ) -> LightSignals:
-    """Light of some pairs at some depths; of all pairs on the untouched pad before them where it is asked for."""
+    """Light of some pairs at some depths; on request preceded by all pairs on the untouched pad."""
     begin = [0.0] if is_after_untouched else []
     states = states_of(np.array([place_mm]), np.concatenate([begin, depth_mm]))
     masks = np.repeat(mask_of(pairs, cavity_of(design))[np.newaxis], len(states), axis=0)
@@ -269,7 +269,7 @@ def _margin(
 def _trace_error(
     design: SensorDesign, full_scale: float, counts: FloatArray, standard_error: FloatArray
 ) -> float:
-    """Error of the light trace, pooled over depths and pairs: a single state's has too few replicates [noise units]."""
+    """Error of the light trace, pooled over depths and pairs, as one state has too few replicates [noise units]."""
     readings = np.minimum(counts, full_scale)
     errors = np.where(readings < full_scale, standard_error, 0.0)
     return float(np.sqrt(np.mean((errors / sigma_counts(readings, **noise_of(design))) ** 2)))
@@ -278,7 +278,7 @@ def _trace_error(
 CONFIDENCE = 0.95
 NORMAL_95 = 1.959964
 CUT_SIGMA = 2.0
-"""A normal tolerance's ends lie this many standard deviations from its middle, and nothing beyond."""
+"""Standard deviations from a normal tolerance's middle to its ends; no value is drawn beyond them."""
 FEWEST_BUILDS, MOST_BUILDS = 10, 100_000
 
 
@@ -286,19 +286,19 @@ BuildJudge = Callable[[SensorDesign], Brief]
 
 
 def pair_judge(pair: Pair, name: str, *, seed: int) -> tuple[str, BuildJudge]:
-    """Builds judged by one pair under its own press."""
+    """A judge of units by one pair under its own press."""
     return name, lambda build: pair_brief(build, pair, seed=seed)
 
 
 def facing_judge(*, seed: int) -> tuple[str, BuildJudge]:
-    """Builds of facing rows judged by all facing pairs, as the verdict is."""
+    """A judge of units of facing rows by all facing pairs, as for the verdict."""
     return "the facing pairs", lambda build: facing_brief(build, seed=seed)
 
 
 def place_judge(
     design: SensorDesign, pad_map: PadMap, light: LightSignals, readout: Readout, *, seed: int
 ) -> tuple[str, BuildJudge]:
-    """Builds of a pad judged at the design's weakest place, by the pairs that answer there."""
+    """A judge of units of a pad at the design's location of least margin, by the pairs that respond there."""
     weak = pad_map.weakest
     place_mm = (weak.x_mm, weak.y_mm)
     pairs = _answering_pairs(design, light, place_mm, readout)
@@ -314,7 +314,7 @@ def verdict_judge(
     *,
     seed: int,
 ) -> tuple[str, BuildJudge]:
-    """Builds judged by what the verdict of the design is about."""
+    """A judge of units by the pairs, or the location, on which the design's verdict depends."""
     if pad_map is None or light is None or is_facing_rows(cavity_of(design)):
         return facing_judge(seed=seed)
     return place_judge(design, pad_map, light, readout, seed=seed)
@@ -331,10 +331,10 @@ def _answering_pairs(
 
 
 class Memo(Protocol):
-    """Where finished builds are kept, so that an interrupted study goes on where it stopped."""
+    """A store of judged units, so that an interrupted study continues where it stopped."""
 
     def get(self, name: str) -> Any | None:
-        """What was kept under a name; None when nothing."""
+        """The data kept under a name; None when there are none."""
 
     def put(self, name: str, result: Any) -> None:
         """Keep plain data under a name."""
@@ -342,18 +342,18 @@ class Memo(Protocol):
 
 @dataclass(frozen=True, kw_only=True)
 class BuildStudy:
-    """The builds of a study.
+    """The units of a study.
 
     Attributes
     ----------
-    judged : what was judged
-    seed : of the draw
-    as_designed : the design itself, judged as the builds are
-    tolerances : what was varied, in the order of `values`
+    judged : the judged pairs or location, in words
+    seed : seed of the draw
+    as_designed : the design itself, judged as the units are
+    tolerances : the varied values, in the order of `values`
     values : (build, tolerance) drawn values, each in its unit
-    deadband_mm, margin : (build,) summed deadband [mm] and margin to one [noise units]; NaN where nothing was judged
-    in_doubt : (build,) whether the light trace's error may turn the verdict
-    unjudged : why builds could not be judged, with the number of builds
+    deadband_mm, margin : (build,) summed deadband [mm] and margin to one [noise units]; NaN where not judged
+    in_doubt : (build,) whether the numerical error may change the verdict
+    unjudged : why units could not be judged, with the number of units
     """
 
     judged: str
@@ -368,40 +368,40 @@ class BuildStudy:
 
     @property
     def builds(self) -> int:
-        """Builds that were judged."""
+        """Number of units that were judged."""
         return int(np.isfinite(self.deadband_mm).sum())
 
     @property
     def kept(self) -> int:
-        """Builds that keep the verdict."""
+        """Number of units that keep the verdict."""
         judged = self.deadband_mm[np.isfinite(self.deadband_mm)]
         return int(((judged > 0.0) == (self.as_designed.deadband_mm > 0.0)).sum())
 
     @property
     def kept_share(self) -> float:
-        """Share of the judged builds that keep the verdict [-]."""
+        """Share of the judged units that keep the verdict [-]."""
         return self.kept / self.builds
 
     @property
     def kept_interval(self) -> tuple[float, float]:
         """Exact binomial interval of that share at 95 % [-]."""
-        from scipy.stats import binomtest  # takes long to import, and only a study needs it
+        from scipy.stats import binomtest  # its import takes long, and only a study needs it
 
         found = binomtest(self.kept, self.builds).proportion_ci(CONFIDENCE, method="exact")
         return float(found.low), float(found.high)
 
     @property
     def doubtful(self) -> int:
-        """Judged builds whose verdict the light trace's error may turn."""
+        """Number of judged units whose verdict the numerical error may change."""
         return int(self.in_doubt.sum())
 
     @property
     def firmness(self) -> FloatArray:
-        """(build,) margin of builds without a deadband, minus its length for builds with one; an order, no unit."""
+        """(build,) margin of units without a deadband, minus its length for units with one; an order, no unit."""
         return np.where(self.deadband_mm > 0.0, -self.deadband_mm, self.margin)
 
     def rank_correlations(self) -> tuple[tuple[float, float, float], ...]:
-        """Spearman's correlation of each value with `firmness`, and its 95 % interval; zeros where all builds agree."""
+        """Spearman's correlation of each value with `firmness`, and its 95 % interval; zeros where all units agree."""
         from scipy.stats import spearmanr
 
         judged = np.isfinite(self.deadband_mm)
@@ -456,16 +456,16 @@ def build_study(
     seed: int,
     on_step: Callable[[float], None] | None = None,
 ) -> BuildStudy:
-    """Judge builds with all tolerances drawn at once.
+    """Judge units with all tolerances drawn at once.
 
     Parameters
     ----------
-    judge : the brief of a build; called for the design as it is first
-    builds : how many; a power of two covers the tolerances most evenly
+    judge : the brief of a unit; called for the design itself first
+    builds : number of units; a power of two covers the tolerances most evenly
 
     Raises
     ------
-    InputError : a number of builds that is too small or too large, or nothing that varies.
+    InputError : the number of units is too small or too large, or no value varies.
     """
     if not FEWEST_BUILDS <= builds <= MOST_BUILDS:
         raise InputError(f"--builds: {builds} is refused: needs {FEWEST_BUILDS} to {MOST_BUILDS} units")
@@ -514,7 +514,7 @@ def drawn_values(tolerances: Sequence[Tolerance], builds: int, seed: int) -> Flo
 def remembered(
     judge: Callable[[SensorDesign], Brief], memo: Memo | None, name: str
 ) -> Callable[[SensorDesign], Brief]:
-    """A judge that looks a build up first, and keeps what it finds."""
+    """A judge that looks a unit up first, and keeps its result."""
     if memo is None:
         return judge
 

@@ -1,30 +1,30 @@
-"""Why depth is not told: which pairs should have answered over a blind interval, and what each of them lacks.
+"""Why depth is not resolved: the pairs that should have responded over an interval, and the reason why each did not.
 
-    blind interval of a place ──► pairs whose chord runs under the tip ──► what each lacks there ──► the cause
+    interval at a location ──► pairs whose chord runs under the tip ──► reason of each pair there ──► the cause
 
-Of a pair's light under the press, T is what the top mirrors (skirt included), D what comes straight. Over the interval:
+T is the pair's light mirrored by the top under the press (skirt included), D the direct light. Over the interval:
 
-    clipped   it reads at full scale over half of it or more
-    dim       all of its light is worth less than 6 noise units: too little to answer twice
+    clipped   the reading is at full scale over half of it or more
+    dim       all of its light is less than 6 noise units: too little to resolve three depths
     cancel    T and D each change by 3 noise units or more, their sum by less
-    apart     D is still whole (over 90 % of D(0)): mode 1 is over, mode 2 has not begun
+    apart     D is still complete (over 90 % of D(0)): mode 1 has ended, mode 2 has not begun
     used up   D is gone (below 10 % of D(0))
-    slight    none of these: it changes, by less than 3 noise units
+    slight    none of these: the light changes by less than 3 noise units
 
-The cause is what most of them lack, weighted by their untouched light; `none near` where no chord runs under the tip.
-`short_mm` says by how much the modes miss each other: of `apart` from the end of mode 1 to where the tip reaches the
-straight light (traced, or by the parts' upper edges where no press reaches it), of `used up` from where D is gone to
-the deepest press. It is about how much lower, or higher, all parts sit than would do.
+The cause is the reason of most pairs, weighted by their untouched light; `none near` where no chord is under the tip.
+`short_mm` is the distance between the modes: for `apart` from the end of mode 1 to the depth at which the tip reaches
+the direct light (traced, or by the components' upper edges where no press reaches it), for `used up` from the depth at
+which D is gone to the deepest press. It is about the height by which all components sit too low, or too high.
 
-Left out: pairs whose mirrored light alone runs near; interplay of pairs, each of which is looked at by itself.
+Left out: pairs of which only the mirrored light runs near; interaction of pairs, each of which is judged alone.
 
-Light that rises under a press: pairs that read more than untouched, how much, and by which light.
+Light that rises under a press: pairs whose reading exceeds the untouched one, by how much, and by which path.
 
-A press can only take straight light away. What rises is mirrored: beside the tip the press tilts the top, which then
+A press can only reduce direct light. Rising light is mirrored: next to the tip the press tilts the top, which then
 mirrors more of an emitter into a receiver than the untouched top. Under a dome most of a pair's light is mirrored. Its
-reading rises first, and falls when the tip takes the mirror away.
+reading rises first, and falls when the tip removes the mirroring surface.
 
-Left out: pairs that are nearly dark untouched, of which any light is a large share.
+Left out: pairs that are nearly dark untouched, for which any light is a large share.
 """
 
 from __future__ import annotations
@@ -47,9 +47,9 @@ from sims.verdict.presses import PairCurves, curves_of
 
 Part = Literal["smooth top", "flank of the dimple", "other light"]
 LEAST_RISE = 0.05
-"""A smaller share of the untouched light is not named [-]: 5 % are 15 noise units at a relative noise of 0.3 %."""
+"""Smallest share of the untouched light that is reported [-]: 5 % are 15 noise units at a relative noise of 0.3 %."""
 ERRORS = 2.0
-"""Nor is one within so many standard errors of the light."""
+"""A rise within this many standard errors of the light is not reported either."""
 DARK = 0.05
 """A pair with less than this share of the median pair's untouched light is dark [-]."""
 
@@ -60,10 +60,10 @@ class Rise:
 
     Attributes
     ----------
-    pair : its name, as E1-R3; share : its light over its untouched light [-]
-    place_mm : (x, y), depth_mm : of that press [mm]
-    part : the light that grows most
-    pairs, judged : how many pairs rise at some press of the map, of how many that are not dark
+    pair : name, as E1-R3; share : its light over its untouched light [-]
+    place_mm : (x, y) of that press; depth_mm : its depth [mm]
+    part : the path of light that grows most
+    pairs, judged : number of pairs that rise at some press of the map, and of pairs that are not dark
     """
 
     pair: str
@@ -76,7 +76,7 @@ class Rise:
 
     @property
     def sentence(self) -> str:
-        """In words."""
+        """The rise in words."""
         x_mm, y_mm = self.place_mm
         why = (
             "the press tilts the top towards the receiver, which mirrors more light"
@@ -108,7 +108,7 @@ def rise_of(light: LightSignals, pairs: Mapping[str, tuple[int, int]]) -> Rise |
 
     Parameters
     ----------
-    light : of single presses, the untouched pad among them
+    light : light of single presses, the untouched pad included
     pairs : emitter and receiver by name
     """
     untouched = light.presses[:, 2] <= 0.0
@@ -144,24 +144,24 @@ Lack = Literal["clipped", "dim", "cancel", "apart", "used up", "slight", "none n
 Kind = Literal["deadband", "fade"]
 
 WHOLE, GONE = 0.9, 0.1
-"""Shares of a pair's straight light above which it is whole, below which it is gone [-]."""
+"""Shares of a pair's direct light above which it is complete, and below which it is gone [-]."""
 ANSWERS_TWICE = 2.0 * DEADBAND_THRESHOLD
-"""A pair with less light than this cannot tell three depths apart [noise units]."""
+"""A pair with less light than this cannot resolve three depths [noise units]."""
 MOST_WITNESSES = 12
-"""Pairs under the tip that are looked at, the brightest first."""
+"""Most pairs under the tip that are examined, the brightest first."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Witness:
-    """A pair that should have answered.
+    """A pair that should have responded.
 
     Attributes
     ----------
-    pair : its name, as E1-R3; lack : what it lacks over the interval
+    pair : name, as E1-R3; lack : why it does not respond over the interval
     mirrored, straight : light left where the interval starts, over that of the untouched pad [-]
     untouched_counts, change : reading of the untouched pad [counts], change over the interval [noise units]
-    mode1_end_mm, mode2_onset_mm, mode2_end_mm : of its light at this place [mm]; None where no press reaches it
-    reach_mm : depth at which the tip meets the straight path's upper edge, by the parts' heights [mm]
+    mode1_end_mm, mode2_onset_mm, mode2_end_mm : of its light at this location [mm]; None where no press reaches it
+    reach_mm : depth at which the tip meets the direct path's upper edge, by the components' heights [mm]
     """
 
     pair: str
@@ -178,13 +178,13 @@ class Witness:
 
 @dataclass(frozen=True, kw_only=True)
 class Cause:
-    """Why depth is not told over an interval.
+    """Why depth is not resolved over an interval.
 
     Attributes
     ----------
     kind : deadband (the signal comes back) or fade (the range ends)
-    place_mm : (x, y) of the press; depth_mm : the blind interval [mm]
-    lack : what most pairs under the tip lack; short_mm : by how much, see above [mm]; None where it has no length
+    place_mm : (x, y) of the press; depth_mm : the interval [mm]
+    lack : the reason of most pairs under the tip; short_mm : its length, see above [mm]; None where it has none
     witnesses : the pairs under the tip, the brightest first
     """
 
@@ -197,7 +197,7 @@ class Cause:
 
     @property
     def typical(self) -> Witness | None:
-        """Of the witnesses that lack this the one in the middle by where its modes lie; None without any."""
+        """The median witness with this reason, by the depths of its modes; None without any."""
         lacking = [one for one in self.witnesses if one.lack == self.lack]
         order = sorted(lacking, key=lambda one: _or(one.mode2_onset_mm, np.inf) - one.mode1_end_mm)
         return order[(len(order) - 1) // 2] if order else None
@@ -217,11 +217,11 @@ class Cause:
 def causes_of_pad(
     design: SensorDesign, pad_map: PadMap, light: LightSignals, readout: Readout
 ) -> tuple[Cause, ...]:
-    """The cause of every blind interval of every place, the worst place first.
+    """The cause of every interval without resolution at every location, the worst location first.
 
     Parameters
     ----------
-    light : of the map's presses, places outermost
+    light : light of the map's presses, locations outermost
     """
     cavity = cavity_of(design)
     depth_mm = np.asarray(light.presses).reshape(len(pad_map.places), -1, 3)[0, :, 2]
@@ -239,7 +239,7 @@ def causes_of_pad(
 def causes_of_pairs(
     design: SensorDesign, judged: Sequence[tuple[PairCurves, PairScore]], readout: Readout
 ) -> tuple[Cause, ...]:
-    """The cause of every blind interval of facing pairs, each under its own press, the worst first."""
+    """The cause of every such interval of facing pairs, each under its own press, the worst first."""
     cavity, found = cavity_of(design), []
     for curves, score in judged:
         blind: list[tuple[Kind, Interval]] = [("deadband", span) for span in score.deadbands_mm]
@@ -252,7 +252,7 @@ def causes_of_pairs(
 
 
 def _severity(cause: Cause) -> tuple[bool, float]:
-    """Deadbands first, the longest first."""
+    """Sort key: deadbands first, the longest first."""
     return cause.kind != "deadband", cause.depth_mm[0] - cause.depth_mm[1]
 
 
@@ -270,7 +270,7 @@ def _curves_under(
     place_mm: tuple[float, float],
     depth_mm: FloatArray,
 ) -> list[PairCurves]:
-    """Light against depth of the pairs whose chord runs within a tip radius of the place, the brightest first."""
+    """Light against depth of the pairs whose chord runs within a tip radius of the location, the brightest first."""
     under = [
         curves_of(light, (int(e), int(r)), place_mm, states, depth_mm)
         for e, r in np.argwhere(direct_path_pairs(cavity))
@@ -307,7 +307,7 @@ def _cause(
 
 
 def _short_mm(lack: Lack, witnesses: Sequence[Witness], deepest_mm: float) -> float | None:
-    """Median over the witnesses that lack this."""
+    """Median over the witnesses with this reason."""
     lacking = [one for one in witnesses if one.lack == lack]
     if lack == "apart":
         lengths = [
@@ -360,7 +360,7 @@ def _lack(
     full_scale: float,
     noise: dict[str, float],
 ) -> Lack:
-    """What a pair lacks, from its total, mirrored and straight counts (depth, 3) over the interval."""
+    """Why a pair does not respond, from its total, mirrored and direct counts (depth, 3) over the interval."""
     if (limited >= full_scale).mean() >= 0.5:
         return "clipped"
     if float(noise_units(min(whole, full_scale), **noise)) < ANSWERS_TWICE:
@@ -375,7 +375,7 @@ def _lack(
 
 
 def _reach_mm(cavity: CavityGeometry, curves: PairCurves) -> float:
-    """Depth at which the tip meets the straight path's upper edge [mm]."""
+    """Depth at which the tip meets the direct path's upper edge [mm]."""
     ends = (cavity.emitters[curves.pair[0]], cavity.receivers[curves.pair[1]])
     _, share = beside_chord(cavity, curves.pair, curves.press_mm)
     upper = [min(one.height_mm + one.half_height_mm, cavity.clear_mm) for one in ends]

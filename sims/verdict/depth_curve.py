@@ -1,4 +1,4 @@
-"""The numbers that a verdict depends on, in one place; every function takes them as keywords.
+"""The numbers on which a verdict depends, collected here; every function takes them as keywords.
 
 Sources
 -------
@@ -14,8 +14,8 @@ Sources
 
 Signals sampled at depths, read as the straight lines between the samples.
 
-Everything the verdict says about depth (mode boundaries, deadbands) is exact for this interpolant, so
-it does not depend on any finer grid. What the samples themselves miss between two depths is missed.
+Every depth in the verdict (mode boundaries, deadbands) is exact for this interpolant, so it does not
+depend on any finer grid. Changes between two samples are not seen.
 
 Counts on a scale where equal steps are equal numbers of standard deviations.
 
@@ -30,20 +30,20 @@ reading; the difference of two readings is √2 times as noisy.
 
 Source: Bartlett, "The use of transformations", Biometrics 3 (1947); default figures in `defaults`.
 
-The error of a Monte-Carlo light trace, and what it can do to a verdict.
+The error of a Monte-Carlo light trace, and its effect on a verdict.
 
 The noise of a reading is modelled (`noise_units`); the error of the simulation that predicts the
-mean reading is not noise of the sensor, and must never pass for information. Jitter between depths
-widens the range of a flat signal, so it *hides* deadbands; on a slope just steep enough it can also
-make one up. Errors of neighbouring depths share random numbers and are correlated to an unknown degree,
-so they cannot be subtracted in quadrature. What is given instead:
+mean reading is not noise of the sensor, and must not count as signal. Jitter between depths widens the
+range of a flat signal, so it *hides* deadbands; on a slope just steep enough it can also create one.
+Errors of neighbouring depths share random numbers and are correlated to an unknown degree, so they
+cannot be subtracted in quadrature. Two figures are given instead:
 
 - the noise margin: the largest standard error within an interval, in noise units. Up to one half, the
   range that errors add to a constant stays on average below the deadband threshold; above, a verdict
   carries a warning;
 - possible deadbands: those found when the threshold is raised by 4.09 times the margin, the mean range
-  of 30 independent errors (Tippett 1925). Correlation lowers that range. It is a band of doubt,
-  not a confidence limit, and it leaves out bias of the trace.
+  of 30 independent errors (Tippett 1925). Correlation lowers that range. The band is not a
+  confidence limit, and it leaves out bias of the trace.
 
 The range of piecewise-linear signals within a sliding window of depth, without a resampling grid.
 
@@ -100,7 +100,7 @@ TRACE_ERROR_SPREAD: Final = 4.09
 
 
 def require_depths_mm(depth_mm: ArrayLike) -> FloatArray:
-    """Depths as an array, refused unless they start untouched and grow.
+    """Depths as an array; refused unless they start at 0 (untouched) and increase.
 
     Parameters
     ----------
@@ -127,11 +127,11 @@ def require_depths_mm(depth_mm: ArrayLike) -> FloatArray:
 
 
 def require_samples(name: str, values: ArrayLike, depth_mm: FloatArray, *, axes: int = 1) -> FloatArray:
-    """Samples as an array, refused unless there is one finite row a depth.
+    """Samples as an array; refused unless there is one finite row per depth.
 
     Parameters
     ----------
-    name : what to call the samples in a message
+    name : name of the samples in a message
     values : (n,) or, with axes = 2, (n, m) samples
     depth_mm : (n,) depths [mm]
     axes : number of axes that the samples must have
@@ -156,7 +156,7 @@ def interpolated(depth_mm: FloatArray, values: FloatArray, at_mm: FloatArray) ->
     ----------
     depth_mm : (n,) increasing depths [mm]
     values : (n, ...) samples
-    at_mm : (m,) depths asked for [mm]; outside the samples the end value holds
+    at_mm : (m,) requested depths [mm]; outside the samples the end value holds
 
     Returns
     -------
@@ -217,7 +217,7 @@ def clipped(
 
 
 def share_above(depth_mm: FloatArray, values: FloatArray, level: float) -> float:
-    """Share of the depth range over which a curve lies above a level.
+    """Share of the depth range over which a curve is above a level.
 
     Parameters
     ----------
@@ -323,7 +323,7 @@ def noise_of(design: SensorDesign) -> dict[str, float]:
 
 
 def samples_between(depth_mm: FloatArray, start_mm: float, end_mm: float) -> slice:
-    """The samples that straight lines between two depths rest on, those at or just outside the ends included."""
+    """The samples that define the straight lines between two depths, those at or just outside the ends included."""
     first = int(np.searchsorted(depth_mm, start_mm, side="right")) - 1
     return slice(max(first, 0), int(np.searchsorted(depth_mm, end_mm, side="left")) + 1)
 
@@ -344,7 +344,7 @@ def noise_margin(
     depth_mm : (n,) depths of the press [mm]; the first 0, increasing
     counts : (n,) or (n, pair) mean readings [counts]
     standard_error_counts : same shape, standard error of these means from the trace [counts]
-    within_mm : interval (from, to) that is looked at, its ends included [mm]; None is all depths
+    within_mm : interval (from, to) to examine, its ends included [mm]; None is all depths
     read_noise_counts, relative_noise : noise of one reading [counts], [-]
 
     Returns
@@ -369,7 +369,7 @@ def noise_margin(
 def widened_threshold(
     margin: float, *, threshold: float = DEADBAND_THRESHOLD, spread: float = TRACE_ERROR_SPREAD
 ) -> float:
-    """Deadband threshold that also takes in the range which trace errors may add.
+    """Deadband threshold that includes the range which trace errors may add.
 
     Parameters
     ----------
@@ -393,11 +393,11 @@ def trace_noise_warning(
     ----------
     margin : largest standard error of the trace over the judged depth [noise units]
     hidden_mm : length of possible deadband beyond the deadband found [mm]
-    limit : margin up to which nothing is said [noise units]
+    limit : margin up to which there is no warning [noise units]
 
     Returns
     -------
-    one sentence with the value, the limit and the way out; None when the trace is fine enough
+    one sentence with the value, the limit and the remedy; None when the trace is fine enough
     """
     if margin <= limit:
         return None
@@ -418,7 +418,7 @@ GOLDEN_STEPS = 60
 def flat_intervals_mm(
     depth_mm: FloatArray, units: FloatArray, length_mm: float, threshold: float
 ) -> tuple[Interval, ...]:
-    """Depths that lie in some window over which every signal's range is below a threshold.
+    """Depths in some window over which every signal's range is below a threshold.
 
     Parameters
     ----------
@@ -450,7 +450,7 @@ def flat_intervals_mm(
 def smallest_range(depth_mm: FloatArray, units: FloatArray, length_mm: float) -> float:
     """Smallest range of a signal, or of the most responsive of several, within any window of a given length.
 
-    As `smallest_ranges`.
+    Parameters are those of `smallest_ranges`.
 
     Returns
     -------
@@ -534,7 +534,7 @@ def _range_lines(
 def _inner_extremes(
     depth_mm: FloatArray, units: FloatArray, start_mm: FloatArray, length_mm: float
 ) -> tuple[FloatArray, FloatArray, BoolArray]:
-    """Smallest and largest sample strictly inside each window, and which windows hold none."""
+    """Smallest and largest sample strictly inside each window, and which windows contain none."""
     begin = np.searchsorted(depth_mm, start_mm, side="right")
     stop = np.searchsorted(depth_mm, start_mm + length_mm, side="left")
     low = np.zeros((start_mm.size, units.shape[1]))
@@ -548,7 +548,7 @@ def _inner_extremes(
 def _shares_below(
     at_first: FloatArray, at_last: FloatArray, threshold: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Open part of each cell, as shares 0 to 1, where all lines of all pairs lie below a threshold."""
+    """Open part of each cell, as shares 0 to 1, where all lines of all pairs are below a threshold."""
     rise = at_last - at_first
     crossing = (threshold - at_first) / np.where(rise == 0.0, np.inf, rise)
     first_below, last_below = at_first < threshold, at_last < threshold

@@ -1,31 +1,31 @@
-"""How far the light trace's own error moves continuity, evenness and strength.
+"""Errors of continuity, evenness and strength from the numerical error of the light model.
 
-The light of a pair is drawn again, every depth moved by a normal error with the standard error of its trace, and judged
-again. A figure's error is the root mean square distance of the draws from what was judged, so a shift counts, too:
-jitter adds to the range of flat stretches. Of a pad's medians over pairs likewise, pair by pair drawn anew; pairs that
-a symmetry makes one share their draws.
+The light of a pair is drawn again, with a normal error of the trace's standard error at every depth, and judged again.
+A figure's error is the root mean square distance of the draws from the judged value, which includes a shift: jitter
+adds to the range of flat parts. The medians over a pad's pairs are drawn likewise, pair by pair; pairs that are
+equal by symmetry share their draws.
 
-Left out: errors of neighbouring depths go together to an unknown degree (they are drawn apart, which is too much jitter
-and too little drift), that of the untouched pad, whose light has no replicates, errors of the gain, of the boundaries
-of the modes (they have their own), and of the models.
+Left out: the unknown correlation of errors at neighbouring depths (they are drawn independently, which has too much
+jitter and too little drift); the error of the untouched pad, whose light has no replicates; errors of the gain, of the
+boundaries of the modes (computed separately), and of the models.
 
 Mode boundaries in newtons: the load at which a mode starts or ends, with the band of the modulus.
 
-    depth of the boundary ──► load of the press there, at the modulus believed most and at both ends of its band
+    depth of the boundary ──► load of the press there, at the best value of the modulus and at both ends of its band
 
 Depths do not depend on the modulus (light sees the shape only, and the shape of a frictionless layer does not
 depend on its stiffness); loads are proportional to it. So a softer mix moves every boundary in newtons and none in
-millimetres. The load is that of the pair's own press, near walls included where the contact model covers the
-place; elsewhere that of the centred press, and `is_at_place` says so.
+millimetres. The load is that of the pair's own press where the contact model covers its location, near walls included;
+elsewhere it is that of the centred press, and `is_at_place` is False.
 
 Left out: the error of the contact model, friction, viscosity.
 
-How far the light trace's own error may move the boundaries of the modes.
+Errors of the boundaries of the modes from the numerical error of the light model.
 
 A boundary is where a curve crosses a level, so an error of the curve moves it by that error over the curve's slope
-there. The trace tells the standard error of the whole light only; it is taken for that of the mirrored and of the
-direct part, too, which is too much for the direct part (quadrature, no rays). Errors of the level (a share of the
-curve's range) and of neighbouring depths, which partly cancel, are left out.
+there. The trace gives the standard error of the whole light only; the same is assumed for the mirrored and the direct
+part, which is too much for the direct part (quadrature, no rays). Errors of the level (a share of the curve's range)
+and of neighbouring depths, which partly cancel, are left out.
 """
 
 from __future__ import annotations
@@ -95,7 +95,7 @@ def boundary_forces(modes: Modes, force: LoadCurve, *, is_at_place: bool = True)
 
 
 def place_force(design: SensorDesign, place_mm: tuple[float, float]) -> tuple[LoadCurve, bool]:
-    """Load against depth of a press at a place, and whether it is that place's or the centred press's."""
+    """Load against depth of a press at a location, and whether it is that location's, not the centred press's."""
     depth_mm = depth_schedule_mm(design.operating.max_depth_mm)
     try:
         return load_curve(design, solved_press(design, at_mm=place_mm), depth_mm), True
@@ -114,7 +114,7 @@ def mode_errors_mm(curves: PairCurves, modes: Modes) -> tuple[Errors, Errors]:
 
 
 def _moved_mm(curves: PairCurves, light: FloatArray, boundary_mm: float | None) -> float | None:
-    """Standard error over slope, both in the segment that holds the boundary [mm]."""
+    """Standard error over slope, both in the segment that contains the boundary [mm]."""
     if boundary_mm is None:
         return None
     depth = curves.depth_mm
@@ -129,18 +129,18 @@ FIGURES = ("continuity", "evenness", "swing", "resolvable_steps")
 """Columns of drawn figures: shares [-], and a number of steps."""
 
 DRAWS = 16
-"""How often a pair is drawn again: its errors are then known to a sixth."""
+"""Number of draws of a pair: its errors are then known to a sixth."""
 
 SEED = 20170601
 
 SAME = 1e-4
-"""Pressed curves that agree to this are one [counts]."""
+"""Pressed curves that agree to this count as the same [counts]."""
 
 
 def drawn_figures(
     design: SensorDesign, curves: Sequence[PairCurves], scores: Sequence[PairScore], readout: Readout
 ) -> FloatArray:
-    """(pair, draw, figure) figures of pairs drawn again, in the order of `FIGURES`."""
+    """(pair, draw, figure) figures of redrawn pairs, in the order of `FIGURES`."""
     known: dict[bytes, FloatArray] = {}
     found = []
     for number, (of_pair, score) in enumerate(zip(curves, scores, strict=True)):
@@ -155,7 +155,7 @@ def drawn_figures(
 
 
 def _content(curves: PairCurves, gain: float, end_mm: float) -> bytes:
-    """What is the same for pairs that a symmetry makes one, to round-off; their untouched light is each pair's own."""
+    """Key of a pair that is the same, to round-off, for pairs equal by symmetry; each keeps its own untouched light."""
     pressed = slice(1, None)
     light = np.concatenate([curves.total[pressed], curves.standard_error[pressed]])
     return np.rint(np.append(gain * light, end_mm) / SAME).astype(np.int64).tobytes()
@@ -183,7 +183,7 @@ def _figures(
     end_mm: float,
     full_scale_counts: float,
 ) -> FloatArray:
-    """(figure,) of one curve of counts, as `sims.verdict.pair_score` works them out."""
+    """(figure,) of one curve of counts, as `sims.verdict.pair_score` computes them."""
     noise = noise_of(design)
     at_mm, counts = clipped(depth_mm, unlimited, full_scale_counts)
     _, units = between(at_mm, noise_units(counts, **noise), 0.0, end_mm)

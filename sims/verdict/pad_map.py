@@ -1,32 +1,32 @@
-"""The pad as a whole: at every place of the workspace, what all judged readings of a frame tell of depth.
+"""The pad as a whole: at every location of the workspace, the depths that all judged readings of a frame resolve.
 
-What one frame of all judged readings tells of depth at a place: told apart, deadband, fade.
+Depth from one frame of all judged readings at a location: resolved, deadband, end of the range.
 
 Model
 -----
-A frame is the readings of all judged pairs, limited at full scale, on the scale of noise units u. Two depths are told
-apart if their frames are at least 3 noise units apart,
+A frame is the readings of all judged pairs, limited at full scale, on the scale of noise units u. Two depths are
+resolved if their frames are at least 3 noise units apart,
 
     D²(a, b) = Σ over pairs (u(b) - u(a))²  >=  3².
 
-A place is blind over an interval of at least 0.3 mm of which no two depths are told apart; intervals that overlap are
-one. One after which the signal comes back is a deadband; one that runs to the deepest press is fade: there the range
-ends. With one pair this is the pair's own deadband (`pair.deadbands`).
+Depth is not resolved over an interval of at least 0.3 mm in which no two depths are resolved; overlapping intervals
+are merged. If the signal comes back below, it is a deadband; if it runs to the deepest press (fade), the usable range
+ends there. With one pair this is the pair's own deadband (`pair.deadbands`).
 
-The light's own error would pass for distance. Light traced twice with other random offsets gives independent halves A
+The numerical error would count as distance. Light traced twice with other random offsets gives independent halves A
 and B, and Σ ΔA ΔB has the mean D²: errors average out. The halves' scatter, σ² = Σ (ΔA - ΔB)² / 4n over n pairs, gives
 the standard deviation of that sum, 2 σ √(D² + n σ²); less than two of them from the threshold is open. Where light was
-traced once, D² lies between the sum of squares and that less 2 Σ (s²(a) + s²(b)), s its standard errors: those of two
-depths may add, though with common offsets they mostly cancel, and the sum as it is is believed most.
+traced once, D² is between the sum of squares and that less 2 Σ (s²(a) + s²(b)), with its standard errors s: those of
+two depths may add, though with common offsets they mostly cancel, so the sum itself is the best estimate.
 
-Between the depths traced, frames lie on straight lines; windows start every 0.02 mm.
+Between the depths traced, frames are on straight lines; windows start every 0.02 mm.
 
-What the pad tells at each depth of each place: the verdict's own rule, depth by depth.
+Resolution of the pad at each depth of each location: the verdict's own rule, depth by depth.
 
-The verdict asks of a place whether some 0.3 mm of depth pass in which no two frames are 3 noise units apart
-(`frame_depths`). Here the largest distance of two frames is given for the 0.3 mm centred on each depth, and moved
-inward at both ends of the press, read every 0.05 mm. The light's own error is in it: where the verdict takes that out
-by a second trace, its margin can be smaller.
+The verdict tests whether a location has 0.3 mm of depth in which no two frames are 3 noise units apart
+(`read_depths`). Here the largest distance of two frames is given for the 0.3 mm centred on each depth, and moved
+inward at both ends of the press, read every 0.05 mm. The numerical error is included: where the verdict removes it by
+a second trace, its margin can be smaller.
 """
 
 from __future__ import annotations
@@ -56,23 +56,23 @@ from sims.verdict.depth_curve import (
 Interval = tuple[float, float]
 
 STEPS = 15
-"""Steps of a window of 0.3 mm."""
+"""Number of steps in a window of 0.3 mm."""
 SURE = 2.0
 """Standard deviations from the threshold beyond which a distance is no longer open."""
 BOUND = 2.0
-"""Variances of light traced once that are taken off its distances at most: errors of two depths may add or cancel."""
+"""Most trace variances subtracted from distances of light traced once: errors of two depths may add or cancel."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Frames:
-    """The readings of a place against depth.
+    """The readings at a location against depth.
 
     Attributes
     ----------
     depth_mm : (n,) increasing depths from 0 [mm]
     halves : (2, n, pair) readings by independent traces, limited at full scale; twice the same where traced once
         [noise units]
-    variance : (n,) of the trace, summed over pairs, where it was traced once; 0 elsewhere
+    variance : (n,) variance of the trace, summed over pairs, where it was traced once; 0 elsewhere
     """
 
     depth_mm: FloatArray
@@ -82,12 +82,12 @@ class Frames:
 
 @dataclass(frozen=True, kw_only=True)
 class Blindness:
-    """Where in depth a place is blind.
+    """The depths that are not resolved at a location.
 
     Attributes
     ----------
     deadbands_mm : intervals after which the signal comes back [mm]
-    usable_mm : where the last one begins that runs to the deepest press, else the deepest press [mm]
+    usable_mm : start of the interval that runs to the deepest press, else the deepest press [mm]
     """
 
     deadbands_mm: tuple[Interval, ...]
@@ -96,16 +96,16 @@ class Blindness:
 
 @dataclass(frozen=True, kw_only=True)
 class DepthReading:
-    """What frames of a place tell of depth.
+    """The resolution of depth by a location's frames.
 
     Attributes
     ----------
-    blind : by the distances believed most
-    least, most : blind as little and as much as the light's own error allows
-    margin, margin_error : of the least told 0.3 mm before the range ends, the distance of its most distant frames and
-        what the light's error may add to it [noise units]
-    margin_mm : where that is [mm]
-    open_mm : depths, in order, of windows that the light's error leaves open; they may overlap [mm]
+    blind : intervals by the best estimate of the distances
+    least, most : the shortest and longest intervals that the numerical error allows
+    margin, margin_error : distance of the most distant frames in the least resolved 0.3 mm before the range ends, and
+    its possible numerical error [noise units]
+    margin_mm : depths of that window [mm]
+    open_mm : depths, in order, of windows that the numerical error leaves open; they may overlap [mm]
     """
 
     blind: Blindness
@@ -118,7 +118,7 @@ class DepthReading:
 
     @property
     def is_open(self) -> bool:
-        """Whether the light's own error may make or hide a deadband."""
+        """Whether the numerical error may make or hide a deadband."""
         return bool(self.least.deadbands_mm) != bool(self.most.deadbands_mm)
 
     @property
@@ -130,12 +130,12 @@ class DepthReading:
 def read_depths(
     frames: Frames, *, threshold: float = DEADBAND_THRESHOLD, min_length_mm: float = DEADBAND_MIN_LENGTH_MM
 ) -> DepthReading:
-    """Judge a place.
+    """Judge a location.
 
     Parameters
     ----------
-    frames : of the place, to a deepest press of at least the shortest deadband
-    threshold : distance at which two depths are told apart [noise units]
+    frames : frames at the location, to a deepest press of at least the shortest deadband
+    threshold : distance at which two depths are resolved [noise units]
     min_length_mm : shortest interval that counts [mm]
     """
     deepest = float(frames.depth_mm[-1])
@@ -163,7 +163,7 @@ def read_depths(
 
 
 def _square_distances(frames: Frames, at_mm: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """(m, m) squared distances of the frames at some depths: at least, believed most, at most."""
+    """(m, m) squared distances of the frames at some depths: at least, best estimate, at most."""
     one, two = (interpolated(frames.depth_mm, half, at_mm) for half in frames.halves)
     once = interpolated(frames.depth_mm, frames.variance[:, None], at_mm)[:, 0]
     pairs = one.shape[1]
@@ -193,7 +193,7 @@ def _widest(square: FloatArray) -> FloatArray:
 
 
 def _blindness(starts: FloatArray, length: float, is_blind: BoolArray, deepest: float) -> Blindness:
-    """Deadbands and usable depth from which windows are blind."""
+    """Deadbands and usable depth, from the windows in which depth is not resolved."""
     merged: list[list[float]] = []
     for start in starts[is_blind]:
         if merged and start <= merged[-1][1] + 1e-9:
@@ -212,13 +212,13 @@ FINE_PLACES = 11
 
 @dataclass(frozen=True, kw_only=True)
 class Place:
-    """One press place of the map.
+    """One press location of the map.
 
     Attributes
     ----------
     x_mm, y_mm : press centre in the cavity frame
-    depths : what its frames tell of depth
-    answering_pairs : judged pairs that change by the threshold or more over the whole press
+    depths : the resolution of depth by its frames
+    answering_pairs : number of judged pairs that change by the threshold or more over the whole press
     """
 
     x_mm: float
@@ -228,7 +228,7 @@ class Place:
 
     @property
     def deadbands_mm(self) -> tuple[Interval, ...]:
-        """Depth intervals over which depth cannot be told, and after which it can again [mm]."""
+        """Intervals over which depth is not resolved, and after which it is resolved again [mm]."""
         return self.depths.blind.deadbands_mm
 
     @property
@@ -238,27 +238,27 @@ class Place:
 
     @property
     def usable_mm(self) -> float:
-        """Depth from which on depth cannot be told any more, or the deepest press [mm]."""
+        """Depth from which on depth is not resolved any more, or the deepest press [mm]."""
         return self.depths.blind.usable_mm
 
     @property
     def margin(self) -> float:
-        """Distance of frames over the least told 0.3 mm before the range ends [noise units]; below 3 is blind."""
+        """Distance of frames over the least resolved 0.3 mm before the range ends [noise units]; below 3: deadband."""
         return self.depths.margin
 
     def is_blind(self, depth_mm: float) -> bool:
-        """Whether a depth lies in a deadband, or beyond the usable depth."""
+        """Whether a depth is in a deadband, or beyond the usable depth."""
         return depth_mm > self.usable_mm or any(start <= depth_mm <= end for start, end in self.deadbands_mm)
 
 
 @dataclass(frozen=True, kw_only=True)
 class PadMap:
-    """All places of a rectangular grid that lie in the workspace.
+    """All locations of a rectangular grid that are in the workspace.
 
     Attributes
     ----------
     x_mm : (nx,) and y_mm : (ny,) grid lines [mm]
-    places : those of the grid in the workspace, y outermost; in a rectangle ny rows of nx
+    places : locations of the grid in the workspace, y outermost; in a rectangle ny rows of nx
     """
 
     x_mm: tuple[float, ...]
@@ -267,40 +267,40 @@ class PadMap:
 
     @property
     def worst(self) -> Place:
-        """The place with the most deadband; ties go to the first."""
+        """The location with the most deadband; the first one of equals."""
         return max(self.places, key=lambda place: place.deadband_total_mm)
 
     @property
     def weakest(self) -> Place:
-        """The place deepest in a deadband, else with the least usable depth, else nearest to being blind."""
+        """The location with the most deadband, then the least usable depth, then the least margin."""
         return min(
             self.places, key=lambda place: (-place.deadband_total_mm, round(place.usable_mm, 6), place.margin)
         )
 
     @property
     def usable_depth_mm(self) -> float:
-        """Least usable depth of any place [mm]."""
+        """Least usable depth of any location [mm]."""
         return min(place.usable_mm for place in self.places)
 
     @property
     def usable_range_mm(self) -> Interval:
-        """Between what depths the light trace's own error leaves that [mm]."""
+        """Usable depth at least and at most, by the numerical error of the light model [mm]."""
         least, most = zip(*(place.depths.usable_range_mm for place in self.places), strict=True)
         return min(least), min(most)
 
     @property
     def is_open(self) -> bool:
-        """Whether the light trace's own error may make or hide every deadband there is."""
+        """Whether the numerical error of the light model may make or hide every deadband."""
         sure = any(place.depths.least.deadbands_mm for place in self.places)
         return not sure and any(place.depths.most.deadbands_mm for place in self.places)
 
     def doubtful(self, most: int) -> list[int]:
-        """Numbers of the places that the light trace's error leaves open, the nearest to being blind first."""
+        """Numbers of the locations that the numerical error leaves open, the least margin first."""
         found = [number for number, place in enumerate(self.places) if place.depths.open_mm]
         return sorted(found, key=lambda number: self.places[number].margin)[:most]
 
     def open_depths(self, depth_mm: FloatArray, places: list[int]) -> BoolArray:
-        """(depth,) which of the traced depths some places are in doubt by."""
+        """(depth,) which of the traced depths leave some locations open."""
         found = np.zeros(len(depth_mm), dtype=np.bool_)
         for number in places:
             for start_mm, end_mm in self.places[number].depths.open_mm:
@@ -308,34 +308,34 @@ class PadMap:
         return found
 
     def with_places(self, found: Mapping[int, Place]) -> PadMap:
-        """The map with some places, by number, judged anew."""
+        """The map with some locations, by number, judged anew."""
         return replace(self, places=tuple(found.get(n, place) for n, place in enumerate(self.places)))
 
     @property
     def dead_share(self) -> float:
-        """Share of places with a deadband [-]."""
+        """Share of locations with a deadband [-]."""
         return sum(bool(place.deadbands_mm) for place in self.places) / len(self.places)
 
     @property
     def cells(self) -> tuple[tuple[int, int], ...]:
-        """Row and column of each place in the grid."""
+        """Row and column of each location in the grid."""
         return tuple(
             (_nearest(self.y_mm, place.y_mm), _nearest(self.x_mm, place.x_mm)) for place in self.places
         )
 
     def grid(self, of_places: Sequence[float] | FloatArray) -> FloatArray:
-        """(ny, nx, ...) what is known of every place, (place, ...); NaN outside the workspace."""
+        """(ny, nx, ...) from values of every location, (place, ...); NaN outside the workspace."""
         values = np.asarray(of_places, dtype=np.float64)
         inside = np.zeros((len(self.y_mm), len(self.x_mm)), dtype=np.bool_)
         inside[tuple(np.array(self.cells).T)] = True
         return on_grid(values, inside)
 
     def deadband_grid_mm(self) -> FloatArray:
-        """(ny, nx) summed deadband at each place [mm]."""
+        """(ny, nx) summed deadband at each location [mm]."""
         return self.grid([place.deadband_total_mm for place in self.places])
 
     def usable_grid_mm(self) -> FloatArray:
-        """(ny, nx) usable depth at each place [mm]."""
+        """(ny, nx) usable depth at each location [mm]."""
         return self.grid([place.usable_mm for place in self.places])
 
 
@@ -349,13 +349,13 @@ def place_of(
     *,
     threshold: float = DEADBAND_THRESHOLD,
 ) -> Place:
-    """Judge one place.
+    """Judge one location.
 
     Parameters
     ----------
     counts : (2, depth, pair) unlimited counts of all judged pairs by independent traces, or twice by one
     errors : (depth, pair) standard errors where there is one trace, else 0 [counts]
-    threshold : distance at which two depths are told apart [noise units]
+    threshold : distance at which two depths are resolved [noise units]
     """
     noise = noise_of(design)
     knots_mm, readings = clipped(depth_mm, np.concatenate(list(counts), axis=1), full_scale_counts)
@@ -376,7 +376,7 @@ def place_of(
 
 
 def map_grid_mm(cavity: CavityGeometry, places: int) -> tuple[FloatArray, FloatArray]:
-    """Grid lines over the workspace: ``places`` along its longer side, nearly the same pitch along the other [mm].
+    """Grid lines over the workspace: ``places`` along its longer side, at nearly the same pitch along the other [mm].
 
     Both numbers are odd, so that the lines through the middle are among them.
     """
@@ -415,7 +415,7 @@ def _lines(start_mm: float, span_mm: float, pitch_mm: float) -> FloatArray:
     count = round(span_mm / pitch_mm) + 1
     if count < 2:
         return np.array([start_mm + span_mm / 2])
-    count += 1 - count % 2  # odd, so that the middle of the pad is a place
+    count += 1 - count % 2  # odd, so that the middle of the pad is a location
     return np.linspace(start_mm, start_mm + span_mm, count)
 
 
@@ -430,8 +430,8 @@ class PadProfile:
     ----------
     depth_mm : (depth,) increasing [mm]
     change : (depth, place) largest distance of two frames within 0.3 mm around the depth [noise units]; None where the
-        light of the places is not at hand
-    is_dead : (depth, place) whether the depth lies in a deadband of the place, or beyond its usable depth
+        light of the locations is not available
+    is_dead : (depth, place) whether the depth is in a deadband of the location, or beyond its usable depth
     """
 
     depth_mm: FloatArray
@@ -450,8 +450,8 @@ def pad_profile(
 
     Parameters
     ----------
-    light, readout : of the map's presses, places outermost; None leaves the change out
-    depth_mm : (depth,) depths to tell of [mm]; of the light's own where there is light
+    light, readout : of the map's presses, locations outermost; None leaves the change out
+    depth_mm : (depth,) depths of the profile [mm]; some of the light's own where there is light
     """
     change = None
     if light is not None and readout is not None:
@@ -469,7 +469,7 @@ def pad_profile(
 def _change(
     design: SensorDesign, depth_mm: FloatArray, counts: FloatArray, full_scale_counts: float
 ) -> FloatArray:
-    """(depth,) of one place, from the unlimited counts (depth, pair)."""
+    """(depth,) change at one location, from the unlimited counts (depth, pair)."""
     knots_mm, readings = clipped(depth_mm, counts, full_scale_counts)
     units = noise_units(readings, **noise_of(design))
     length = min(DEADBAND_MIN_LENGTH_MM, float(depth_mm[-1]))

@@ -13,25 +13,25 @@ in words). The definitions in numbers, with T the specularly top-reflected and D
 Boundaries are where the monotone cubic through the samples (Fritsch and Butland 1984) crosses the level: it overshoots
 nowhere, meets straight lines exactly and smooth curves to the third power of the step, and rounds off a kink by up to
 a seventh of the step. "Stays" is judged up to the deepest press only.
-Left out: whether the change of T or D exceeds the noise; deadbands answer that.
+Left out: whether the change of T or D exceeds the noise, which deadbands show.
 
-Deadbands: depths over which a reading says nothing about depth.
+Deadbands: depths over which a reading does not resolve depth.
 
 A deadband is an interval of depth, at least 0.3 mm long, over which the signal in noise units varies by
 less than 3. Overlapping maximal intervals are merged, so a reported deadband is their *union*: every
-depth in it lies in some 0.3 mm or longer stretch that is flat, though the signal may drift by more than
+depth in it is in some flat stretch of 0.3 mm or more, though the signal may drift by more than
 3 units from one end of a long deadband to the other (a slope below 10 units/mm is one deadband
 throughout). A steep step of more than 6 units between two plateaus keeps them apart, since the interval
 of each reaches less than 3 units into the step; a smaller one does not.
 
 Intervals are those of the press up to `end_mm`, the end of mode 2: a plateau that runs past it counts
 with the part before it, and only if that part is long enough. Flatness beyond is *saturation*: the
-tip already blocks the pair, and nothing more is expected of it.
+tip already blocks the pair, so no further change is expected.
 
-Several pairs together (a pad) are blind only where all of them are: the largest of their ranges is
-below 3. A further pair can only shorten the pad's deadbands.
+Several pairs together (a pad) have a deadband only where all of them do: the largest of their ranges
+is below 3. A further pair can only shorten the pad's deadbands.
 
-The answer is exact for straight lines, in noise units, between the depths given (`window_range`).
+The result is exact for straight lines, in noise units, between the depths given (`window_range`).
 Left out: gain drift, lag, and the error of the light trace itself, for which see `trace_noise`.
 
 The verdict on one emitter-receiver pair under one press, from its light alone.
@@ -40,7 +40,7 @@ The verdict on one emitter-receiver pair under one press, from its light alone.
     total x gain ──► counts, clipped at full scale ──► noise units ──► deadbands, evenness, strength
 
 Definitions are in `modes`, `deadbands` and `noise_units`. A clipped reading is flat, so a signal over
-full scale shows as a deadband here; `peak_share_of_full_scale` tells it apart from a bad layout.
+full scale shows as a deadband here; `peak_share_of_full_scale` distinguishes it from a bad layout.
 Left out: ambient light, amplifier offset and non-linearity, crosstalk between pairs.
 """
 
@@ -76,12 +76,12 @@ from sims.verdict.depth_curve import (
 )
 
 HALVINGS = 50
-"""Halvings of a segment until the crossing is known to round-off."""
+"""Number of halvings of a segment until the crossing is known to round-off."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Modes:
-    """Where in depth the two modes act. None is an open end: not reached within the depths given.
+    """The depths at which the two modes act. None is an open end: not reached within the depths given.
 
     Attributes
     ----------
@@ -155,7 +155,7 @@ def _stays_below_from_mm(depth_mm: FloatArray, values: FloatArray, level: float)
 
 
 def _crossing_mm(depth_mm: FloatArray, values: FloatArray, segment: int, level: float) -> float:
-    """Depth where the monotone cubic through the samples meets a level that lies between the ends of a segment."""
+    """Depth where the monotone cubic through the samples meets a level between the ends of a segment."""
     cubic = PchipInterpolator(depth_mm, values).c[:, segment]
     low, high = 0.0, float(depth_mm[segment + 1] - depth_mm[segment])
     falls = values[segment] > values[segment + 1]
@@ -284,7 +284,7 @@ def longest_mm(intervals_mm: Sequence[Interval]) -> float:
 
 
 def continuity(deadbands_mm: Sequence[Interval], end_mm: float) -> float:
-    """Share of the judged depth that is not deadband: the gate of the verdict.
+    """Share of the judged depth that is not deadband; it decides the verdict.
 
     Parameters
     ----------
@@ -308,7 +308,7 @@ def evenness(
     relative_noise: float = RELATIVE_NOISE,
     window_mm: float = EVENNESS_WINDOW_MM,
 ) -> float:
-    """How evenly one pair spreads its range over the depth: the rank among pairs without a deadband.
+    """How evenly one pair spreads its range over the depth; it ranks pairs without a deadband.
 
     Parameters
     ----------
@@ -335,7 +335,7 @@ def evenness(
 
 
 def _end_within(depth_mm: FloatArray, end_mm: float | None) -> float:
-    """End of the judged depth, refused outside the depths given."""
+    """End of the judged depth; refused outside the depths given."""
     deepest = float(depth_mm[-1])
     if end_mm is None:
         return deepest
@@ -352,7 +352,7 @@ def _require_positive(**values: float) -> None:
 
 @dataclass(frozen=True, kw_only=True)
 class Strength:
-    """How much signal there is to work with, at the common gain.
+    """Strength of the signal at the common gain.
 
     Attributes
     ----------
@@ -368,7 +368,7 @@ class Strength:
 
 @dataclass(frozen=True, kw_only=True)
 class PairScore:
-    """Verdict on one pair. Lengths are depths [mm]; None is open, absent or not asked for.
+    """Verdict on one pair. Lengths are depths [mm]; None is open, absent or not requested.
 
     Attributes
     ----------
@@ -479,7 +479,7 @@ def score_pair(
 def _unlimited_counts(
     depth_mm: FloatArray, total: ArrayLike, gain_counts_per_flux: float, full_scale_counts: float
 ) -> FloatArray:
-    """Counts of a converter without full scale; refused when they cannot be readings."""
+    """Counts of a converter without full scale; refused when they are no possible readings."""
     for name, value in (
         ("gain_counts_per_flux", gain_counts_per_flux),
         ("full_scale_counts", full_scale_counts),

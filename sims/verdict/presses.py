@@ -1,8 +1,8 @@
-"""The presses that a verdict needs, and their light: one press a judged pair, and a map of the pad.
+"""The presses that a verdict needs, and their light: one press per judged pair, and a map of the pad.
 
 A pair is pressed at the midpoint of its chord; pairs with the same midpoint share their states.
 Only the pairs judged at a state are traced there. Presses that a symmetry of the layout carries onto each
-other are traced once, which the light engine sees to.
+other are traced once by the light engine.
 """
 
 from __future__ import annotations
@@ -24,40 +24,40 @@ from sims.press import NEAR_CONTACT_MM, depth_schedule_mm
 Pair = tuple[int, int]
 
 NEAR_SHARE = 0.3
-"""Share of a map's progress that its depths near contact stand for."""
+"""Share of a map's progress for its depths near contact."""
 
 PAIR_ACCURACY = replace(
     ACCURACIES["standard"], image_step=0.1, top_rings=48, top_columns=120, repeat_share=1e-4
 )
-"""Settings of single pairs: a deadband is told by changes of 3 noise units, about 1 % of the signal, so the jitter
+"""Settings of single pairs: a deadband is defined by changes of 3 noise units, about 1 % of the signal, so the jitter
 from depth to depth must stay well below one unit."""
 
 MAP_ACCURACY = ACCURACIES["score"]
-"""Settings of the quick map. Below 0.3 % rms of the untouched signal (docs/validation/light.md); on the paper's pad the
-margins of places then differ between seeds as much as they do at "standard", 0.9 noise units rms."""
+"""Settings of the quick map. Errors are below 0.3 % rms of the untouched signal (docs/validation/light.md); on the
+paper's pad margins differ between seeds as much as at "standard", 0.9 noise units rms."""
 
 FORMED_PAIR_STEP = 0.35
 """Least image step of single pairs in discs and crowned pads, whose lattices are closer: on the crowned preset and the
 dome, 0.6 mm deep and deeper, changes err by 0.05 to 0.25 % rms of the untouched signal, under a noise unit."""
 
 NEAR_MM = 0.4
-"""Signals begin within this depth where a layout is any good [mm]; there a map has more depths and finer light."""
+"""Signals of a good layout begin within this depth [mm]; up to it a map has more depths and finer light."""
 
 NEAR_ACCURACY = MIRRORED_FINER
 """Settings of a map's light up to `NEAR_MM`."""
 
 DOUBT_ACCURACIES = (ACCURACIES["standard"], PAIR_ACCURACY)
-"""Settings of places that the map's own error leaves open, tried in turn. Offsets are common to all depths, so what two
-depths differ by errs less than either: at (16, 11) mm of the paper's pad, 4.2 to 4.8 mm deep, by 0.4, 0.2 and 0.1 noise
-units (rms of pairs) with the map's, standard and the single pairs' settings."""
+"""Settings of locations that the map's own error leaves open, tried in turn. Offsets are common to all depths, so the
+difference of two depths has a smaller error than either: at (16, 11) mm of the paper's pad, 4.2 to 4.8 mm deep, 0.4,
+0.2 and 0.1 noise units (rms of pairs) with the map's, standard and the single pairs' settings."""
 SECOND_SEED = 1_000_003
-"""Added to the seed for a second, independent trace."""
+"""Number added to the seed for a second, independent trace."""
 
 MOST_TRACED_AGAIN = 12
-"""Most places that are traced again."""
+"""Most locations that are traced again."""
 
 SPECULAR_CLASSES = ("top", "skirt")
-"""Path classes whose sum is the light reflected at the top surface: what mode 1 takes away."""
+"""Path classes whose sum is the light reflected at the top surface, which mode 1 removes."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -68,8 +68,8 @@ class PairCurves:
     ----------
     pair : emitter and receiver number
     press_mm : (x, y) of the press
-    depth_mm, direct, top, diffuse, total, standard_error : (n,) each; top holds all specular light; errors of presses
-        are those of what they differ by
+    depth_mm, direct, top, diffuse, total, standard_error : (n,) each; top is all specular light; errors of presses are
+    those of their difference from untouched
     """
 
     pair: Pair
@@ -92,7 +92,7 @@ def untouched_flux(
 
 
 def accuracy_of_pairs(design: SensorDesign, accuracy: str | Accuracy = PAIR_ACCURACY) -> str | Accuracy:
-    """Settings of a design's single pairs, of those asked for."""
+    """Settings of a design's single pairs, from the requested ones."""
     if isinstance(accuracy, str) or plan_of(design).is_block:
         return accuracy
     return replace(accuracy, image_step=max(accuracy.image_step, FORMED_PAIR_STEP))
@@ -133,7 +133,7 @@ def pad_light(
     seed: int,
     on_step: OnShare | None = None,
 ) -> LightSignals:
-    """All pairs at every place and depth; states run through depths first.
+    """Light of all pairs at every location and depth; states run through depths first.
 
     Parameters
     ----------
@@ -145,7 +145,7 @@ def pad_light(
 
 
 def map_depths_mm(max_depth_mm: float, step_mm: float) -> FloatArray:
-    """(depth,) depths of a map: a schedule with all depths near contact, where the lightest press is felt [mm]."""
+    """(depth,) depths of a map: a schedule with all depths near contact, for the detection threshold [mm]."""
     near = [depth for depth in NEAR_CONTACT_MM if depth < max_depth_mm]
     return np.unique(np.concatenate([near, depth_schedule_mm(max_depth_mm, step_mm)]))
 
@@ -160,7 +160,7 @@ def map_light(
     near: Accuracy = NEAR_ACCURACY,
     on_step: OnShare | None = None,
 ) -> LightSignals:
-    """As `pad_light`, but with the settings `near` up to `NEAR_MM`."""
+    """Light as from `pad_light`, but with the settings `near` up to `NEAR_MM`."""
     is_near = depth_mm <= NEAR_MM
     stages = [(is_near, near), (~is_near, accuracy)]
     parts = [
@@ -174,13 +174,13 @@ def map_light(
 
 
 def _part_of(on_step: OnShare | None, part: int) -> OnShare | None:
-    """The share of a map of which one of two parts tells its own share."""
+    """Progress of a map from the progress of one of its two parts."""
     start, end = ((0.0, NEAR_SHARE), (NEAR_SHARE, 1.0))[part]
     return None if on_step is None else lambda share: on_step(start + (end - start) * share)
 
 
 def _joined(parts: Sequence[LightSignals], places: int) -> LightSignals:
-    """Light of the same places at several depths after one another: states run through depths first."""
+    """Light of the same locations with the depths of all parts joined: states run through depths first."""
 
     def whole(arrays: Sequence[FloatArray]) -> FloatArray:
         columns = [array.reshape(places, -1, *array.shape[1:]) for array in arrays]

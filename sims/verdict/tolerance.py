@@ -1,10 +1,10 @@
-"""How firm a verdict is: the build judged again at both ends of every open value's band.
+"""Confidence of a verdict: the unit is judged again at both ends of every unmeasured parameter's band.
 
-One value at a time, all others at their design value, the gain set anew (as it would be on that
-build). Ranked by whether an end turns the verdict, then by how far it moves the margin to a deadband.
-Left out: values off together (`build_study` draws them), bands that nobody has given.
+One parameter moves at a time, with all others at their design value and the gain set anew (as it would
+be on that unit). Rows are ranked by whether an end changes the verdict, then by the change of margin.
+Left out: several parameters off together (`build_study` draws them), parameters without a band.
 
-What small steps of a design's fields do, as data: figures before and after, one field at a time.
+Sensitivity to small steps of a design's fields, as data: figures before and after, one field at a time.
 """
 
 from __future__ import annotations
@@ -21,9 +21,9 @@ from sims.verdict.builds import Brief
 from sims.verdict.depth_curve import DEADBAND_THRESHOLD
 
 AMPLE_MARGIN = 2.0 * DEADBAND_THRESHOLD
-"""Margin from which more of it is worth nothing: accuracy is then weighed [noise units]."""
+"""Margin above which more margin has no weight, and accuracy is weighed instead [noise units]."""
 WORTH_NOISE_UNITS = 0.1
-"""Depth that a noise unit of margin is worth where changes are weighed against each other [mm]."""
+"""Depth that weighs as much as a noise unit of margin when changes are compared [mm]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,9 +32,9 @@ class Effect:
 
     Attributes
     ----------
-    usable_mm, deadband_mm : usable depth and summed deadband of what is judged [mm]
-    margin : distance of frames over the least told 0.3 mm of depth [noise units]; below 3 is a deadband
-    location_mm, depth_mm : bounds of place and depth of one frame [mm]; None where blind, and the place of facing rows
+    usable_mm, deadband_mm : usable depth and summed deadband of the judged pair or location [mm]
+    margin : distance of frames over the least resolved 0.3 mm of depth [noise units]; below 3 is a deadband
+    location_mm, depth_mm : bounds of location and depth [mm]; None where not resolved, and for location of facing rows
     """
 
     usable_mm: float
@@ -44,10 +44,10 @@ class Effect:
     depth_mm: float | None
 
     def gain_over(self, other: Effect) -> float:
-        """How much better than another [mm].
+        """Gain over another effect [mm].
 
-        Usable depth more and deadband less, a tenth of a mm a noise unit up to `AMPLE_MARGIN`; from there on accuracy,
-        a mm a factor e of the bound (of place; of depth where there is none).
+        It sums more usable depth, less deadband, a tenth of a mm per noise unit up to `AMPLE_MARGIN`, and from there on
+        a mm per factor e of the bound (of location; of depth where there is none).
         """
         reached, before = min(self.margin, AMPLE_MARGIN), min(other.margin, AMPLE_MARGIN)
         gain = (self.usable_mm - other.usable_mm) - (self.deadband_mm - other.deadband_mm)
@@ -55,7 +55,7 @@ class Effect:
         return gain + self._finer_than(other) if before == AMPLE_MARGIN else gain
 
     def _finer_than(self, other: Effect) -> float:
-        """Logarithm of the ratio of bounds; 1 for what turns from blind to told, -1 the other way."""
+        """Logarithm of the ratio of bounds; 1 where only this one is resolved, -1 where only the other is."""
         has_place = self.location_mm is not None or other.location_mm is not None
         now, was = (self.location_mm, other.location_mm) if has_place else (self.depth_mm, other.depth_mm)
         if now is None or was is None:
@@ -75,7 +75,7 @@ class Effect:
 
 @dataclass(frozen=True, kw_only=True)
 class FieldStep:
-    """One field a step down and a step up; None where that is no design, or the models do not answer.
+    """One field a step down and a step up; None where that breaks a rule, or the models do not cover it.
 
     Attributes
     ----------
@@ -88,7 +88,7 @@ class FieldStep:
     higher: Effect | None
 
     def gains(self, design: Effect) -> tuple[float | None, float | None]:
-        """How much better each side is than the design as it is [mm]."""
+        """Gain of each side over the unchanged design [mm]."""
         lower, higher = (None if one is None else one.gain_over(design) for one in (self.lower, self.higher))
         return lower, higher
 
@@ -99,9 +99,9 @@ class FieldSteps:
 
     Attributes
     ----------
-    judged : what was looked at: the governing pair's name, or the pad at its weakest place
+    judged : the judged pair's name, or the pad at its location of least margin
     bounds_at_mm : (x, y, depth) of the bounds [mm]
-    as_designed : figures of the design as it is
+    as_designed : figures of the unchanged design
     """
 
     judged: str
@@ -110,7 +110,7 @@ class FieldSteps:
     rows: tuple[FieldStep, ...]
 
     def better_sides(self) -> dict[str, int]:
-        """The side of each field that is better: -1 lower, 1 higher; fields in order of what their step gains."""
+        """The better side of each field: -1 lower, 1 higher; fields in order of the gain of their step."""
         found = []
         for row in self.rows:
             known = [
@@ -143,11 +143,11 @@ class FieldSteps:
 
 @dataclass(frozen=True, kw_only=True)
 class ToleranceRow:
-    """One open value and what its band does to the governing pair.
+    """One unmeasured parameter and the effect of its band on the governing pair.
 
     Attributes
     ----------
-    path, confidence : dotted path to measure, and how firm its value is
+    path, confidence : dotted path to measure, and the confidence of its value
     values : the low and high end tried
     gap_mm : mode gap at both ends [mm]; None when mode 2 is never reached
     deadband_mm : summed deadband at both ends [mm]
@@ -164,7 +164,7 @@ class ToleranceRow:
     flips: bool
 
     def effect(self, design: Brief) -> tuple[bool, float, float]:
-        """Sort key: turns the verdict; largest move of the deadband [mm]; of the margin [noise units]."""
+        """Sort key: whether the verdict changes; largest change of the deadband [mm]; of the margin [noise units]."""
         return (
             self.flips,
             max(abs(value - design.deadband_mm) for value in self.deadband_mm),
@@ -174,15 +174,15 @@ class ToleranceRow:
 
 @dataclass(frozen=True, kw_only=True)
 class ToleranceBand:
-    """All open values, the strongest effect on the verdict first.
+    """All unmeasured parameters, the strongest effect on the verdict first.
 
     Attributes
     ----------
-    judged : what was judged: the governing pair's name, or the pad at its weakest place
+    judged : the governing pair's name, or the pad at its location of least margin
     deadband_mm, gap_mm, margin : at the design's own values [mm], [mm], [noise units]
     rows : ranked
-    unbanded : open values that have no band, so that nothing can be said of them
-    untried : ends of bands at which no build can be judged, and why
+    unbanded : unmeasured parameters without a band, whose effect is unknown
+    untried : ends of bands at which no unit can be judged, and why
     """
 
     judged: str
@@ -201,7 +201,7 @@ class ToleranceBand:
 
     @property
     def flipping(self) -> tuple[str, ...]:
-        """Paths whose band turns the verdict."""
+        """Paths whose band changes the verdict."""
         return tuple(row.path for row in self.rows if row.flips)
 
     def to_json(self) -> dict[str, Any]:
@@ -227,13 +227,13 @@ def tolerance_band(
     *,
     added: Sequence[UsedValue] = (),
 ) -> ToleranceBand:
-    """Try both ends of every open value's band.
+    """Try both ends of every unmeasured parameter's band.
 
     Parameters
     ----------
-    judged : what the judge looks at, for messages
-    judge : the brief of a build; called for the design as it is first
-    added : further values with bands, such as tolerances of making; they replace open values of the same path
+    judged : the judged pair or location, for messages
+    judge : the brief of a unit; called for the unchanged design first
+    added : further values with bands, such as manufacturing tolerances; they replace parameters of the same path
     """
     as_designed = judge(design)
     replaced = {used.path for used in added}

@@ -1,4 +1,4 @@
-"""What a trial found: a few fields moved, and the verdict on the design with them moved."""
+"""The result of a trial: a few fields moved, and the verdict on the design with them moved."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class TriedMove:
     Attributes
     ----------
     changes : moved values by dotted path
-    deadband_mm, usable_mm : summed deadband and usable depth of what is judged [mm]
+    deadband_mm, usable_mm : summed deadband and usable depth of the judged pairs or location [mm]
     margin : distance of frames over the least resolved 0.3 mm of depth [noise units]; below 3 is a deadband
     """
 
@@ -51,12 +51,12 @@ class Trial:
 
     Attributes
     ----------
-    kind : what is to be fixed: "deadband", or "fade" where the usable depth ends early
-    found : "move" or "more parts" by what helps; "none" where nothing that was tried does
-    moves : fields of what helps
+    kind : the problem to be fixed: "deadband", or "fade" where the usable depth ends early
+    found : "move" or "more parts", whichever helps; "none" where no trial helps
+    moves : the moves that help
     verdict, deadband_mm, usable_mm, margin : on the moved design [-, mm, mm, noise units]; None where nothing helps
-    judged : what the verdict is about, and by which light
-    searched : what the search judged in brief, in words
+    judged : the judged pairs or locations, and the light settings, in words
+    searched : the pairs or location that the search judged in brief, in words
     tried : the moves that were judged in brief, in order
     farthest_mm : largest move that was tried [mm]
     more_parts_tried : whether one more component a side was tried

@@ -1,4 +1,4 @@
-"""Solved presses, shipped and kept, and the smooth interpolation between them.
+"""Solved presses, shipped and cached, and the smooth interpolation between them.
 
-Imports of ours: solver, walls, and the tip and the scope of `sims.contact`.
+It imports solver, walls, and the tip and the scope of `sims.contact`.
 """

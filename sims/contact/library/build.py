@@ -1,15 +1,15 @@
-"""Make the library of solved presses anew: two solves a layer, pad and crown, in parallel, resumable.
+"""Compute the library of solved presses: two solves per layer, pad and crown, in parallel, resumable.
 
-Every finished solve is stored in the cache of solved presses at once, so an interrupted build goes on
-where it stopped. Workers are processes of their own, one thread each; a solve is a pure function of its
-inputs, so their number does not change the result.
+Every finished solve is stored in the cache of solved presses at once, so an interrupted run continues
+where it stopped. Workers are separate processes, one thread each; a solve is a pure function of its
+inputs, so the number of workers does not change the result.
 
 Reduce a solved press to smooth functions of depth, `SmoothPress`.
 
 The splines are least squares fits with one interval for every `DEPTHS_PER_INTERVAL` solved depths.
 Contact on a mesh comes facet by facet, which makes edges and forces jitter as the contact grows (at a
 spacing of a fifteenth of the tip radius by up to 10 µm and 0.4 % for a 3 mm tip, near 1 mm depth), and
-light is differentiated with respect to depth. `FitResidual` says how far the solved states lie from the fit.
+light is differentiated with respect to depth. `FitResidual` has the distance of the solved states from the fit.
 
 Solve a design's press live: both Poisson's ratios at once, one thread each.
 """
@@ -70,7 +70,7 @@ from sims.contact.scope import (
 from sims.contact.tip import tip_coordinate, tip_of, tip_outline
 
 DEPTHS_PER_INTERVAL = 3
-"""Solved depths for one interval of the splines."""
+"""Number of solved depths for one interval of the splines."""
 
 
 def _resampled(points: FloatArray, wall_radius: float) -> FloatArray:
@@ -96,7 +96,7 @@ def tributary_areas(radius: FloatArray, height: FloatArray) -> FloatArray:
 def _load_inside(
     force: FloatArray, radius: FloatArray, height: FloatArray, along: FloatArray, edge: float
 ) -> FloatArray:
-    """(share,) part of the load within `LOAD_SHARES` of the contact; a node carries its own area's load."""
+    """(share,) part of the load within `LOAD_SHARES` of the contact; a node has the load of its own area."""
     count = int(np.flatnonzero(force > 0.0)[-1]) + 1
     inside = np.cumsum(force[:count]) / force[:count].sum()
     reach = np.cumsum(tributary_areas(radius, height))[: count - 1]
@@ -143,7 +143,7 @@ def _residual(states: FloatArray, fitted: FloatArray) -> FitResidual:
 
 
 def interval_knots(places: FloatArray) -> FloatArray:
-    """Knots of the cubic splines for increasing sample places, the ends four times."""
+    """Knots of the cubic splines for increasing sample positions, the ends four times."""
     inner = places[DEPTHS_PER_INTERVAL:-DEPTHS_PER_INTERVAL:DEPTHS_PER_INTERVAL]
     return np.concatenate([np.repeat(places[0], 4), inner, np.repeat(places[-1], 4)])
 
@@ -176,14 +176,14 @@ def fit_press(unit: UnitPress) -> SmoothPress:
 DEFAULT_MESH = 0.1
 """Node spacing under the tip [tip radii]: 0.3 mm for a 3 mm tip."""
 MESH_RANGE = (0.04, 0.15)
-"""Spacings that are accepted [tip radii]; coarser facets bridge the equator of the tip and lose the contact
-edge, finer ones may chatter at deep presses (which is refused, not hidden)."""
+"""Accepted spacings [tip radii]; coarser facets bridge the equator of the tip and lose the contact edge, finer
+ones may chatter at deep presses (which is refused, not hidden)."""
 LEAST_DEPTH = 0.4 / 3
-"""A live solve goes at least so deep, so that a smooth description has enough depths [tip radii]."""
+"""Least depth of a live solve, so that a smooth description has enough depths [tip radii]."""
 
 
 _SMOOTH: dict[tuple[int, int], tuple[UnitPress, UnitPress, SmoothPress]] = {}
-"""Presses made of this process's solutions, by their identity (they are kept alive beside it)."""
+"""Presses made of this process's solutions, by the solutions' identity (the entry keeps them alive)."""
 
 
 def mesh_size(design: SensorDesign, mesh_mm: float | None) -> float:
@@ -191,7 +191,7 @@ def mesh_size(design: SensorDesign, mesh_mm: float | None) -> float:
 
     Raises
     ------
-    InputError : outside `MESH_RANGE`
+    InputError : the spacing is outside `MESH_RANGE`
     """
     if mesh_mm is None:
         return DEFAULT_MESH
@@ -237,11 +237,11 @@ def live_press(
 def both_ratios(
     inputs: PressInputs, on_step: OnShare | None
 ) -> tuple[UnitPress, SmoothPress, tuple[str, ...]]:
-    """The press at both `POISSON_RATIOS`, whatever that of the inputs is; returns and errors of `live_press`.
+    """The press at both `POISSON_RATIOS`, regardless of the inputs' ratio; returns and errors of `live_press`.
 
     Parameters
     ----------
-    inputs : what is pressed, and how
+    inputs : all inputs of the solution
     on_step : called with the fraction done
     """
     tell = _Progress(on_step)
@@ -256,7 +256,7 @@ def both_ratios(
 
 
 def live_note(design: SensorDesign, mesh_mm: float | None) -> str:
-    """Why and how a press was solved live, and that its error is not known as the library's is."""
+    """A note why and how a press was solved live, and that its error is not known as the library's is."""
     tip = tip_radius_mm(design)
     spacing = DEFAULT_MESH * tip if mesh_mm is None else mesh_mm
     return (
@@ -304,7 +304,7 @@ def library_depths(layer: float) -> tuple[float, ...]:
 def entry_inputs(
     layer: float, poisson_ratio: float, wall_radius: float = WALL_RADIUS, crown: float = 0.0
 ) -> PressInputs:
-    """What an entry's solve depends on."""
+    """The inputs on which an entry's solve depends."""
     return PressInputs(
         layer=layer,
         mesh_size=LIBRARY_MESH,
@@ -329,7 +329,7 @@ def entry_press(layer: float, wall_radius: float = WALL_RADIUS, crown: float = 0
 
 
 def slope_and_bow(flat: SmoothPress, crowned: Sequence[SmoothPress]) -> tuple[FloatArray, FloatArray]:
-    """(coefficient, VALUES) factors of the crown and of its square in what two crowns change of a flat pad."""
+    """(coefficient, VALUES) factors of the crown and of its square in the changes of a flat pad by two crowns."""
     powers = np.array([[press.crown, press.crown**2] for press in crowned])
     changes = np.array([press.coefficients - flat.coefficients for press in crowned])
     slope, bow = np.tensordot(np.linalg.inv(powers), changes, axes=1)
@@ -339,7 +339,7 @@ def slope_and_bow(flat: SmoothPress, crowned: Sequence[SmoothPress]) -> tuple[Fl
 def crown_changes(
     flat: Mapping[Pad, SmoothPress], crowned: Mapping[Pad, Sequence[SmoothPress]], centre: Pad = CROWN_CENTRE
 ) -> CrownChanges:
-    """What crowns change, in the solved pads and, by sums, in the others.
+    """Changes by crowns, in the solved pads and, by sums, in the others.
 
     Parameters
     ----------
@@ -378,7 +378,7 @@ def assembled(
     ----------
     presses : the entries, thinnest first
     pads : the `WALL_LAYERS` in every other pad, smallest first
-    crowned : what crowns change of them
+    crowned : changes of them by crowns
     """
     entries = {press.layer_depth: press.coefficients for press in presses}
     return Library(

@@ -6,18 +6,18 @@ its wall at `WALL_RADIUS`. Between them every spline coefficient is a cubic spli
 press has a corner where the two limits meet (2.125 tip radii), so thin and thick layers have splines of their own that
 share that entry.
 
-What another wall changes is solved at the fewer `WALL_LAYERS`, at each of `PAD_RADII`, and added: every coefficient's
+The change by another wall is solved at the fewer `WALL_LAYERS`, at each of `PAD_RADII`, and added: every coefficient's
 change is a cubic spline in 1/radius (zero at `WALL_RADIUS`), and between the layers a straight line in 1/depth for thin
 ones, a parabola for thick ones. Outside the entries nothing is extrapolated.
 
-What a spherical crown changes, pressed at its apex, is added too. Every coefficient's change is a crown + b crown², the
-crown being tip radius over crown radius; heights of the surface are those above the untouched top. Both factors follow
-from two crowns in one pad, the centre of the crowned ones (`CROWN_CENTRE`); b is taken from there. The slope a follows
-from the largest crown of the other `CROWN_LAYERS` in that wall, and of that layer in the other of the `CROWN_RADII`.
-What another wall changes of it is taken to be the same in every layer. It is a parabola in 1/depth and a straight line
-in 1/radius, which is continued to the largest pad (contact-interpolation.md measures a press there).
+The change by a spherical crown, pressed at its apex, is added too. Every coefficient's change is a crown + b crown²,
+where crown is tip radius over crown radius; heights of the surface are those above the untouched top. Both factors
+follow from two crowns in one pad, the centre of the crowned ones (`CROWN_CENTRE`); b is taken from there. The slope a
+follows from the largest crown of the other `CROWN_LAYERS` in that wall, and of that layer in the other `CROWN_RADII`.
+Its change by another wall is assumed to be the same in every layer. It is a parabola in 1/depth and a straight line in
+1/radius, which is continued to the largest pad (contact-interpolation.md measures a press there).
 
-`optopad contact build` makes the file anew; docs/validation/contact.md has the error of the solver,
+`optopad contact build` computes the file again; docs/validation/contact.md has the error of the solver,
 contact-interpolation.md that of the interpolation.
 """
 
@@ -45,7 +45,7 @@ FILE = "profiles.npz"
 FORMAT = 3
 """Version of the file's layout."""
 MOST_BYTES = 50_000_000
-"""Of its arrays unpacked; they have 0.6 MB."""
+"""Largest size of its unpacked arrays; they have 0.6 MB."""
 CORNER = DEEPEST_PRESS / LARGEST_SHARE_OF_LAYER
 """Layer at which the two limits of the press meet [tip radii]: 2.125."""
 LAYERS = (1.3, 1.45, 1.63, 1.85, CORNER, 2.4, 2.7, 3.0, 3.5, 4.2, 5.0, 6.0)
@@ -63,19 +63,19 @@ CROWN_LAYERS = (CORNER, 3.0, 6.0)
 CROWN_RADII = (WALL_RADIUS_RANGE[0], WALL_RADIUS)
 """Radii of the pads in which crowns are solved [tip radii]; flat ones are solved in them too."""
 CROWN_CENTRE = (3.0, WALL_RADIUS)
-"""Layer and pad of which both, the other layers and the other pads, are solved under crowns [tip radii]."""
+"""Layer and pad that the other crowned layers and the other crowned pads have in common [tip radii]."""
 LARGEST_REACH = 0.8
-"""Radius of the wall over that of the crown, at most [-]: the top then falls by 53 degrees at the wall."""
+"""Largest radius of the wall over that of the crown [-]: the top then slopes by 53 degrees at the wall."""
 _JOIN = 1e-9
 
 
 def deepest_press(layer: float) -> float:
-    """Deepest press of a layer that the library holds; both in tip radii."""
+    """Deepest press of a layer in the library; both in tip radii."""
     return min(LARGEST_SHARE_OF_LAYER * layer, DEEPEST_PRESS)
 
 
 def largest_crown(layer: float, wall_radius: float) -> float:
-    """The largest crown [-] that `require_crown` lets pass, in steps of 0.0001.
+    """The largest crown [-] that `require_crown` accepts, in steps of 0.0001.
 
     Parameters
     ----------
@@ -87,7 +87,7 @@ def largest_crown(layer: float, wall_radius: float) -> float:
 
 
 def solved_crowns(layer: float, wall_radius: float) -> tuple[float, ...]:
-    """The crowns that are solved in a pad [-], the largest last; at the centre half of that too.
+    """The crowns that are solved in a pad [-], the largest last; at the centre also half of it.
 
     Parameters
     ----------
@@ -107,8 +107,8 @@ def require_crown(layer: float, wall_radius: float, crown: float) -> None:
 
     Raises
     ------
-    InputError : a crown that is no number from 0 on
-    ModelScopeError : too curved a crown, too thin or too thick a layer, too steep or too thin a rim
+    InputError : the crown is no number from 0 on
+    ModelScopeError : the crown is too curved, the layer too thin or too thick, or the rim too steep or too thin
     """
     if not (math.isfinite(crown) and crown >= 0.0):
         raise InputError(f"crown: {crown:g} must be 0 (flat) or more")
@@ -151,7 +151,7 @@ def _charts(layers: FloatArray) -> tuple[Chart, Chart]:
 
 @dataclass(frozen=True, kw_only=True)
 class CrownChanges:
-    """What crowns change of the coefficients of flat pads; lengths in tip radii.
+    """Changes of the coefficients of flat pads by crowns; lengths in tip radii.
 
     Attributes
     ----------
@@ -202,7 +202,7 @@ class Library:
     wall_layers : (wall layer,) increasing elastic depths of which other walls are known, `CORNER` among them
     pad_radii : (pad,) increasing radii of other walls
     wall_changes : (wall layer, pad, coefficient, VALUES) coefficients less those of the entry
-    crowned : what crowns change
+    crowned : changes by crowns
     residual : (layer, 6) of the fits, in the order of `FitResidual`
     recipe : version of the solver that made it
     versions : names and versions of the programs that made it
@@ -223,7 +223,7 @@ class Library:
     versions: tuple[str, ...]
 
     def covers(self, layer: float) -> bool:
-        """Whether a layer lies between the thinnest and the thickest entry."""
+        """Whether a layer is between the thinnest and the thickest entry."""
         return bool(self.layers[0] - _JOIN <= layer <= self.layers[-1] + _JOIN)
 
     @cached_property
@@ -248,12 +248,12 @@ class Library:
         Parameters
         ----------
         layer : elastic depth, under a crown that at its apex, which `covers` accepts [tip radii]
-        wall_radius : of the bonded wall, moved into the solved range [tip radii]; None is that of the entries
+        wall_radius : radius of the bonded wall, moved into the solved range [tip radii]; None is that of the entries
         crown : tip radius over the radius of the top, pressed at its apex; 0 is flat [-]
 
         Raises
         ------
-        InputError, ModelScopeError : a crown that is not covered, see `require_crown`
+        InputError, ModelScopeError : the crown is not covered, see `require_crown`
         """
         asked = self.wall_radius if wall_radius is None else wall_radius
         radius = float(np.clip(asked, self.pad_radii[0], self.pad_radii[-1]))
@@ -312,7 +312,7 @@ def pack(library: Library) -> dict[str, NDArray[np.generic]]:
 
 @cache
 def shipped_library() -> Library:
-    """The library that comes with the package, read once."""
+    """The library shipped with the package, read once."""
     with resources.as_file(resources.files("sims.contact.library").joinpath("data", FILE)) as file:
         held = plain_arrays(file, most_bytes=MOST_BYTES)
     if int(held["format"]) != FORMAT or held["coefficients"].shape[2] != VALUES:
@@ -340,7 +340,7 @@ def shipped_library() -> Library:
 
 
 def library_differences(left: Library, right: Library) -> tuple[float, float]:
-    """How far two libraries of the same layers and pads are apart.
+    """Difference of two libraries of the same layers and pads.
 
     Returns
     -------

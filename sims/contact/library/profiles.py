@@ -1,6 +1,6 @@
-"""The solver's states of one layer, as they were solved: surfaces, forces and checks at stored depths.
+"""The solver's unfitted states of one layer: surfaces, forces and checks at stored depths.
 
-Lengths in tip radii, forces in E R². `press_fit` makes smooth functions of depth of them.
+Lengths are in tip radii, forces in E R². `build.fit_press` fits smooth functions of depth to them.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ class UnitPress:
     smallest_stretch : (depth,) smallest volume ratio of an element [-]
     volume_loss : (depth,) volume lost by compression [R³]
     energy : (depth,) elastic energy of the layer [E R³]
-    versions : names and versions of what computed it
+    versions : names and versions of the programs that computed it
     crown : tip radius over the radius of the top's sphere; 0 is flat [-]
     """
 
@@ -68,5 +68,5 @@ class UnitPress:
 
     @cached_property
     def tip(self) -> TipOutline:
-        """What presses."""
+        """The tip that presses."""
         return TipOutline.from_rows(self.tip_rows)

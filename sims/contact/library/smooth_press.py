@@ -1,9 +1,9 @@
 """One layer's presses as smooth functions of depth.
 
 A press is described by numbers that change smoothly with depth: ln of the force, ln of the outline
-coordinate t of the contact edge, the free surface from that edge to the wall at fixed places along its arc
-(`sample_arcs`; relative to the edge), and the share of the load inside fixed shares of t. On a crown the surface is
-that of heights above the untouched top, its arc too, so that crowns can be interpolated. Each number is a cubic
+coordinate t of the contact edge, the free surface from that edge to the wall at fixed points along its arc
+(`sample_arcs`; relative to the edge), and the share of the load inside fixed shares of t. On a crown the surface and
+its arc are those of heights above the untouched top, so that crowns can be interpolated. Each number is a cubic
 spline in ln(depth / deepest), in which force and edge are nearly straight lines (powers of the depth:
 Hertz' 3/2 and 1/2). All are linear in the coefficients, so that layers can be interpolated.
 
@@ -14,7 +14,7 @@ solved depth.
 
 Lengths in tip radii, forces in E R².
 
-From surface nodes to the curve that light meets: exact tip inside the contact, smooth outside.
+From surface nodes to the curve for the light model: exact tip inside the contact, smooth outside.
 
 The nodes of the finite-element top touch the tip to within a few micrometres (facets are chords of a
 round tip, and contact is a stiff penalty). Inside the contact the curve is therefore the tip itself.
@@ -23,10 +23,10 @@ edge, is taken to have Hertz' gap (Johnson, Contact Mechanics, 1985, eq. 3.42):
 
     gap = a²/R G(1 + s/a),  G(x) = x²/2 - 1 + ((2 - x²) arcsin(1/x) + sqrt(x² - 1)) / π
 
-On a crown of radius Rc = R/κ the relative curvature 1/R + 1/Rc = (1 + κ)/R stands for 1/R. G has the power 3/2 at
-the edge, which any frictionless contact has, so the edge is found to a fraction of the node spacing at every depth; a
-constant other than a²/R in a deep press matters little there. On other tips than a hemisphere the constant is not
-known: it comes from the second free node.
+On a crown of radius Rc = R/κ the relative curvature 1/R + 1/Rc = (1 + κ)/R replaces 1/R. G has the power 3/2 at the
+edge, as any frictionless contact has, so the edge is found to a fraction of the node spacing at every depth; a
+constant other than a²/R in a deep press has little effect there. On tips other than a hemisphere the constant is not
+known and comes from the second free node.
 From the edge a cubic spline runs through
 the free nodes; it starts tangent to the tip and ends at the bonded wall. It is resampled densely and
 never enters the tip.
@@ -35,8 +35,8 @@ All lengths in tip radii.
 From two slightly compressible solves to the nearly incompressible layer.
 
 Silicone is nearly incompressible, but linear tetrahedra lock as Poisson's ratio ν nears 1/2. At ν = 0.49
-they are accurate and the layer is not: 3 mm deep in 9 mm, compression takes 16 % of the dimple and the free surface
-lies 17 µm too low. The press depends smoothly on the compressibility 1/K = 3 (1 - 2ν) / E, a regular
+they are accurate but compressible: 3 mm deep in 9 mm, compression takes 16 % of the dimple and the free surface is
+17 µm too low. The press depends smoothly on the compressibility 1/K = 3 (1 - 2ν) / E, a regular
 perturbation: two solves, at ν = 0.48 and 0.49, are extrapolated linearly in 1 - 2ν to ν = 0.499,
 
     f(0.499) = f(0.49) + 0.9 (f(0.49) - f(0.48)),
@@ -44,14 +44,14 @@ perturbation: two solves, at ν = 0.48 and 0.49, are extrapolated linearly in 1 
 for every number that describes a press (`SmoothPress`). docs/validation/contact.md compares the result with
 an independent finite-element solution at ν = 0.499.
 
-What it leaves out: the second order in 1 - 2ν, and what locking is left, which grows by about a half.
+Left out: the second order in 1 - 2ν, and the remaining locking, which grows by about a half.
 
-A round pad's surface as that of a square one: followed to half its width, run out beyond.
+A round pad's surface as that of a square one: followed to half its width, extended to the undisturbed height beyond.
 
-The round pad that stands for a square one of the same area has its wall outside the square's, 1.13 half widths from the
-axis, so its surface is still raised at half the width. Beyond lie the corners only; there the curve runs out to the
-undisturbed height in a cubic that never crosses it. An independent solution in three dimensions tells the error
-(docs/validation/walls.md): it is largest in the strip beside the walls, where the square pad is held down.
+The round pad of a square one's area has its wall outside the square's, 1.13 half widths from the axis, so its surface
+is still raised at half the width. Only the corners are beyond; there the curve runs out to the undisturbed height in a
+cubic that never crosses it. An independent solution in three dimensions gives the error (docs/validation/walls.md): it
+is largest in the strip next to the walls, where the square pad is held down.
 
 Between round walls the curve is followed to the nearest one, and runs out to the farthest.
 
@@ -77,7 +77,7 @@ from sims.contact.tip import HEMISPHERE, TipOutline, outside_tip, tip_coordinate
 from sims.contact.walls import FarPress, far_press
 
 NEAR_SPACING = 0.02
-"""Spacing of the curve on the tip and beside it [tip radii]."""
+"""Spacing of the curve on the tip and next to it [tip radii]."""
 FAR_SPACING = 0.08
 """Spacing of the curve towards the wall [tip radii]."""
 _LEAST_CLEARANCE = 0.3
@@ -94,16 +94,16 @@ def contact_tolerance(spacing: float, wedge_angle: float) -> float:
 
 
 def hertz_gap(ratio: FloatArray) -> FloatArray:
-    """Gap beside a Hertz contact over contact radius²/tip radius [-], at radius over contact radius >= 1."""
+    """Gap outside a Hertz contact over contact radius²/tip radius [-], at radius over contact radius >= 1."""
     free = (2.0 - ratio**2) * np.arcsin(1.0 / ratio) + np.sqrt(ratio**2 - 1.0)
     return np.asarray(ratio**2 / 2.0 - 1.0 + free / np.pi, dtype=np.float64)
 
 
 def _hertz_coordinate(depth: float, tip: TipOutline) -> float:
-    """Where the tip is half the depth above its apex: the contact edge on a parabola, for want of a better one.
+    """Coordinate at which the tip is half the depth above its apex: the contact edge on a parabola, as a first guess.
 
     A cone's is at 2/π of the depth (Sneddon), so this is good to a quarter for a contact within one cell. On a crown
-    the depth over 1 + κ stands for the depth.
+    the depth over 1 + κ replaces the depth.
     """
     places = np.linspace(0.0, tip.starts[-1] + depth, 400)
     return float(np.interp(0.5 * depth, tip.points(places)[1], places))
@@ -124,14 +124,14 @@ def contact_coordinate(
     radius, height : (node,) surface nodes from the axis outward [tip radii]
     depth : press depth [tip radii]
     tolerance : gap below which a node touches [tip radii]
-    tip : what presses
+    tip : the tip that presses
     crown : tip radius over the radius of the untouched top; 0 is flat [-]
     """
     gap = tip_gap(radius, height, depth, tip)
     touching = np.flatnonzero(gap <= tolerance)
     first = (
         int(touching.max()) + 1 if touching.size else 1
-    )  # a facet may stand on a sharp apex between two nodes
+    )  # a facet may rest on a sharp apex between two nodes
     along = tip_coordinate(radius, height, depth, tip)
     free = slice(first, first + 2)
 
@@ -186,7 +186,7 @@ def free_surface(
     depth : press depth > 0 [tip radii]
     spacing : node spacing at rest under the tip [tip radii]
     tolerance : gap below which a node touches [tip radii]
-    tip : what presses
+    tip : the tip that presses
     crown : tip radius over the radius of the untouched top; 0 is flat [-]
 
     Returns
@@ -254,7 +254,7 @@ def whole_curve(edge: float, free: FloatArray, depth: float, tip: TipOutline = H
     edge : outline coordinate of the contact edge [tip radii]
     free : (n, 2) free surface that follows the edge, to the wall [tip radii]
     depth : press depth > 0 [tip radii]
-    tip : what presses
+    tip : the tip that presses
     """
     along = _inside_contact(edge, tip)
     tip_radius, tip_height = tip_outline(along, depth, tip)
@@ -307,19 +307,19 @@ def nearly_incompressible(soft: SmoothPress, stiff: SmoothPress) -> SmoothPress:
 
 
 LONGEST = math.sqrt(2.0) - 1.0
-"""Longest stretch over which the curve runs out, over the half width [-]: to the corner of the square."""
+"""Longest distance over which the curve runs out, over the half width [-]: to the corner of the square."""
 POINTS = 16
-"""Points of the stretch."""
+"""Number of points over that distance."""
 
 
 def run_out(curve: TopCurve, half_width: float, length: float | None = None) -> TopCurve:
-    """The curve to half the width of a square pad, then run out; as it is where it ends before.
+    """The curve to half the width of a square pad, then run out; unchanged where it ends before.
 
     Parameters
     ----------
     curve : the top of a round pad
     half_width : of the square pad, or where else its own curve ends
-    length : longest stretch over which it runs out; None: to the corner of the square
+    length : longest distance over which it runs out; None: to the corner of the square
     """
     beyond = np.flatnonzero(curve.radius >= half_width)
     if beyond.size == 0:
@@ -365,7 +365,7 @@ def arc_shares() -> FloatArray:
 def sample_arcs(length: float, wall_radius: float) -> FloatArray:
     """(sample,) arcs of the samples from the contact edge on, from 0 to the whole length [tip radii].
 
-    Beside the contact they hardly depend on the place of the wall, so presses in pads of different sizes can be
+    Near the contact they hardly depend on the wall's position, so presses in pads of different sizes can be
     interpolated; with a wall at `WALL_RADIUS` they are the `arc_shares` of the length.
 
     Parameters
@@ -380,7 +380,7 @@ def sample_arcs(length: float, wall_radius: float) -> FloatArray:
 
 SAMPLES = _arc_shares().size
 VALUES = 2 + 2 * SAMPLES + LOAD_SHARES.size
-"""Numbers that describe a state: ln force, ln edge, radii, heights, shares of the load."""
+"""Count of the numbers that describe a state: ln force, ln edge, radii, heights, shares of the load."""
 
 
 def runs_back(curve: TopCurve) -> BoolArray:
@@ -389,13 +389,13 @@ def runs_back(curve: TopCurve) -> BoolArray:
 
 
 def outward(curve: TopCurve) -> tuple[FloatArray, FloatArray]:
-    """Radius, increasing, and height of a curve: of a stretch that runs back the lowest point is kept."""
+    """Radius, increasing, and height of a curve; where it runs back, the lowest point is kept."""
     kept = np.append(True, np.diff(np.maximum.accumulate(curve.radius)) > _RUN_BACK)
     return curve.radius[kept], curve.height[kept]
 
 
 def above_crown(curve: TopCurve, crown: float) -> TopCurve:
-    """The same points by their height above the untouched crown at their radius, with that curve's inclination.
+    """The same points with heights above the untouched crown at their radius, and that curve's inclination.
 
     Parameters
     ----------
@@ -422,8 +422,8 @@ def off_crown(points: FloatArray, wall_radius: float, crown: float) -> FloatArra
 
     Parameters
     ----------
-    points : (n, 2) radius and height; a fitted radius may lie a little beyond the wall [tip radii]
-    wall_radius : where the crown ends [tip radii]
+    points : (n, 2) radius and height; a fitted radius may be a little beyond the wall [tip radii]
+    wall_radius : radius at which the crown ends [tip radii]
     crown : tip radius over the radius of the untouched top; negative is the inverse [-]
     """
     if crown == 0.0:
@@ -434,7 +434,7 @@ def off_crown(points: FloatArray, wall_radius: float, crown: float) -> FloatArra
 
 @dataclass(frozen=True, kw_only=True)
 class StateValues:
-    """One state in the numbers that splines are made of; see the module for their meaning.
+    """One state as the numbers that are fitted by splines; the module explains their meaning.
 
     Attributes
     ----------
@@ -462,7 +462,7 @@ class StateValues:
 
 @dataclass(frozen=True, kw_only=True)
 class FitResidual:
-    """How far the solved states lie from the splines, over all depths.
+    """Distance of the solved states from the splines, over all depths.
 
     Attributes
     ----------
@@ -499,9 +499,9 @@ class SmoothPress:
     first, deepest : shallowest and deepest solved press
     knots : (knot,) of the cubic splines in ln(depth / deepest), with repeated ends [-]
     coefficients : (coefficient, VALUES) of the splines
-    residual : of the fit to the solved states
-    tip : what presses
-    versions : names and versions of what computed it
+    residual : distance of the fit from the solved states
+    tip : the tip that presses
+    versions : names and versions of the programs that computed it
     crown : tip radius over the radius of the untouched top, pressed at its apex; 0 is flat [-]
     """
 
@@ -523,11 +523,11 @@ class SmoothPress:
 
     @cached_property
     def far(self) -> FarPress:
-        """The loads that stand for these presses far from the tip.
+        """The loads that represent these presses far from the tip.
 
         Raises
         ------
-        ModelScopeError : a crowned top
+        ModelScopeError : the top is crowned
         """
         if self.crown:
             raise ModelScopeError(
@@ -547,7 +547,7 @@ class SmoothPress:
         return min(max(place, float(self.knots[0])), float(self.knots[-1]))
 
     def values_at(self, depth: float) -> StateValues:
-        """The describing numbers at a solved depth; nearer ones are moved into the solved range."""
+        """The describing numbers at a solved depth; shallower depths are moved into the solved range."""
         return StateValues.unpacked(np.asarray(self._values(self._place(depth)), dtype=np.float64))
 
     def force_at(self, depth: float) -> float:
@@ -591,7 +591,7 @@ class SmoothPress:
     def _free(self, relative: FloatArray, edge: float, depth: float) -> FloatArray:
         """(SAMPLES, 2) free surface that starts on the tip and ends where the layer is bonded.
 
-        Fitting edge and surface one by one moves the end by a micrometre or so; that is shared out along the arc.
+        Separate fits of edge and surface move the end by about a micrometre; that is distributed along the arc.
         """
         start = np.stack(tip_outline(np.array(edge), depth, self.tip))
         above = off_crown(start[None], self.wall_radius, self.crown) + relative

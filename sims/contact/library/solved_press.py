@@ -1,20 +1,20 @@
 """A press of one tip into one layer in mm and N, at every depth.
 
-A press at one place of a rectangular pad: the round pad's press between other walls.
+A press at one location of a rectangular pad: the round pad's press between other walls.
 
 Model
 -----
-The walls change a press by D(x, y), a small and smooth lift of the top (`sims.contact.walls`). Beside the tip D is
-nearly the same everywhere, D₀: so the tip meets a top that is D₀ higher, and the press is that of the round pad at the
-depth d' = d + D₀(d'), lifted by D₀. Force and contact are those of d'. With h the round pad's top at d', G what the
-press's loads raise in the round pad, and w falling from 1 at `NEAR` to 0 at `FAR`, the whole top is
+The walls change a press by D(x, y), a small and smooth lift of the top (`sims.contact.walls`). Near the tip D is
+nearly constant, D₀: so the tip meets a top that is D₀ higher, and the press is that of the round pad at the depth
+d' = d + D₀(d'), lifted by D₀. Force and contact are those of d'. With h the round pad's top at d', G the rise by the
+press's loads in the round pad, and w falling from 1 at `NEAR` to 0 at `FAR`, the whole top is
 
     S(x, y) = w h(r) + (1 - w) G(r) + D(x, y):
 
-the solved press near the tip, the linear layer beyond, zero at the walls. Beyond the deepest solved depth, by as much
-as walls may add, the free surface goes on sinking as it did over the last `STEP`.
+which is the solved press near the tip, the linear layer beyond, and zero at the walls. Walls may add some depth beyond
+the deepest solved one; there the free surface continues to sink as over the last `STEP`.
 
-Left out: that D tilts the contact (inside it D - D₀ is 50 µm at most on the published pad); walls nearer than
+Left out: the tilt of the contact by D (inside it D - D₀ is 50 µm at most on the published pad); walls nearer than
 `NEAREST_WALL`, or that change the depth by more than `LARGEST_CHANGE`. Lengths in tip radii, forces in E R².
 """
 
@@ -39,7 +39,7 @@ from sims.press import Indentation
 
 NEAR, FAR = 2.0, 3.5
 LARGEST_CHANGE = 0.25
-"""Largest change of the depth by walls over the depth [-]: with 0.14 of it a twentieth of the change is wrong."""
+"""Largest change of the depth by walls over the depth [-]: at 0.14 the change has an error of a twentieth."""
 STEP = 0.03
 ROUNDS, SETTLED = 30, 1e-10
 SIDES = ("west", "east", "south", "north")
@@ -47,16 +47,16 @@ SIDES = ("west", "east", "south", "north")
 
 @dataclass(frozen=True, kw_only=True)
 class PlacedPress:
-    """Presses at one place.
+    """Presses at one location.
 
     Attributes
     ----------
-    smooth : in the round pad
+    smooth : the presses in the round pad
     size, at : length and width of the pad; x, y of the axis from its corner
 
     Raises
     ------
-    InputError, ModelScopeError : a place that is no number, or too near to a wall
+    InputError, ModelScopeError : the location is no number, or too near to a wall
     """
 
     smooth: SmoothPress
@@ -64,7 +64,7 @@ class PlacedPress:
     at: tuple[float, float]
 
     def __post_init__(self) -> None:
-        """Refuse places that the walls' model does not cover."""
+        """Refuse locations that the walls' model does not cover."""
         (x, y), (length, width) = self.at, self.size
         for side, distance in zip(SIDES, (x, length - x, y, width - y), strict=True):
             if not math.isfinite(distance):
@@ -81,11 +81,11 @@ class PlacedPress:
         return surroundings(self.smooth.layer_depth, self.smooth.wall_radius, self.size, self.at)
 
     def round_depth(self, depth: float) -> float:
-        """Depth d' of the round pad's press that is this place's at a depth.
+        """Depth d' of the round pad's press that equals this location's at a depth.
 
         Raises
         ------
-        ModelScopeError : walls that change it by more than `LARGEST_CHANGE`
+        ModelScopeError : the walls change it by more than `LARGEST_CHANGE`
         """
         found = depth
         if depth <= 0.0:
@@ -121,7 +121,7 @@ class PlacedPress:
         return _raised(curve, (inner - depth) * kept, (inner - depth) * slope)
 
     def near_at(self, depth: float) -> TopCurve:
-        """w (h + D₀): what is a curve around the axis, to `FAR`, which never runs back; `beside` is the rest."""
+        """w (h + D₀): the part that is a curve around the axis, to `FAR`; it never runs back; `beside` is the rest."""
         if depth <= 0.0:
             return self.smooth.curve_at(0.0)
         inner = self.round_depth(depth)
@@ -170,7 +170,7 @@ def _raised(
 
 
 def _solved(smooth: SmoothPress, depth: float) -> TopCurve:
-    """The round pad's top; beyond the deepest solved press the free surface sinks on as it did last."""
+    """The round pad's top; beyond the deepest solved press the free surface continues to sink as before."""
     further = depth - smooth.deepest
     if further <= 0.0:
         return smooth.curve_at(depth)
@@ -184,7 +184,7 @@ def _solved(smooth: SmoothPress, depth: float) -> TopCurve:
 
 
 LEAST_RUN_OUT = 0.02
-"""So much farther than the nearest wall the farthest one may be, and the curve still ends at the wall [-]."""
+"""Largest excess of the farthest wall over the nearest one at which the curve still ends at the wall [-]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -196,10 +196,10 @@ class SolvedPress:
     smooth : the presses in tip radii and E R²
     tip_radius_mm : radius of the hemispherical tip [mm]
     youngs_modulus_mpa : modulus of the layer [MPa]; it scales the force only
-    placed : the presses at a place of the pad; None: those of the round pad
+    placed : the presses at a location of the pad; None: those of the round pad
     walls_mm : between round walls, the nearest and the farthest from the press axis; None: all walls are straight [mm]
     unit : the solver's states, where the press was solved live; None from the library
-    notes : what the user should know about this solution
+    notes : notes for the user about this solution
     """
 
     smooth: SmoothPress
@@ -225,7 +225,7 @@ class SolvedPress:
 
         Raises
         ------
-        ModelScopeError : deeper than solved
+        ModelScopeError : the depth is deeper than solved
         """
         depth = depth_mm / self.tip_radius_mm
         if not depth <= self.smooth.deepest * (1.0 + 1e-9):
@@ -236,7 +236,7 @@ class SolvedPress:
         return min(depth, self.smooth.deepest)
 
     def round_depth(self, depth_mm: float) -> float:
-        """Depth of the round pad's press that is this place's at a depth [mm], in tip radii; errors of `at`."""
+        """Depth of the round pad's press that equals this location's at a depth [mm], in tip radii; errors of `at`."""
         depth = self.scaled_depth(depth_mm)
         return depth if self.placed is None else self.placed.round_depth(depth)
 
@@ -248,11 +248,11 @@ class SolvedPress:
     def at(self, depth_mm: float) -> Indentation:
         """The press at a depth [mm], its surface run out to the pad's farthest walls; 0 or less is untouched.
 
-        Heights are above the untouched top, along its normal: under a crown no sphere, even inside the contact.
+        Heights are above the untouched top, along its normal; under a crown they are no sphere even in the contact.
 
         Raises
         ------
-        ModelScopeError : deeper than solved, or walls that change the press too much
+        ModelScopeError : the depth is deeper than solved, or the walls change the press too much
         """
         curve = above_crown(
             (self.placed or self.smooth).curve_at(self.scaled_depth(depth_mm)), self.smooth.crown

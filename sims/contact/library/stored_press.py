@@ -1,10 +1,10 @@
-"""Solved states of one layer: kept in this process and on disk, solved where they are in neither.
+"""Solved states of one layer: kept in this process and on disk, and solved where they are in neither.
 
-Solved presses on disk: one .npz an entry, named by a hash of everything the solution depends on.
+Solved presses on disk: one .npz per entry, named by a hash of all inputs of the solution.
 
-Plain arrays only: nothing in an entry is executed on reading. An entry is written whole or not at all,
-so readers and racing writers see whole files only. An entry that cannot be read, or that is not what
-its name says, counts as absent and is replaced.
+An entry has plain arrays only, so nothing in it is executed on reading. It is written whole or not at
+all, so readers and concurrent writers see whole files only. An entry that cannot be read, or does not
+match its name, counts as absent and is replaced.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from sims.contact.scope import WALL_RADIUS
 from sims.contact.tip import HEMISPHERE, TipOutline
 
 RECIPE = 13
-"""Version of the solver behind stored solutions. Raise it when results change."""
+"""Version of the solver of stored solutions. Raise it when results change."""
 
 _SOLVED: dict[str, UnitPress] = {}
 """Solutions of this process by key; each is a pure function of its key."""
@@ -38,13 +38,13 @@ _SOLVED: dict[str, UnitPress] = {}
 
 @cache
 def _mujoco_version() -> str:
-    """Looked up once: the installed package's record is read from disk."""
+    """Version of MuJoCo, looked up once, as the installed package's record is read from disk."""
     return version("mujoco")
 
 
 @dataclass(frozen=True, kw_only=True)
 class PressInputs:
-    """Everything that a solution depends on; lengths in tip radii.
+    """All inputs of a solution; lengths in tip radii.
 
     Attributes
     ----------
@@ -52,8 +52,8 @@ class PressInputs:
     mesh_size : node spacing under the tip
     depths : increasing depths to solve
     poisson_ratio : of the layer [-]
-    tip : what presses
-    wall_radius : of the bonded wall
+    tip : the tip that presses
+    wall_radius : radius of the bonded wall
     crown : tip radius over the radius of the top's sphere; 0 is flat [-]
     """
 
@@ -66,7 +66,7 @@ class PressInputs:
     crown: float = 0.0
 
     def key(self) -> str:
-        """Name of the stored solution; a flat layer's says nothing of a crown."""
+        """Name of the stored solution; a flat layer's key has no crown."""
         return entry_key(
             {
                 "layer": round(self.layer, 9),
@@ -101,11 +101,11 @@ def _solve(inputs: PressInputs, on_step: Callable[[float], None] | None) -> Unit
 def stored_press(
     inputs: PressInputs, on_step: Callable[[float], None] | None = None
 ) -> tuple[UnitPress, tuple[str, ...]]:
-    """The solved states, with notes on what the user should know.
+    """The solved states, with notes for the user.
 
     Parameters
     ----------
-    inputs : what is pressed, and how
+    inputs : all inputs of the solution
     on_step : called with the fraction done while solving
 
     Raises
@@ -127,10 +127,10 @@ def stored_press(
 FORMAT = 1
 """Version of the entry's layout."""
 MOST_BYTES = 50_000_000
-"""Of an entry; the largest in use have some hundred kB."""
+"""Largest size of an entry; the largest in use have some hundred kB."""
 _SCALARS = ("layer_depth", "wall_radius", "crown", "mesh_size", "wedge_angle", "poisson_ratio")
 _MAY_LACK = {"crown": 0.0}
-"""Fields that an entry of a flat layer may lack, and what they are there."""
+"""Fields that an entry of a flat layer may lack, and their values there."""
 _PER_STATE = ("radii", "heights", "normal_force")
 
 
@@ -146,7 +146,7 @@ def entry_key(inputs: Mapping[str, object]) -> str:
 
 
 def entry_path(key: str) -> Path:
-    """Where an entry lies."""
+    """Path of an entry."""
     return cache_folder() / f"{key}.npz"
 
 
@@ -165,7 +165,7 @@ def _is_whole(press: UnitPress) -> bool:
 
 
 def read_entry(key: str) -> UnitPress | None:
-    """The stored press, or None where there is none that can be used."""
+    """The stored press, or None where there is no usable one."""
     try:
         entry = plain_arrays(entry_path(key), most_bytes=MOST_BYTES)
         if str(entry["key"]) != key:
@@ -188,7 +188,7 @@ def _arrays(press: UnitPress) -> dict[str, np.ndarray[Any, Any]]:
 
 
 def write_entry(key: str, press: UnitPress) -> str | None:
-    """Store a press; returns None, or a note that says why it could not be stored."""
+    """Store a press; returns None, or a note why it could not be stored."""
     path = entry_path(key)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)

@@ -33,13 +33,13 @@ def solve_unit_press(
     depths : increasing press depths [tip radii]
     poisson_ratio : of the layer [-]
     on_step : called with the fraction done
-    tip : what presses
-    wall_radius : of the bonded wall [tip radii]
+    tip : the tip that presses
+    wall_radius : radius of the bonded wall [tip radii]
     crown : tip radius over the radius of the top's sphere, pressed at its apex; 0 is flat [-]
 
     Raises
     ------
-    InputError, ModelScopeError : a crown that is no number from 0 on, or that leaves too little at the rim
+    InputError, ModelScopeError : the crown is no number from 0 on, or leaves too thin a rim
     ContactSolveError : a state fails its checks
     """
     mesh = radial_mesh(layer_depth, wall_radius, mesh_size, crown)

@@ -1,4 +1,4 @@
-"""One learner a file: kernel ridge (the paper's), trees, network, the touch classifier.
+"""One learner per file: kernel ridge (the paper's), trees, network, the touch classifier.
 
-Imports of ours: samples, inference, readings.
+It imports samples, inference and readings.
 """

@@ -1,12 +1,12 @@
 """Extremely randomised trees for (x, y, depth): scikit-learn grows them, flat arrays keep them.
 
-Features are the readings in counts: a tree asks one pair at a time, so that scales do not matter. Every tree sees all
-samples and draws its questions at random; the mean over trees is smooth enough to lie between the places that were
-pressed. x, y and depth count alike, each in units of its spread: in millimetres depth would hardly decide where to cut.
-Depth weighing two and four times as much was tried at held-out locations of three simulated data sets: its mean error
+Features are the readings in counts: a split uses one pair at a time, so scales have no effect. Every tree sees all
+samples and draws its splits at random; the mean over trees is smooth enough to interpolate between pressed locations.
+x, y and depth have equal weight, each in units of its spread: in millimetres depth would hardly affect the splits.
+Two and four times the weight of depth was tried at held-out locations of three simulated data sets: its mean error
 falls by 12 and 19 %, location's grows by 8 and 22 %, and the sum is larger.
 
-What it leaves out: trees answer with means of what they have seen, so that the deepest presses are told too shallow.
+Left out: trees return means of training samples, so the deepest presses are estimated too shallow.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from sims.readings.dataset import PressData
 FEWEST_IN_LEAF = 2
 SHARE_OF_FEATURES = 0.33
 TREES_OF_TRUST = 40
-"""The spread over trees is known well enough from fewer."""
+"""Number of trees from which the spread is known well enough."""
 
 
 def fit_extra_trees(
@@ -46,7 +46,7 @@ def fit_extra_trees(
 
     Raises
     ------
-    InputError : too little data, or data that tell nothing.
+    InputError : there are too few data, or the data have no information.
     """
     start = begun(train, seed, settings, on_step)
     data, rng, samples = start.data, start.rng, start.samples
@@ -96,13 +96,13 @@ def flat_forest(trees: list[Any], scale_mm: FloatArray) -> Forest:
 
     Parameters
     ----------
-    trees : whose leaves say the press in units of scale_mm (3,)
+    trees : their leaves have the press in units of scale_mm (3,)
 
     Notes
     -----
 
-    scikit-learn compares single-precision features with double-precision thresholds: rounded down to single precision
-    these decide alike. A left child follows its parent at once, as trees are grown depth first.
+    scikit-learn compares single-precision features with double-precision thresholds; rounded down to single precision
+    these give the same decisions. A left child follows its parent directly, as trees are grown depth first.
     """
     feature, threshold, other, leaf_mm, roots = [], [], [], [], []
     nodes = leaves = 0

@@ -1,25 +1,25 @@
 """The paper's learner: kernel ridge with the Laplacian kernel for (x, y, depth), behind the touch classifier.
 
-Trained on depth 0 and more. Features are the readings less the off state, in counts, unscaled: the noise is about equal
-in all of them, and dividing each pair by its own spread would raise weak pairs' noise to the strong pairs' signal. As
-in the paper half of the training data, here half of the presses, tunes γ and λ: fitted on four fifths of their
-locations, judged on the last fifth (`mean_error_mm`). Fewer locations in the fit would judge a coarser grid of presses
-than the final one. The grid of γ goes with the data: γ times the median L1 distance of two training samples takes fixed
-values, as the paper's own numbers belong to its own units. The final fit uses samples of all presses. Targets have
-their mean taken off: far from every sample the answer is the mean press, not the origin.
+It is trained on depth 0 and more. Features are the readings less the off state, in counts, unscaled: the noise is about
+equal in all of them, and dividing each pair by its own spread would raise weak pairs' noise to strong pairs' signal. As
+in the paper half of the training data, here half of the presses, tunes γ and λ: the model is fitted on four fifths of
+their locations and tested on the last fifth (`mean_error_mm`). Fewer locations in the fit would test a coarser grid of
+presses than the final one. The grid of γ scales with the data: γ times the median L1 distance of two training samples
+takes fixed values, as the paper's own numbers belong to its own units. The final fit uses samples of all presses. The
+mean of the targets is subtracted: far from every sample the estimate is the mean press, not the origin.
 
-How every fit begins: the data checked, touch told; of a better learner also touched samples chosen.
+Start of every fit: data check and touch classifier; for a better learner also the choice of touched samples.
 
 Cholesky factor of a large symmetric matrix in its own memory, block by block.
 
     A = L Lᵀ,   for each block column k:   L_kk = chol(A_kk),   L_ik = A_ik L_kk⁻ᵀ,   A_ij -= L_ik L_jkᵀ   (i ≥ j > k)
 
 Only the lower triangle is read and written. LAPACK's own routine does the same in one call; with the OpenBLAS that
-SciPy 1.17 brings, that call ended in a memory fault for 24,000 rows on two threads. Here every call works on blocks of
-`BLOCK` rows, and nearly all of the time goes into their products. Source: Golub and Van Loan, Matrix computations
-(2013), section 4.2.
+SciPy 1.17 ships, that call ended in a memory fault for 24,000 rows on two threads. Here every call works on blocks of
+`BLOCK` rows, and their products take nearly all of the time. Source: Golub and Van Loan, Matrix computations (2013),
+section 4.2.
 
-The linear system of kernel ridge regression, solved in the memory that there is.
+The linear system of kernel ridge regression, solved in the available memory.
 
     (K + λ I) a = y,    K_ij = exp(-γ |s_i - s_j|₁)
 
@@ -31,8 +31,8 @@ The linear system of kernel ridge regression, solved in the memory that there is
             and Seeger, Using the Nystroem method to speed up kernel machines, NIPS 13 (2001); Rudi, Camoriano and
             Rosasco, Less is more, NIPS 28 (2015).
 
-Which one served is part of the result: nothing is approximated silently. The matrix is built a block of rows at a time,
-lower triangle only, so that nothing else of its size exists.
+The method is part of the result: nothing is approximated silently. The matrix is built a block of rows at a time, lower
+triangle only, so no other array has its size.
 """
 
 from __future__ import annotations
@@ -74,13 +74,13 @@ FitTouch = Callable[[TrainingData, np.random.Generator, int], tuple[TouchSvm, di
 
 @dataclass(frozen=True, kw_only=True)
 class ToldTouch:
-    """What a fit goes on from once touch is told.
+    """Data of a fit after the touch classifier is fitted.
 
     Attributes
     ----------
-    data : checked
-    rng : of all further choices of the fit
-    touch : the classifier, and `facts` of its fit for the header
+    data : checked data
+    rng : generator for all further choices of the fit
+    touch : the classifier; `facts` of its fit are for the header
     """
 
     data: TrainingData
@@ -91,7 +91,7 @@ class ToldTouch:
 
 @dataclass(frozen=True, kw_only=True)
 class Begun(ToldTouch):
-    """The same, and touched `samples` with those that are held out to measure trust."""
+    """The same, with touched `samples`, some of them held out to scale deviations."""
 
     samples: PressSamples
 
@@ -103,7 +103,7 @@ def touch_told(
 
     Raises
     ------
-    InputError : too little data, or data that tell nothing.
+    InputError : there are too few data, or the data have no information.
     """
     data, rng = prepared(train), np.random.default_rng(seed)
     on_step("touch", 0.0)
@@ -133,12 +133,12 @@ def factorise_in_place(matrix: NDArray[Any]) -> None:
 
     Raises
     ------
-    numpy.linalg.LinAlgError : not positive definite in this precision; the matrix is then spoilt.
+    numpy.linalg.LinAlgError : it is not positive definite in this precision; the matrix is then overwritten.
     """
     size = len(matrix)
     for start in range(0, size, BLOCK):
         here = slice(start, min(start + BLOCK, size))
-        # without what lies above: a signalling NaN there would pass for a matrix that is not positive definite
+        # without the upper triangle: a signalling NaN there would count as a matrix that is not positive definite
         matrix[here, here] = np.linalg.cholesky(np.tril(matrix[here, here]))
         for rows in _below(here.stop, size):
             matrix[rows, here] = solve_triangular(
@@ -174,7 +174,7 @@ def _solved(triangle: NDArray[Any], right: NDArray[Any], trans: str) -> NDArray[
 BLOCK_ROWS = 500
 CHECKED_ROWS = 1_000
 RIDGE_OF_LANDMARKS = 1e-9
-"""Added to K_mm in proportion to its diagonal, which is 1: keeps its Cholesky factor real beside rounding errors."""
+"""Added to K_mm in proportion to its diagonal, which is 1: keeps its Cholesky factor real despite rounding errors."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -183,11 +183,11 @@ class KernelSolution:
 
     Attributes
     ----------
-    kept : (kept,) numbers of the samples that carry weights
+    kept : (kept,) numbers of the samples with weights
     weights : (kept, output) in units of the targets
     method : exact, single or nystroem
-    largest_residual : of `CHECKED_ROWS` rows of the system, over the largest target [-]; NaN for `nystroem`, which
-        solves another one
+    largest_residual : residual of `CHECKED_ROWS` rows of the system, over the largest target [-]; NaN for `nystroem`,
+    which solves another one
     """
 
     kept: NDArray[np.intp]
@@ -219,15 +219,15 @@ def solve_kernel(
     Parameters
     ----------
     features : (sample, feature) [-]
-    targets : (sample, output), their mean taken off
+    targets : (sample, output), their mean subtracted
     gamma : per unit of L1 distance [-]
     ridge : λ [-]
     landmarks : numbers of the samples that `nystroem` keeps
-    refinements : of `single`; 0 is for the comparison with it
+    refinements : number of steps of `single`; 0 is for the comparison with it
 
     Raises
     ------
-    InputError : the matrix is not positive definite in the precision at hand.
+    InputError : the matrix is not positive definite in this precision.
     """
     if method == "nystroem":
         assert landmarks is not None
@@ -253,7 +253,7 @@ def solve_kernel(
 def kernel_matrix(
     features: FloatArray, gamma: float, kind: type[Any], on_share: OnShare = lambda _share: None
 ) -> NDArray[Any]:
-    """(sample, sample) kernel, lower triangle only; zeros above it, which cost no memory until they are touched."""
+    """(sample, sample) kernel, lower triangle only; zeros above it, which use no memory until they are accessed."""
     samples = len(features)
     matrix = np.zeros((samples, samples), kind)
 
@@ -266,14 +266,14 @@ def kernel_matrix(
 
     with ThreadPoolExecutor(
         kernel_threads()
-    ) as pool:  # SciPy's distances and NumPy's exp let go of the interpreter
+    ) as pool:  # SciPy's distances and NumPy's exp release the interpreter lock
         for end in pool.map(fill, range(0, samples, BLOCK_ROWS)):
             on_share(0.5 * (end / samples) ** 2)
     return matrix
 
 
 def kernel_threads() -> int:
-    """Threads that fill the matrix: as many as BLAS may take by `OMP_NUM_THREADS`, else the machine's cores."""
+    """Number of threads that fill the matrix: that of BLAS by `OMP_NUM_THREADS`, else the machine's cores."""
     wanted = os.environ.get("OMP_NUM_THREADS", "")
     return max(1, int(wanted) if wanted.isdecimal() else os.cpu_count() or 1)
 
@@ -283,7 +283,7 @@ def factorise(matrix: NDArray[Any], ridge: float) -> NDArray[Any]:
 
     Raises
     ------
-    InputError : not positive definite in this precision.
+    InputError : it is not positive definite in this precision.
     """
     matrix.flat[:: len(matrix) + 1] += ridge
     try:
@@ -345,11 +345,11 @@ def _nystroem(
 GAMMA_TIMES_MEDIAN = (0.25, 0.5, 1.0, 2.0, 4.0, 8.0)
 RIDGES = (1e-2, 1e-1, 1.0, 10.0)
 TUNING_SHARE = 0.5
-"""Of the presses."""
+"""Share of the presses."""
 JUDGED_SHARE = 0.2
-"""Of the tuning presses' locations."""
+"""Share of the tuning presses' locations."""
 PAIRS_FOR_MEDIAN = 20_000
-"""Pairs of samples whose distances give the median; its error is then about 1 %."""
+"""Number of pairs of samples for the median of distances; its error is then about 1 %."""
 
 
 def fit_kernel_ridge(
@@ -363,7 +363,7 @@ def fit_kernel_ridge(
 
     Raises
     ------
-    InputError : too little data, or data that tell nothing.
+    InputError : there are too few data, or the data have no information.
     """
     told = touch_told(train, fit_plain_touch, seed=seed, settings=settings, on_step=on_step)
     data, rng = told.data, told.rng
@@ -431,7 +431,7 @@ def searched_grid(
     rng: np.random.Generator,
     on_share: Callable[[float], None],
 ) -> dict[str, Any]:
-    """γ and λ with the smallest mean error at held-out locations, and how the search went.
+    """γ and λ with the smallest mean error at held-out locations, and figures of the search.
 
     The systems are solved in single precision: from λ = 0.01 up that moves presses by less than 0.01 mm.
     """
@@ -466,7 +466,7 @@ def searched_grid(
 
 
 def _at_border(relative: float, ridge: float) -> list[str]:
-    """Which of the two lies at an end of its grid: better values may lie outside."""
+    """Which of the two is at an end of its grid, so that better values may be outside."""
     return [
         name
         for name, value, grid in (("gamma", relative, GAMMA_TIMES_MEDIAN), ("lambda", ridge, RIDGES))

@@ -1,8 +1,8 @@
 """A small neural network for (x, y, depth): scikit-learn's MLPRegressor, its weights kept as arrays.
 
 Inputs are the readings, standardised pair by pair (at least the noise's spread); outputs too. Loss: squared error plus
-α |W|², by Adam, whose step falls along a cosine in stages: the last steps' noise would otherwise stay in the weights. A
-number of passes is fixed beforehand: stopping early by samples held out would judge places that the network has seen.
+α |W|², by Adam, whose step falls along a cosine in stages: the last steps' noise would otherwise stay in the weights.
+The number of passes is fixed: early stopping by held-out samples would test locations that the network has seen.
 Sources: Rumelhart, Hinton and Williams, Nature 323 (1986); Kingma and Ba, Adam, ICLR 2015.
 """
 
@@ -30,7 +30,7 @@ WEIGHT_DECAY = 1e-2
 BATCH = 200
 FIRST_STEP = 2e-3
 STAGES = 10
-"""Of the falling step."""
+"""Number of stages of the falling step."""
 
 
 def fit_network(
@@ -44,7 +44,7 @@ def fit_network(
 
     Raises
     ------
-    InputError : too little data, or data that tell nothing.
+    InputError : there are too few data, or the data have no information.
     """
     start = begun(train, seed, settings, on_step)
     data, rng, samples = start.data, start.rng, start.samples
@@ -100,9 +100,9 @@ def _network(features: FloatArray, targets: FloatArray, epochs: int, seed: int, 
 
 
 def _fit(machine: MLPRegressor, features: FloatArray, targets: FloatArray) -> None:
-    """All passes of a stage; Ctrl-C, which the library answers with a warning and a network half trained, is raised."""
+    """All passes of a stage; Ctrl-C, at which the library only warns and returns a half-trained network, is raised."""
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", ConvergenceWarning)  # the number of passes is the end that is wanted
+        warnings.simplefilter("ignore", ConvergenceWarning)  # the fixed number of passes is intended
         warnings.filterwarnings("error", "Training interrupted", UserWarning)
         try:
             machine.fit(features, targets)

@@ -1,34 +1,34 @@
 """The touch classifier: a linear support vector machine on both sides of zero depth, depth 0 labelled as touched.
 
-scikit-learn's LinearSVC: min ½ |w|² + C Σ max(0, 1 - y (w · s + b))², the offset b counted with w. Two ways to set it
-up:
+scikit-learn's LinearSVC: min ½ |w|² + C Σ max(0, 1 - y (w · s + b))², the offset b counted with w. There are two
+settings:
 
     plain   the paper's: it tunes its regression only, so C stays at scikit-learn's default of 1, and the readings
             keep one scale for all pairs, their median untouched signal
-    tuned   for the better learners: readings standardised pair by pair, C from a grid by the share of right answers at
-            locations held out
+    tuned   for the better learners: readings standardised pair by pair, C from a grid by the share of correct results
+    at held-out locations
 
-The second finds lighter touches (docs/how-to/train-learner.md has both tables). No row of depths is tuned in either.
+The second detects lighter touches (docs/how-to/train-learner.md has both tables). No row of depths is tuned in either.
 
 The hinge loss has no bound on false alarms. Where one plane cannot separate the touches of all locations from the
-untouched frames, as on pads of few pairs, the plane runs through the untouched frames, and all the more because touched
-samples are the majority. So both planes are moved, where needed, until a new set is expected to have at most
-`FALSE_ALARMS` of its untouched frames called touched. The score of these frames has the variance
+untouched frames, as on pads of few pairs, the plane runs through the untouched frames, since touched samples are the
+majority. So both planes are moved, where needed, until a new set is expected to have at most `FALSE_ALARMS` of its
+untouched frames classified as touched. The score of these frames has the variance
 
     worst variance within a set + (1 + 1/sets) x variance between sets
 
 between sets the gain of every emitter and every receiver changes, by a standard deviation that is estimated from the
-sets' mean untouched signals; what gains do not explain counts for each pair alone. A single set says nothing of that.
+sets' mean untouched signals; the rest is independent for each pair. A single set gives no estimate of it.
 
-How far a model's own spread may be trusted: measured at locations that it was not trained on.
+Scale of a model's own spread, measured at locations on which it was not trained.
 
-The learner is fitted without a share of the locations; what it says there is compared with the truth, by depth said:
+The learner is fitted without a share of the locations; its estimates there are compared with the truth, by depth:
 
     factor = rms(error) / rms(raw spread)
 
-as a table over depth (`SigmaTable`). The final model is fitted with all locations and keeps the table. A location held
-out lies a grid step from the nearest trained one, a press at random only part of a step: the table errs to the side of
-caution.
+as a table over depth (`SigmaTable`). The final model is fitted with all locations and keeps the table. A held-out
+location is a grid step from the nearest trained one, a random press only part of a step, so the table is
+conservative.
 """
 
 from __future__ import annotations
@@ -60,21 +60,21 @@ from sims.learning.samples import (
 
 DEFAULT_COST = 1.0
 COSTS = (0.01, 0.1, 1.0, 10.0)
-"""C of the grid."""
+"""Values of C in the grid."""
 MOST_SAMPLES = 40_000
 SHARE_HELD_OUT = 0.5
-"""As the paper: half of the training data tunes."""
+"""Share of the training data for tuning, as in the paper."""
 MOST_ITERATIONS = 2_000
 FALSE_ALARMS = 0.01
-"""Share of the untouched frames of a new set that may count as touched, as a signal map has it."""
+"""Allowed share of the untouched frames of a new set classified as touched, as for a signal map."""
 FEWEST_OF_SET = 10
-"""Untouched frames that a set needs to say how they vary."""
+"""Least number of untouched frames of a set for an estimate of their variance."""
 
 
 def fit_plain_touch(
     data: TrainingData, rng: np.random.Generator, most_samples: int
 ) -> tuple[TouchSvm, dict[str, Any]]:
-    """The paper's classifier, and what its fit found: `touch_cost`, `touch_is_converged`."""
+    """The paper's classifier, and figures of its fit: `touch_cost`, `touch_is_converged`."""
     chosen = _chosen(data, rng, most_samples)
     untouched = float(np.median(np.abs(data.untouched_counts[data.kept])))
     plain = counts_scaling(data.kept)
@@ -89,7 +89,7 @@ def fit_plain_touch(
 def fit_tuned_touch(
     data: TrainingData, rng: np.random.Generator, most_samples: int
 ) -> tuple[TouchSvm, dict[str, Any]]:
-    """The better learners' classifier, and what its fit found: beside the above `touch_held_out_right`."""
+    """The better learners' classifier, and figures of its fit: the above and `touch_held_out_right`."""
     chosen = _chosen(data, rng, most_samples)
     scaling = standard_scaling(data.kept, data.signals[chosen])
     features, labels = scaling.features(data.signals[chosen]), data.is_touched[chosen]
@@ -109,7 +109,7 @@ def fit_tuned_touch(
 
 
 def with_few_false_alarms(plane: TouchSvm, data: TrainingData) -> tuple[TouchSvm, dict[str, Any]]:
-    """The plane, moved where a new set would exceed `FALSE_ALARMS`, and `touch_moved`: by how much [-]."""
+    """The plane, moved where a new set would exceed `FALSE_ALARMS`, and `touch_moved`, the distance [-]."""
     moved = max(untouched_limit(plane, data), 0.0)
     return replace(plane, bias=plane.bias - moved), {"touch_moved": moved}
 
@@ -141,7 +141,7 @@ def _variance_between(plane: TouchSvm, means: FloatArray, emitters: int) -> floa
     kept = plane.scaling.kept
     untouched, weights = means.mean(axis=0)[kept], plane.weights / plane.scaling.scale
     emitter, receiver = np.divmod(kept, means.shape[1] // emitters)
-    # counts by the relative change of a part's gain: (pair, part)
+    # counts per relative change of a component's gain: (pair, part)
     parts = [(column == number) * untouched for column in (emitter, receiver) for number in np.unique(column)]
     columns = np.array(parts).T
     changes = (means[:, kept] - untouched).T
@@ -166,7 +166,7 @@ def _plane(machine: LinearSVC, scaling: FeatureScaling) -> TouchSvm:
 
 
 def _fitted(features: FloatArray, labels: BoolArray, cost: float) -> tuple[LinearSVC, bool]:
-    """A machine, and whether its solver came to an end."""
+    """A machine, and whether its solver converged."""
     machine = LinearSVC(C=cost, dual=False, max_iter=MOST_ITERATIONS)
     with warnings.catch_warnings():
         warnings.simplefilter("error", ConvergenceWarning)
@@ -180,12 +180,12 @@ def _fitted(features: FloatArray, labels: BoolArray, cost: float) -> tuple[Linea
 
 
 BINS = 10
-"""Depth said is cut into so many shares of equal numbers of samples."""
+"""Number of bins of the estimated depth, with equal numbers of samples."""
 LEAST_FACTOR = 1e-3
 
 
 class KnowsSpread(Protocol):
-    """A model that says how far its parts are apart."""
+    """A model that reports the spread of its members."""
 
     def press_and_spread_mm(self, signals: FloatArray) -> tuple[FloatArray, FloatArray]:
         """(n, 3) presses and (n, 3) raw deviations of signals (n, pair) [mm]."""
@@ -193,7 +193,7 @@ class KnowsSpread(Protocol):
 
 
 def trust_of(model: KnowsSpread, samples: PressSamples) -> tuple[SigmaTable, dict[str, float]]:
-    """Table and figures for the header, of a model that was fitted without the samples held out."""
+    """Table and figures for the header, of a model fitted without the held-out samples."""
     held_out = samples.is_held_out
     press_mm = samples.press_mm[held_out]
     told_mm, spread_mm = model.press_and_spread_mm(samples.signals[held_out])
@@ -207,9 +207,9 @@ def sigma_table(
 
     Parameters
     ----------
-    told_mm, spread_mm : (n, 3) what the model said, and its raw deviation, above 0 [mm]
+    told_mm, spread_mm : (n, 3) estimates of the model, and their raw deviation, above 0 [mm]
     press_mm : (n, 3) the truth [mm]
-    bins : of depth, with equal numbers of samples
+    bins : number of bins of depth, with equal numbers of samples
     """
     order = np.argsort(told_mm[:, 2], kind="stable")
     parts = [part for part in np.array_split(order, bins) if len(part)]

@@ -1,1 +1,1 @@
-"""What a trained model needs to answer: numpy and the standard library only, so that the driver runs it anywhere."""
+"""Prediction by a trained model: numpy and the standard library only, so that the driver runs it anywhere."""

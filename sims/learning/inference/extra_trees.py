@@ -1,8 +1,8 @@
 """A forest of regression trees as flat arrays.
 
-A node says: if feature `f` is at most `threshold`, go to the next node, else to node `other`. A leaf has feature -1 and
-`other` is its row of `leaf_mm`. The answer is the mean over the trees' leaves, their spread the raw deviation. All
-trees go down a level at a time together. Source: Geurts, Ernst and Wehenkel, Extremely randomized trees, Machine
+A node means: if feature `f` is at most `threshold`, go to the next node, else to node `other`. A leaf has feature -1,
+and `other` is its row of `leaf_mm`. The result is the mean over the trees' leaves, their spread the raw deviation. All
+trees descend one level at a time together. Source: Geurts, Ernst and Wehenkel, Extremely randomized trees, Machine
 Learning 63 (2006).
 """
 
@@ -24,7 +24,7 @@ from sims.learning.inference.trusted_model import TrustedModel
 
 FRAMES_AT_ONCE = 1_000
 LEAST_SPREAD_MM = 0.05
-"""Trees that all end at samples of one place agree wholly, and are not right to the last digit for that."""
+"""Least spread [mm]: trees that all end at samples of one location agree exactly, but are not exact."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -34,9 +34,9 @@ class Forest:
     Attributes
     ----------
     roots : (tree,) number of each tree's first node
-    feature : (node,) which feature is asked; -1 at a leaf
+    feature : (node,) feature of the split; -1 at a leaf
     threshold : (node,) in units of the feature
-    other : (node,) where to go above the threshold; at a leaf, its row of leaf_mm
+    other : (node,) next node above the threshold; at a leaf, its row of leaf_mm
     leaf_mm : (leaf, 3) x, y, depth [mm]
     """
 
@@ -47,7 +47,7 @@ class Forest:
     leaf_mm: NDArray[np.float32]
 
     def leaves_mm(self, features: NDArray[np.float32]) -> NDArray[np.float32]:
-        """(n, tree, 3) what each tree says of features (n, feature) [mm]."""
+        """(n, tree, 3) estimate of each tree for features (n, feature) [mm]."""
         node = np.broadcast_to(self.roots, (len(features), len(self.roots))).copy()
         row = np.arange(len(features))[:, None]
         while True:
@@ -71,11 +71,11 @@ class Forest:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ExtraTreesModel(TrustedModel):
-    """A touch classifier, a forest for the press, and the trust in its spread.
+    """A touch classifier, a forest for the press, and the scale of its spread.
 
-    Attributes, beside those of every `TrustedModel`
+    Attributes, in addition to those of every `TrustedModel`
     ----------
-    forest : says x, y, depth
+    forest : estimates x, y, depth
     """
 
     forest: Forest
@@ -91,12 +91,12 @@ class ExtraTreesModel(TrustedModel):
         return press_mm, spread_mm
 
     def arrays(self) -> Arrays:
-        """The numbers that its file keeps."""
+        """The arrays in its file."""
         return self.touch.arrays() | self.scaling.arrays("trees") | self.forest.arrays() | self.sigma.arrays()
 
 
 def extra_trees_of_arrays(header: ModelHeader, arrays: Arrays) -> ExtraTreesModel:
-    """What `ExtraTreesModel.arrays` wrote; raises InputError where it does not fit."""
+    """The model from `ExtraTreesModel.arrays`; raises InputError where the arrays do not fit."""
     pairs = len(header.untouched_counts)
     scaling = scaling_of_arrays(arrays, "trees", pairs)
     return ExtraTreesModel(
@@ -109,7 +109,7 @@ def extra_trees_of_arrays(header: ModelHeader, arrays: Arrays) -> ExtraTreesMode
 
 
 def _forest(arrays: Arrays, features: int) -> Forest:
-    """Trees whose walks all end: every step goes to a later node of the array."""
+    """Trees in which every path ends: each step goes to a later node of the array."""
     feature = taken_whole(arrays, "forest_feature", (None,))
     other = taken_whole(arrays, "forest_other", feature.shape)
     roots = taken_whole(arrays, "forest_roots", (None,))

@@ -1,11 +1,11 @@
-"""Which pairs a model looks at, and in what units.
+"""The pairs that a model uses, and their units.
 
     feature = (counts - centre) / scale
 
-Three ways (docs/how-to/train-learner.md says which learner takes which): `counts` (centre 0, one common scale, so
+There are three kinds (docs/how-to/train-learner.md has that of each learner): `counts` (centre 0, one common scale, so
 that distances are those of the readings), `standard` (a pair's own mean and standard deviation over the training
-samples), and `untouched` (a pair's own mean and its spread over the training samples, at least the reading noise:
-weak pairs are not blown up into noise).
+samples), and `untouched` (a pair's own mean and its spread over the training samples, at least the reading noise, so
+that noise of weak pairs is not amplified).
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ class FeatureScaling:
         return np.asarray((signals[:, self.kept] - self.centre) / self.scale)
 
     def arrays(self, prefix: str) -> dict[str, NDArray[np.generic]]:
-        """The numbers, named for a model's file."""
+        """The arrays, named for a model's file."""
         return {
             f"{prefix}_kept": self.kept.astype(np.int32),
             f"{prefix}_centre": self.centre,
@@ -49,11 +49,11 @@ class FeatureScaling:
 
 
 def scaling_of_arrays(arrays: Arrays, prefix: str, pairs: int) -> FeatureScaling:
-    """What `FeatureScaling.arrays` wrote.
+    """The scaling from `FeatureScaling.arrays`.
 
     Raises
     ------
-    InputError : pairs that the frame does not have, or a scale that is not above 0.
+    InputError : the frame does not have the pairs, or a scale is not above 0.
     """
     kept = taken_whole(arrays, f"{prefix}_kept", (None,)).astype(np.intp)
     centre = taken(arrays, f"{prefix}_centre", kept.shape)

@@ -1,4 +1,4 @@
-"""What a model says of itself: its kind, the design it is of, what it was trained on."""
+"""The header of a model: its kind, its design, its training data."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from design.arrays import FloatArray
 from design.errors import InputError
 
 LARGEST_NUMBER = 1e30
-"""In a model's file: well within single precision, which many of its arrays are kept in."""
+"""Largest number in a model's file: well within single precision, in which many of its arrays are stored."""
 FORMAT = "optopad-model"
 VERSION = 1
 
@@ -23,32 +23,32 @@ class ForceCurve:
 
     Attributes
     ----------
-    depth_mm : rising from 0 [mm]
-    force_n : at these depths [N]
+    depth_mm : depths rising from 0 [mm]
+    force_n : force at these depths [N]
     """
 
     depth_mm: tuple[float, ...]
     force_n: tuple[float, ...]
 
     def at(self, depth_mm: FloatArray) -> FloatArray:
-        """(n,) force, linear between the depths, 0 above the surface, the last one below the deepest [N]."""
+        """(n,) force, linear between the depths, 0 above the surface, constant below the deepest [N]."""
         return np.interp(depth_mm, self.depth_mm, self.force_n, left=0.0)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ModelHeader:
-    """The words of a model.
+    """The description of a model.
 
     Attributes
     ----------
-    kind : which learner made it, a name of the kind table
-    design_digest : content hash of the design whose sensor was read; None where the data did not say
+    kind : the learner that made it, a name of the kind table
+    design_digest : content hash of the design whose sensor was read; None where the data do not have it
     emitter_names, receiver_names : in the order of the features, emitter outermost
-    untouched_counts : (pair,) mean features of the untouched training frames, for drift to be told by [counts]
-    trained_on : data sets, counts of samples and places, what was left out
-    settings : what the fit chose or was given
+    untouched_counts : (pair,) mean features of the untouched training frames, to detect drift [counts]
+    trained_on : data sets, counts of samples and locations, data left out
+    settings : settings chosen by the fit or given to it
     created_with : versions of the software
-    force_curve : None where the design was not at hand
+    force_curve : None where the design was not available
     """
 
     kind: str
@@ -93,7 +93,7 @@ def header_of_json(document: Any) -> ModelHeader:
 
     Raises
     ------
-    InputError : not such a header, or one of another version; the message names the entry.
+    InputError : it is no such header, or one of another version; the message names the entry.
     """
     if not isinstance(document, dict) or document.get("format") != FORMAT:
         raise InputError("is no optopad model; `optopad train` makes one")
@@ -123,11 +123,11 @@ def header_of_json(document: Any) -> ModelHeader:
 
 
 def require_design(header: ModelHeader, design_digest: str) -> None:
-    """Refuse a model of another design; one that names none passes.
+    """Refuse a model of another design; one without a design is accepted.
 
     Raises
     ------
-    InputError : both digests, and the way out.
+    InputError : the designs differ; the message has both digests and the remedy.
     """
     if header.design_digest is not None and header.design_digest != design_digest:
         raise InputError(

@@ -3,7 +3,7 @@
     f(s) = m + Σ_i a_i exp(-γ |s - s_i|₁)        sum over the kept training samples s_i
 
 with |.|₁ the sum of absolute differences of the features. The samples are kept in single precision: a frame is
-compared with each of them, and what is read from memory sets the time.
+compared with each of them, and reading from memory sets the time.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from sims.learning.inference.touch_svm import TouchSvm, touch_svm_of_arrays
 Float32Array = NDArray[np.float32]
 
 BLOCK = 512
-"""Kept samples that are compared at once: their differences stay in the processor's cache."""
+"""Number of kept samples that are compared at once: their differences stay in the processor's cache."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -33,13 +33,13 @@ class KernelRidgeModel:
 
     Attributes
     ----------
-    header : what it was trained on
-    touch : of the first stage
-    scaling : of the second stage
+    header : description of the model and its training data
+    touch : classifier of the first stage
+    scaling : scaling of the second stage
     samples : (kept, feature) features of training samples [-]
-    weights : (kept, 3) of x, y, depth [mm]
+    weights : (kept, 3) weights of x, y, depth [mm]
     mean_mm : (3,) mean press of the training samples [mm]
-    gamma : of the kernel, per unit of L1 distance of features [-]
+    gamma : γ of the kernel, per unit of L1 distance of features [-]
     """
 
     header: ModelHeader
@@ -51,7 +51,7 @@ class KernelRidgeModel:
     gamma: float
 
     def predict(self, signals: FloatArray) -> Prediction:
-        """Answers to frames (n, pair) [counts]."""
+        """Predictions for frames (n, pair) [counts]."""
         signals = checked_signals(self.header, signals)
         features = self.scaling.features(signals).astype(np.float32)
         press_mm = np.array([self._press_mm(one) for one in features]).reshape(-1, 3)
@@ -62,7 +62,7 @@ class KernelRidgeModel:
         return np.asarray(self.mean_mm + kernel @ self.weights)
 
     def arrays(self) -> Arrays:
-        """The numbers that its file keeps."""
+        """The arrays in its file."""
         return (
             self.touch.arrays()
             | self.scaling.arrays("ridge")
@@ -90,7 +90,7 @@ def l1_distances(samples: Float32Array, feature: Float32Array) -> Float32Array:
 
 
 def kernel_ridge_of_arrays(header: ModelHeader, arrays: Arrays) -> KernelRidgeModel:
-    """What `KernelRidgeModel.arrays` wrote; raises InputError where it does not fit."""
+    """The model from `KernelRidgeModel.arrays`; raises InputError where the arrays do not fit."""
     pairs = len(header.untouched_counts)
     scaling = scaling_of_arrays(arrays, "ridge", pairs)
     samples = taken(arrays, "ridge_samples", (None, len(scaling.kept)))

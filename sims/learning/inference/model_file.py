@@ -4,7 +4,7 @@ The archive (.npz, a zip file) holds an array `header` (the JSON text's UTF-8 by
 `sha256` (the checksum's 32 bytes) over header and arrays: names, types, shapes and contents, in the order of the
 names. Nothing in the file is executed on reading. It is written whole or not at all.
 
-The kinds of models there are: for each, how its numbers become a model again.
+The kinds of models, each with its constructor from arrays.
 """
 
 from __future__ import annotations
@@ -35,20 +35,20 @@ KINDS: dict[str, Callable[[ModelHeader, Arrays], TouchModel]] = {
     "network": network_of_arrays,
     "signal-map": signal_map_of_arrays,
 }
-"""Kind of a model's header -> model of header and arrays; raises InputError where the arrays do not fit."""
+"""Constructors of models from header and arrays, by kind; they raise InputError where the arrays do not fit."""
 
 NEEDED = "a model (.optomodel), which `optopad train` writes"
 MOST_BYTES = 400_000_000
-"""Of the arrays unpacked: twice what a kernel-ridge model of 49,000 samples of 1,024 pairs has."""
+"""Largest size of the unpacked arrays: twice that of a kernel-ridge model of 49,000 samples of 1,024 pairs."""
 _HEADER, _CHECKSUM = "header", "sha256"
 
 
 def save_model(file: str | os.PathLike[str], model: TouchModel) -> None:
-    """Write a model; what was there before stays until the new file is whole.
+    """Write a model; an older file stays until the new one is complete.
 
     Raises
     ------
-    InputError, OutputError : as `design.files.whole_file`.
+    InputError, OutputError : as for `design.files.whole_file`.
     """
     text = json.dumps(model.header.to_json(), allow_nan=False).encode()
     arrays: dict[str, NDArray[Any]] = {name: np.asarray(array) for name, array in model.arrays().items()}
@@ -63,7 +63,7 @@ def load_model(file: str | os.PathLike[str]) -> TouchModel:
 
     Raises
     ------
-    InputError : no such file, damaged, of another version, or of a kind that this optopad does not know.
+    InputError : the file is missing, damaged, of another version, or of a kind that this optopad does not know.
     """
     path = Path(file)
     arrays = _read(path)
@@ -81,7 +81,7 @@ def load_model(file: str | os.PathLike[str]) -> TouchModel:
 
 
 def _read(path: Path) -> dict[str, NDArray[Any]]:
-    """The arrays of a file whose checksum holds, that of the checksum left out."""
+    """The arrays of a file with a valid checksum, without the checksum."""
     if not path.is_file():
         what = "a folder" if path.is_dir() else "no such file"
         raise InputError(f"{path}: {what}; needs {NEEDED}")

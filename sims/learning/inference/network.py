@@ -1,9 +1,9 @@
-"""Small neural networks: layers of weighted sums, each but the last behind the rectifier or the hyperbolic tangent.
+"""Small neural networks: layers of weighted sums, each but the last followed by the rectifier or hyperbolic tangent.
 
     h_0 = features;  h_k = act(h_{k-1} W_k + b_k);  (x, y, depth) = mean + scale × (h_{n-1} W_n + b_n)
 
-Several networks that differ by their random start answer together: their mean is the answer, their spread part of the
-raw deviation.
+Several networks that differ by their random start form an ensemble: their mean is the estimate, their spread part of
+the raw deviation.
 """
 
 from __future__ import annotations
@@ -31,8 +31,8 @@ class Network:
 
     Attributes
     ----------
-    weights : of each layer (inputs, outputs)
-    biases : of each layer (outputs,)
+    weights : weights of each layer (inputs, outputs)
+    biases : biases of each layer (outputs,)
     activation : relu or tanh
     """
 
@@ -41,7 +41,7 @@ class Network:
     activation: str
 
     def outputs(self, features: NDArray[np.float32]) -> NDArray[np.float32]:
-        """(n, output) of features (n, feature) [-]."""
+        """(n, output) outputs for features (n, feature) [-]."""
         found = features
         for weights, bias in zip(self.weights[:-1], self.biases[:-1], strict=True):
             found = found @ weights + bias
@@ -51,12 +51,12 @@ class Network:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class NetworkModel(TrustedModel):
-    """A touch classifier, networks for the press, and the trust in their answers.
+    """A touch classifier, networks for the press, and the scale of their deviations.
 
-    Attributes, beside those of every `TrustedModel`
+    Attributes, in addition to those of every `TrustedModel`
     ----------
-    networks : that answer together
-    mean_mm, scale_mm : (3,) of the outputs [mm]
+    networks : the networks of the ensemble
+    mean_mm, scale_mm : (3,) mean and scale of the outputs [mm]
     """
 
     networks: tuple[Network, ...]
@@ -64,14 +64,14 @@ class NetworkModel(TrustedModel):
     scale_mm: FloatArray
 
     def press_and_spread_mm(self, signals: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """(n, 3) mean over the networks, and (n, 3) raw deviation: 1 mm, as single networks do not know theirs [mm]."""
+        """(n, 3) mean over the networks, and (n, 3) raw deviation: 1 mm, as single networks have no own [mm]."""
         features = self.scaling.features(signals).astype(np.float32)
         said = np.mean([one.outputs(features) for one in self.networks], axis=0, dtype=np.float64)
         press_mm = np.asarray(self.mean_mm + said * self.scale_mm)
         return press_mm, np.ones_like(press_mm)
 
     def arrays(self) -> Arrays:
-        """The numbers that its file keeps."""
+        """The arrays in its file."""
         layers = {
             f"network_{number}_{layer}_{name}": array
             for number, one in enumerate(self.networks)
@@ -94,7 +94,7 @@ class NetworkModel(TrustedModel):
 
 
 def network_of_arrays(header: ModelHeader, arrays: Arrays) -> NetworkModel:
-    """What `NetworkModel.arrays` wrote; raises InputError where it does not fit."""
+    """The model from `NetworkModel.arrays`; raises InputError where the arrays do not fit."""
     pairs = len(header.untouched_counts)
     scaling = scaling_of_arrays(arrays, "network", pairs)
     count, layers = (int(number) for number in taken(arrays, "network_shape", (2,)))

@@ -1,8 +1,8 @@
-"""How far to trust what a model says of its own spread: factors by depth, measured at places it was not trained on.
+"""Factors of a model's own spread by depth, measured at locations on which it was not trained.
 
-    sigma = raw sigma × factor(depth said)
+    sigma = raw sigma × factor(estimated depth)
 
-Factors are linear in depth between the table's depths, and constant outside. A model without any spread of its own says
+Factors are linear in depth between the table's depths, and constant outside. A model without its own spread reports
 1 mm, and the factor is its error.
 """
 
@@ -24,7 +24,7 @@ class SigmaTable:
 
     Attributes
     ----------
-    depth_mm : (depth,) rising [mm]
+    depth_mm : (depth,) rising depths [mm]
     factor : (depth, 3) of x, y, depth [-]
     """
 
@@ -32,21 +32,21 @@ class SigmaTable:
     factor: FloatArray
 
     def sigma_mm(self, depth_mm: FloatArray, raw_mm: FloatArray) -> FloatArray:
-        """(n, 3) standard deviations [mm] of raw ones (n, 3) [mm] at depths (n,) that the model said [mm]."""
+        """(n, 3) standard deviations [mm] from raw ones (n, 3) [mm] at estimated depths (n,) [mm]."""
         factors = [np.interp(depth_mm, self.depth_mm, column) for column in self.factor.T]
         return np.asarray(raw_mm * np.stack(factors, axis=1))
 
     def arrays(self) -> dict[str, NDArray[np.generic]]:
-        """The numbers, named for a model's file."""
+        """The arrays, named for a model's file."""
         return {"sigma_depth_mm": self.depth_mm, "sigma_factor": self.factor}
 
 
 UNIT_SIGMA = SigmaTable(depth_mm=np.zeros(1), factor=np.ones((1, 3)))
-"""Of a model whose trust nobody measured."""
+"""Table of a model without measured factors."""
 
 
 def sigma_table_of_arrays(arrays: Arrays) -> SigmaTable:
-    """What `SigmaTable.arrays` wrote; raises InputError where it does not fit."""
+    """The table from `SigmaTable.arrays`; raises InputError where the arrays do not fit."""
     depth_mm = taken(arrays, "sigma_depth_mm", (None,))
     factor = taken(arrays, "sigma_factor", (len(depth_mm), 3))
     if not len(depth_mm) or (np.diff(depth_mm) <= 0.0).any() or factor.min() < 0.0:

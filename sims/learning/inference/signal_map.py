@@ -1,4 +1,4 @@
-"""Signals of many pairs over place and depth as one cubic spline, with gradients; numpy only.
+"""Signals of many pairs over location and depth as one cubic spline, with gradients; numpy only.
 
 Model
 -----
@@ -9,11 +9,11 @@ On nodes at equal steps in (x, y, s), s = √depth, every pair's signal is a sum
 which passes through the values at the nodes. The root spreads the nodes as signals need them: the contact radius grows
 like √depth, and mode 1 of a pair can be over within 0.3 mm. Its slope by s is zero at s = 0, so that the signal leaves
 its untouched value in proportion to depth; the other ends have a third derivative that is continuous across the
-neighbouring node ("not a knot"). Beyond its nodes the spline is not defined: places and depths are clamped to them.
+neighbouring node ("not a knot"). Beyond its nodes the spline is not defined: locations and depths are clamped to them.
 
-Left out: kinks at the ends of shadows are rounded over a step.
+Left out: kinks at the ends of shadows, which are rounded over a step.
 
-What readings may be off by, as one normal distribution a frame; numpy only.
+Errors of readings as one normal distribution per frame; numpy only.
 
 Model
 -----
@@ -21,48 +21,48 @@ Signals y of all pairs (lit reading less the off state) have the covariance
 
     C = V + G Gᵀ,   V = diag (floor² + shot y + (relative y)²),   G = [δₑ y by emitter | δᵣ y by receiver]
 
-V is noise that every reading has of its own (electronics and rounding of both readings, photons, whatever else grows
-with the signal, the map's own error). G is a gain of each emitter and of each receiver that nobody knows better than δ:
-an LED's fluctuation from frame to frame, and drift since the untouched signals were taken. Marginalising over a normal
-prior of the gains is adding G Gᵀ (Rasmussen and Williams 2006, eq. 2.40). So
+V is independent noise of every reading (electronics and rounding of both readings, photons, other noise that grows with
+the signal, the map's own error). G is a gain of each emitter and of each receiver with the uncertainty δ: an LED's
+fluctuation from frame to frame, and drift since the untouched signals were taken. Marginalising over a normal prior of
+the gains adds G Gᵀ (Rasmussen and Williams 2006, eq. 2.40). So
 
     aᵀC⁻¹b = aᵀWb - (Ha)ᵀ(Hb),   W = V⁻¹,   H = L⁻¹GᵀW,   LLᵀ = 1 + GᵀWG        (Woodbury)
 
-with the signals measured in place of their means: one factorisation a frame, the same for every press that is tried,
-so that likelihoods of presses, and of none, compare. A reading at full scale tells nothing (its weight is 0).
+with the measured signals instead of their means: one factorisation per frame, the same for every press that is tried,
+so that likelihoods of presses, and of none, are comparable. A reading at full scale has the weight 0.
 
-Left out: the log-determinant's change with the press, drift of the off state, errors that pairs share otherwise.
+Left out: the log-determinant's change with the press, drift of the off state, other errors that pairs share.
 
 The press that explains a frame best: a coarse table, then Gauss-Newton steps; numpy only.
 
 Model
 -----
-For a press θ = (x, y, depth) the signals have the mean m(θ) and the covariance C of `reading_noise`. What is minimised
-is the square of the residual in C⁻¹, which is minus twice the log-likelihood but for a constant,
+For a press θ = (x, y, depth) the signals have the mean m(θ) and the covariance C of `ReadingNoise`. The search
+minimises the square of the residual in C⁻¹, which is minus twice the log-likelihood except for a constant,
 
     χ²(θ) = (y - m)ᵀ C⁻¹ (y - m),      step: (A + λ diag A) Δ = g,   A = JᵀC⁻¹J,   g = JᵀC⁻¹(y - m)
 
 (Levenberg 1944, Marquardt 1963; J by the spline). The search starts at the table's best press and at its best ones
-elsewhere, and stays inside a box: a coordinate at its border that wants to leave is held. At the end A⁻¹ is the
+elsewhere, and stays inside a box: a coordinate at its border that would leave is held. At the end A⁻¹ is the
 covariance of the press, the gains marginalised. Pairs that remain beyond `OUTLIER` deviations get Huber's weights,
-and the search goes on from there: a reading that the model does not know moves the press less.
+and the search continues from there: a reading that the model does not explain moves the press less.
 
-Left out: presses beyond the box, two tips at once, what other minima would say (the second start is compared by χ²
-only), the spread of a flat χ² where the touch is too light to be located: there A⁻¹ is but a hint.
+Left out: presses beyond the box, two tips at once, other minima (the second start is compared by χ² only), the spread
+of a flat χ² where the touch is too light to be located: there A⁻¹ is only approximate.
 
 The kind "signal-map": presses by least squares against the simulated signals of the design; numpy only.
 
     signal of a pair = its untouched signal x (spline of √ratio over x, y, √depth)²,    limited at full scale
 
-The untouched signals are those of the sensor that is read, so gains need not be known; the ratio is the light model's.
+The untouched signals are those of the sensor itself, so gains need not be known; the ratio is the light model's.
 Touch is decided by the ratio of likelihoods of the best press and of none, both under the same noise and with the same
 unknown gains (`press_search`, `reading_noise`):
 
     score = ½ (χ²(no press) - χ²(best press)) - threshold
 
-The threshold is what untouched training frames rarely exceed. `sigma_mm` is of where the tip is, told by one frame: by
-the curvature of χ² there, times a factor by depth (`sigma_table`), since the map's own error, an average over depths in
-the noise, grows with depth. Errors of the stage are not in it, nor those of contact and light model.
+Untouched training frames rarely exceed the threshold. `sigma_mm` refers to the tip's position from one frame: it is the
+curvature of χ² there, times a factor by depth (`sigma_table`), since the map's own error, an average over depths in the
+noise, grows with depth. Errors of the stage, and of contact and light model, are not included.
 """
 
 from __future__ import annotations
@@ -82,9 +82,9 @@ from sims.learning.inference.sigma_table import UNIT_SIGMA, SigmaTable, sigma_ta
 from sims.learning.inference.touch_model import Arrays, checked_signals, prediction_of, taken
 
 CHUNK = 256
-"""Points evaluated at once: 64 coefficients of every pair are gathered for each, 4 MB with 64 pairs."""
+"""Number of points evaluated at once: 64 coefficients of every pair are gathered for each, 4 MB with 64 pairs."""
 FEWEST_NODES = 5
-"""Nodes along an axis: the condition at an end takes five coefficients."""
+"""Least nodes along an axis: the condition at an end takes five coefficients."""
 SMALLEST_ROOT = 1e-3
 """Smallest √depth in the slope by depth [√mm]: (df/ds) / 2s has a limit at 0, its parts do not."""
 
@@ -121,13 +121,13 @@ class TensorSpline:
         return float(self.end[2] ** 2)
 
     def values(self, press_mm: FloatArray) -> FloatArray:
-        """(n, pair) signals at (n, 3) places and depths [mm]."""
+        """(n, pair) signals at (n, 3) locations and depths [mm]."""
         return self._at(press_mm, with_slopes=False)[:, 0]
 
     def with_gradient(self, press_mm: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """(n, pair) signals and (n, 3, pair) their slopes by x, y and depth [1/mm] at (n, 3) places and depths [mm].
+        """(n, pair) signals and (n, 3, pair) their slopes by x, y and depth [1/mm] at (n, 3) locations and depths [mm].
 
-        Beyond the nodes both are those of the nearest place on the border.
+        Beyond the nodes both are those of the nearest point on the border.
         """
         found = self._at(press_mm, with_slopes=True)
         return found[:, 0], found[:, 1:]
@@ -227,7 +227,7 @@ def _offsets(across: int, along: int) -> IntArray:
 
 
 CLIP_MARGIN = 3.0
-"""A reading within this many standard deviations of full scale counts as clipped."""
+"""Standard deviations from full scale within which a reading counts as clipped."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -236,11 +236,11 @@ class ReadingNoise:
 
     Attributes
     ----------
-    floor_counts : (pair,) standard deviation of a signal without light of its own [counts]
+    floor_counts : (pair,) standard deviation of a signal without light [counts]
     shot : variance over signal [counts]
-    relative : standard deviation of a signal over itself, every pair for itself [-]
-    emitter_drift, receiver_drift : standard deviation of a gain, each part for itself [-]
-    emitters : how many; the pairs are emitter by emitter
+    relative : standard deviation of a signal over itself, independent for each pair [-]
+    emitter_drift, receiver_drift : standard deviation of a gain, independent for each component [-]
+    emitters : number of emitters; the pairs are emitter by emitter
     clip_counts : (pair,) signal above which the converter clips [counts]; infinite where that is not known
     """
 
@@ -254,7 +254,7 @@ class ReadingNoise:
 
     @property
     def receivers(self) -> int:
-        """How many."""
+        """Number of receivers."""
         return len(self.floor_counts) // self.emitters
 
     def variance(self, signals: FloatArray) -> FloatArray:
@@ -263,13 +263,13 @@ class ReadingNoise:
         return np.asarray(self.floor_counts**2 + shot + (self.relative * signals) ** 2)
 
     def gain_columns(self, signals: FloatArray) -> FloatArray:
-        """(n, gain, pair) what a standard deviation of each gain does to the signals [counts]."""
+        """(n, gain, pair) change of the signals by a standard deviation of each gain [counts]."""
         by_emitter = np.repeat(np.eye(self.emitters), self.receivers, axis=1) * self.emitter_drift
         by_receiver = np.tile(np.eye(self.receivers), (1, self.emitters)) * self.receiver_drift
         return np.concatenate([by_emitter, by_receiver]) * signals[:, None, :]
 
     def seen_in(self, signals: FloatArray) -> Whitening:
-        """The covariance of frames (n, pair), ready for products."""
+        """The covariance of frames (n, pair), prepared for products."""
         variance = self.variance(signals)
         is_clipped = signals >= self.clip_counts - CLIP_MARGIN * np.sqrt(variance)
         return whitening(np.where(is_clipped, 0.0, 1.0 / variance), self.gain_columns(signals))
@@ -300,7 +300,7 @@ class Whitening:
         return Whitening(weight=self.weight[rows], gains=self.gains[rows], shared=self.shared[rows])
 
     def own_deviations(self, residual: FloatArray) -> FloatArray:
-        """(n, pair) residuals less what the gains explain, in each pair's own standard deviations [-]."""
+        """(n, pair) residuals less the part explained by gains, in each pair's own standard deviations [-]."""
         shared = (self.shared @ residual[:, :, None])[:, :, 0]
         factor = _factor(self.weight, self.gains)
         gains = np.linalg.solve(np.swapaxes(factor, 1, 2), shared[:, :, None])[:, :, 0]
@@ -314,7 +314,7 @@ class Whitening:
 
 
 def whitening(weight: FloatArray, gains: FloatArray) -> Whitening:
-    """Of weights (n, pair) and gains (n, gain, pair)."""
+    """The whitening by weights (n, pair) and gains (n, gain, pair)."""
     shared = np.asarray(np.linalg.solve(_factor(weight, gains), gains * weight[:, None, :]))
     return Whitening(weight=weight, gains=gains, shared=shared)
 
@@ -330,33 +330,33 @@ Answers = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
 
 STARTS = 3
 ELSEWHERE_MM = 3.0
-"""A further start is at least this far from those before it."""
+"""Least distance of a further start from those before it."""
 STEPS = 9
 AFTER_STEPS = 4
-"""Steps at most, and after Huber's weights."""
+"""Most steps, and most steps after Huber's weights."""
 MOST_PRODUCTS, MOST_ROWS = 250_000, 40
-"""A block of the table times so many rows stays below the 262,144 products from which OpenBLAS shares a product of
-matrices among threads: for one frame that gains nothing, and costs milliseconds where other work holds the cores."""
+"""A block of the table times this many rows stays below the 262,144 products from which OpenBLAS splits a product of
+matrices among threads: for one frame that has no gain, and costs milliseconds where other work occupies the cores."""
 DONE_MM = 1e-3
-"""Steps smaller than this end the search: far below the noise of any frame."""
+"""Smallest step of the search: far below the noise of any frame."""
 DONE_SQUARE = 0.02
-"""Steps that gain less in χ² end it too: a tenth of a standard deviation of the press; untouched frames are flat."""
+"""Least gain in χ² of a step: a tenth of a standard deviation of the press; untouched frames are flat."""
 FIRST_DAMPING = 1e-2
 FACTOR = 6.0
 OUTLIER = 4.0
-"""Own deviations of a pair from which it loses weight."""
+"""Own deviations of a pair above which it loses weight."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Box:
-    """Where presses are looked for: (3,) lowest and highest x, y, depth [mm]."""
+    """Range of the search for presses: (3,) lowest and highest x, y, depth [mm]."""
 
     low: FloatArray
     high: FloatArray
 
     @property
     def prior_information(self) -> FloatArray:
-        """(3, 3) of a press anywhere in the box alike [1/mm²]: keeps the covariance finite where nothing is told."""
+        """(3, 3) information of a uniform prior in the box [1/mm²]; it keeps the covariance finite without data."""
         return np.asarray(np.diag(12.0 / (self.high - self.low) ** 2))
 
 
@@ -385,7 +385,7 @@ class CoarseTable:
     signals: FloatArray
 
     def starts(self, signals: FloatArray, seen: Whitening) -> FloatArray:
-        """(n, STARTS, 3) presses to begin with: the best one, and the best ones far from those before."""
+        """(n, STARTS, 3) presses to start from: the best one, and the best ones far from those before."""
         square = self._squares(signals, seen)
         chosen = []
         for _ in range(STARTS):
@@ -404,7 +404,7 @@ class CoarseTable:
         return tuple((np.ascontiguousarray(part), np.ascontiguousarray(part**2)) for part in parts)
 
     def _squares(self, signals: FloatArray, seen: Whitening) -> FloatArray:
-        """(n, t) χ² of every press of the table, less what all have in common."""
+        """(n, t) χ² of every press of the table, less their common part."""
         count, gains, pairs = seen.shared.shape
         own = (seen.shared @ signals[:, :, None]).astype(np.float32)
         shared = seen.shared.reshape(count * gains, pairs).astype(np.float32)
@@ -467,7 +467,7 @@ class _Place:
         return _Place(self.press[rows], self.square[rows], self.matrix[rows])
 
     def replaced(self, rows: NDArray[np.intp], other: _Place) -> _Place:
-        """With some frames' places replaced."""
+        """The same with some frames' presses replaced."""
         merged = [one.copy() for one in (self.press, self.square, self.matrix)]
         for one, new in zip(merged, (other.press, other.square, other.matrix), strict=True):
             one[rows] = new
@@ -476,7 +476,7 @@ class _Place:
 
 @dataclass(frozen=True, eq=False)
 class _Search:
-    """Gauss-Newton steps of many frames side by side."""
+    """Gauss-Newton steps of many frames in parallel."""
 
     answers: Answers
     box: Box
@@ -533,14 +533,14 @@ class _Search:
 
 KIND = "signal-map"
 FRAMES_AT_ONCE = 200
-"""Frames searched side by side: their products stay within a few megabytes."""
+"""Number of frames searched in parallel: their products stay within a few megabytes."""
 TABLE_PITCH_MM = 2.0
 LARGEST_BOX_MM = 1_000.0
-"""Of presses that are considered: no pad is larger, and the table of starts grows with its area."""
+"""Largest coordinate of the box [mm]: no pad is larger, and the table of starts grows with its area."""
 LARGEST_TABLE = 50_000_000
-"""Signals of the table of starts, 0.4 GB; a pad of 100 x 100 mm with 256 pairs has 7 million."""
+"""Most signals of the table of starts, 0.4 GB; a pad of 100 x 100 mm with 256 pairs has 7 million."""
 TABLE_DEPTHS = 10
-"""Of the presses that a search may start from; the search itself bridges the gaps between them."""
+"""Spacing of the presses from which a search may start; the search itself bridges the gaps between them."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -549,12 +549,12 @@ class SignalMapModel:
 
     Attributes
     ----------
-    header : what it is of; its untouched counts are what the sensor reads, clipped as they are
+    header : description of the model; its untouched counts are the sensor's readings, including clipped ones
     ratio_root : √(signal / untouched signal) of every pair
     full_counts : (pair,) untouched signals as they would be without full scale [counts]
-    noise : of the readings, the map's own error included
-    box : presses that are considered
-    threshold : of the touch decision [half units of χ²]
+    noise : noise of the readings, the map's own error included
+    box : range of presses
+    threshold : threshold of the touch decision [half units of χ²]
     sigma : factors of the deviations by depth
     """
 
@@ -573,7 +573,7 @@ class SignalMapModel:
         object.__setattr__(self, "_table", table)
 
     def predict(self, signals: FloatArray) -> Prediction:
-        """Answers to frames (n, pair) [counts]."""
+        """Predictions for frames (n, pair) [counts]."""
         signals = checked_signals(self.header, signals)
         parts = [
             self.found(signals[first : first + FRAMES_AT_ONCE])
@@ -612,7 +612,7 @@ class SignalMapModel:
         )
 
     def arrays(self) -> Arrays:
-        """The numbers that its file keeps."""
+        """The arrays in its file."""
         noise = self.noise
         return {
             "map_coefficients": self.ratio_root.coefficients,
@@ -640,11 +640,11 @@ def table_presses_mm(box: Box) -> FloatArray:
 
 
 def signal_map_of_arrays(header: ModelHeader, arrays: Arrays) -> SignalMapModel:
-    """What `SignalMapModel.arrays` wrote.
+    """The model from `SignalMapModel.arrays`.
 
     Raises
     ------
-    InputError : arrays that are missing or do not fit each other.
+    InputError : arrays are missing or do not fit each other.
     """
     pairs = len(header.untouched_counts)
     full = taken(arrays, "full_counts", (pairs,))

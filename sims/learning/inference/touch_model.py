@@ -1,4 +1,4 @@
-"""What every model can do, and the last step that all of them share."""
+"""The interface of every model, and the last step common to all of them."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from sims.learning.inference.header import LARGEST_NUMBER, ModelHeader
 from sims.learning.inference.prediction import Prediction
 
 Arrays = Mapping[str, NDArray[np.generic]]
-"""The numbers of a model, by name; what its file holds beside the header."""
+"""The arrays of a model by name; its file contains them in addition to the header."""
 
 
 class TouchModel(Protocol):
@@ -22,16 +22,16 @@ class TouchModel(Protocol):
 
     Attributes
     ----------
-    header : what it was trained on
+    header : description of the model and its training data
     """
 
     @property
     def header(self) -> ModelHeader:
-        """What it was trained on."""
+        """Description of the model and its training data."""
         ...
 
     def predict(self, signals: FloatArray) -> Prediction:
-        """Answers to frames.
+        """Predictions for frames.
 
         Parameters
         ----------
@@ -40,7 +40,7 @@ class TouchModel(Protocol):
         ...
 
     def arrays(self) -> Arrays:
-        """The numbers that its file keeps."""
+        """The arrays in its file."""
         ...
 
 
@@ -49,7 +49,7 @@ def checked_signals(header: ModelHeader, signals: FloatArray) -> FloatArray:
 
     Raises
     ------
-    InputError : of another shape than the header's pairs, or not finite.
+    InputError : the shape is not that of the header's pairs, or a value is not finite.
     """
     found = np.asarray(signals, dtype=np.float64)
     pairs = len(header.untouched_counts)
@@ -91,12 +91,12 @@ def taken(
 
     Parameters
     ----------
-    axes : length of every axis; None takes any
-    largest : that a number may be, whatever its sign
+    axes : length of every axis; None accepts any
+    largest : largest magnitude of a number
 
     Raises
     ------
-    InputError : absent, of another shape, or not all finite.
+    InputError : it is absent, of another shape, or not finite.
     """
     if name not in arrays:
         raise InputError(f"{name}: is missing")
@@ -113,5 +113,5 @@ def taken(
 
 
 def taken_whole(arrays: Arrays, name: str, axes: tuple[int | None, ...]) -> NDArray[np.int32]:
-    """One array of whole numbers from a model's file; raises InputError as `taken`."""
+    """One array of whole numbers from a model's file; raises InputError like `taken`."""
     return taken(arrays, name, axes, largest=np.iinfo(np.int32).max).astype(np.int32)

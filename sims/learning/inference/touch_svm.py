@@ -22,7 +22,7 @@ class TouchSvm:
 
     Attributes
     ----------
-    scaling : of counts to features
+    scaling : scaling of counts to features
     weights : (feature,) normal of the plane [-]
     bias : its offset [-]
     """
@@ -36,7 +36,7 @@ class TouchSvm:
         return np.asarray(self.scaling.features(signals) @ self.weights + self.bias)
 
     def arrays(self) -> dict[str, NDArray[np.generic]]:
-        """The numbers, named for a model's file."""
+        """The arrays, named for a model's file."""
         return self.scaling.arrays("touch") | {
             "touch_weights": self.weights,
             "touch_bias": np.array([self.bias]),
@@ -44,7 +44,7 @@ class TouchSvm:
 
 
 def touch_svm_of_arrays(arrays: Arrays, pairs: int) -> TouchSvm:
-    """What `TouchSvm.arrays` wrote; raises InputError where it does not fit."""
+    """The plane from `TouchSvm.arrays`; raises InputError where the arrays do not fit."""
     scaling = scaling_of_arrays(arrays, "touch", pairs)
     weights = taken(arrays, "touch_weights", scaling.kept.shape)
     return TouchSvm(scaling=scaling, weights=weights, bias=float(taken(arrays, "touch_bias", (1,))[0]))

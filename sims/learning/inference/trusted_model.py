@@ -1,4 +1,4 @@
-"""What models share that know how far to trust themselves: touch first, then a press and its deviation."""
+"""Common part of models that estimate their own deviations: touch first, then a press and its deviation."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from sims.learning.inference.touch_svm import TouchSvm
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class TrustedModel(ABC):
-    """A touch classifier, something that says a press with a raw deviation, and the trust in that.
+    """A touch classifier, an estimator of the press with a raw deviation, and the scale of that deviation.
 
     Attributes
     ----------
-    header : what it was trained on
-    touch : of the first stage
-    scaling : of the press's features
+    header : description of the model and its training data
+    touch : classifier of the first stage
+    scaling : scaling of the press's features
     sigma : factors of the raw deviation
     """
 
@@ -32,7 +32,7 @@ class TrustedModel(ABC):
     sigma: SigmaTable
 
     def predict(self, signals: FloatArray) -> Prediction:
-        """Answers to frames (n, pair) [counts]."""
+        """Predictions for frames (n, pair) [counts]."""
         signals = checked_signals(self.header, signals)
         press_mm, spread_mm = self.press_and_spread_mm(signals)
         sigma_mm = self.sigma.sigma_mm(press_mm[:, 2], spread_mm)
@@ -40,8 +40,8 @@ class TrustedModel(ABC):
 
     @abstractmethod
     def press_and_spread_mm(self, signals: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """(n, 3) press and (n, 3) raw deviation of frames (n, pair), before trust [mm]."""
+        """(n, 3) press and (n, 3) raw deviation of frames (n, pair), before scaling [mm]."""
 
     @abstractmethod
     def arrays(self) -> Arrays:
-        """The numbers that its file keeps."""
+        """The arrays in its file."""

@@ -1,4 +1,4 @@
-"""The fast light model: rooms by kind of light, `states` joins them, `trace_states` is the way in.
+"""The fast light model: modules by kind of light, joined by `states`; `trace_states` is the entry point.
 
-Imports of ours: scene, surface, cache, accuracy.
+It imports scene, surface, cache and accuracy.
 """

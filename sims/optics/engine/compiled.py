@@ -1,5 +1,5 @@
 # mypy: no-warn-return-any
-"""The compiled entry points, kept on disk; everything below them is compiled into them."""
+"""The compiled entry points, cached on disk; all functions that they call are compiled into them."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ KERNEL_MODULES = (
     sys.modules[__name__],
 )
 kernel = entry_points(KERNEL_MODULES, error_model="numpy", nogil=True)
-# put into their entry points as they are: compiled alone, all below them would be optimised twice
+# inlined into their entry points: compiled alone, all functions below them would be optimised twice
 put_once = njit(inline="always", error_model="numpy")(states.reflected_once.py_func)
 put_further = njit(inline="always", error_model="numpy")(states.reflected_further.py_func)
 
@@ -44,7 +44,7 @@ put_further = njit(inline="always", error_model="numpy")(states.reflected_furthe
 def flat_matrix(
     emitters: FloatArray, receivers: FloatArray, box: FloatArray, rules: StraightRules
 ) -> FloatArray:
-    """(2, emitter, receiver) straight and mirrored flux under a flat top."""
+    """(2, emitter, receiver) direct and mirrored flux under a flat top."""
     nodes_e, weights_e, nodes_u, weights_u, nodes_z, weights_z = rules
     out = np.zeros((2, emitters.shape[0], receivers.shape[0]))
     for i in range(emitters.shape[0]):
@@ -71,7 +71,7 @@ def untouched_deposits(
     sources: FloatArray, gathers: bool, receivers: FloatArray, box: FloatArray, top: Top, points: FloatArray,
     count: int, shift: FloatArray, first: float, layout: IntArray,
 ) -> tuple[FloatArray, FloatArray]:  # fmt: skip
-    """(source, patch) deposits under the untouched top; (source, receiver) what smooth walls mirror there."""
+    """(source, patch) deposits under the untouched top; (source, receiver) light mirrored there by smooth walls."""
     out = np.zeros((sources.shape[0], layout[5, 2] + layout[5, 0] * layout[5, 1]))
     seen = np.zeros((sources.shape[0], receivers.shape[0]))
     for i in range(sources.shape[0]):
@@ -118,7 +118,7 @@ def trace_once(
     field: FloatArray, flat: UntouchedLight, scale: FloatArray, rules: StraightRules, image_rules: ImageRules,
     shifts: FloatArray, settings: FloatArray,
 ) -> None:  # fmt: skip
-    """Fill (replicate, class, emitter, receiver) with straight flux over emitted power, and what is mirrored once."""
+    """Fill (replicate, class, emitter, receiver) with direct flux and flux mirrored once, over emitted power."""
     put_once(
         out,
         wanted,
@@ -141,7 +141,7 @@ def trace_further(
     field: FloatArray, flat: UntouchedLight, scale: FloatArray, points: FloatArray, shifts: FloatArray,
     patches: Patches, reflectances: FloatArray, orders: Orders, settings: FloatArray, flat_rays: UntouchedRays,
 ) -> None:  # fmt: skip
-    """Add flux that the top mirrors several times, that walls mirror, and that is scattered."""
+    """Add flux mirrored several times by the top, flux mirrored by walls, and scattered flux."""
     put_further(
         out, wanted, emitters, receivers, box, Top(rows, field), flat, scale, points, shifts, patches, reflectances,
         orders, settings, flat_rays,
@@ -156,7 +156,7 @@ def patch_layout(box: FloatArray, size: float) -> IntArray:
 
 @kernel
 def patch_areas(layout: IntArray, receivers: FloatArray, box: FloatArray) -> FloatArray:
-    """(patch,) area without receiver faces; 0 for the tip's, which change with the press."""
+    """(patch,) area without receiver faces; 0 for the tip's patches, which change with the press."""
     return areas_of(layout, receivers, box)
 
 

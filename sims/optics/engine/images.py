@@ -1,13 +1,13 @@
 """Kernels: light with exactly one reflection at the deformed top.
 
-Island by island (`sims.optics.engine.images`): an image that is whole, that is which every point of the
-emitter sends to every point of the receiver, hidden nowhere and without a fold, is summed path by path
-(`sims.optics.engine.mirrored`). Any other, cut by a contact edge or a shadow or folded in a caustic, is
-summed over the top (`sims.optics.engine.mirrored`) on a lattice of points so close that the image moves by a
-share of its size from one to the next, the smaller the brighter it is. Every replicate moves the lattice by another
+Light is summed island by island. An image is whole if every point of the emitter sends it to every point of
+the receiver, hidden nowhere and without a fold; it is summed path by path (`sims.optics.engine.mirrored`). Any
+other image, cut by a contact edge or a shadow or folded in a caustic, is summed over the top
+(`sims.optics.engine.mirrored`) on a lattice of points so dense that the image moves by a share of its size
+from one to the next; the share is smaller for brighter images. Every replicate moves the lattice by another
 fraction of its spacing.
 
-Kernels: where a pair's singly reflected light meets the top.
+Kernels: cells in which a pair's singly reflected light meets the top.
 
 A path from e over the top's point p to q has the length F = |p - e| + |q - p|. It is a mirror path where the
 gradient of F along the top vanishes (Fermat). Gradient and second derivatives of F are sums of an emitter's part and
@@ -44,10 +44,10 @@ from sims.optics.surface.tops import (
 
 FINEST = 96
 COARSE, FINEST_STEP, BRIGHT = 2.5, 0.5, 0.03
-"""First and finest lattice's steps over the setting's; share of the untouched flux that gets the setting's own."""
+"""Steps of the first and finest lattice over the setting's; share of the untouched flux with the setting's own step."""
 NEAR_RANGE, BENT, CHANGED, MOST_CHANGE = 1.02, 1.4, 0.05, 4.0
-"""A place counts within so many half ranges, and more where a cell's middle differs from the mean of its corners, and
-where these differ: of 1.7 million places, benchmark and paper's pad, none with light was left out."""
+"""A point counts within this many half ranges, and more where a cell's middle differs from the mean of its corners, and
+where these differ: of 1.7 million points, benchmark and paper's pad, none with light was left out."""
 
 
 @kernel
@@ -56,7 +56,7 @@ def _range_corners(
     corner: FloatArray,
 ) -> None:  # fmt: skip
     """Fill corner[side, 5] with the gradient across each edge direction over half the range at a cell's corners, and
-    how far from 0 that may be for a place in the range.
+    its largest distance from 0 for a point in the range.
     """
     close = closeness(emitter, receiver, a, b, e)
     for side in range(4):
@@ -76,7 +76,7 @@ def _range_corners(
 
 @kernel
 def _is_far(corner: FloatArray, fu: float, fv: float) -> bool:
-    """Whether a place in a cell lies outside the pair's range."""
+    """Whether a point in a cell is outside the pair's range."""
     for side in range(4):
         low = corner[side, 0] + fu * (corner[side, 1] - corner[side, 0])
         high = corner[side, 2] + fu * (corner[side, 3] - corner[side, 2])
@@ -149,7 +149,7 @@ def lattice_sum(
     corner: FloatArray, poly: FloatArray, other: FloatArray, out: FloatArray,
 ) -> None:  # fmt: skip
     """Fill out[replicate, (outside, inside the skirt)] with an island's flux: on a coarse lattice, and where that shows
-    light on one the finer the brighter the image over the pair's untouched flux `unit`.
+    light on a finer one, finest for the brightest image over the pair's untouched flux `unit`.
     """
     brightest = island_sum(
         source, target, emitter, receiver, middle_e, middle_q, cells, count, steps, COARSE * step, skip_flat, shifts,
@@ -175,7 +175,7 @@ def single_reflection(
     """Add a pair's singly reflected flux to out[replicate, (outside, inside the skirt)].
 
     `unit` is its untouched flux; `skip_flat`: light from beyond every deformed part is left out (the untouched value
-    stands for it).
+    replaces it).
     """
     if lit_cells(emitter, receiver, box_e, box_q, columns, steps, tag) == 0:
         return
@@ -212,7 +212,7 @@ def single_reflection(
             out[n, 1] += part[n, 1]
 
 
-# columns of a patch row at a node; ACROSS_S and ACROSS_U begin three: a unit vector, the reach of the patch along it
+# columns of a patch row at a node; ACROSS_S and ACROSS_U begin three: unit vector, and reach of the patch along it
 FX, FY, SX, SY, UX, UY, FXX, FXY, FYY, LIT, CLOSE, ACROSS_S = range(12)
 ACROSS_U = ACROSS_S + 3
 PATCH_COLUMNS = 17
@@ -222,22 +222,22 @@ MARGIN = 0.35
 GRAZE = 1.2
 CORE = 1.6
 FOLD_U, FOLD_V = 4, 2
-"""How far outside the pair's range, in its sizes, a place still tells whether an image folds; places a cell."""
+"""Distance outside the pair's range, in its sizes, up to which a point shows whether an image folds; points a cell."""
 CLOSE_SHARE = 0.5
-"""Half a patch's diagonal over its distance, from where on it is close."""
+"""Half a patch's diagonal over its distance, from which on it is close."""
 ANYWHERE = 4.0
-"""More than two unit vectors' plan parts add up to: what a close patch adds to the range of the gradient."""
+"""Addition of a close patch to the range of the gradient: more than the sum of two unit vectors' plan parts."""
 SECOND_ORDER = 0.58
-"""What any other patch adds, over the square of share / (1 - share): half the largest second derivative of a unit
-vector by where it starts, sqrt(4/3) over its length squared. Without it up to 2.5 % of a pair's light was lost, the
-more the finer the grid."""
+"""Addition of any other patch, over the square of share / (1 - share): half the largest second derivative of a unit
+vector by its start, sqrt(4/3) over its length squared. Without it up to 2.5 % of a pair's light was lost, more on a
+finer grid."""
 CLOSE_STEPS = 2.0
 NEVER = 1e30
 
 
 @kernel
 def _put_across(row: FloatArray, edge: int, other: int, out: int) -> None:
-    """Fill three columns: the unit vector across one edge direction, and how far the other edge reaches along it."""
+    """Fill three columns: the unit vector across one edge direction, and the reach of the other edge along it."""
     nx = -row[edge + 1]
     ny = row[edge]
     size = 1.0 / max(math.sqrt(nx * nx + ny * ny), 1e-12)
@@ -251,9 +251,9 @@ def leg_row(
     patch: FloatArray, x: float, y: float, z: float, gx: float, gy: float, hxx: float, hxy: float, hyy: float,
     box: FloatArray, out: FloatArray,
 ) -> None:  # fmt: skip
-    """Fill a row: gradient in plan of the leg's length from the patch's centre; how far that moves from the centre
-    to its side and to its upper edge; second derivatives; how much the top's underside faces the patch; what to add
-    to the range, for that is of first order only.
+    """Fill a row: gradient in plan of the leg's length from the patch's centre; its change from the centre to the
+    side and to the upper edge; second derivatives; cosine of the top's underside to the patch; addition to the
+    range, which is of first order only.
     """
     wall = int(patch[0])
     ex, ey, ez = wall_point(wall, patch[1], patch[2], box)
@@ -300,7 +300,7 @@ def patch_table(patch: FloatArray, nodes: FloatArray, box: FloatArray, out: Floa
 
 @kernel
 def closeness(emitter: FloatArray, receiver: FloatArray, a: int, b: int, e: int) -> float:
-    """What the range of a cell's gradient gains beyond first order; `ANYWHERE` or more beside a close patch."""
+    """Addition beyond first order to the range of a cell's gradient; `ANYWHERE` or more next to a close patch."""
     close = 0.0
     for k in range(4):
         i = a + k % 2
@@ -373,7 +373,7 @@ def across(emitter: FloatArray, receiver: FloatArray, side: int) -> tuple[float,
 
 @kernel
 def image_steps(emitter: FloatArray, receiver: FloatArray, a: int, b: int, e: int) -> tuple[float, float]:
-    """By how many of its sizes the pair's image moves across a cell along u and v; (-1, -1): no light from there."""
+    """Motion of the pair's image across a cell along u and v, in its sizes; (-1, -1): no light from there."""
     if not _passes_box(emitter, receiver, a, b, e):
         return -1.0, -1.0
     along_u = 0.0
@@ -400,7 +400,7 @@ def image_steps(emitter: FloatArray, receiver: FloatArray, a: int, b: int, e: in
 @kernel
 def patch_boxes(table: FloatArray, columns: FloatArray, out: FloatArray) -> None:
     """Fill (ring, column, 5): bounds of the gradient of a patch and of its range over a cell (low x, high x, low y,
-    high y), and how much the cell faces the patch at most.
+    high y), and the largest cosine of the cell to the patch.
     """
     for a in range(table.shape[0] - 1):
         for b in range(table.shape[1]):
@@ -461,7 +461,7 @@ def lit_cells(
 def take_island(
     first: int, number: int, columns: FloatArray, tag: IntArray, stack: IntArray, cells: IntArray
 ) -> int:
-    """Give one island of cells tagged 1 (neighbours by side or corner) its number; returns how many cells it has."""
+    """Give one island of cells tagged 1 (neighbours by side or corner) its number; returns its number of cells."""
     rings, width = tag.shape
     found = 0
     tag[first // width, first % width] = number
@@ -508,7 +508,7 @@ def island_start(
 
 @kernel
 def _range_share(emitter: FloatArray, receiver: FloatArray) -> float:
-    """How far a place lies from a mirror path of the pair, over the pair's range; up to 1 inside."""
+    """Distance of a point from a mirror path of the pair, over the pair's range; up to 1 inside."""
     off = 0.0
     for side in range(4):
         f, w = across(emitter, receiver, side)
@@ -521,8 +521,8 @@ def island_fold(
     source: FloatArray, target: FloatArray, cells: IntArray, count: int, rings: int, phase: float,
     columns: FloatArray, sectors: FloatArray, box: FloatArray, top: Top, one: FloatArray, two: FloatArray,
 ) -> int:  # fmt: skip
-    """Sign of det d²F/dp² over an island, at `FOLD_U` x `FOLD_V` places a cell in or near the pair's range; 0 where it
-    changes, if no place is near, or if a patch is close.
+    """Sign of det d²F/dp² over an island, at `FOLD_U` x `FOLD_V` points a cell in or near the pair's range; 0 where it
+    changes, if no point is near, or if a patch is close.
     """
     width = columns.shape[0]
     sign = 0

@@ -1,12 +1,12 @@
-"""One emitter's light in one state as a row of numbers, and the name of everything that it depends on.
+"""One emitter's light in one state as a row of numbers, and its name: a hash of all its inputs.
 
 A row depends on: the block and its materials; all receivers (their faces absorb); this emitter, and its number (which
-picks its points); the top of this state; the pairs asked for (several reflections are sampled for them); settings and
-seed; the sources of the light model, the libraries below them, and the processor that they are compiled for. It
-depends on no other emitter and no other state, and neither is in its name.
+selects its points); the top of this state; the requested pairs (several reflections are sampled for them); settings
+and seed; the sources of the light model, its libraries, and the processor for which they are compiled. It depends on
+no other emitter and no other state, and neither is in its name.
 
-To name a row its top has to be made. Where tops come from presses of a design, the names are kept too, under one name
-of all that they come from: the same presses again are answered without a single top.
+A row's name requires its top. Where tops come from presses of a design, the names are kept too, under one name of all
+their inputs: the light of the same presses is then found without any top.
 """
 
 from __future__ import annotations
@@ -34,14 +34,14 @@ class KeptRows(Protocol):
     """Rows of light that outlive a trace."""
 
     def read(self, names: Sequence[bytes]) -> dict[bytes, bytes]:
-        """The rows that are there."""
+        """The stored rows."""
 
     def write(self, rows: Mapping[bytes, bytes]) -> None:
         """Keep rows."""
 
 
 class Tops(Protocol):
-    """Tops of states as arrays: all that light depends on.
+    """Tops of states as arrays, on which light depends.
 
     Attributes
     ----------
@@ -70,7 +70,7 @@ def row_names(
     Parameters
     ----------
     states : (n,) numbers of the tops
-    asked : (n, emitter, receiver) pairs asked for
+    asked : (n, emitter, receiver) requested pairs
     """
     common = _hash_of(FORMAT, _origin(), settings, seed, *_shared_fields(scene))
     emitters = [
@@ -86,7 +86,7 @@ def row_names(
 
 
 def names_of(content: bytes | None, states: int, emitters: int) -> list[list[bytes]] | None:
-    """Kept names of rows, per state and emitter; None where they are not so many."""
+    """Kept names of rows, per state and emitter; None where their number differs."""
     if content is None or len(content) != NAME_BYTES * states * emitters:
         return None
     each = [content[start : start + NAME_BYTES] for start in range(0, len(content), NAME_BYTES)]
@@ -98,7 +98,7 @@ def name_of_names(source: bytes, asked: BoolArray, settings: Accuracy, seed: int
 
     Parameters
     ----------
-    source : says where the tops of all states come from; what it stands for never changes
+    source : identifies the inputs of the tops of all states; equal bytes always give the same tops
     """
     return _hash_of(FORMAT, _origin(), source, asked, settings, seed).digest()
 
@@ -137,7 +137,7 @@ def _bytes_of(part: object) -> bytes:
 
 
 def _shared_fields(scene: OpticalScene) -> list[object]:
-    """Everything of a scene but its emitters, by name: a field added to scenes is in every name at once."""
+    """All fields of a scene except its emitters, by name: a field added to scenes is in every name at once."""
     return [
         item
         for field in fields(scene)
@@ -164,7 +164,7 @@ def _emitter_rows(scene: OpticalScene) -> list[list[object]]:
 
 @cache
 def _origin() -> str:
-    """Sources, libraries and processor that make a row's bits."""
+    """Sources, libraries and processor that determine a row's bits."""
     import numba
     import scipy
     from numba.core.registry import cpu_target

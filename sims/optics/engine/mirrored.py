@@ -8,12 +8,12 @@ onto the emitter's plane; the projection clipped against the emitter is the lit 
 
 with d from emitter to p, g = (-dh/dx, -dh/dy, 1), L the emitter's radiance. No ray is sampled, and a caustic is no
 singularity. The lit area is weighted by three points in each of its triangles: near the critical
-angle the mirrored share changes too fast for its centroid alone, and so does the response of a receiver that does not
-count all directions alike. Angular tables may bend within the lit area: where their light differs between that rule and
+angle the mirrored share changes too fast for its centroid alone, and so does the response of a receiver that depends
+on direction. Angular tables may bend within the lit area: where their light differs between that rule and
 the triangles' centroids, the triangles are divided.
 
 Shadows: a leg that falls faster than the top can along its way is clear. Any other is tested at the centroid and the
-corners of the lit area, and where these differ at every point of the triangles.
+corners of the lit area, and at every point of the triangles where these differ.
 
 Kernels: one image of a pair in the top, path by path.
 
@@ -53,7 +53,7 @@ from sims.optics.surface.tops import (
 
 INWARD = 0.97
 UNEVEN, PARTS = 0.01, 4
-"""Share by which the two may differ; parts of each side of a triangle that is divided."""
+"""Share by which the two rules may differ; number of parts of each side of a divided triangle."""
 
 
 @kernel
@@ -88,7 +88,7 @@ def _project(
 def _counted(
     dx: float, dy: float, dz: float, px: float, py: float, gx: float, gy: float, target: FloatArray, box: FloatArray,
 ) -> float:  # fmt: skip
-    """Share of the light along d, mirrored at p, that is left at the receiver's plane and that it counts, over pi."""
+    """Share of the light along d, mirrored at p, that reaches the receiver's plane and is counted, over pi."""
     d = 1.0 / math.sqrt(dx * dx + dy * dy + dz * dz)
     back = 2.0 * (dz - gx * dx - gy * dy) * d / (1.0 + gx * gx + gy * gy)
     dx = dx * d + back * gx
@@ -105,9 +105,9 @@ def _emission(
     a: float, b: float, px: float, py: float, pz: float, gx: float, gy: float, ex: float, ey: float, ez: float,
     source: FloatArray, target: FloatArray, box: FloatArray,
 ) -> tuple[float, float, float, float, float, float]:  # fmt: skip
-    """Emission and absorption weight of the emitter point at offset (a, b), 0 where it and p face not each other, with
-    `_counted` unless the receiver counts all directions alike; part of the way to p that runs into the top, its length,
-    and the way.
+    """Emission and absorption weight of the emitter point at offset (a, b), 0 where it and p do not face each other,
+    with `_counted` unless the receiver counts all directions equally; component of the way to p into the top, its
+    length, and the way.
     """
     n0, n1 = wall_normal(int(source[0]))
     on_x = int(source[0]) % 2 == 0
@@ -134,7 +134,7 @@ def _spread(
     a: float, b: float, px: float, py: float, pz: float, gx: float, gy: float, ex: float, ey: float, ez: float,
     source: FloatArray, target: FloatArray, box: FloatArray,
 ) -> float:  # fmt: skip
-    """The same weight with the share that the top mirrors."""
+    """The same weight with the share mirrored by the top."""
     f, into, d, _, _, _ = _emission(a, b, px, py, pz, gx, gy, ex, ey, ez, source, target, box)
     if f == 0.0:
         return 0.0
@@ -245,8 +245,8 @@ def _mirrored_weight(
     n: int, poly: FloatArray, area: float, cx: float, cy: float, px: float, py: float, pz: float, gx: float,
     gy: float, ex: float, ey: float, ez: float, source: FloatArray, target: FloatArray, box: FloatArray,
 ) -> float:  # fmt: skip
-    """As `_mean_weight` by two thirds of the points, for areas that are totally reflected and seen, where it is smooth:
-    by the middles of the triangles' edges, of which two triangles share the inner ones (second order).
+    """The same as `_mean_weight` with two thirds of the points, for totally reflected and visible areas, where it is
+    smooth: by the middles of the triangles' edges; two triangles share the inner ones (second order).
     """
     total = 0.0
     before = (poly[n - 1, 0] - cx) * (poly[0, 1] - cy) - (poly[n - 1, 1] - cy) * (poly[0, 0] - cx)
@@ -274,7 +274,7 @@ def _mean_weight(
     """Mean weight over the lit area, three points in each of parts² parts of each triangle from centroid to edge, which
     is second order.
 
-    Where the area is divided by a shadow, a hidden point counts nothing.
+    Where a shadow divides the area, a hidden point counts 0.
     """
     total = 0.0
     for c in range(n):
@@ -307,7 +307,7 @@ def _is_uneven(
     mean: float, n: int, poly: FloatArray, area: float, cx: float, cy: float, px: float, py: float, pz: float,
     gx: float, gy: float, ex: float, ey: float, ez: float, source: FloatArray, target: FloatArray, box: FloatArray,
 ) -> bool:  # fmt: skip
-    """Whether the weights at the centroids of the triangles have another mean."""
+    """Whether the mean of the weights at the centroids of the triangles differs."""
     total = 0.0
     for c in range(n):
         e = c + 1 if c + 1 < n else 0
@@ -324,9 +324,9 @@ def pinhole(
     sector: int, u: float, v: float, source: FloatArray, target: FloatArray, skip_flat: bool, sectors: FloatArray,
     box: FloatArray, top: Top, poly: FloatArray, other: FloatArray,
 ) -> tuple[float, float]:  # fmt: skip
-    """Flux through the top at (u, v) per du dv, and the place over the skirt's radius.
+    """Flux through the top at (u, v) per du dv, and the radius of the point over the skirt's radius.
 
-    `skip_flat`: none from beyond every deformed part.
+    `skip_flat`: no flux from beyond every deformed part.
     """
     px, py, pz, gx, gy, _, plan = top_point(sector, u, v, sectors, top)
     tip, share = touching_tip(px, py, top)
@@ -386,12 +386,12 @@ def pinhole(
 
 NEWTON_STEPS = 8
 CONVERGED_MM = 1e-5
-"""Newton's steps shrink quadratically: the error after the last is far below this."""
+"""Largest last step of Newton's rule: steps shrink quadratically, so the error after the last is far below this."""
 LONGEST_STEP_MM = 6.0
 FEW_RATIO = 3.0
 WHOLE_TOLERANCE = 0.01
-"""Largest over smallest flux density of an image's corner paths that the coarse rule takes; share by which Simpson's
-rule, corners and middle, may differ from it: a jump of the top's curvature within an image shows there."""
+"""Largest over smallest flux density of an image's corner paths for the coarse rule; share by which Simpson's rule,
+corners and middle, may differ from it, which reveals a jump of the top's curvature within an image."""
 TABLE_TOLERANCE = 3e-4
 """Share by which the two rules may differ for patches with angular tables: where one bends sharply within an image, or
 has a step, no rule of few paths is right, by up to 1.3 % of a pair's light."""
@@ -506,7 +506,7 @@ def corner_paths(
     phase: float, columns: FloatArray, sectors: FloatArray, box: FloatArray, top: Top,
 ) -> tuple[float, float]:  # fmt: skip
     """Largest over smallest, and mean, flux density of the 16 paths between corners; -1 unless each exists, is clear,
-    and reflects in or beside the image's own island.
+    and reflects in or next to the image's own island.
     """
     low = 1e30
     high = 0.0

@@ -6,32 +6,31 @@ that lands on another, all orders together are
 
     flux = sum over patches of  R x (Q g) x t x A_r / A_patch,    Q = (I - (R K)^T)^-1.
 
-g and t are the pressed pad's; K is the untouched pad's: what the dimple does to light on its way from patch to patch is
-left out. On a tip that reflects g and t hold, besides first deposits, what walls and bottom scatter on it in the
-pressed pad, after all their orders; light that a tip scatters twice is left out.
+g and t are the pressed pad's; K is the untouched pad's: the effect of the dimple on light from patch to patch is left
+out. On a reflecting tip g and t contain, in addition to first deposits, the light that walls and bottom scatter on it
+in the pressed pad, after all their orders; light scattered twice by a tip is left out.
 
-A tip's patches are wide beside parts 2 mm away, where joining their sums made its light 9 % too bright. What emitters
-send it and receivers take of it first hand is therefore joined cell by cell of the lattice that it was summed on, both
-by the same point, or over the cell's area where it is divided for a part near to it. The patches keep what comes by way
-of the top, walls and bottom.
+A tip's patches are wide for parts 2 mm away, where joining their sums made its light 9 % too bright. The first-hand
+light from emitters and to receivers is therefore joined by cells of the lattice on which it was summed, both by the
+same point, or over the cell's area where it is divided for a part near to it. The patches keep the light by way of the
+top, walls and bottom.
 
 Kernels: cells of the top whose light is reflected again and may reach a receiver, found by dividing larger ones.
 
-The paths from the emitter's centre over the corners of a cell tell where its light ends. A cell is dropped where that
-is nowhere near a wanted receiver, divided where its corners' ends lie far apart or have different fates, and else kept,
-with the more points the more power it has for the dimmest receiver near.
+The paths from the emitter's centre over the corners of a cell show where its light ends. A cell is dropped if that is
+not near a requested receiver, divided if its corners' ends are far apart or have different fates, and else kept, with
+a number of points that grows with its power for the dimmest receiver near.
 
 Kernels: light with two or more specular reflections at the deformed top.
 
-First reflections whose light goes to a second one and on towards a receiver lie in small islands of the top. The rays
-of `sims.optics.engine.scattered` tell roughly where, `repeated_cells` divides the cells there, and every
-cell that is left brings one point a replicate, or more by its power, each with three rays from points evenly spread
-over the emitter, moved from point to point.
+First reflections whose light goes to a second one and on towards a receiver are in small islands of the top. The rays
+of `sims.optics.engine.scattered` show roughly where, the cells there are divided, and every remaining cell has one
+point per replicate, or more by its power, each with three rays from points evenly spread over the emitter, moved from
+point to point.
 
-A ray counts where it ends. Once it stood for the parallelogram that a part of the emitter lights, by the rays beside
+A ray counts where it ends. Earlier it represented the parallelogram lit by a part of the emitter, by the rays around
 it; but two convex mirrors bend light within any part, which made this light 75 % too bright on one pair and 15 % too
-dark on others, whatever the setting, and its scatter was no less. Left out: an island that the rays of all replicates
-miss.
+dark on others at every setting, and its scatter was no less. Left out: an island that the rays of all replicates miss.
 """
 
 from __future__ import annotations
@@ -84,7 +83,7 @@ from sims.optics.surface.tops import Top, surface_gradient
 
 LEAST_AREA_MM2 = 1e-9
 TIP_RAYS = 64
-"""From each patch of a tip that reflects, back to walls and bottom: 2 % of what these scatter on it."""
+"""Rays from each patch of a reflecting tip back to walls and bottom: 2 % error of the light scattered by these."""
 
 
 @array_kernel
@@ -110,7 +109,7 @@ def coarsened(
 
 @array_kernel
 def scattered_on(deposits: FloatArray, transfer: FloatArray) -> FloatArray:
-    """(source, patch) deposits of the orders beyond the first: row n of `transfer` is what a deposit on n becomes."""
+    """(source, patch) deposits of the orders beyond the first: row n of `transfer` is the result of a deposit on n."""
     out = np.zeros(deposits.shape)
     for n in range(transfer.shape[0]):
         for i in range(deposits.shape[0]):
@@ -168,8 +167,8 @@ def with_walls_on_tip(
     deposits: FloatArray, first: FloatArray, higher: FloatArray, layout: IntArray, coarse: IntArray,
     reflectances: FloatArray, shares: FloatArray,
 ) -> FloatArray:  # fmt: skip
-    """(source, patch) deposits, and on the tip also what first and higher deposits on walls and bottom (source, coarse
-    patch) bring. By loops: Numba takes seconds to compile sums and copies of arrays.
+    """(source, patch) deposits, on the tip with the light from first and higher deposits on walls and bottom (source,
+    coarse patch). It uses loops, as Numba takes seconds to compile sums and copies of arrays.
     """
     out = np.zeros(deposits.shape)
     for i in range(deposits.shape[0]):
@@ -190,8 +189,8 @@ def first_hand_on_tip(
     given: FloatArray, taken: FloatArray, lattice: FloatArray, sectors: FloatArray, emitters: FloatArray,
     receivers: FloatArray, reflectance: float, layout: IntArray, box: FloatArray, top: Top,
 ) -> FloatArray:  # fmt: skip
-    """(emitter, receiver) what joining first-hand light on the tip by cells of the lattice (row, column, n) adds to its
-    join by patches.
+    """(emitter, receiver) difference between joins of first-hand light on the tip by cells of the lattice (row, column,
+    n) and by patches.
 
     given, taken : (emitter or receiver, row, column) first-hand light on the contact's rows of the lattice
     """
@@ -265,32 +264,32 @@ LOW_U, HIGH_U, LOW_V, HIGH_V, LEVEL, CORNERS = range(6)
 CELL_COLUMNS = CORNERS + 4 * ECHO_COLUMNS
 DROP, DIVIDE, KEEP = range(3)
 UNKNOWN = -1.0
-"""Power of a corner that nobody has looked at."""
+"""Power of a corner that is not yet traced."""
 
 STEP_MM = 1.0
-"""Distance between the ends of a cell's corners below which it is divided no further."""
+"""Distance between the ends of a cell's corners below which it is not divided further."""
 CURVE = 0.15
 """Share of that distance by which light from within a cell may end beyond that of its corners."""
 MIXED_MM = 2.0
-"""How much farther where corners have different fates."""
+"""Additional distance where corners have different fates [mm]."""
 DEEPEST, DEEPEST_MIXED, DEEPEST_UNSEEN = 6, 4, 2
-"""Most halvings of a cell, of one whose corners have different fates, and of one that only edges of emitters light."""
+"""Most halvings of a cell, of one whose corners have different fates, and of one lit by edges of emitters only."""
 KEPT_UNITS = 4.0
-"""Units of power that a kept cell may hold: points in it cost less than the paths over the corners of its quarters."""
+"""Most units of power of a kept cell: points in it cost less than the paths over the corners of its quarters."""
 MOST_PARTS = 4.0
 """Most parts of a kept cell along each side, one point in each."""
 STACK = 3 * DEEPEST + 4
 BLUR_MM = 4.0
-"""Farthest from the end of the emitter's centre that the light of its edges is looked for. What two rays beside the
-centre's tell of that is too little where mirrors bend: it cost up to 0.3 % of a pair's signal."""
+"""Farthest distance from the end of the emitter's centre ray at which light of its edges is searched. Two rays next to
+the centre's show too little of it where mirrors bend: that cost up to 0.3 % of a pair's signal."""
 
 
 @kernel
 def power_near(
     a: int, b: int, first: int, columns: FloatArray, echoes: FloatArray, receivers: FloatArray, units: FloatArray,
 ) -> tuple[float, float]:  # fmt: skip
-    """Largest power of the rays by a cell or a neighbour, of all replicates, that are reflected again, on walls where
-    they end around a wanted receiver, and the unit there; 0 where nowhere; negative if none is reflected again.
+    """Largest power of the twice-reflected rays by a cell or a neighbour, of all replicates, on walls where they end
+    around a requested receiver, and the unit there; 0 if there is none; negative if no ray is reflected again.
 
     first : the first row that is not in the contact; units : see `sims.optics.engine.repeated`
     """
@@ -348,8 +347,8 @@ def put_corner(
     echo: FloatArray, sector: int, u: float, v: float, source: FloatArray, sectors: FloatArray, box: FloatArray,
     top: Top, p: FloatArray,
 ) -> None:  # fmt: skip
-    """Fill the echo of the path from the emitter's centre over a point of the top; power 0 if it is not mirrored again
-    on its way to a wall.
+    """Fill the echo of the path from the emitter's centre over a point of the top; its power is 0 if it is not
+    mirrored again on its way to a wall.
     """
     put_point(p, sector, u, v, sectors, top)
     power, kind, s, z, tops, _, _ = landing(p, source[1], source[2], source, box, top)
@@ -385,10 +384,10 @@ def _bounds(cell: FloatArray, wall: int) -> tuple[int, bool, float, float, float
 def fate_of(
     cell: FloatArray, unseen: float, unseen_unit: float, receivers: FloatArray, units: FloatArray
 ) -> tuple[int, int]:
-    """What to do with a cell; if it is kept, into how many parts along each side.
+    """Decision on a cell; if it is kept, its number of parts along each side.
 
     unseen : power that the emitter's edges may send over the undivided cell where its centre sends none
-    unseen_unit : power that a sample of it may stand for; units : (receiver,) the same by where the centre sends it
+    unseen_unit : power that a sample of it may represent; units : (receiver,) the same by the receiver near its end
     """
     brightest = max(
         max(corner(cell, 0, POWER), corner(cell, 1, POWER)),
@@ -430,7 +429,7 @@ def fate_of(
 
 @kernel
 def _parts(power: float, unit: float) -> int:
-    """Parts along each side of a cell for points that stand for a unit of power each."""
+    """Parts along each side of a cell for points that represent a unit of power each."""
     return int(min(max(math.ceil(math.sqrt(power / unit)), 1.0), MOST_PARTS))
 
 
@@ -493,7 +492,7 @@ def divide(
 
 
 RAYS = 3
-"""Rays of a sample, from points of the emitter that lie evenly spread over it."""
+"""Rays of a sample, from points evenly spread over the emitter."""
 
 
 @kernel
@@ -502,7 +501,7 @@ def add_sample(
     box: FloatArray, top: Top, out: FloatArray,
 ) -> None:  # fmt: skip
     """Add a point's light to out[receiver, (outside, inside the skirt)], by rays from the emitter at (one, two) and
-    beside it, which counts round its edges.
+    around it, wrapped at its edges.
     """
     for k in range(RAYS):
         a = one + k / RAYS
@@ -550,8 +549,8 @@ def repeated_reflections(
     """Add flux of chains with two or more top reflections to out[replicate, receiver, (outside, inside the skirt)].
 
     lattice, echoes : a replicate's lattice, and (replicate, row, column, 5) ends of the rays over their points
-    shifts : (replicate, 3 or more) place in a cell along u and v, and where on the emitter the first ray starts, 0 to 1
-    units : (receiver,) power that a sample near it may stand for; 0 where unwanted
+    shifts : (replicate, 3 or more) position in a cell along u and v, and start of the first ray on the emitter, 0 to 1
+    units : (receiver,) power that a sample near it may represent; 0 where not requested
     """
     first = first_free_row(lattice)
     rings = lattice.shape[0] - first

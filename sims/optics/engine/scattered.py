@@ -1,5 +1,5 @@
 # mypy: no-warn-return-any
-"""Kernels: where light from one point of an emitter ends after it met one point of the deformed top.
+"""Kernels: the end of light from one point of an emitter after it met one point of the deformed top.
 
 Kernels: light that walls, bottom or tip scatter once.
 
@@ -9,12 +9,12 @@ chain through the top; the same is done from every receiver, and by reciprocity
     flux = sum over patches of  reflectance x deposit_e x deposit_r x A_r / A_patch.
 
 A deposit is shared between the four patches around it, so it changes smoothly with the ray. Receiver faces absorb;
-emitter faces reflect like the wall around them. Smooth walls mirror their Fresnel share on. Patches of walls and bottom
-have a finite size (a bias of the join that is the same with and without a press); `sims.optics.engine.trace_states`
-divides it out with the untouched pad's join. The untouched pad knows no tip, so light by way of the tip is taken as
+emitter faces reflect like the wall around them. Smooth walls mirror their Fresnel share. Patches of walls and bottom
+have a finite size, a bias of the join that is the same with and without a press; `sims.optics.engine.trace_states`
+divides it out with the untouched pad's join. The untouched pad has no tip, so light by way of the tip is taken as
 joined.
 
-Kernels: what the pressed top does to the light that it receives first hand, on a lattice of its points.
+Kernels: effect of the pressed top on its first-hand light, on a lattice of its points.
 
 A ray from a patch to a point p of the top, contact included, has a fate now and had one in the untouched pad. The
 difference of the two, summed over the lattice with the weight
@@ -22,8 +22,8 @@ difference of the two, summed over the lattice with the weight
     radiance x cos x (g . d) / d^3 dA,    g = (-dh/dx, -dh/dy, 1), d from the patch to p,
 
 is the exact change of the light that falls on walls and bottom: a ray that does not meet the top first never meets it.
-The lattice goes on over the part of the top that is still flat, for what that mirrors may then meet a dimple. One ray
-serves both, so a top that hardly changes changes hardly anything.
+The lattice continues over the part of the top that is still flat, since light mirrored there may then meet a dimple.
+One ray serves both, so a top that hardly changes has hardly any effect.
 
 Rays of one lattice differ in power by orders of magnitude. Cells that are large for their distance from a patch are
 divided for it, and a ray of little power is followed by chance: one of power w < w0 with probability w / w0, and then
@@ -78,8 +78,8 @@ def put_point(p: FloatArray, sector: int, u: float, v: float, sectors: FloatArra
 def landing(
     p: FloatArray, along: float, up: float, source: FloatArray, box: FloatArray, top: Top
 ) -> tuple[float, int, float, float, int, float, float]:
-    """Power, wall and place, further reflections, nearest one and cosine of arrival of the path from an emitter point
-    over p; power 0 if there is none.
+    """Power, wall and point, further reflections, nearest one and cosine of arrival of the path from an emitter point
+    over p; the power is 0 if there is none.
     """
     ex, ey, ez = wall_point(int(source[0]), along, up, box)
     if ez >= surface_height(ex, ey, top):
@@ -158,7 +158,7 @@ def layout_of(box: FloatArray, size: float) -> IntArray:
 
 @kernel
 def tip_patch(x: float, y: float, layout: IntArray, tip: int, rows: FloatArray) -> int:
-    """Index of the tip's patch that holds a place: rings of equal area, a wrapped shank with them."""
+    """Index of the tip's patch at a point: rings of equal area, a wrapped shank included."""
     px = x - rows[tip, X]
     py = y - rows[tip, Y]
     r2 = px * px + py * py
@@ -174,7 +174,7 @@ def tip_patch(x: float, y: float, layout: IntArray, tip: int, rows: FloatArray) 
 
 @kernel
 def place_on_tip(patch: int, one: float, two: float, tip: int, rows: FloatArray) -> tuple[float, float]:
-    """Place (x, y) on one of the tip's patches, at fractions of its area outward and of its angle."""
+    """Point (x, y) on one of the tip's patches, at fractions of its area outward and of its angle."""
     r2, _ = contact_radius_2((patch // TIP_SECTORS + one) / TIP_RINGS, tip, rows)
     r = math.sqrt(r2)
     angle = 2.0 * math.pi * ((patch % TIP_SECTORS + two) / TIP_SECTORS - 0.5)
@@ -218,7 +218,7 @@ def add_deposit(
 
 @kernel
 def receiver_at(kind: int, x: float, y: float, z: float, receivers: FloatArray) -> int:
-    """The receiver whose face holds a wall point; -1 if none."""
+    """The receiver whose face contains a wall point; -1 if none."""
     along = x if kind == 0 or kind == 2 else y
     for j in range(receivers.shape[0]):
         if (
@@ -280,10 +280,10 @@ def follow(
     x: float, y: float, z: float, dx: float, dy: float, dz: float, weight: float, gathers: bool,
     receivers: FloatArray, layout: IntArray, box: FloatArray, top: Top, out: FloatArray, seen: FloatArray,
 ) -> None:  # fmt: skip
-    """Deposit what a ray brings to walls, bottom and tip; add to seen what smooth walls mirror onto receivers.
+    """Deposit a ray's light on walls, bottom and tip; add to seen the light that smooth walls mirror onto receivers.
 
-    Light loses the mirrored share where it enters a smooth wall to be scattered, not where it comes out of it again: a
-    ray that gathers light for a receiver, backwards, loses nothing there.
+    Light loses the mirrored share where it enters a smooth wall to be scattered, not where it leaves it again; a ray
+    that gathers light for a receiver, backwards, loses nothing there.
     """
     for mirrorings in range(MIRRORINGS):
         kind, x, y, z, dx, dy, dz, left, _, _ = chain(x, y, z, dx, dy, dz, 1.0, box, top)
@@ -318,7 +318,7 @@ def deposit(
     count: int, shift: FloatArray, layout: IntArray, out: FloatArray, seen: FloatArray,
 ) -> None:  # fmt: skip
     """Add the share of a patch's emission that lands on every patch after any specular chain, by rays into the
-    half space; and what smooth walls mirror onto receivers.
+    half space; and the light that smooth walls mirror onto receivers.
     """
     for k in range(count):
         x, y, z, dx, dy, dz, weight = leaving(source, points[k], shift, box)
@@ -331,7 +331,7 @@ def join(
     from_emitter: FloatArray, from_receiver: FloatArray, receiver_area: float, areas: FloatArray, layout: IntArray,
     reflectances: FloatArray,
 ) -> float:  # fmt: skip
-    """Flux of a pair that walls and bottom scatter once, from its two deposits."""
+    """Flux of a pair scattered once by walls and bottom, from its two deposits."""
     total = 0.0
     for k in range(TIP):
         part = 0.0
@@ -348,7 +348,7 @@ def join_on_tip(
     from_emitter: FloatArray, from_receiver: FloatArray, receiver_area: float, layout: IntArray,
     reflectances: FloatArray, top: Top,
 ) -> float:  # fmt: skip
-    """Flux of a pair that a tip scatters once, from its two deposits."""
+    """Flux of a pair scattered once by a tip, from its two deposits."""
     if reflectances[TIP] == 0.0:
         return 0.0
     total = 0.0
@@ -384,7 +384,7 @@ def bounces(
 # columns of a lattice row
 PX, PY, PZ, GX, GY, AREA, TOUCHED, SECTOR, U0, U1, V0, V1, FLAT, MX, MY, MZ, SIZE = range(17)
 POINT_COLUMNS = 17
-# columns of an echo row: where a ray from the emitter ends; in the contact its power is all that lands on the cell
+# columns of an echo row: end of a ray from the emitter; in the contact its power is all light landing on the cell
 POWER, KIND, ALONG, UP, TOPS = range(5)
 ECHO_COLUMNS = 5
 NEAR = 0.4
@@ -395,11 +395,11 @@ MOST_PARTS = 8
 FEWEST_CONTACT_RINGS = 3
 COLUMNS_A_CONTACT_RING = 10
 """Columns of the lattice for each ring in the contact: cells half as wide as high at a tip that is all the way in. With
-three rings light behind such a tip, where next to nothing is left, erred by 0.4 % of the signal however many columns
-there were."""
+three rings light behind such a tip, where almost none remains, erred by 0.4 % of the signal for any number of
+columns."""
 COSINES = 16
 THIRD_TURN = 0.381966011250105
-"""2 less the golden ratio: a sequence of its own beside that of the emitter's points."""
+"""2 less the golden ratio: a separate sequence from that of the emitter's points."""
 
 
 @kernel
@@ -422,8 +422,8 @@ def lattice_points(
     in_contact: int, columns: FloatArray, shift_u: float, shift_v: float, sectors: FloatArray, top: Top,
     out: FloatArray,
 ) -> None:  # fmt: skip
-    """Fill zeros (row, column, 17) with points of the pressed top, middles and sizes of their cells; rows are rings in
-    the contact, as many as told, whose u is its s, then rings of u.
+    """Fill zeros (row, column, 17) with points of the pressed top, middles and sizes of their cells; rows are the given
+    number of rings in the contact, whose u is its s, then rings of u.
     """
     rings = out.shape[0] - in_contact
     for b in range(columns.shape[0]):
@@ -455,7 +455,7 @@ def lattice_points(
 
 @kernel
 def _place(row: FloatArray, u: float, v: float, sectors: FloatArray, top: Top) -> tuple[float, float, float]:
-    """Place (x, y) of (u, v) in a lattice row's sector, in or outside the contact as it is, and plan area per du dv."""
+    """Point (x, y) of (u, v) in a lattice row's sector, in or outside the contact like it, and plan area per du dv."""
     if row[TOUCHED] == 1.0:
         return place_in_contact(int(row[SECTOR]), u, v, sectors, top)
     x, y, _, area = place_on_top(int(row[SECTOR]), u, v, sectors, top)
@@ -464,7 +464,7 @@ def _place(row: FloatArray, u: float, v: float, sectors: FloatArray, top: Top) -
 
 @kernel
 def put_on_top(row: FloatArray, u: float, v: float, share: float, sectors: FloatArray, top: Top) -> None:
-    """Fill place, gradient and area of a point of a row's sector that stands for a share of a unit of (u, v)."""
+    """Fill place, gradient and area of a point of a row's sector that represents a share of a unit of (u, v)."""
     row[PX], row[PY], area = _place(row, u, v, sectors, top)
     row[AREA] = area * share
     row[FLAT] = 0.0
@@ -478,7 +478,7 @@ def put_on_top(row: FloatArray, u: float, v: float, share: float, sectors: Float
 
 @kernel
 def contact_cell_area(row: FloatArray, rings: int, sectors: FloatArray, top: Top) -> float:
-    """Area of the top in a lattice row's cell of the contact, of as many rings of equal area."""
+    """Area of the top in a lattice row's cell of the contact, for this number of rings of equal area."""
     k = int(row[SECTOR])
     x0 = sectors[k, AX] + row[V0] * sectors[k, BX]
     y0 = sectors[k, AY] + row[V0] * sectors[k, BY]
@@ -490,7 +490,7 @@ def contact_cell_area(row: FloatArray, rings: int, sectors: FloatArray, top: Top
 
 @kernel
 def _whole_power(patch: FloatArray) -> float:
-    """What a patch sends or counts of all directions: 1 for an emitter, the mean response for a receiver."""
+    """Share that a patch sends or counts over all directions: 1 for an emitter, the mean response for a receiver."""
     power = 0.0
     for k in range(COSINES):
         cosine = (k + 0.5) / COSINES
@@ -517,7 +517,7 @@ def first_leg(
 ) -> tuple[float, float, float, float, float]:  # fmt: skip
     """Weight of the leg from e to a lattice point, 0 if it is hidden or the wrong side; direction; cosine there.
 
-    A weight below `least` becomes that if it is above `luck` (0 to 1) of it, and else 0.
+    A weight below `least` becomes `least` if it is above `luck` (0 to 1) of it, and else 0.
     """
     n0, n1 = wall_normal(int(source[0]))
     dx = p[PX] - ex
@@ -545,7 +545,7 @@ def first_leg(
 def echo(
     p: FloatArray, dx: float, dy: float, dz: float, cos_in: float, box: FloatArray, top: Top
 ) -> tuple[int, float, float, float, float, float, float, float, int, float]:
-    """Where the ray goes after its reflection at a lattice point: kind, point, direction, share left, further
+    """End of the ray after its reflection at a lattice point: kind, point, direction, share left, further
     reflections, nearest one (over the skirt's radius).
     """
     norm = 1.0 / math.sqrt(1.0 + p[GX] * p[GX] + p[GY] * p[GY])
@@ -560,7 +560,7 @@ def echo(
 def _untouched_fate(
     x: float, y: float, z: float, dx: float, dy: float, dz: float, height: float, box: FloatArray
 ) -> tuple[int, float, float, float, float]:
-    """Where the ray would end under an undisturbed top: kind, point, share of its power at z that is left."""
+    """End of the ray under an undisturbed top: kind, point, share of its power at z that is left."""
     t, kind = wall_hit(x, y, z, dx, dy, dz, box)
     left = 1.0
     run = 0.0
@@ -581,10 +581,10 @@ def top_change(
     box: FloatArray, top: Top, out: FloatArray, echoes: FloatArray, ray_share: float, offset: FloatArray,
     sectors: FloatArray, p: FloatArray,
 ) -> None:  # fmt: skip
-    """Add the change of a patch's deposits to out (patch,); fill echoes (row, column, 5) with each cell's ray's end, of
-    several the brightest that is mirrored again, and in the contact with what lands there.
+    """Add the change of a patch's deposits to out (patch,); fill echoes (row, column, 5) with the end of each cell's
+    ray, of several the brightest that is mirrored again, and in the contact with the light landing there.
 
-    ray_share : power over the mean below which a ray is followed by chance; offset : place in a divided cell's parts
+    ray_share : power over the mean below which a ray is followed by chance; offset : position in a divided cell's parts
     """
     height = top.rows[0, TOP]
     least = ray_share * _whole_power(source) / (lattice.shape[0] * lattice.shape[1])
@@ -621,8 +621,8 @@ def _follow(
 ) -> None:  # fmt: skip
     """Add one ray's change of deposits to out, the n-th of its patch, by one of parts² points of a cell.
 
-    Its end goes to `found` (5,), the power that of the whole cell, if that is empty, or if it is mirrored again and
-    what is there is not, or is fainter. What lands on the contact adds up there.
+    Its end is stored in `found` (5,), with the power of the whole cell, if that is empty, or if it is mirrored again
+    and the stored one is not, or is fainter. Light that lands on the contact is summed there.
     """
     one, two = golden_pair(n, shift[0], shift[1])
     along = source[1] + source[3] * (2.0 * one - 1.0)
@@ -645,7 +645,7 @@ def _follow(
             found[UP] = z
             found[TOPS] = tops
         if p[FLAT] == 1.0 and tops == 0 and kind != TIP:
-            return  # the undisturbed top mirrors it to the same place
+            return  # the undisturbed top mirrors it to the same point
         if kind >= 0 and (kind >= BOTTOM or receiver_at(kind, x, y, z, receivers) < 0):
             add_deposit(kind, x, y, z, weight * left, layout, box, top, out)
     else:

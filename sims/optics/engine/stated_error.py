@@ -1,9 +1,9 @@
-"""How far the light of each pair may be off, from what replicates differ by and from what is known of each rule.
+"""Standard error of each pair's light, from the differences of replicates and the known error of each rule.
 
-Two replicates give a pair one degree of freedom, by chance often far too little: the estimate of each pair is drawn
-towards what the pairs of its emitter in its state have on average, source by source, over a flux that the source's
-errors go by. Of 12,000 pairs of two pads at "score" and "standard" the errors over the stated ones have a root mean
-square of 0.8 and 0.6, 0.7 and 0.2 % of them are beyond 3, and the largest are 6.5 and 4.4.
+Two replicates give a pair one degree of freedom, by chance often a far too small error: the estimate of each pair is
+shrunk towards the average of its emitter's pairs in its state, source by source, relative to a flux that scales the
+source's errors. For 12,000 pairs of two pads at "score" and "standard" the errors over the stated ones have a root
+mean square of 0.8 and 0.6, 0.7 and 0.2 % of them are beyond 3, and the largest are 6.5 and 4.4.
 """
 
 from __future__ import annotations
@@ -19,15 +19,15 @@ from sims.optics.engine.untouched import Untouched
 RULES_ERROR = 1e-4
 """Median error of pairs whose replicates agree: docs/validation/light.md [-]."""
 HIDDEN_ERROR = 2e-3
-"""Error of the straight light of a pair that a dimple hides in part, over its untouched straight flux, which no
-replicate shows: root mean square of 100 such pairs. What is hidden or seen less than that errs by no more than it [-].
+"""Error of the direct light of a pair that a dimple hides in part, over its untouched direct flux, which no replicate
+shows: root mean square of 100 such pairs. A hidden or visible share below this has at most its own size as error [-].
 """
 POOLED_WEIGHT = 2.0
 """Weight of the average of an emitter's pairs, over that of a pair's own replicates."""
 LEAST_FLUX, LEAST_SCATTERED, ROUNDING = 1e-4, 0.1, 1e-9
-"""Least flux of a source that its errors are taken to go by, over the untouched one; spread that is none [-]."""
+"""Least flux that scales a source's errors, over the untouched one; spread that counts as none [-]."""
 LEAST_STEP = 0.2
-"""Image step below which the error of lattices is taken as at it: a contact smaller than the step is hit or missed."""
+"""Least image step for the error of lattices: a contact smaller than the step is hit or missed."""
 
 
 def standard_error(values: FloatArray, once: FloatArray, fixed: Untouched, settings: Accuracy) -> FloatArray:
@@ -35,9 +35,9 @@ def standard_error(values: FloatArray, once: FloatArray, fixed: Untouched, setti
 
     Lattices of light mirrored once have offsets spread evenly over R replicates, whose mean keeps only every R-th
     harmonic of one lattice's error: those of a jump fall as 1/k, so it is at most 1/R of one lattice's. Replicates are
-    also mirror images about the middles of cells and differ mostly by what cancels in their mean; what is left is that
-    share of it by which an image moves from point to point, twice. All else is independent, 1/sqrt(R); light mirrored
-    several times errs at least by the chance of its samples, each of which may stand for a share of a pair's flux.
+    also mirror images about the middles of cells and differ mostly by terms that cancel in their mean; the remainder is
+    twice the share by which an image moves from point to point. All else is independent, 1/sqrt(R); light mirrored
+    several times errs at least by the chance of its samples, each of which may represent a share of a pair's flux.
 
     Parameters
     ----------
@@ -79,16 +79,16 @@ def standard_error(values: FloatArray, once: FloatArray, fixed: Untouched, setti
 
 
 def _drawn_together(spread: FloatArray, yardstick: FloatArray, count: int) -> FloatArray:
-    """(state, emitter, receiver) variance of spreads over as many replicates, by a variance that they go by; 0 where
-    there is no spread.
+    """(state, emitter, receiver) variance of spreads over this many replicates, with a variance that scales them; 0
+    where there is no spread.
 
-    The average is that of the spreads, not of their squares: a pair that a contact edge crosses tells little of others.
+    The average is that of the spreads, not of their squares: a pair crossed by a contact edge says little about others.
     """
     share = spread / np.sqrt(yardstick)
     is_spread = share > ROUNDING
     mean = np.where(is_spread, share, 0.0).sum(axis=2, keepdims=True)
     mean /= np.maximum(is_spread.sum(axis=2, keepdims=True), 1)
     short = math.sqrt(2.0 / (count - 1)) * math.gamma(count / 2) / math.gamma((count - 1) / 2)
-    # of normal errors the mean spread is short of their deviation by so much
+    # for normal errors the mean spread is smaller than their deviation by this factor
     pooled = (mean / short) ** 2 * yardstick
     return np.where(is_spread, (POOLED_WEIGHT * pooled + spread**2) / (POOLED_WEIGHT + 1.0), 0.0)

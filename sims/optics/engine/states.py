@@ -1,6 +1,6 @@
 """Kernels: all states, one after the other on each thread; a state's result depends on no other state.
 
-Path classes: `DIRECT` straight; `TOPS` specular, every reflection at the top outside the skirt radius; `SKIRT`
+Path classes: `DIRECT`; `TOPS` specular, every reflection at the top outside the skirt radius; `SKIRT`
 specular with a reflection inside it; `WALL` specular with a reflection at a smooth wall; `DIFFUSE` scattered by wall,
 bottom or tip at least once.
 """
@@ -37,10 +37,10 @@ CELL_SHIFT, RAY_SHIFT, GRID_PHASE = 0, 2, 6
 RINGS, COLUMNS, STEP, TOP_RINGS, TOP_COLUMNS, REPEAT_SHARE, RAYS, WHOLE_RATIO, RAY_SHARE = range(9)
 CLIP_CORNERS = 14
 DIM = 0.03
-"""Share of an emitter's brightest pair to which dimmer ones are taken as bright, where effort goes by brightness."""
+"""Least brightness of a pair over that of the emitter's brightest one, where brightness sets the effort."""
 SEARCH_SHARE = 0.1
-"""The emitters' rays over the top also look for light mirrored again: left to chance below this share of the setting's
-power. At 0.3 of it islands were missed, and 0.05 % of the light of all pairs with them."""
+"""The emitters' rays over the top also find light mirrored again: they are left to chance below this share of the
+setting's power. At 0.3 of it islands were missed, and 0.05 % of the light of all pairs with them."""
 
 
 @array_kernel
@@ -48,8 +48,8 @@ def straight(
     out: FloatArray, keeps: BoolArray, wanted: BoolArray, emitters: FloatArray, receivers: FloatArray,
     flat: FloatArray, box: FloatArray, top: Top, rules: StraightRules,
 ) -> None:  # fmt: skip
-    """Straight light, by `flat` (untouched straight, mirrored, gain; emitter; receiver); where a pair's bundle misses
-    every deformed part in plan, the untouched mirrored light too.
+    """Direct light, by `flat` (untouched direct, mirrored, gain; emitter; receiver); where a pair's bundle misses every
+    deformed part in plan, the untouched mirrored light too.
     """
     nodes_e, weights_e, nodes_u, weights_u, nodes_z, weights_z = rules
     radii = np.empty(top.rows.shape[0])
@@ -133,9 +133,9 @@ def several_times(
     receivers: FloatArray, scale: FloatArray, sectors: FloatArray, box: FloatArray, top: Top, shifts: FloatArray,
     lattices: FloatArray, columns: FloatArray, layout: IntArray, settings: FloatArray,
 ) -> None:  # fmt: skip
-    """Add light with several reflections at the top to TOPS and SKIRT of every replicate; and, between dull walls, what
-    the top changes in the emitters' deposits to from_emitter[replicate]. Fill on_contact[replicate, emitter, row,
-    column] with what lands first hand on the contact's cells.
+    """Add light with several reflections at the top to TOPS and SKIRT of every replicate; and, between dull walls, the
+    change by the top of the emitters' deposits to from_emitter[replicate]. Fill on_contact[replicate, emitter, row,
+    column] with the first-hand light on the contact's cells.
     """
     count = shifts.shape[0]
     echoes = np.zeros((count, lattices.shape[1], lattices.shape[2], ECHO_COLUMNS))
@@ -171,7 +171,7 @@ def several_times(
 
 @kernel
 def put_power(echoes: FloatArray, out: FloatArray) -> None:
-    """Fill (row, column) with what lands on the first rows' cells."""
+    """Fill (row, column) with the light on the first rows' cells."""
     for a in range(out.shape[0]):
         for b in range(out.shape[1]):
             out[a, b] = echoes[a, b, POWER]
@@ -282,7 +282,7 @@ def walled(
 def unpressed(
     result: FloatArray, wanted: BoolArray, flat_straight: FloatArray, flat_diffuse: FloatArray, flat_wall: FloatArray,
 ) -> None:  # fmt: skip
-    """Fill (replicate, class, emitter, receiver) with the wanted pairs' untouched flux."""
+    """Fill (replicate, class, emitter, receiver) with the requested pairs' untouched flux."""
     for n in range(result.shape[0]):
         for i in range(wanted.shape[0]):
             for j in range(wanted.shape[1]):
@@ -295,7 +295,7 @@ def unpressed(
 
 @kernel
 def repeat_first(result: FloatArray) -> None:
-    """Copy the first replicate to all others, by loops: Numba takes seconds to compile an assignment of arrays."""
+    """Copy the first replicate to all others, by loops, as Numba takes seconds to compile an assignment of arrays."""
     for n in range(1, result.shape[0]):
         for k in range(result.shape[1]):
             for i in range(result.shape[2]):
@@ -309,8 +309,8 @@ def reflected_once(
     flat: UntouchedLight, scale: FloatArray, rules: StraightRules, image_rules: ImageRules, shifts: FloatArray,
     settings: FloatArray,
 ) -> None:  # fmt: skip
-    """Fill (replicate, class, emitter, receiver) with straight flux over emitted power, and what the top mirrors once;
-    of an untouched state with all flux.
+    """Fill (replicate, class, emitter, receiver) with direct flux and flux mirrored once by the top, over emitted
+    power; for an untouched state with all flux.
     """
     flat_straight, flat_diffuse, flat_wall, _, _, _ = flat
     if not is_touched(top):

@@ -1,18 +1,18 @@
 # mypy: no-warn-return-any
 """Kernels: convex polygons of homogeneous points (x, y, w) in rows of an array: cut, area, centroid.
 
-Sutherland and Hodgman's clipping, one half plane at a time; w lets a point lie behind the eye.
+Sutherland and Hodgman's clipping, one half plane at a time; w allows a point behind the eye.
 
 Kernels: one ray and the deformed top. Arrays only; lengths mm, directions unit vectors.
 
-Whether a ray meets the top is told by `marches`, where by Newton's steps in the bracket that it gives.
+A march finds whether a ray meets the top, and Newton's steps in its bracket find the point.
 
-Kernels: where along a ray the deformed top may be crossed.
+Kernels: intervals of a ray in which it may cross the deformed top.
 
-The top is the sum of what every tip does to it and of a smooth field (`sims.optics.surface.tops`). The gap
+The top is the sum of every tip's curve and of a smooth field (`sims.optics.surface.tops`). The gap
 g(t) = h(x(t), y(t)) - z(t) closes at most at the rate dz + M |d_plan|, M the largest slope of the part of the surface
 still ahead (of its falling part once the ray moves outward), so steps of g over that rate cannot jump over a
-crossing. Nor can those to the root of g + g' s - K |d_plan|^2 s^2 / 2, K the largest bend ahead; of both the longer is
+crossing. Nor can those to the root of g + g' s - K |d_plan|^2 s^2 / 2, K the largest bend ahead; the longer of both is
 taken. No step is shorter than `MIN_STEP_MM`, so a chord through the tip shorter than that is missed (it would be
 less than 2e-5 mm deep in a 3 mm tip).
 
@@ -20,15 +20,15 @@ One tip without a field: beyond the outer radius the top is a plane and needs no
 undisturbed top is followed only where the top may come below the ray's highest point. One tip with a field, a pad's
 usual top: slopes and bends of both add up. Several tips: by slopes alone.
 
-Kernels: straight light, and light mirrored by a flat top, between two rectangles on walls.
+Kernels: direct light, and light mirrored by a flat top, between two rectangles on walls.
 
-Gauss quadrature over the emitter's area, the receiver's columns and, in each column, the part of its
-height that the emitter point sees. That part is known without sampling: in the vertical plane through
+The rule is Gauss quadrature over the emitter's area, the receiver's columns and, in each column, the part of
+its height that the emitter point sees. That part is known without sampling: in the vertical plane through
 emitter point e and column u the top's horizon over the column is
 
     Z* = z_e + min over the chord of (h(s) - z_e) / s,     s = fraction of the way in plan,
 
-and straight light is visible below Z*. Several tips: the smallest of their horizons. Patches are clipped to the clear
+and direct light is visible below Z*. Several tips: the smallest of their horizons. Patches are clipped to the clear
 layer; Fresnel at the top, Beer-Lambert along the path.
 """
 
@@ -306,9 +306,9 @@ def chain(
 
 MIN_STEP_MM = 0.02
 LEAST_BEND = 1e-12
-"""Added to what is divided by [1/mm]."""
+"""Added to divisors [1/mm]."""
 NEAREST_AHEAD_MM, AHEAD_SHARE = 0.25, 0.35
-"""Towards one of several tips a step looks this far, or this share of the distance to its axis."""
+"""Look-ahead of a step towards one of several tips [mm], or share of the distance to its axis."""
 
 
 @inlined
@@ -327,7 +327,7 @@ def march(
 ) -> tuple[float, float]:  # fmt: skip
     """Bracket of the first crossing from below to above one tip's top in [t0, t1]; (t0, -1) if there is none.
 
-    `takes_any`: any crossing will do; a ray that has one is nearly always above the top where it is nearest the axis.
+    `takes_any`: any crossing is enough; a ray that has one is nearly always above the top where it is nearest the axis.
     """
     highest = max(z + dz * t0, z + dz * t1)
     if highest < rows[tip, LOWEST]:
@@ -367,7 +367,7 @@ def march(
 
 @inlined
 def _on_curve(r2: float, tip: int, rows: FloatArray) -> tuple[float, float, int]:
-    """Height of one tip's top within its outer radius, dh/dr over r, and where its piece begins."""
+    """Height of one tip's top within its outer radius, dh/dr over r, and the start of its piece."""
     if r2 <= rows[tip, SPHERE_2]:
         root = math.sqrt(rows[tip, TIP_2] - r2)
         return rows[tip, SPHERE_Z] - root, 1.0 / root, PIECES
@@ -383,7 +383,7 @@ def _on_curve(r2: float, tip: int, rows: FloatArray) -> tuple[float, float, int]
 
 @inlined
 def _bent_step(gap: float, opening: float, bend: float) -> float:
-    """How far a gap that opens at this rate, and bends shut at this one at most, cannot close."""
+    """Distance within which a gap cannot close that opens at this rate, and bends shut at this one at most."""
     root = math.sqrt(opening * opening + 2.0 * bend * gap)
     return (opening + root) / bend if opening >= 0.0 else 2.0 * gap / (root - opening)
 
@@ -423,7 +423,7 @@ def _march_within(
 def march_field(
     x: float, y: float, z: float, dx: float, dy: float, dz: float, t0: float, t1: float, takes_any: bool, top: Top,
 ) -> tuple[float, float]:  # fmt: skip
-    """As `march`, for one tip and a field: their gaps, slopes and bends add up."""
+    """The same as `march`, for one tip and a field: their gaps, slopes and bends add up."""
     rows = top.rows
     reach = max(z + dz * t0, z + dz * t1) - rows[0, FIELD_LOWEST]
     if reach < rows[0, LOWEST]:
@@ -502,7 +502,7 @@ def _march_on_field(
 def march_any(
     x: float, y: float, z: float, dx: float, dy: float, dz: float, t0: float, t1: float, top: Top
 ) -> tuple[float, float]:
-    """As `march`, for several tips and a field: the rates of all of them add up."""
+    """The same as `march`, for several tips and a field: the rates of all of them add up."""
     tips = top.rows.shape[0]
     lowest = top.rows[0, FIELD_LOWEST]
     for k in range(tips):
@@ -554,7 +554,7 @@ OPEN = 1e9
 
 @kernel
 def blocking_radius(z: float, tip: int, rows: FloatArray) -> float:
-    """Radius beyond which the top lies nowhere below z; -1: nowhere at all."""
+    """Radius beyond which the top is nowhere below z; -1: nowhere at all."""
     if rows[tip, ACTIVE] == 0.0 or z <= rows[tip, LOWEST]:
         return -1.0
     return math.sqrt(reach2(z, tip, rows)) if z < rows[tip, TOP] else rows[tip, OUTER_R]

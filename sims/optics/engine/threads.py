@@ -1,7 +1,7 @@
-"""One piece of work a thread: compiled code that lets go of the interpreter runs side by side.
+"""One piece of work per thread: compiled code that releases the interpreter lock runs in parallel.
 
-As many threads as numba is set to (`NUMBA_NUM_THREADS`, `numba.set_num_threads`). Numba's own parallel loops do the
-same, but compile everything below them twice.
+The number of threads is numba's (`NUMBA_NUM_THREADS`, `numba.set_num_threads`). Numba's own parallel loops do the
+same, but compile all functions that they call twice.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ _WAITING = threading.local()
 
 @contextmanager
 def between_pieces(call: Callable[[], None]) -> Iterator[None]:
-    """Have something called between pieces of the work that this thread waits for; what it raises ends that work."""
+    """Have a function called between pieces of the work that this thread waits for; an error that it raises ends it."""
     former = getattr(_WAITING, "call", None)
     _WAITING.call = call
     try:
@@ -26,9 +26,9 @@ def between_pieces(call: Callable[[], None]) -> Iterator[None]:
 
 
 def run_each(work: Callable[[int], object], count: int) -> None:
-    """Call `work` with 0 to `count` - 1. What the first compiles the others wait for: Numba compiles behind a lock.
+    """Call `work` with 0 to `count` - 1. The others wait while the first compiles, as Numba compiles behind a lock.
 
-    An error, or an interruption, ends it as soon as the pieces under way are done.
+    An error, or an interruption, ends it as soon as the running pieces are done.
     """
     import numba
 
@@ -48,4 +48,4 @@ def run_each(work: Callable[[int], object], count: int) -> None:
 
 
 def _nothing() -> None:
-    """Between pieces of work that nobody waits for a word of."""
+    """Do nothing between pieces of work."""

@@ -5,37 +5,37 @@ Model
 Geometric optics in a block of one index whose top is the deformed surface: unpolarised Fresnel and total
 reflection at the top, Beer-Lambert absorption along every path, an absorbing or diffuse tip inside the
 contact, diffuse walls and bottom, walls that also mirror their Fresnel share where the scene gives an index behind
-them, absorbing receiver faces. Emitters by their order or table, receivers by their response table. Light that
-leaves through the top is lost.
+them, absorbing receiver faces. Emitters have an order or a table, receivers a response table. Light that leaves
+through the top is lost.
 
-Path classes: `direct` straight light, occluded by the dimple; `top` specular chains whose every reflection
+Path classes: `direct` light, occluded by the dimple; `top` specular chains whose every reflection
 is outside the skirt radius (the outermost radius where a tip's curve is steeper than 0.1); `skirt` specular
-chains with a reflection inside it; `wall` never scattered and mirrored by a wall at least once; `diffuse` light
-scattered at least once. Everything mirrored by the top alone is `top` + `skirt`.
+chains with a reflection inside it; `wall` light mirrored by a wall at least once and never scattered; `diffuse` light
+scattered at least once. All light mirrored by the top alone is `top` + `skirt`.
 
 Method, class by class
 ----------------------
-- integrated: straight light, by quadrature with an analytic horizon (`direct`); light mirrored once, image by image
+- integrated: direct light, by quadrature with an analytic horizon (`direct`); light mirrored once, image by image
   (`images`): path by path where an image is whole, else on a lattice of points of the top with the lit area of the
   emitter cut exactly (`pinhole`).
-- traced: light mirrored several times, by three rays a point of the top, on cells that are divided where it goes
-  (`repeated`, `repeated_cells`).
+- traced: light mirrored several times, by three rays per point of the top, on cells that are divided where it
+passes (`repeated`).
 - traced and joined: scattered light, as the untouched pad's times the ratio of deposits on patches, joined over all
   orders (`orders`), with and without the press; the press changes the deposits by rays of a lattice on the pressed top,
-  finer beside each part, faint rays left to chance (`top_light`).
+  finer near each part, faint rays left to chance (`scattered`).
 - traced: light between smooth walls, by the same rays with and without the press.
 
-Replicates with other offsets give the standard error (`stated_error`). It covers lattices and rays, straight light that
+Replicates with other offsets give the standard error (`stated_error`). It covers lattices and rays, direct light that
 is partly hidden, and with 0.01 % of the untouched flux the usual error of the Gauss rules. It does not cover: images
-narrower than the cells that look for them, the patch size, chains beyond 24 reflections, light that the tip scatters
-twice, and how the dimple stands in the way of light scattered more than once: with a tip of 30 % between walls of 40 %
-nothing seen to 3 mm, 0.8 % of the scattered light deeper than the tip's radius. Light reflected several times is
-sampled for the wanted pairs, and the error is pooled over them, so a pair mask changes both within that error; all else
-is the same to the bit.
+narrower than the cells that search for them, the patch size, chains beyond 24 reflections, light scattered twice by
+the tip, and obstruction by the dimple of light scattered more than once. With a tip of 30 % between walls of 40 % the
+last has no measurable effect to 3 mm, and is 0.8 % of the scattered light deeper than the tip's radius. Light
+reflected several times is sampled for the requested pairs, and the error is pooled over them, so a pair mask changes
+both within that error; all else is the same to the bit.
 
 Reuse: a pair whose bundle misses every deformed part keeps its untouched value; presses that a symmetry of the layout
 carries onto each other are traced once (`scene_symmetry`); one emitter's light in one state depends on no other emitter
-and no other state, so whoever keeps such rows hands them in (`light_rows`): read or traced, the bits are the same.
+and no other state, so stored rows can be passed in (`light_rows`): read or traced, the bits are the same.
 
 Left out: roughness and haze, polarisation, light that leaves the top and comes back across the crater (measured in
 docs/validation/crossing.md), sockets and part bodies behind the walls.
@@ -81,10 +81,10 @@ class RawLight:
     Attributes
     ----------
     flux : (class, state, emitter, receiver), classes in the order of `CLASS_NAMES` [-]
-    standard_error : (state, emitter, receiver) of the sum over classes [-]
+    standard_error : (state, emitter, receiver) standard error of the sum over classes [-]
     change_error : same shape, the part of it that states do not share [-]
-    relative_error : (state,) root mean square over the wanted pairs of the standard error over the untouched flux [-]
-    is_met : (state,) whether that is within the wanted relative error; True where none was wanted
+    relative_error : (state,) root mean square over the requested pairs of standard error over untouched flux [-]
+    is_met : (state,) whether that is within the required relative error; True where none was required
     """
 
     flux: FloatArray
@@ -116,12 +116,12 @@ def trace_scene(
     indentations : per state one, None where untouched, or a sequence of these, one for each tip
     fields : one per state, added to the top; None: none
     classes : states of equal light; with it, centres, indentations and fields are one per class
-    accuracy : draft, score, standard, fine, reference, settings, or a wanted relative error: settings are then
-        refined for the states that miss it (`RawLight.relative_error`), up to reference; `is_met` tells
-    seed : of all offsets; same seed, same bits, whatever the number of threads
+    accuracy : draft, score, standard, fine, reference, settings, or a required relative error: settings are then
+    refined for the states that miss it (`RawLight.relative_error`), up to reference; see `is_met`
+    seed : seed of all offsets; the same seed gives the same bits for any number of threads
     pairs : (emitter, receiver) or (state, emitter, receiver) mask; a pair left out is 0
     on_step : called with (states done, states)
-    kept : rows that need not be traced, and where traced ones go; None: everything is traced
+    kept : store of rows, which are read, or traced and written; None: all are traced
 
     Raises
     ------
@@ -146,9 +146,9 @@ class Tops:
 
     Attributes
     ----------
-    scene : under which they lie
+    scene : the scene of the tops
     made : gives centres, indentations and fields of the classes, as `trace_scene` takes them
-    source : says where they come from; the same bytes, the same tops. None: the tops alone say what they are
+    source : identifies their inputs; the same bytes give the same tops. None: they are identified by content
     """
 
     scene: OpticalScene
@@ -157,7 +157,7 @@ class Tops:
 
     @cached_property
     def stack(self) -> TopStack | FormedStack:
-        """As kernels read them."""
+        """The tops as kernels read them."""
         centres, indentations, fields = self.made()
         if self.scene.form is None:
             return stack_tops(indentations, centres, self.scene, fields)
@@ -181,7 +181,7 @@ def trace_tops(
     states = len(classes.member)
     wanted = wanted_pairs(pairs, states, len(scene.emitter_wall), len(scene.receiver_wall))
     if kept is None or tops.source is None:
-        tops.stack  # noqa: B018 (refuses what cannot be lowered, before any light)
+        tops.stack  # noqa: B018 (refuses tops that cannot be lowered, before any light)
     asked = _class_pairs(wanted, classes)
     if isinstance(accuracy, (str, Accuracy)):
         target, ladder = np.inf, [accuracy_of(accuracy)]
@@ -234,7 +234,7 @@ class _Work:
 
 
 def _rows_of(work: _Work, kept: KeptRows | None, on_done: Callable[[int], None]) -> FloatArray:
-    """(n, emitter, line, receiver) rows of light, kept or traced; `on_done` is told how many states are left."""
+    """(n, emitter, line, receiver) rows of light, kept or traced; `on_done` gets the number of states left."""
     rows = np.zeros((*work.asked.shape[:2], ROW, work.asked.shape[2]))
     rows[:, :, SCALE] = 1.0
     missing = np.asarray(work.asked.any(axis=2))
@@ -256,7 +256,7 @@ def _rows_of(work: _Work, kept: KeptRows | None, on_done: Callable[[int], None])
 
 
 def _names(work: _Work, kept: KeptRows) -> list[list[bytes]]:
-    """Per state and emitter, the name of its row: as it is kept, else made of the tops."""
+    """Per state and emitter, the name of its row: the kept one, else from the tops."""
     source = work.tops.source
     if source is None:
         return row_names(work.tops.scene, work.tops.stack, work.states, work.asked, work.settings, work.seed)
@@ -269,7 +269,7 @@ def _names(work: _Work, kept: KeptRows) -> list[list[bytes]]:
 
 
 def _read(rows: FloatArray, wanted: BoolArray, names: list[list[bytes]], kept: KeptRows) -> BoolArray:
-    """(n, emitter) which of the wanted rows are kept; those are filled in."""
+    """(n, emitter) which of the requested rows are kept; those are filled in."""
     places = [(int(k), int(i)) for k, i in np.argwhere(wanted)]
     found = kept.read([names[k][i] for k, i in places])
     there = np.zeros(wanted.shape, dtype=np.bool_)
@@ -302,7 +302,7 @@ def _traced_rows(work: _Work, part: IntArray, wanted: BoolArray) -> FloatArray:
 def _as_share_of_states(
     on_step: Callable[[int, int], None] | None, classes: int, states: int
 ) -> Callable[[int], None]:
-    """From how many classes of states are left to (states done, states)."""
+    """Convert the number of classes of states left to (states done, states)."""
 
     def on_done(left: int) -> None:
         if on_step is not None:
@@ -317,7 +317,7 @@ def _classes(
     indentations: Presses,
     fields: Sequence[SmoothField | None] | None,
 ) -> StateClasses:
-    """Classes of equal light; every state its own where fields are given, for a field is known as numbers only."""
+    """Classes of equal light; every state is its own class where fields are given, as fields have no other identity."""
     if fields is not None and any(field is not None for field in fields):
         return each_its_own(scene, len(indentations))
     pressed = [[one] if one is None or isinstance(one, Indentation) else list(one) for one in indentations]
@@ -325,7 +325,7 @@ def _classes(
 
 
 def _class_pairs(wanted: BoolArray, classes: StateClasses) -> BoolArray:
-    """(class, emitter, receiver) every pair that some state of a class wants."""
+    """(class, emitter, receiver) every pair that some state of a class requests."""
     asked = np.zeros((len(classes.first), *wanted.shape[1:]), dtype=np.bool_)
     for state, number in enumerate(classes.member):
         asked[number][np.ix_(classes.emitters[state], classes.receivers[state])] |= wanted[state]
@@ -333,7 +333,7 @@ def _class_pairs(wanted: BoolArray, classes: StateClasses) -> BoolArray:
 
 
 def _pooled(share: FloatArray, asked: BoolArray) -> FloatArray:
-    """(state,) root mean square over the asked pairs of a (state, emitter, receiver) share."""
+    """(state,) root mean square over the requested pairs of a (state, emitter, receiver) share."""
     count = np.maximum(asked.sum(axis=(1, 2)), 1)
     return np.asarray(np.sqrt(np.where(asked, share**2, 0.0).sum(axis=(1, 2)) / count))
 

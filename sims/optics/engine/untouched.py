@@ -1,4 +1,4 @@
-"""What a scene, settings and a seed fix once: packed patches, the untouched pad's light, point sets."""
+"""Data that a scene, settings and a seed determine once: packed patches, the untouched pad's light, point sets."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ Kept = TypeVar("Kept")
 POINT_SEED = 20170603
 PATCH_MM = 2.0
 REFERENCE_PATCH_MM = 0.5
-"""Patches of the untouched pad's first order. Those of 1 mm had it 0.2 to 0.3 % too faint, those of 0.25 mm agree."""
+"""Patches of the untouched pad's first order [mm]. At 1 mm it was 0.2 to 0.3 % too faint, at 0.25 mm it agrees."""
 RADIOSITY_PATCHES = 600
 BOUNCE_RAYS = 128
-"""Rays from each patch that tell where its scattered light lands."""
+"""Rays from each patch that show where its scattered light lands."""
 WALL_REFERENCE_RAYS = 65536
-"""Rays per emitter and replicate for the light that smooth walls mirror in the untouched pad: hit or miss, so many."""
+"""Rays per emitter and replicate for light mirrored by smooth walls in the untouched pad, counted by hit or miss."""
 PHASE_SPREAD = 0.3
 REMEMBERED_PADS = 8
 DARK_SCALE = 1e-3
@@ -36,18 +36,18 @@ DARK_SCALE = 1e-3
 
 @dataclass(frozen=True, kw_only=True)
 class UnshiftedPad:
-    """What of the untouched pad no seed changes.
+    """The part of the untouched pad that does not depend on the seed.
 
     Attributes
     ----------
     box, emitters, receivers : packed for the kernels, see `sims.optics.surface.radial`
-    straight : (2, emitter, receiver) straight and mirrored flux
+    straight : (2, emitter, receiver) direct and mirrored flux
     diffuse : (emitter, receiver) scattered flux of all orders
     given, taken : (patch row, patch) deposits of emitters and of receivers
-    joined : (emitter, receiver) scattered flux of all orders, of these deposits
+    joined : (emitter, receiver) scattered flux of all orders, from these deposits
     orders : layout, areas and transfer of the patches of the orders beyond the first, see
     `sims.optics.engine.repeated` points : (ray, 4) Sobol points in the unit cube
-    layout, areas, reflectances : of the patches, see `sims.optics.engine.scattered`
+    layout, areas, reflectances : data of the patches, see `sims.optics.engine.scattered`
     """
 
     box: FloatArray
@@ -75,8 +75,8 @@ class Untouched(UnshiftedPad):
     wall : (replicate, emitter, receiver) flux mirrored by smooth walls
     rays : deposits and wall-mirrored flux of the rays that states use between smooth walls, per replicate
     scale : (emitter, receiver) flux of all classes, above 0
-    gain : (emitter, receiver) straight flux over what the rule of pressed states makes of it, so that a press which
-        hides nothing changes nothing, however uneven the angular tables
+    gain : (emitter, receiver) direct flux over its value by the rule of pressed states, so that a press which hides
+    nothing changes nothing, even with uneven angular tables
     """
 
     shifts: FloatArray
@@ -92,7 +92,7 @@ _UNTOUCHED: dict[str, Untouched] = {}
 
 
 def untouched_pad(scene: OpticalScene, settings: Accuracy, seed: int) -> Untouched:
-    """The untouched pad of a scene, remembered within this process; settings and seeds share what they can."""
+    """The untouched pad of a scene, remembered within this process; settings and seeds share common data."""
     content = "|".join(_content_of(getattr(scene, field.name)) for field in dataclass_fields(scene))
 
     def unshifted() -> UnshiftedPad:
@@ -106,14 +106,14 @@ def untouched_pad(scene: OpticalScene, settings: Accuracy, seed: int) -> Untouch
 
 
 def _content_of(value: object) -> str:
-    """A field of a scene as text: another value, another text. A form tells every number of its own."""
+    """A field of a scene as text; different values have different texts. A form has every number in its text."""
     if value is None or isinstance(value, PadForm):
         return repr(value)
     return np.asarray(value, dtype=np.float64).tobytes().hex()
 
 
 def _remembered(store: dict[str, Kept], key: str, made: Callable[[], Kept]) -> Kept:
-    """What a store holds under a key, made where it holds nothing; the oldest makes room."""
+    """The entry of a store under a key, made where there is none; the oldest entry is dropped."""
     found = store.get(key)
     if found is None:
         found = made()
@@ -164,7 +164,7 @@ def _with_table(rows: FloatArray, table: FloatArray | None) -> FloatArray:
 
 
 def straight_rules(settings: Accuracy) -> StraightRules:
-    """Gauss rules of straight light under a press."""
+    """Gauss rules of direct light under a press."""
     counts = (settings.nodes_emitter, settings.nodes_column, settings.nodes_height)
     one, two, three = (gauss(count) for count in counts)
     return *one, *two, *three
@@ -181,7 +181,7 @@ def _no_press(box: FloatArray) -> Top:
 
 @dataclass(frozen=True, kw_only=True)
 class _Parts:
-    """What every join of the untouched pad needs."""
+    """Data that every join of the untouched pad needs."""
 
     box: FloatArray
     emitters: FloatArray
@@ -231,7 +231,7 @@ class _Parts:
         )
 
     def orders(self) -> Orders:
-        """What the orders beyond the first need."""
+        """Data for the orders beyond the first."""
         from sims.optics.engine import compiled
 
         box = self.box
@@ -245,10 +245,10 @@ class _Parts:
 
 
 def _shifts(settings: Accuracy, seed: int) -> FloatArray:
-    """(replicate, 8) offsets: of lattices in their cells, of rays, of the grid.
+    """(replicate, 8) offsets of lattices in their cells, of rays, and of the grid.
 
     Those in cells are evenly spread over the replicates, and each has its mirror image about the cell's middle: their
-    mean is exact for what varies linearly in a cell, up to its borders.
+    mean is exact for functions that vary linearly in a cell, up to its borders.
     """
     count = settings.replicates
     shifts = np.random.default_rng(seed).random((count, 8))
@@ -262,7 +262,7 @@ def _shifts(settings: Accuracy, seed: int) -> FloatArray:
 
 
 def _most_rays(scene: OpticalScene, settings: Accuracy) -> int:
-    """Rays that the untouched pad or a state sends out from a patch at most."""
+    """Most rays that the untouched pad or a state sends from a patch."""
     wall_reference = _wall_reference_rays(settings) if scene.wall_index else 0
     return max(wall_reference, settings.reference_rays, settings.wall_rays, 1024)
 
@@ -305,7 +305,7 @@ def _solved(scene: OpticalScene, settings: Accuracy, rays: int) -> UnshiftedPad:
 
 
 def _shifted(scene: OpticalScene, pad: UnshiftedPad, settings: Accuracy, seed: int) -> Untouched:
-    """The pad with the offsets of a seed; between smooth walls also the light of the rays that these offsets move."""
+    """The pad with the offsets of a seed; between smooth walls also the light of the rays with these offsets."""
     from sims.optics.engine import compiled
 
     shifts = _shifts(settings, seed)
@@ -337,7 +337,7 @@ def _shifted(scene: OpticalScene, pad: UnshiftedPad, settings: Accuracy, seed: i
 
 
 def above_zero(flux: FloatArray) -> FloatArray:
-    """(emitter, receiver) flux, in place of 0 the mean of what the emitter's other pairs get; no other emitter's."""
+    """(emitter, receiver) flux; 0 is replaced by the mean of the same emitter's other pairs."""
     lit = flux > 0
     mean = flux.sum(axis=1) / np.maximum(lit.sum(axis=1), 1)
     return np.asarray(np.where(lit, flux, np.where(mean > 0, mean, DARK_SCALE)[:, None]))

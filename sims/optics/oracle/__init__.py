@@ -1,4 +1,4 @@
-"""The plain ray tracer that the fast model is held against; no intersection or Fresnel code is shared.
+"""The plain ray tracer with which the fast model is compared; no intersection or Fresnel code is shared.
 
-Imports of ours: scene, press, cache.
+It imports scene, press and cache.
 """

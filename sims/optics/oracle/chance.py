@@ -1,7 +1,7 @@
 """Chance in the oracle: a random stream for each ray, and directions drawn from lobes and tables.
 
 Every ray has a random stream of its own (splitmix64; Steele, Lea & Flood 2014), started from a hash of
-seed, state, emitter and ray number, so results do not depend on threads or on the number of rays asked for.
+seed, state, emitter and ray number, so results do not depend on threads or on the requested number of rays.
 
 A tabulated radiance L(c), linear in the cosine c between the nodes c_i = i / (n - 1), is drawn exactly: the share
 of power up to c is 2 π ∫ c L dc, a cubic between nodes, which is inverted by Newton steps kept in a bracket.

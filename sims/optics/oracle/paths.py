@@ -1,7 +1,7 @@
 """Single light paths for pictures, drawn from the oracle's own walk.
 
-A ray is named by its number: the same number leaves an emitter at the same place in the same direction
-whatever the press, so what a press does to one ray can be followed.
+A ray is named by its number: the same number leaves an emitter at the same point in the same direction
+under any press, so the effect of a press on one ray can be followed.
 """
 
 from __future__ import annotations
@@ -21,11 +21,11 @@ from sims.optics.oracle.walk import FATES
 from sims.optics.scene.optical_scene import OpticalScene, SmoothField
 
 LOST = -1
-"""In place of a receiver's number: light that no receiver gets."""
+"""Replaces a receiver's number for light that reaches no receiver."""
 TRIES_PER_PATH = 1_000_000
-"""Rays tried for each path asked for, before fewer paths are given back."""
+"""Most rays tried for each requested path, before fewer paths are returned."""
 PLACES = 200
-"""Most places on one path; a longer path is passed over."""
+"""Most points on one path; a longer path is skipped."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -37,7 +37,7 @@ class LightPath:
     fate : name of the class or of the loss, from `sims.optics.oracle.walk.FATES`
     emitter, receiver : numbers; receiver -1 where the light is lost
     ray : number of the ray
-    places_mm : (n, 3) places along the path [mm]
+    places_mm : (n, 3) points along the path [mm]
     """
 
     fate: str
@@ -58,22 +58,21 @@ def sample_paths(
     seed: int = 0,
     field: SmoothField | None = None,
 ) -> list[tuple[str, FloatArray]]:
-    """Random paths of one emitter's light, each as likely as the power it carries.
+    """Random paths of one emitter's light, each with a probability in proportion to its power.
 
-    A path that leaves the elastomer and enters it again has its places in air too; one that escapes ends where it
-    last met anything. With absorption a path is drawn as if there were none: the picture shows where light goes,
-    not how much.
+    A path that leaves the elastomer and enters it again has points in air too; one that escapes ends at its last
+    interaction. Paths are drawn as without absorption: the picture shows the way of light, not its power.
 
     Parameters
     ----------
-    centre_mm, indentation, field : as of `LightWalker`
+    centre_mm, indentation, field : as for `LightWalker`
     emitter, receiver : numbers; with a receiver only paths that end on it, without any fate
-    count : paths wanted; fewer come back where light that reaches the receiver is too rare
-    seed : of the random streams, >= 0
+    count : requested paths; fewer are returned where light that reaches the receiver is too rare
+    seed : seed of the random streams, >= 0
 
     Returns
     -------
-    name of the class or fate (`sims.optics.oracle.walk.FATES`), and (n, 3) places along the path [mm]
+    name of the class or fate (`sims.optics.oracle.walk.FATES`), and (n, 3) points along the path [mm]
     """
     walker = LightWalker(scene, centre_mm, indentation, seed, field)
     if receiver is not None:
@@ -90,8 +89,8 @@ class LightWalker:
     ----------
     centre_mm : (2,) press axis, or (tip, 2) axes where several tips press at once [mm]
     indentation : the press, None where untouched, or a sequence of these, one per tip
-    seed : of the random streams, >= 0
-    field : height added to the top, or None; as of `sims.optics.oracle.tracer.trace_oracle`
+    seed : seed of the random streams, >= 0
+    field : height added to the top, or None; as for `sims.optics.oracle.tracer.trace_oracle`
     """
 
     def __init__(
@@ -112,12 +111,12 @@ class LightWalker:
     def random_paths(
         self, emitter: int, ends: Sequence[int] | None = None, *, count: int, most_rays: int
     ) -> list[LightPath]:
-        """Random paths of one emitter's light in the order of the rays, each as likely as the power it carries.
+        """Random paths of one emitter's light in the order of the rays, with probabilities proportional to their power.
 
         Parameters
         ----------
-        ends : receivers that count, and `LOST` for all light that no receiver gets; None: every end
-        most_rays : rays tried in all, before fewer paths than `count` are given back
+        ends : receivers that count, and `LOST` for all light that reaches no receiver; None: every end
+        most_rays : rays tried in all, before fewer paths than `count` are returned
         """
         wanted = _wanted_ends(ends, self._receivers)
         paths: list[LightPath] = []
@@ -131,7 +130,7 @@ class LightWalker:
         return paths
 
     def follow(self, emitter: int, rays: Sequence[int]) -> list[LightPath]:
-        """Where rays of given numbers go; a ray that starts above the surface is left out.
+        """Paths of rays of given numbers; a ray that starts above the surface is left out.
 
         Parameters
         ----------
@@ -142,7 +141,7 @@ class LightWalker:
         return [path for path in found if path is not None]
 
     def _next_path(self, emitter: int, ray: int, tries: int, wanted: BoolArray) -> LightPath | None:
-        """From a ray number on, the next one that ends where it is wanted."""
+        """The next ray from a number on that has a requested end."""
         _check_number("emitter", emitter, self._emitters)
         number, fate, receiver, places = next_path(
             self._scene, self._top, emitter, wanted, self._seed, ray, tries, PLACES

@@ -1,14 +1,14 @@
 """The pad as the oracle sees it: the optical scene as checked numbers, its walls, bottom, crown and patches.
 
-In plan the pad is convex: flat walls, each with a place, a tangent and an outward normal, and round ones, each with a
-sector. A rectangle is four flat walls. The bottom is flat, z = 0; the untouched top is flat or a crown.
+In plan the pad is convex: flat walls, each with a position, a tangent and an outward normal, and round ones, each with
+a sector. A rectangle is four flat walls. The bottom is flat, z = 0; the untouched top is flat or a crown.
 
-What a smooth border between two media does to a ray: Fresnel's and Snell's laws.
+Effect of a smooth border between two media on a ray: Fresnel's and Snell's laws.
 
 Unpolarised light at each meeting (Born & Wolf, Principles of Optics, § 1.5). `ratio` is the index on the ray's side
 over the index behind the border; above 1 reflection is total beyond the critical angle.
 
-A pad's outline in plan: its walls as rows, how far each runs, and what no form may be.
+A pad's outline in plan: its walls as rows, the extent of each, and the limits of a form.
 """
 
 from __future__ import annotations
@@ -61,10 +61,10 @@ def refracted_direction(
 
 
 UNIT_TOLERANCE = 1e-9
-"""Rounding of unit vectors and of places that lie on a wall [-, mm]."""
+"""Rounding of unit vectors and of points on a wall [-, mm]."""
 BOX_TOLERANCE_MM = 1e-6
 ROUND_POINTS = 3600
-"""Points of a round wall; between two of them the wall stands out by 4e-7 of its radius."""
+"""Number of points of a round wall; between two of them the wall bulges by 4e-7 of its radius."""
 
 
 def rectangle_walls(length_mm: float, width_mm: float) -> FloatArray:
@@ -80,14 +80,14 @@ def rectangle_walls(length_mm: float, width_mm: float) -> FloatArray:
 
 
 def wall_runs(walls: FloatArray, arcs: FloatArray) -> FloatArray:
-    """(k, 2) where each flat wall starts and ends along its tangent, cut by all others [mm]; start after end: nowhere.
+    """(k, 2) start and end of each flat wall along its tangent, cut by all others [mm]; start after end: no wall.
 
     walls (k, 6), arcs (m, 6) as in a form.
     """
     runs = np.empty((len(walls), 2))
     for number, (x, y, tx, ty, _, _) in enumerate(walls):
         cuts = np.array([*_line_cuts(walls, x, y, tx, ty), *_arc_cuts(arcs, x, y, tx, ty)])
-        # the pad is convex: its wall runs from the first to the last cut that lies in it, or on from there
+        # the pad is convex: its wall extends from the first to the last cut that is in it, or beyond
         kept = cuts[_lies_in(walls, arcs, x, y, tx, ty, cuts)]
         low, high = kept.min(initial=math.inf), kept.max(initial=-math.inf)
         if len(kept):
@@ -98,7 +98,7 @@ def wall_runs(walls: FloatArray, arcs: FloatArray) -> FloatArray:
 
 
 def _line_cuts(walls: FloatArray, x: float, y: float, tx: float, ty: float) -> list[float]:
-    """Where a line crosses flat walls, along its tangent [mm]."""
+    """Positions along a line at which it crosses flat walls [mm]."""
     cuts = []
     for ox, oy, _, _, nx, ny in walls:
         beyond, growth = nx * (x - ox) + ny * (y - oy), nx * tx + ny * ty
@@ -108,7 +108,7 @@ def _line_cuts(walls: FloatArray, x: float, y: float, tx: float, ty: float) -> l
 
 
 def _arc_cuts(arcs: FloatArray, x: float, y: float, tx: float, ty: float) -> list[float]:
-    """Where a line crosses circles, or comes nearest to one that it passes, along its tangent [mm]."""
+    """Positions along a line at which it crosses circles, or is nearest to one that it passes [mm]."""
     cuts = []
     for cx, cy, radius, *_ in arcs:
         px, py = x - cx, y - cy
@@ -122,7 +122,7 @@ def _arc_cuts(arcs: FloatArray, x: float, y: float, tx: float, ty: float) -> lis
 def _lies_in(
     walls: FloatArray, arcs: FloatArray, x: float, y: float, tx: float, ty: float, along: FloatArray
 ) -> BoolArray:
-    """(n,) whether places along a line lie in the pad or on its border."""
+    """(n,) whether points along a line are in the pad or on its border."""
     places = np.stack([x + along * tx, y + along * ty], axis=-1)
     beyond = _beyond_mm(walls, arcs, places)
     return np.asarray(beyond.max(axis=-1, initial=-math.inf) <= UNIT_TOLERANCE)
@@ -137,7 +137,7 @@ def _beyond_mm(walls: FloatArray, arcs: FloatArray, places: FloatArray) -> Float
 
 
 def beyond_walls_mm(form: PadForm, places_mm: FloatArray) -> FloatArray:
-    """(..., k + m) how far (..., 2) places lie outside each flat wall and each round one, negative inside [mm]."""
+    """(..., k + m) distance of (..., 2) points outside each flat wall and each round one, negative inside [mm]."""
     return _beyond_mm(*form_rows(form), np.asarray(places_mm, dtype=np.float64))
 
 
@@ -247,7 +247,7 @@ def _check_crown(scene: OpticalScene, form: PadForm, outline: FloatArray) -> Non
 
 
 NO_FACE, BOTTOM_FACE, ROUND_FACE = -1, -2, -3
-"""Faces besides the flat walls, which are numbered from 0; the round ones from ROUND_FACE downward."""
+"""Faces other than the flat walls, which are numbered from 0; the round ones from ROUND_FACE downward."""
 POWER_TOLERANCE = 1e-6
 """Largest distance of a radiance table's power from 1 [-]: rounding of tables that were written down."""
 
@@ -410,7 +410,7 @@ def _check_patches(scene: OpticalScene, kind: str) -> None:
 
 @njit()
 def untouched_top(scene: Scene, x: float, y: float) -> float:
-    """Height of the untouched top at a place [mm]."""
+    """Height of the untouched top at a point [mm]."""
     kx, ky, apex_x, apex_y = scene.crown
     if kx == ky == 0.0:
         return scene.height
@@ -419,7 +419,7 @@ def untouched_top(scene: Scene, x: float, y: float) -> float:
 
 @njit()
 def inward_normal(scene: Scene, face: int, x: float, y: float) -> tuple[float, float, float]:
-    """Unit normal, which points into the elastomer, of a wall or the bottom at a place."""
+    """Unit normal, which points into the elastomer, of a wall or the bottom at a point."""
     if face == BOTTOM_FACE:
         return 0.0, 0.0, 1.0
     if face <= ROUND_FACE:
@@ -444,7 +444,7 @@ def emission_point(scene: Scene, emitter: int, u: float, v: float) -> tuple[floa
 def face_hit(
     scene: Scene, x: float, y: float, z: float, dx: float, dy: float, dz: float
 ) -> tuple[float, int]:
-    """Distance to the nearest wall or the bottom, and which; walls go up without end."""
+    """Distance to the nearest wall or the bottom, and which; walls extend upward without end."""
     best, face = math.inf, NO_FACE
     for wall in range(scene.walls.shape[0]):
         ox, oy, _, _, nx, ny = scene.walls[wall]

@@ -1,14 +1,14 @@
-"""The top of the pad in one state as numbers, and where rays meet it, from inside and from outside.
+"""The top of the pad in one state as numbers, and the points where rays meet it, from inside and from outside.
 
 Model
 -----
-The top stands in a frame whose third axis is the normal of the untouched top where a press goes in. Along it the
+The top is in a frame whose third axis is the normal of the untouched top at the location of the press. Along it the
 top is a sum of heights: with the curvatures kx and ky of the untouched top [1/mm], and q = kx² x² + ky² y²,
 
     h(x, y) = -(kx x² + ky y²) / (1 + √(1 - q)) + Σ d_k(r_k) + f(x, y),    |curvature| <= max(kx, ky) / (1 - q)^1.5,
 
 with one profile d_k over the radius r_k around each tip's axis, and a bicubic Hermite field f. kx = ky = 0 is flat.
-Beyond `STEEPEST_SHARE`² of q the crown goes on straight: no point of a pad lies there (`REACH_SHARE`), and no light in
+Beyond `STEEPEST_SHARE`² of q the crown continues straight: no point of a pad is there (`REACH_SHARE`), and no light in
 air meets it, as a ball and the cone that touches it are convex together.
 
 Where a sphere is in contact d_k is the tip's height less the *mean crown*, a sphere of the curvature (kx + ky) / 2:
@@ -17,23 +17,23 @@ in each piece of radius. Beyond a profile's last point d_k is 0, beyond its grid
 a vertical face closes it. Inside a tip's contact radius the top is contact.
 
 A flat top with one tip or none, and no field, needs no sum (`is_sum`): the plane, an exact sphere, and cone frusta that
-follow the profile, which may run back under itself. A ray meets each where a quadratic says.
+follow the profile, which may run back under itself. A quadratic gives the point where a ray meets each.
 
 Where a ray meets a sum
 -----------------------
 Along a ray the clearance c(t), top less ray or, in air, ray less top, is followed from 0 up. Circles of contact
 and edge and the field's border cut the ray into parts on which c is once differentiable and |c''| has a bound K,
-kept in tables over radius: with unit steps of which w² lie in plan, |c''| <= w² (max(|d''|, |d'| / r) + field's).
-A crown adds the bound of its curvature at the part's greatest q, for what lies across a straight direction; it is
-convex, so that only downward from inside and only upward from outside: c'' lies in -K_down to K_up.
-A step s is safe if the clearances at its ends are above K_up s² / 8, or if c cannot fall within it; it holds the
+kept in tables over radius: with unit steps of which w² are in plan, |c''| <= w² (max(|d''|, |d'| / r) + field's).
+A crown adds the bound of its curvature at the part's greatest q, for the component across a straight direction; it is
+convex, so it adds only downward from inside and only upward from outside: c'' is in -K_down to K_up.
+A step s is safe if the clearances at its ends are above K_up s² / 8, or if c cannot fall within it; it contains the
 first zero if its end is below zero and c must fall within it, or K_up is 0, and Newton's steps within a bracket then
-find it; otherwise it is halved. Steps end at `FINEST_MM`, so that what is missed is a graze less than
+find it; otherwise it is halved. Steps end at `FINEST_MM`, so it only misses a graze less than
 K `FINEST_MM`² / 8 deep.
 
 Light in air also meets the tips. What is known of them is the press, so they are taken as solid and endless:
 under a hemisphere the lower half sphere and a cylinder of its radius above; under any other tip a cylinder of the
-contact radius that stands on the end of the contact, which hides no more than the tip does. A press without contact
+contact radius on the end of the contact, which hides no more than the tip does. A press without contact
 has no tip. Where other heights raise the top into a tip, light there counts as absorbed by the tip.
 
 Left out
@@ -56,25 +56,25 @@ from design.arrays import FloatArray, IntArray
 
 NOTHING, FREE, CONTACT = 0, 1, 2
 INSIDE, OUTSIDE = 1.0, -1.0
-"""Sides of the top that a ray comes from: in the elastomer, in air."""
+"""Sides of the top from which a ray comes: in the elastomer, in air."""
 SEAM_MM = 1e-6
 """Overlap of neighbouring pieces of a surface [mm], so that no ray slips through a seam; points nearer are one."""
 REACH_SHARE = 0.97
-"""Farthest that a pad may reach from the axis of a frame on its crown, over the crown's radius [-]."""
+"""Largest extent of a pad from the axis of a frame on its crown, over the crown's radius [-]."""
 STEEPEST_SHARE = 0.985
-"""Beyond this share of its radius a crown goes on straight, so that every place has one height [-]."""
+"""Share of its radius beyond which a crown continues straight, so that every point has one height [-]."""
 BLOCK = 16
-"""Cones that share one bounding box."""
+"""Number of cones that share one bounding box."""
 BINS = 512
-"""Rings of equal width from a tip's axis to its edge, each with a bound on curvature."""
+"""Number of rings of equal width from a tip's axis to its edge, each with a bound on curvature."""
 X, Y, EDGE, CONTACT_RADIUS, SPHERE, DROP, FIRST, LAST = range(8)
 
 FINEST_MM = 2e-5
 """Shortest step along a ray [mm]."""
 BORDER_MM = 1e-9
-"""A part of a ray starts and ends this far from the circles and lines that bound it [mm]."""
+"""Distance of the ends of a part of a ray from the circles and lines that bound it [mm]."""
 MARGIN_MM = 1e-6
-"""A field goes on this far beyond its border [mm], so that rounding at a wall where it ends is no step."""
+"""Extension of a field beyond its border [mm], so that rounding at a wall where it ends is no step."""
 FACE_MM = 1e-7
 """Fall of the clearance across a border that is a vertical face, not rounding [mm]."""
 
@@ -84,15 +84,15 @@ Ray = tuple[float, float, float, float, float, float]
 Line = tuple[float, float, float, float, float]
 """A ray as one about an axis: squared radius a t² + 2 b t + c [mm²], height z + dz t [mm]."""
 Meeting = tuple[float, int, float, float, float]
-"""Distance [mm], what (`NOTHING`, `FREE`, `CONTACT`), and the unit normal that points away from the ray's side."""
+"""Distance [mm], surface (`NOTHING`, `FREE`, `CONTACT`), and the unit normal that points away from the ray's side."""
 
 
 class Surface(NamedTuple):
-    """The top in one state as typed numbers; all but the frame itself stands in the frame.
+    """The top in one state as typed numbers; all but the frame itself are in the frame.
 
     Attributes
     ----------
-    origin : of the frame, on the untouched top [mm]
+    origin : origin of the frame, on the untouched top [mm]
     axes : the nine numbers of the frame's axes, one axis after another [-]
     kx, ky : curvatures of the untouched top [1/mm], 0 <= kx <= ky
     lowest, highest : bounds of the surface [mm]
@@ -134,7 +134,7 @@ class Surface(NamedTuple):
 
 @njit(forceinline=True)
 def top_hit(s: Surface, side: float, ray: Ray, limit: float) -> Meeting:
-    """First place nearer than `limit` [mm] where a ray meets the top; tips are not seen here.
+    """First point nearer than `limit` [mm] where a ray meets the top; tips are not tested here.
 
     side : `INSIDE` for a ray in the elastomer, `OUTSIDE` for one in air
     """
@@ -149,7 +149,7 @@ def top_hit(s: Surface, side: float, ray: Ray, limit: float) -> Meeting:
 
 @njit()
 def is_in_elastomer(s: Surface, x: float, y: float, z: float) -> bool:
-    """Whether a place lies below the top; among cones, whether they pass above it an odd number of times."""
+    """Whether a point is below the top; among cones, whether they pass above it an odd number of times."""
     u, v, w, _, _, _ = in_frame(s, (x, y, z, 0.0, 0.0, 0.0))
     if s.is_sum:
         return bool(w <= top_height(s, u, v)[0])
@@ -168,13 +168,13 @@ def is_in_elastomer(s: Surface, x: float, y: float, z: float) -> bool:
 
 @njit()
 def is_untouched(s: Surface) -> bool:
-    """Whether light that leaves through the top can meet nothing any more: flat and crowned pads are convex."""
+    """Whether light that leaves through the top cannot meet a surface again: flat and crowned pads are convex."""
     return len(s.tips) == 0 and len(s.nodes) == 0
 
 
 @njit()
 def is_steep(s: Surface, slope: float, place_and_normal: Ray) -> bool:
-    """Whether press and field slope by more than `slope` [-] at a place of the top, given with the unit normal out."""
+    """Whether press and field slope by more than `slope` [-] at a point of the top, given with the unit normal out."""
     x, y, _, nx, ny, nz = in_frame(s, place_and_normal)
     _, along, across = sag(s.kx, s.ky, x, y)
     return bool(nz <= 0.0 or math.hypot(along - nx / nz, across - ny / nz) > slope)
@@ -182,7 +182,7 @@ def is_steep(s: Surface, slope: float, place_and_normal: Ray) -> bool:
 
 @njit()
 def tip_hit(s: Surface, ray: Ray, limit: float) -> tuple[float, bool, float, float, float]:
-    """First place nearer than `limit` where a ray in air meets a tip.
+    """First point nearer than `limit` where a ray in air meets a tip.
 
     Returns
     -------
@@ -245,7 +245,7 @@ def _turned_back(a: tuple[float, ...], vx: float, vy: float, vz: float) -> Vecto
 
 @njit()
 def sag(kx: float, ky: float, x: float, y: float) -> tuple[float, float, float]:
-    """Fall of an untouched top from its highest point to a place [mm], and its slopes along x and y [-]."""
+    """Fall of an untouched top from its highest point to a point [mm], and its slopes along x and y [-]."""
     u, v = kx * x, ky * y
     square = u * u + v * v
     if square <= STEEPEST_SHARE * STEEPEST_SHARE:
@@ -260,7 +260,7 @@ def sag(kx: float, ky: float, x: float, y: float) -> tuple[float, float, float]:
 
 @njit()
 def top_height(s: Surface, x: float, y: float) -> tuple[float, float, float]:
-    """Height of a sum [mm] and its slopes along x and y [-] at a place of the frame."""
+    """Height of a sum [mm] and its slopes along x and y [-] at a point of the frame."""
     height, along, across = 0.0, 0.0, 0.0
     if s.ky > 0.0:
         fall, along, across = sag(s.kx, s.ky, x, y)
@@ -296,7 +296,7 @@ def top_height(s: Surface, x: float, y: float) -> tuple[float, float, float]:
 
 @njit()
 def _field_height(s: Surface, x: float, y: float) -> tuple[float, float, float]:
-    """The field's value [mm] and slopes [-] at a place."""
+    """The field's value [mm] and slopes [-] at a point."""
     u, v = (x - s.corner[0]) / s.step[0], (y - s.corner[1]) / s.step[1]
     last_i, last_j = s.nodes.shape[0] - 1, s.nodes.shape[1] - 1
     du, dv = MARGIN_MM / s.step[0], MARGIN_MM / s.step[1]
@@ -340,7 +340,7 @@ def _sum_hit(s: Surface, side: float, ray: Ray, limit: float) -> Meeting:
     """`top_hit` in the frame, where heights are added."""
     x, y, z, dx, dy, dz = ray
     t, stop = 0.0, limit
-    far = s.lowest if side == INSIDE else s.highest  # beyond this height there is nothing to meet
+    far = s.lowest if side == INSIDE else s.highest  # beyond this height there is no surface
     if side * (far - z) > 0.0:
         t = (far - z) / dz if side * dz > 0.0 else limit
     elif side * dz < 0.0:
@@ -371,7 +371,7 @@ def _clearance(s: Surface, side: float, ray: Ray, t: float) -> tuple[float, floa
 
 @njit()
 def _bends(s: Surface, side: float, ray: Ray, t0: float, t1: float) -> tuple[float, float]:
-    """K_up and K_down: bounds of the clearance's second derivative between two places on a ray [1/mm]."""
+    """K_up and K_down: bounds of the clearance's second derivative between two points on a ray [1/mm]."""
     x, y, _, dx, dy, _ = ray
     bound = s.field_bend
     a = dx * dx + dy * dy
@@ -431,7 +431,7 @@ def _next_border(s: Surface, ray: Ray, t: float, limit: float) -> tuple[float, i
 
 @njit()
 def _first_zero(s: Surface, side: float, ray: Ray, t0: float, t1: float) -> float:
-    """First place between t0 and t1 where the clearance falls to zero; infinity if it does not."""
+    """First point between t0 and t1 where the clearance falls to zero; infinity if it does not."""
     t, step = t0, t1 - t0
     near, growth = _clearance(s, side, ray, t)
     if near <= 0.0 and growth < 0.0:
@@ -456,7 +456,7 @@ def _first_zero(s: Surface, side: float, ray: Ray, t0: float, t1: float) -> floa
 
 @njit()
 def _zero(s: Surface, side: float, ray: Ray, low: float, high: float) -> float:
-    """A zero of the clearance between a place where it is positive and one where it is not.
+    """A zero of the clearance between a point where it is positive and one where it is not.
 
     Newton's steps from the far end, halving where one leaves the bracket.
     """
@@ -478,7 +478,7 @@ def _zero(s: Surface, side: float, ray: Ray, low: float, high: float) -> float:
 
 @njit()
 def _met(s: Surface, side: float, x: float, y: float, distance: float) -> Meeting:
-    """What lies at a place of the top, and its normal."""
+    """The surface at a point of the top, and its normal."""
     _, along, across = top_height(s, x, y)
     size = side / math.sqrt(1.0 + along * along + across * across)
     what = FREE
@@ -540,7 +540,7 @@ def _cone_hit(s: Surface, side: float, ray: Ray, limit: float) -> Meeting:
 
 @njit()
 def _cone_normal(cone: FloatArray, side: float, r: float, z: float) -> tuple[float, float]:
-    """Radial and vertical part of the unit normal at a place on a cone."""
+    """Radial and vertical part of the unit normal at a point on a cone."""
     r0, z0, kr, kz, length, angle0, angle1, _ = cone
     share = min(max(((r - r0) * kr + (z - z0) * kz) / length, 0.0), 1.0)
     angle = angle0 + share * (angle1 - angle0)
@@ -596,7 +596,7 @@ def _cone_distance(
         if nearest > high_r * high_r or farthest < low_r * low_r:
             continue
         for i in range(k * BLOCK, min((k + 1) * BLOCK, cones.shape[0])):
-            if side == INSIDE or cones[i, 7] == 0.0:  # in air the tip's own side is the tip's
+            if side == INSIDE or cones[i, 7] == 0.0:  # in air the tip's own side belongs to the tip
                 t = _one_cone_distance(cones[i], side, line, best)
                 if t < best:
                     best, cone = t, i

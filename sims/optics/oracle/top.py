@@ -1,4 +1,4 @@
-"""The top's numbers, made from what presses on the pad: presses are checked, profiles read and cut into pieces.
+"""The top's numbers, from the presses on the pad: presses are checked, profiles read and cut into pieces.
 
 A profile's contact and free curve
 ----------------------------------
@@ -16,9 +16,9 @@ If the curve does not end at height zero, a vertical ring closes the step.
 
 As heights that add up
 ----------------------
-The rest of the curve beyond a sphere, and under another tip all of it, is a monotone cubic (PCHIP) of height over
-radius through the stored points. Curves with more than one height at a radius are refused, but for a shank that is in
-the pad: it leans by `STEEPEST`.
+The rest of the curve beyond a sphere, and all of it under another tip, is a monotone cubic (PCHIP) of height over
+radius through the stored points. Curves with more than one height at a radius are refused, except for a shank in the
+pad: it leans by `STEEPEST`.
 
 This file shares no code with the fast engine on purpose: it is the other half of a comparison.
 """
@@ -50,7 +50,7 @@ from sims.optics.scene.optical_scene import OpticalScene, SmoothField
 from sims.press import Indentation
 
 Presses = Indentation | None | Sequence[Indentation | None]
-"""What presses on the pad in one state: one tip, none, or one press or None for each tip."""
+"""The presses on the pad in one state: one tip, none, or one press or None for each tip."""
 Tip = tuple[FloatArray, Indentation]
 """Centre (2,) [mm] and press of a tip that touches the pad."""
 
@@ -61,7 +61,7 @@ TURN_LIMIT = 0.01
 PIECE_LIMIT_MM = 0.1
 """Longest straight piece [mm]; with the turn limit its sagitta is at most 0.125 µm."""
 STEEPEST, SPHERE_KNOTS = 30.0, 97
-"""A shank in the pad leans outward with this slope: its edge moves out by a thirtieth of what is wetted. Knots of the
+"""Outward slope of a shank in the pad: its edge moves out by a thirtieth of the wetted length. Number of knots of the
 sphere below it."""
 
 
@@ -81,9 +81,9 @@ def lower_presses(
 
     Raises
     ------
-    InputError : shapes that do not fit, places outside the pad, bad profiles
-    ModelScopeError : with several tips, a field or a crown, a curve that folds; contacts that overlap; several tips
-        on a crown, and a press from whose frame the crown falls away too steeply
+    InputError : shapes do not fit, a press is outside the pad, or a profile is invalid
+    ModelScopeError : with several tips, a field or a crown, a curve folds; contacts overlap; several tips press on a
+    crown, or the crown falls too steeply in the frame of a press
     """
     states = len(indentations)
     centres = np.asarray(centres_mm, dtype=np.float64)
@@ -146,11 +146,11 @@ def lower_top(
 ) -> Surface:
     """Turn an untouched top, the tips that press on it and a field into numbers.
 
-    where : what to call the presses in messages; outline : (n, 2) of the pad in plan [mm], needed under a crown
+    where : name of the presses in messages; outline : (n, 2) of the pad in plan [mm], needed under a crown
 
     Raises
     ------
-    InputError, ModelScopeError : as of `lower_presses`
+    InputError, ModelScopeError : as for `lower_presses`
     """
     is_sum = not top.is_flat or field is not None or len(tips) > 1
     _check_together(top, tips, field, where)
@@ -164,7 +164,7 @@ def lower_top(
     parts = []
     for number, (centre, press) in enumerate(tips):
         name = where if len(tips) == 1 else f"{where}[{number}]"
-        # a tilted tip's lowest place lies up to radius (1 - cosine) below its apex
+        # a tilted tip's lowest point is up to radius (1 - cosine) below its apex
         check_indentation(press, float(origin[2] - press.tip_radius_mm * (1.0 - axes[2, 2])), name)
         parts.append(_lower_profile(centre, press, curve.mean_curvature, is_sum, name))
     first = np.cumsum([0, *(len(part.curve) for part in parts)])
@@ -212,7 +212,7 @@ def _check_together(top: Top, tips: Sequence[Tip], field: SmoothField | None, wh
 
 
 def _reach_mm(top: Top, origin: FloatArray, axes: FloatArray, outline: FloatArray, where: str) -> float:
-    """Farthest place of bottom or untouched crown from a frame's axis, for a cylinder across it [mm]."""
+    """Farthest point of bottom or untouched crown from a frame's axis, for a cylinder across it [mm]."""
     rim = top.height_mm(outline[:, 0], outline[:, 1])
     ends = np.vstack([np.column_stack([outline, height]) for height in (np.zeros(len(rim)), rim)])
     u, v, _ = axes @ (ends - origin).T
@@ -227,7 +227,7 @@ def _reach_mm(top: Top, origin: FloatArray, axes: FloatArray, outline: FloatArra
 
 
 def _falls(radius_mm: ArrayLike, curvature: float) -> FloatArray:
-    """(...,) fall of a sphere at (...,) radii [mm], which goes on straight as in `sims.optics.oracle.surface.sag`."""
+    """(...,) fall of a sphere at (...,) radii [mm], continued straight as in `sims.optics.oracle.surface.sag`."""
     radius = np.asarray(radius_mm, dtype=np.float64)
     near = np.minimum(radius, STEEPEST_SHARE / max(curvature, 1e-99))
     root = np.sqrt(1.0 - (curvature * near) ** 2)
@@ -240,7 +240,7 @@ def _joined(parts: Sequence[ArrayLike], columns: int) -> FloatArray:
 
 
 class _Profile(NamedTuple):
-    """One tip's part of a `Surface`, as cones or as heights that add up; no rows of what it is not."""
+    """One tip's part of a `Surface`, as cones or as heights that add up; the other kind has no rows."""
 
     tip: tuple[float, ...]
     lowest: float
@@ -297,7 +297,7 @@ def _solid(press: Indentation, centre: FloatArray, wetted: FloatArray) -> FloatA
 def check_indentation(press: Indentation, top_mm: float, where: str) -> None:
     """Refuse a press whose profile cannot be a pad's surface.
 
-    top_mm : height of the undisturbed surface [mm]; where : what to call the press in messages.
+    top_mm : height of the undisturbed surface [mm]; where : name of the press in messages.
     """
     radius, height = np.asarray(press.radius_mm, float), np.asarray(press.height_mm, float)
     scalars = (press.depth_mm, press.tip_radius_mm, press.contact_radius_mm)
@@ -388,7 +388,7 @@ def _curve_pieces(knots: FloatArray) -> list[tuple[float, ...]]:
 
 
 def _angles(tangent: FloatArray, fallback: FloatArray) -> FloatArray:
-    """Continuous angle of tangents (..., n, 2) to the radial direction [rad]; at rest, of the fallback."""
+    """Continuous angle of tangents (..., n, 2) to the radial direction [rad]; of the fallback where a tangent is 0."""
     at_rest = np.hypot(tangent[..., 0], tangent[..., 1])[..., None] < 1e-9
     used = np.where(at_rest, fallback, tangent)
     return np.asarray(np.unwrap(np.arctan2(used[..., 1], used[..., 0]), axis=-1))
@@ -423,7 +423,7 @@ def _single_valued(
 
 
 def _leaning(press: Indentation, free: FloatArray) -> FloatArray:
-    """Knots of a tip in beyond its equator: the sphere, its shank as a steep cone, the free curve moved out."""
+    """Knots of a tip pressed beyond its equator: the sphere, its shank as a steep cone, the free curve moved out."""
     tip, equator = press.tip_radius_mm, press.tip_radius_mm - press.depth_mm
     angle = np.linspace(0.0, math.atan(STEEPEST), SPHERE_KNOTS)
     sphere = np.column_stack([tip * np.sin(angle), equator - tip * np.cos(angle)])

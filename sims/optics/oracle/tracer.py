@@ -1,8 +1,8 @@
 """The oracle: a plain forward Monte-Carlo tracer that checks the fast light engine.
 
 It shares no intersection, surface or Fresnel code with the fast engine; only the scene and the press,
-as data, are common. Light walks from each emitter as `sims.optics.oracle.walk` describes, in air as
-`sims.optics.oracle.walk` does; the top is what `sims.optics.oracle.surface` describes, with what that leaves out.
+as data, are common. Light walks from each emitter, also in air, as `sims.optics.oracle.walk` describes; the
+top and its limits are those of `sims.optics.oracle.surface`.
 
 Classes of received light
 -------------------------
@@ -11,8 +11,8 @@ Classes of received light
 - `skirt`: mirrored at the top only, at least once where a press makes it slope by more than 0.02 against that.
 - `wall`: never scattered, mirrored by a smooth wall at least once.
 - `diffuse`: scattered at least once by a wall, the bottom or the tip.
-- `crossing`: left through the top, crossed air and entered again at least once, whatever else happened. The fast
-  engine does not model it; `OracleLight.without_crossing` is what compares with it.
+- `crossing`: left through the top, crossed air and entered again at least once, with any other interactions. The
+fast engine does not model it; compare `OracleLight.without_crossing` with it.
 
 The border between `top` and `skirt` is a convention: another definition moves light between the two and
 leaves their sum alone.
@@ -20,11 +20,11 @@ leaves their sum alone.
 Accuracy
 --------
 Standard errors come from the second moment over rays. A pair that no ray reached has a standard error of
-zero, which means "not resolved", not "known to be zero": below about `1 / rays` nothing is seen.
+zero, which means "not resolved", not "known to be zero": flux below about `1 / rays` is not detected.
 
-The oracle's two compiled entry points, kept on disk; everything below them is compiled into them.
+The oracle's two compiled entry points, cached on disk; all functions that they call are compiled into them.
 
-What every flight goes through is forced inline: calls that hand over a scene of arrays cost a third of the speed.
+Functions that every flight calls are forced inline: calls that pass a scene of arrays cost a third of the speed.
 """
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ MODULES = (
 )
 CLASS_COUNT, FATE_COUNT = CROSSING + 1, len(FATES)
 BATCHES = 256
-"""Parts in which the rays of one emitter are summed; fixed, so that threads never change an answer."""
+"""Number of batches in which the rays of one emitter are summed; fixed, so that threads never change a result."""
 
 
 @entry_points(MODULES, parallel=True)
@@ -90,7 +90,7 @@ def trace_emitter(
 def next_path(
     scene: Scene, top: Surface, emitter: int, wanted: BoolArray, seed: int, ray: int, tries: int, places: int
 ) -> tuple[int, int, int, FloatArray]:
-    """Number, fate, receiver and places of the next ray that ends where it is wanted."""
+    """Number, fate, receiver and points of the next ray with a requested end."""
     vertices = np.empty((places, 3))
     for number in range(ray, ray + tries):
         stream = ray_stream(seed, 0, emitter, number)
@@ -108,7 +108,7 @@ CLASSES = FATES[: CROSSING + 1]
 
 @dataclass(frozen=True, kw_only=True)
 class OracleLight:
-    """What the oracle counted. Fluxes are fractions of the power of the emitter's whole area.
+    """Light counted by the oracle. Fluxes are fractions of the power of the emitter's whole area.
 
     Attributes
     ----------
@@ -137,7 +137,7 @@ class OracleLight:
 
     @property
     def without_crossing(self) -> FloatArray:
-        """(state, emitter, receiver) flux of light that never left the elastomer [-]: what the fast engine models."""
+        """(state, emitter, receiver) flux of light that never left the elastomer [-], as the fast engine models it."""
         return np.asarray(self.flux[:CROSSING].sum(axis=0))
 
 
@@ -159,15 +159,15 @@ def trace_oracle(
     indentations : one press or None (untouched) for each state, or a sequence of these, one per tip
     fields : height added to the top, or None, for each state; on a crown along the normal of the press, over the
         first two axes of its frame (`PadForm.press_frame`)
-    rays : for each emitter and state
-    seed : of the random streams, >= 0
+    rays : number of rays for each emitter and state
+    seed : seed of the random streams, >= 0
     on_step : called with emitters done and emitters in all, over all states
 
     Raises
     ------
-    InputError : a bad scene, form, place or profile
-    ModelScopeError : with several tips, a field or a crown, a curve that folds; contacts that overlap; several tips
-        on a crown, or a press there from which the pad reaches too far around it
+    InputError : the scene, form, a location or a profile is invalid
+    ModelScopeError : with several tips, a field or a crown, a curve folds; contacts overlap; several tips press on a
+    crown, or the pad reaches too far around a press there
     """
     if rays < 2:
         raise InputError(f"rays: {rays} is too few; at least 2")

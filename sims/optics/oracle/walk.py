@@ -4,30 +4,30 @@ Model
 -----
 Geometrical optics, unpolarised, one colour. An emitter is a rectangle on a wall; every point of it radiates cosᵐθ,
 or a tabulated pattern, into the elastomer. A ray flies straight to the nearest wall, bottom or top. The top
-reflects by Fresnel's equations; what it lets out flies on in air (`sims.optics.oracle.walk`) and may enter again.
+reflects by Fresnel's equations; transmitted light flies on in air (see below) and may enter again.
 Walls, emitter faces, the bottom and the wetted tip are Lambertian; where walls are smooth, they and the emitters'
-faces mirror Fresnel's share first, and scatter of the rest. Receivers are perfect absorbers that count all light,
+faces mirror Fresnel's share first, and scatter part of the rest. Receivers are perfect absorbers that count all light,
 or a share that depends on the angle of arrival.
 
 Chance and weight
 -----------------
 A ray reflects or not, at the top as at a wall, by one random number, and a receiver counts it or not by another:
 below the critical angle the reflectance is a few percent, so following the weak remainder costs more than it
-tells. Absorption is no game of chance: the ray carries the weight exp(-absorption · distance), and the lost part is
-booked as absorbed in the volume. Each ray thus ends in one place and the account closes to rounding.
+gains. Absorption is not random: the ray has the weight exp(-absorption · distance), and the lost part is booked as
+absorbed in the volume. Each ray thus ends at one point, and the ledger closes to rounding.
 
 Left out
 --------
-Polarisation that builds up over several reflections. Scattering in the elastomer.
+Polarisation that builds up over several reflections; scattering in the elastomer.
 
-Light in the air above the pad: from where it left the elastomer to where it enters again, or is lost.
+Light in the air above the pad, from its exit from the elastomer until it enters again or is lost.
 
 Model
 -----
 A ray leaves by Snell's law, flies straight, and meets the top from outside, a tip, or a wall. The top mirrors or
 lets it in by Fresnel's equations. Tips scatter like their wetted part, or absorb. Below the undisturbed top a wall
 that the dimple has bared scatters or absorbs like any wall, its receivers absorb without being counted, and it is
-never smooth. Above the undisturbed top there is nothing beside the pad: what passes over a wall there has escaped.
+never smooth. Above the undisturbed top there is nothing next to the pad: light that passes over a wall has escaped.
 Air absorbs nothing.
 """
 
@@ -68,9 +68,9 @@ from sims.optics.oracle.surface import (
 BACK_INSIDE, OVER_THE_WALLS, ON_A_TIP, ON_A_WALL, GIVEN_UP = range(5)
 """How a flight in air ends."""
 NUDGE_MM = 1e-6
-"""A ray restarts this far from the surface that it met [mm]: as much as pieces overlap, far more than rounding."""
+"""Distance of a ray's restart from the surface that it met [mm]: the overlap of pieces, far more than rounding."""
 AIR_STEP_LIMIT = 1_000
-"""Flights in air after which a ray is given up."""
+"""Number of flights in air after which a ray is given up."""
 
 
 @njit()
@@ -88,11 +88,11 @@ def fly(
     Parameters
     ----------
     place, direction : just outside the elastomer [mm], unit vector
-    vertices, count : places of the path so far, which go on being filled
+    vertices, count : points of the path so far, which are extended
 
     Returns
     -------
-    how it ends, its stream, place and direction (inside the elastomer again, if it ends there), count of places
+    the end, its stream, point and direction (inside the elastomer again, if it ends there), count of points
     """
     (x, y, z), (dx, dy, dz) = place, direction
     for _ in range(AIR_STEP_LIMIT):
@@ -145,13 +145,13 @@ def _passes_over(
     dy: float,
     dz: float,
 ) -> bool:
-    """Whether a ray that meets nothing else passes the walls above the untouched top."""
+    """Whether a ray that meets no other surface passes the walls above the untouched top."""
     return face == NO_FACE or z + distance * dz > untouched_top(scene, x + distance * dx, y + distance * dy)
 
 
 @njit()
 def record(vertices: FloatArray, count: int, x: float, y: float, z: float) -> int:
-    """Write down one place of a path while there is room; the count of places so far."""
+    """Record one point of a path while there is space; the count of points so far."""
     if count < vertices.shape[0]:
         vertices[count, 0], vertices[count, 1], vertices[count, 2] = x, y, z
     return count + 1
@@ -173,7 +173,7 @@ FATES = (
     "unsubmerged",
     "unresolved",
 )
-"""Where light can end: at a receiver by class (the first six), or lost; the order of every ledger."""
+"""Possible ends of light: at a receiver by class (the first six), or lost; the order of every ledger."""
 (
     DIRECT,
     TOP,
@@ -194,13 +194,13 @@ FATES = (
 SKIRT_SLOPE = 0.02
 """Slope of the surface against the untouched top above which a reflection makes a path a `skirt` path [-]."""
 STEP_LIMIT = 10_000
-"""Flights after which a ray is given up and booked as unresolved."""
+"""Number of flights after which a ray is given up and booked as unresolved."""
 
 
 @njit()
 def emission_direction(scene: Scene, emitter: int, u: float, v: float) -> tuple[float, float, float]:
     """A direction of an emitter's light, by its table or its order; u, v in [0, 1)."""
-    nx, ny, nz = inward_normal(scene, scene.emitter_wall[emitter], 0.0, 0.0)  # a flat wall's, at any place
+    nx, ny, nz = inward_normal(scene, scene.emitter_wall[emitter], 0.0, 0.0)  # a flat wall's, at any point
     if scene.emitter_pattern.shape[2] > 0 and not math.isnan(scene.emitter_pattern[0, emitter, 0]):
         cosine = pattern_cosine(scene.emitter_pattern[0, emitter], scene.emitter_pattern[1, emitter], u)
         return direction_about(nx, ny, nz, cosine, v)
@@ -215,14 +215,14 @@ def walk(
 
     Parameters
     ----------
-    vertices : (n, 3) is filled with the places of the path [mm], as far as it has rows
+    vertices : (n, 3) is filled with the points of the path [mm], as far as it has rows
 
     Returns
     -------
     fate : index into `FATES`
     receiver : its number, or -1
-    weight : what absorption left of the ray at its end [-]; the rest went into the volume
-    count : number of places on the path
+    weight : remaining share of the ray at its end [-]; the rest is absorbed in the volume
+    count : number of points on the path
     """
     stream, u = draw(stream)
     stream, v = draw(stream)
@@ -264,13 +264,13 @@ def walk_inside(
     Parameters
     ----------
     path : class of light so far, a fate
-    weight : what absorption left so far [-]
-    place, direction : where it is [mm], and its unit vector
+    weight : remaining share after absorption [-]
+    place, direction : its point [mm], and its unit vector
 
     Returns
     -------
-    fate, receiver, weight, count of places as of `walk`; where the fate is `ESCAPED`, then its stream, and its place
-    and direction just outside
+    fate, receiver, weight, count of points as for `walk`; if the fate is `ESCAPED`, also its stream, and its point and
+    direction just outside
     """
     (x, y, z), (dx, dy, dz) = place, direction
     for _ in range(STEP_LIMIT):

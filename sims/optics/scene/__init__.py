@@ -1,4 +1,4 @@
-"""A design as arrays that every kernel and the oracle read: places, materials, emission, acceptance, symmetry.
+"""A design as arrays that every kernel and the oracle read: positions, materials, emission, acceptance, symmetry.
 
-Imports of ours: press; design (in `lower` and `acceptance` alone).
+It imports press; design (in `lower` and `optical_scene` alone).
 """

@@ -1,6 +1,6 @@
-"""Lower a design to the arrays of an optical scene: blocks by themselves, other pads with their form.
+"""Lower a design to the arrays of an optical scene: blocks without a form, other pads with their form.
 
-Refuse, by name, an optical scene or a request that the tracer cannot use.
+Scenes and requests that the tracer cannot use are refused by name.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from sims.optics.scene.optical_scene import (
 
 WALLS = 4
 POWER_TOLERANCE = 1e-6
-"""Far below the light model's 0.01 % bias: a pattern off by more was never normalised."""
+"""Largest error of a pattern's power, far below the light model's 0.01 % bias: more means it was not normalised."""
 
 
 def check_scene(scene: OpticalScene) -> None:
@@ -144,14 +144,14 @@ def _check_response(response: FloatArray, receivers: int) -> None:
 TURN_RAD = 2.0 * math.pi
 BORDER_STEP_RAD = TURN_RAD / 96
 ROUNDING = 1e-9
-"""Of places [mm] and cosines [-]: a ray that meets two walls' common edge meets at least one of them."""
+"""Tolerance of points [mm] and cosines [-]: a ray that meets two walls' common edge meets at least one of them."""
 
 
 def scene_of(design: SensorDesign) -> OpticalScene:
     """The clear block with the active areas of all parts, in the order of the cavity's parts.
 
-    An emitter with an angular pattern has it in place of its order; a receiver counts what falls on its active area,
-    whatever its angle, unless its part says what lies on the chip.
+    An emitter with an angular pattern has it instead of its order; a receiver counts all light on its active area,
+    at any angle, unless its part gives the material on the chip.
     """
     cavity = cavity_of(design)
     plan = cavity.plan
@@ -189,7 +189,7 @@ def form_of(plan: Plan) -> PadForm:
 
 
 def _round_walls(outline: Outline) -> FloatArray:
-    """(m, 6) round walls: arcs of one circle are one, with the facets between them; whole if the pad lies within it."""
+    """(m, 6) round walls: arcs of one circle are one, with the facets between them; whole if the pad is within it."""
     circles: dict[tuple[float, float, float], list[Arc]] = {}
     for arc in outline.arcs:
         circles.setdefault((*arc.centre_mm, arc.radius_mm), []).append(arc)
@@ -202,7 +202,7 @@ def _round_walls(outline: Outline) -> FloatArray:
 
 
 def _sector_of(arcs: Sequence[Arc]) -> tuple[float, float, float]:
-    """Middle, as a unit vector, and cosine of half the turn of the least sector that holds arcs of one circle."""
+    """Middle, as a unit vector, and cosine of half the turn of the least sector that contains arcs of one circle."""
     arcs = sorted(arcs, key=lambda arc: arc.start_rad % TURN_RAD)
     gaps = [
         (after.start_rad - arc.start_rad - arc.turn_rad) % TURN_RAD
@@ -224,7 +224,7 @@ def _patches(parts: tuple[PlacedPart, ...]) -> FloatArray:
 
 
 def _patterns(parts: tuple[PlacedPart, ...]) -> FloatArray | None:
-    """(e, n) patterns, a row of NaN for an emitter that goes by its order; None where all do."""
+    """(e, n) patterns, a row of NaN for an emitter with an order; None where all have one."""
     tables = [part.part.angular_pattern for part in parts]
     if not any(tables):
         return None

@@ -1,4 +1,4 @@
-"""The optical scene as plain typed arrays: what every kernel and the oracle sees, and nothing more.
+"""The optical scene as plain typed arrays: the only input of every kernel and the oracle.
 
 Frame: x from 0 to the inner length, y from 0 to the inner width, z = 0 at the bottom of the clear
 layer and z = clear thickness at the undisturbed top. Walls are numbered south (y = 0) 0, east
@@ -8,18 +8,18 @@ half sizes. The part of a patch above the top is not in the scene: only the subm
 or receives, and an emitter's flux is a fraction of the power that its *whole* area would emit.
 
 Angles at a patch are tables over the cosine c to its inward normal, at nodes `np.linspace(0, 1, n)`,
-linear between them (`sims.optics.scene.optical_scene` makes and weighs them).
+linear between them.
 
 The form of a pad that is no block: its walls in plan as plain arrays, and its convex top.
 
 In plan the elastomer is convex: { p : n · (p - o) <= 0 for every flat wall, |p - c| <= r for every round one in whose
 sector, seen from its centre c, p lies }. The bottom is the plane z = 0; the top is a `design.shape.top.Top`.
 
-What counts of the light that arrives at a receiver from inside the elastomer, by its angle.
+Counted share of the light that arrives at a receiver from inside the elastomer, by its angle.
 
 Model
 -----
-Elastomer of index n lies on the part's flat face, behind it epoxy of index n_e with the chip. Light at angle a
+Elastomer of index n is on the part's flat face; behind it is epoxy of index n_e with the chip. Light at angle a
 in the elastomer enters the epoxy at angle e, n sin a = n_e sin e (Snell), as the unpolarised Fresnel share
 T(n -> n_e, a) = 1 - (R_s + R_p) / 2 (Hecht, Optics, eqs 4.34 to 4.62), and the chip counts the share q(e) of it:
 
@@ -28,14 +28,14 @@ T(n -> n_e, a) = 1 - (R_s + R_p) / 2 (Hecht, Optics, eqs 4.34 to 4.62), and the 
 So normal incidence counts T(n -> n_e, 0), 0.998 for silicone against common epoxy, and a bare receiver, whose
 part has no epoxy index, counts 1 at every angle. One common gain scales all signals; only ratios of angles matter.
 
-The chip's own q comes from the sheet's angles in air, where the same face sees, relative to the axis,
+The chip's own q comes from the sheet's angles in air, where the same face receives, relative to the axis,
 S(b) = cos b T(1 -> n_e, b) / T(1 -> n_e, 0) q(e), sin b = n_e sin e:
 
 * a table: q is S over the other two factors, at most 1 (a sheet that was rounded to the cosine gives a little more).
-  It holds to the table's last angle or `FARTHEST_DEG`, whichever comes first; light further out, which in air the face
-  cannot even let in, is assumed to count as at that angle.
+  It is valid to the table's last angle or `FARTHEST_DEG`, whichever comes first; light further out, which cannot
+  enter the face from air, is assumed to count as at that angle.
 * a half angle h: q = cos^p e with the p, 0 or more, that gives S(h) = 1/2. A half angle of 60 degrees or more is p = 0,
-  a flat chip that counts all light alike.
+a flat chip that counts all light equally.
 
 As a table over the cosine, linear between 129 nodes, T is off by 1e-5 of diffuse light for epoxy denser than the
 elastomer; for a thinner one the critical angle is rounded off within a cell, 1.6e-3 at most (scan of indices).
@@ -50,19 +50,19 @@ A pattern is the radiance over power and area L(c) [1/sr] of a flat patch at the
 integrated exactly: a cell of width h from node a to node b adds h / 6 (c_a (2 L_a + L_b) + c_b (L_a + 2 L_b)).
 
 A sheet's table of the intensity I over the angle becomes L(c) = I / c at every node but c = 0. That node gets the
-value, 0 or more, with which the first cell holds the sheet's power there: the limit where I vanishes at 90 degrees, and
+value, 0 or more, with which the first cell has the sheet's power there: the limit where I vanishes at 90 degrees, and
 a bounded value where a sheet shows light at 90 degrees, which a flat face cannot emit. The pattern is then scaled to
-unit power. It is taken as it stands in the elastomer, as a half angle is: how a package shines into air, sheets say;
-refraction at its face is left out (a Lambertian source behind a flat face stays one but for Fresnel losses).
+unit power. Sheets give emission into air; the pattern, like a half angle, is assumed to hold in the elastomer, without
+refraction at the face (a Lambertian source behind a flat face stays one except for Fresnel losses).
 
-A smooth height field over the pad's top, for what a press of revolution cannot describe.
+A smooth height field over the pad's top, for the part that a press of revolution cannot describe.
 
 Between nodes the field is the bicubic Hermite patch of value, both slopes and the mixed derivative at
-the four corners of a cell, so it and its slope are continuous everywhere inside; outside it is 0. Whoever makes a
-field sees to it that it and its slope vanish at the border, or that the border lies on or beyond the walls.
+the four corners of a cell, so it and its slope are continuous everywhere inside; outside it is 0. The caller has
+to ensure that it and its slope vanish at the border, or that the border is on or beyond the walls.
 The nodes' derivatives come from the C2 bicubic spline through the heights (not-a-knot ends). Where heights are sampled
 at the nodes alone, the Hermite patches reproduce it exactly; where they are sampled more closely, its derivatives are
-nearly those of the height itself, and few nodes hold a steep one.
+nearly those of the height itself, and few nodes represent a steep one.
 """
 
 from __future__ import annotations
@@ -91,7 +91,7 @@ class PadForm:
 
     Attributes
     ----------
-    walls : (k, 6) flat walls by `WALL_COLUMNS`: x, y of the place where `along` is 0 [mm]; unit tangent in which
+    walls : (k, 6) flat walls by `WALL_COLUMNS`: x, y of the point where `along` is 0 [mm]; unit tangent in which
         along grows [-]; unit outward normal [-]
     arcs : (m, 6) round walls by `ARC_COLUMNS`: x, y of the axis, and radius [mm]; unit direction from the axis to the
         middle of the sector in which it is the wall, and cosine of half the sector's turn [-], or `WHOLE_CIRCLE`
@@ -103,13 +103,13 @@ class PadForm:
     top: Top
 
     def __repr__(self) -> str:
-        """Every number in full, so that two forms have one text only where they are the same."""
+        """Text with every number in full, so that two forms have the same text only if they are equal."""
         walls, arcs = np.asarray(self.walls).tolist(), np.asarray(self.arcs).tolist()
         return f"PadForm(walls={walls}, arcs={arcs}, top={self.top!r})"
 
 
 FARTHEST_DEG = 80.0
-"""Towards grazing a sheet divides one small number by another; beyond 80 degrees a sheet says little."""
+"""Farthest angle used of a sheet [deg]: towards grazing it divides one small number by another."""
 
 
 def transmitted_share(cosine: FloatArray, index_from: float, index_to: float) -> FloatArray:
@@ -118,7 +118,7 @@ def transmitted_share(cosine: FloatArray, index_from: float, index_to: float) ->
     Parameters
     ----------
     cosine : (...,) cosine of the angle of incidence, 0 to 1 [-]
-    index_from, index_to : of the medium that the light comes from, and goes to [-]
+    index_from, index_to : index before and behind the interface [-]
 
     Returns
     -------
@@ -128,7 +128,7 @@ def transmitted_share(cosine: FloatArray, index_from: float, index_to: float) ->
     if index_from == index_to:
         return np.ones_like(c)
     inner = refracted_cosine(c, index_from, index_to)
-    c = np.where(inner > 0.0, c, 1.0)  # no light passes there; only keeps 0 / 0 out
+    c = np.where(inner > 0.0, c, 1.0)  # no light passes there; this only avoids 0 / 0
     s = (index_from * c - index_to * inner) / (index_from * c + index_to * inner)
     p = (index_to * c - index_from * inner) / (index_to * c + index_from * inner)
     share = 1.0 - (s * s + p * p) / 2.0
@@ -206,11 +206,11 @@ def pattern_power(radiance: FloatArray) -> FloatArray:
 
 
 def normalised_pattern(radiance: FloatArray) -> FloatArray:
-    """(..., n) patterns of unit power from patterns of any.
+    """(..., n) patterns of unit power from patterns of any power.
 
     Raises
     ------
-    InputError : a pattern without power, or with a negative or undefined value.
+    InputError : a pattern has no power, or a negative or undefined value.
     """
     values = np.asarray(radiance, dtype=np.float64)
     power = pattern_power(values)
@@ -224,7 +224,7 @@ def lambertian_pattern(order: float, count: int = COSINE_NODES) -> FloatArray:
 
     Raises
     ------
-    InputError : an order below 1, whose radiance has no bound at grazing angles.
+    InputError : the order is below 1, so its radiance has no bound at grazing angles.
     """
     if not 1.0 <= order < np.inf:
         raise InputError(f"order: {order:g}, a table needs 1 or more; give emitter_order instead")
@@ -244,7 +244,7 @@ def table_pattern(table: AngularTable, count: int = COSINE_NODES) -> FloatArray:
 
 
 MIN_CELLS = 4
-"""A bicubic spline needs four points a side; one cell more keeps its ends apart."""
+"""Least cells per side: a bicubic spline needs four points a side; one more cell separates its ends."""
 MAX_NODES = 1_000_000
 
 
@@ -261,7 +261,7 @@ class SmoothField:
 
     Raises
     ------
-    InputError : a wrong shape, a step that is not above 0, or a value that is not finite.
+    InputError : a shape is wrong, a step is not above 0, or a value is not finite.
     """
 
     origin_mm: FloatArray
@@ -269,7 +269,7 @@ class SmoothField:
     nodes: FloatArray
 
     def __post_init__(self) -> None:
-        """Refuse what no kernel can read."""
+        """Refuse fields that kernels cannot read."""
         for name in ("origin_mm", "step_mm"):
             values = np.asarray(getattr(self, name))
             if values.shape != (2,) or not np.isfinite(values).all():
@@ -284,7 +284,7 @@ class SmoothField:
             raise InputError(f"nodes[{i}, {j}, {k}]: {self.nodes[i, j, k]}, must be finite")
 
     def height_mm(self, x_mm: FloatArray, y_mm: FloatArray) -> FloatArray:
-        """(...,) height [mm] at (...,) places in the cavity frame [mm]: the readable form of the kernels' patch."""
+        """(...,) height [mm] at (...,) points in the cavity frame [mm]: the readable form of the kernels' patch."""
         u, i = _cell(np.asarray(x_mm, dtype=np.float64), self.origin_mm[0], self.step_mm[0], len(self.nodes))
         v, j = _cell(
             np.asarray(y_mm, dtype=np.float64), self.origin_mm[1], self.step_mm[1], self.nodes.shape[1]
@@ -312,13 +312,13 @@ def smooth_field(
     Parameters
     ----------
     height_mm : (nx, 1) x and (1, ny) y in the cavity frame [mm] to (nx, ny) height [mm]
-    length_mm, width_mm : of the cavity [mm]
-    spacing_mm : of the nodes at most; the grid is stretched to end at the walls [mm]
-    finer : the height is sampled so many times between neighbouring nodes, for the nodes' derivatives
+    length_mm, width_mm : size of the cavity [mm]
+    spacing_mm : largest spacing of the nodes; the grid is stretched to end at the walls [mm]
+    finer : number of samples of the height between neighbouring nodes, for the nodes' derivatives
 
     Raises
     ------
-    InputError : a size or spacing that is not above 0, too many nodes, or heights that are not finite.
+    InputError : a size or spacing is not above 0, there are too many nodes, or heights are not finite.
     """
     for name, value in (("length_mm", length_mm), ("width_mm", width_mm), ("spacing_mm", spacing_mm)):
         if not 0 < value < np.inf:
@@ -342,11 +342,11 @@ def smooth_field(
 
 
 def sum_of_fields(fields: Sequence[SmoothField]) -> SmoothField:
-    """The sum of one or more fields on the same grid; of one, that field itself.
+    """The sum of one or more fields on the same grid; one field is returned itself.
 
     Raises
     ------
-    InputError : no field, or grids that differ.
+    InputError : there is no field, or the grids differ.
     """
     grids = {(*field.origin_mm, *field.step_mm, *field.nodes.shape) for field in fields}
     if len(grids) != 1:
@@ -382,7 +382,7 @@ def _spline_slopes(count: int, size: float, finer: int) -> FloatArray:
 
 
 def _cell(place: FloatArray, origin: float, step: float, count: int) -> tuple[FloatArray, IntArray]:
-    """Fraction within, and number of, the cell of a place; the fraction leaves 0 to 1 outside the grid."""
+    """Fraction within, and number of, the cell of a point; the fraction leaves 0 to 1 outside the grid."""
     t = (place - origin) / step
     cell = np.clip(np.floor(t), 0, count - 2).astype(np.int64)
     return t - cell, cell
@@ -391,7 +391,7 @@ def _cell(place: FloatArray, origin: float, step: float, count: int) -> tuple[Fl
 def _hermite(
     t: FloatArray, step: float
 ) -> tuple[tuple[FloatArray, FloatArray], tuple[FloatArray, FloatArray]]:
-    """For the cell's first and second end: weights of its value and of its slope."""
+    """Weights of the value and of the slope, for the cell's first and second end."""
     s = 1.0 - t
     return ((1 + 2 * t) * s * s, step * t * s * s), ((1 + 2 * s) * t * t, -step * s * t * t)
 
@@ -422,7 +422,7 @@ class OpticalScene:
     form : walls and top of a pad that is no block; None: the block of the frame above. With a
         form `height_mm` is the height at the apex; `length_mm` and `width_mm` are those of the box around the plan,
         which begins at 0, 0; wall numbers are rows of `form.walls`, and a patch's along is measured there. The
-        part of a patch above the untouched top at its own place is not in the scene
+        part of a patch above the untouched top at its own position is not in the scene
     """
 
     length_mm: float

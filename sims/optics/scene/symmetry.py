@@ -1,10 +1,10 @@
-"""Rotations and mirrors that carry a scene onto itself, and the states that they make one.
+"""Rotations and mirrors that carry a scene onto itself, and the states that are equal by them.
 
 A box has four motions (identity, half turn, two mirrors), a square one four more. A pad within one circle has any turn
-about its axis and any mirror through it; those come into question that carry its first emitter to the direction of one.
-A motion is a symmetry of the scene when every emitter comes to lie on an emitter and every receiver on a receiver that
-are the same in all but place, and, of a pad with a form, when it keeps that: every wall comes to lie on one, and apex
-and straight direction of the crown stay. A press and its image then have the same light, with emitters and receivers
+about its axis and any mirror through it; candidates are those that carry its first emitter to the direction of one. A
+motion is a symmetry of the scene when it carries every emitter to an emitter and every receiver to a receiver that are
+equal in all but position. For a pad with a form it also has to keep the form: every wall is carried to a wall, and apex
+and straight direction of the crown remain. A press and its image then have the same light, with emitters and receivers
 renumbered: only one of them is traced.
 """
 
@@ -20,9 +20,9 @@ from sims.optics.scene.optical_scene import WHOLE_CIRCLE, OpticalScene, PadForm
 from sims.press import Indentation
 
 SAME_PLACE_MM = 1e-6
-"""Two places are one when they agree to this: patterns make them agree to round-off."""
+"""Two points are the same when they agree to this: patterns make them agree to round-off."""
 SAME_WAY = 1e-9
-"""Two unit vectors are one when they agree to this: round-off."""
+"""Two unit vectors are the same when they agree to this: round-off."""
 Key = tuple[tuple[int, int, float], ...]
 Presses = Sequence[Sequence[float | None]]
 
@@ -33,8 +33,8 @@ class SceneSymmetry:
 
     Attributes
     ----------
-    matrix : (2, 2) and offset_mm : (2,), so that a place p goes to matrix p + offset
-    emitters : (e,) number of the emitter that each emitter goes to; receivers : (r,) likewise
+    matrix : (2, 2) and offset_mm : (2,), so that a point p moves to matrix p + offset
+    emitters : (e,) number of the emitter to which each emitter moves; receivers : (r,) likewise
     """
 
     matrix: FloatArray
@@ -43,17 +43,17 @@ class SceneSymmetry:
     receivers: IntArray
 
     def image(self, places_mm: FloatArray) -> FloatArray:
-        """(..., 2) where (..., 2) places go [mm]."""
+        """(..., 2) images of (..., 2) points [mm]."""
         return np.asarray(places_mm @ self.matrix.T + self.offset_mm)
 
 
 @dataclass(frozen=True, kw_only=True)
 class StateClasses:
-    """States that symmetries, or equal presses, make one.
+    """States that are equal by symmetries, or by equal presses.
 
     Attributes
     ----------
-    first : (class,) the state that stands for each class
+    first : (class,) the state that represents each class
     member : (state,) class of each state
     emitters : (state, e) emitter of the class's state that each state's emitter corresponds to
     receivers : (state, r) likewise
@@ -85,12 +85,12 @@ def symmetries_of(scene: OpticalScene) -> tuple[SceneSymmetry, ...]:
 
 
 def press_keys(pressed: Sequence[Sequence[Indentation | None]]) -> Presses:
-    """What tells presses apart where each has a curve of its own: the curve."""
+    """Keys of presses where each has its own curve: the curve."""
     return [[None if tip is None or tip.depth_mm <= 0 else id(tip) for tip in tips] for tips in pressed]
 
 
 def each_its_own(scene: OpticalScene, states: int) -> StateClasses:
-    """Every state a class by itself."""
+    """Classes in which every state is a class of its own."""
     every = np.arange(states)
     return StateClasses(
         first=every,
@@ -106,7 +106,7 @@ def state_classes(scene: OpticalScene, centres_mm: FloatArray, pressed: Presses)
     Parameters
     ----------
     centres_mm : (state, tip, 2) press axes [mm]
-    pressed : per state and tip what tells presses at one place apart, None where the tip does not touch
+    pressed : per state and tip a key that distinguishes presses at one location, None where the tip does not touch
     """
     symmetries = symmetries_of(scene)
     known: dict[Key, tuple[int, SceneSymmetry]] = {}
@@ -133,7 +133,7 @@ def state_classes(scene: OpticalScene, centres_mm: FloatArray, pressed: Presses)
 
 
 def _key(places_mm: FloatArray, tips: Sequence[float | None]) -> Key:
-    """A state's touching tips by place and press, in any order."""
+    """A state's touching tips by location and press, in any order."""
     rounded = np.round(places_mm / SAME_PLACE_MM).astype(np.int64)
     return tuple(
         sorted((int(x), int(y), tip) for (x, y), tip in zip(rounded, tips, strict=False) if tip is not None)
@@ -141,7 +141,7 @@ def _key(places_mm: FloatArray, tips: Sequence[float | None]) -> Key:
 
 
 def _motions_of(scene: OpticalScene) -> list[tuple[FloatArray, FloatArray]]:
-    """Motions of the plan that come into question, the identity first; of a form those that keep it."""
+    """Candidate motions of the plan, the identity first; for a form those that keep it."""
     form = scene.form
     if form is None:
         return _motions(scene.length_mm, scene.width_mm)
@@ -154,7 +154,7 @@ def _motions_of(scene: OpticalScene) -> list[tuple[FloatArray, FloatArray]]:
 
 
 def _turns_and_mirrors(scene: OpticalScene, centre_mm: FloatArray) -> list[tuple[FloatArray, FloatArray]]:
-    """Turns about a round wall's axis, then mirrors through it, that carry the first emitter's direction to one's."""
+    """Turns about a round wall's axis, then mirrors through it, that carry the first emitter's direction to one."""
     away = _places(scene, scene.emitter_wall, scene.emitter_patch) - centre_mm
     angles = np.arctan2(away[:, 1], away[:, 0])
     turns = _distinct(angles - angles[0])
@@ -165,7 +165,7 @@ def _turns_and_mirrors(scene: OpticalScene, centre_mm: FloatArray) -> list[tuple
 
 
 def _distinct(angles: FloatArray) -> FloatArray:
-    """Angles that differ by more than whole turns, the first first."""
+    """Angles that differ by more than whole turns, in order."""
     kept: list[float] = []
     for angle in angles:
         if all(abs(np.exp(1j * angle) - np.exp(1j * one)) > SAME_WAY for one in kept):
@@ -174,7 +174,7 @@ def _distinct(angles: FloatArray) -> FloatArray:
 
 
 def _keeps(form: PadForm, matrix: FloatArray, offset_mm: FloatArray) -> bool:
-    """Whether a motion carries every wall onto one, and leaves apex and straight direction."""
+    """Whether a motion carries every wall onto a wall, and keeps apex and straight direction."""
     walls, arcs = (np.asarray(rows, dtype=np.float64).reshape(-1, 6) for rows in (form.walls, form.arcs))
     places, normals = walls[:, :2], walls[:, 4:6]
     moved = normals @ matrix.T
@@ -205,7 +205,7 @@ def _motions(length_mm: float, width_mm: float) -> list[tuple[FloatArray, FloatA
 
 
 def _traits(orders: FloatArray, table: FloatArray | None) -> FloatArray:
-    """(part, n) what must agree besides place and size."""
+    """(part, n) properties that must agree in addition to position and size."""
     if table is None:
         return orders[:, None]
     return np.hstack([orders[:, None], np.nan_to_num(table, nan=-1.0)])
@@ -219,7 +219,7 @@ def _permutation(
     matrix: FloatArray,
     offset: FloatArray,
 ) -> IntArray | None:
-    """(part,) the part that each part goes to; None where one goes to none."""
+    """(part,) the part to which each part moves; None where one has no image."""
     places = _places(scene, walls, patches)
     moved = places @ matrix.T + offset
     rest = np.hstack([patches[:, 1:], traits])
@@ -234,7 +234,7 @@ def _permutation(
 
 
 def _places(scene: OpticalScene, walls: IntArray, patches: FloatArray) -> FloatArray:
-    """(part, 2) places of patches in plan [mm]; a place on an edge tells its wall, too."""
+    """(part, 2) positions of patches in plan [mm]; a position on an edge also identifies its wall."""
     along = patches[:, 0]
     if scene.form is not None:
         wall = np.asarray(scene.form.walls)[walls]

@@ -1,4 +1,4 @@
-"""What the pressed top is: curves around each tip, their sum, the grid on it.
+"""The pressed top: curves around each tip, their sum, the grid on it.
 
-Imports of ours: scene, press.
+It imports scene and press.
 """

@@ -5,15 +5,15 @@ Model
 Around the press axis the top is h(r): the exact tip sphere inside the contact, then a C1 curve
 through the indentation's points (with the slopes of its inclinations, else modified Akima's), then a C1
 cubic tail to the undisturbed height, then flat. The pile-up may rise above the undisturbed top. A tip that is no
-hemisphere has no sphere: the curve begins `APEX_MM` beside the axis, and the contact is the part of it within
-the contact radius.
+hemisphere has no sphere: the curve begins `APEX_MM` off the axis, and the contact is the part of it within the
+contact radius.
 
 Between contact edge and outer radius the curve is stored as cubic pieces (`sims.optics.surface.curves`).
 
 Choices and their bounds
 ------------------------
 * One height for each radius: points whose radius does not exceed an earlier one are dropped, which
-  keeps the lowest of an overhang (the material above it is taken away).
+  keeps the lowest of an overhang (the material above it is removed).
 * Slopes are at most `MAX_SLOPE`: points above a steep piece move outward by at most their rise over
   `MAX_SLOPE` (1 mm of wrapped shank: 0.033 mm). `moved_mm` is the largest move, overhang included.
 * Material never reaches into the tip: heights below the sphere's are kept, higher ones are clipped.
@@ -34,8 +34,8 @@ Between contact edge a and outer radius b the curve h(r) is stored as `CELLS` cu
 
 so that a kernel needs one square root from r² to a height, and none from there to a gradient:
 dh/dr / r = h' A / (x + C). C makes the first piece `FIRST_PIECE` of the mean one: pieces are short at the contact edge
-and nearly uniform in r beyond. Each piece also holds what a march along a ray needs from there: bounds of slope outward
-and of fall outward, how far inward it may look, and the bound of bend within that window. Bend is how fast the slope
+and nearly uniform in r beyond. Each piece also has the data for a march along a ray from there: bounds of slope outward
+and of fall outward, the window inward, and the bound of bend within that window. Bend is the rate at which the slope
 along a line falls, -d²h/ds², the largest of all directions: max(-h'', -h'/r, 0).
 """
 
@@ -58,10 +58,10 @@ CELLS = 320
 LEVELS = 64
 FIRST_PIECE = 0.25
 BOUND_RESERVE = 1.01
-"""Factor on the largest of `SAMPLES` slopes of a piece."""
+"""Safety factor on the largest of `SAMPLES` slopes of a piece."""
 SAMPLES = 9
 NEAREST_WINDOW_MM, WINDOW_SHARE = 0.06, 0.25
-"""A march that comes inward looks this far, or this share of its radius; the further, the larger the bend there."""
+"""Window of a march inward [mm], or share of its radius; a larger window has a larger bend."""
 
 # columns of a piece
 CUBIC, STEEP, FALL, WINDOW, BEND = 0, 4, 5, 6, 7
@@ -77,7 +77,7 @@ class RadialTable:
     pieces : (CELLS, 8) height above the clear layer's bottom as a cubic in the piece's fraction [mm]; from this piece
         outward the largest |dh/dr| and the largest fall -dh/dr [-]; window inward [mm], largest bend within it
         and outward [1/mm]
-    reach2 : (LEVELS,) squared radius beyond which the top lies nowhere below the upper edge of each level between
+    reach2 : (LEVELS,) squared radius beyond which the top is nowhere below the upper edge of each level between
         its lowest point and the undisturbed top [mm²]
     scale, offset, start : A [1/mm²], D and C of the coordinate x
     radius, slope : (CELLS + 1,) of the nodes [mm], [-]
@@ -139,13 +139,13 @@ def radial_table(
 
 
 def lowest_of_pieces_mm(pieces: FloatArray) -> FloatArray:
-    """(CELLS,) a height that each cubic does not fall below: its lowest Bernstein coefficient [mm]."""
+    """(CELLS,) lower bound of each cubic's height: its lowest Bernstein coefficient [mm]."""
     c0, c1, c2, c3 = pieces[:, :4].T
     return np.asarray(np.min([c0, c0 + c1 / 3, c0 + (2 * c1 + c2) / 3, c0 + c1 + c2 + c3], axis=0))
 
 
 def outward_cup(table: RadialTable) -> FloatArray:
-    """(CELLS,) how fast the slope along a line rises, d²h/ds², at most from each piece outward: max(h'', h'/r, 0)
+    """(CELLS,) largest rate at which the slope along a line rises, d²h/ds², from each piece outward: max(h'', h'/r, 0)
     [1/mm].
     """
     return _outward_maximum(_bends_within(-table.pieces, table.radius, table.scale, table.start))
@@ -159,14 +159,14 @@ def _samples(nodes: FloatArray, scale: float, start: float) -> tuple[FloatArray,
 
 
 def _slopes_within(pieces: FloatArray, nodes: FloatArray, scale: float, start: float) -> FloatArray:
-    """(CELLS, SAMPLES) dh/dr at evenly spread places of every piece."""
+    """(CELLS, SAMPLES) dh/dr at evenly spread points of every piece."""
     t, x, r = _samples(nodes, scale, start)
     gradient = pieces[:, 1:2] + 2 * pieces[:, 2:3] * t + 3 * pieces[:, 3:4] * t**2
     return np.asarray(gradient * scale * r / x)
 
 
 def _bends_within(pieces: FloatArray, nodes: FloatArray, scale: float, start: float) -> FloatArray:
-    """(CELLS, SAMPLES) bend at evenly spread places of every piece [1/mm]."""
+    """(CELLS, SAMPLES) bend at evenly spread points of every piece [1/mm]."""
     t, x, r = _samples(nodes, scale, start)
     turn = (pieces[:, 1:2] + 2 * pieces[:, 2:3] * t + 3 * pieces[:, 3:4] * t**2) * scale / x
     radial = turn + (2 * pieces[:, 2:3] + 6 * pieces[:, 3:4] * t - turn / scale) * (scale * r / x) ** 2
@@ -195,9 +195,9 @@ TAIL_MM = 4.0
 SKIRT_SLOPE = 0.1
 MIN_KNOT_STEP_MM = 1e-3
 TOUCHING = 1e-9
-"""Share of the contact radius by which a point of the contact may lie beyond it."""
+"""Share of the contact radius by which a point of the contact may be beyond it."""
 UPRIGHT_MM = 1e-9
-"""Curves that run back by less are upright."""
+"""Curves that run back by less count as upright."""
 APEX_MM = 1e-3
 FLATTEST_APEX_MM = 1e-9
 
@@ -208,7 +208,7 @@ CONTACT_AREA = 19
 CONTACT = 20
 CONTACT_PARTS = 48
 COLUMNS = CONTACT + CONTACT_PARTS + 1
-# a tip's row as kernels read it: the press's columns, what is known of the field (first tip), levels, pieces
+# a tip's row as kernels read it: the press's columns, data of the field (first tip), levels, pieces
 FIELD_COLUMNS = 9
 REACH = COLUMNS + FIELD_COLUMNS
 PIECES = REACH + LEVELS
@@ -226,7 +226,7 @@ class SurfaceStack:
         squares of sphere's, tip's and outer radius [mm²], scale, offset and start of the table, levels per mm; area of
         the contact and squared radii that divide it into parts of equal area [mm²]
     reach2 : (state, level) and pieces : (state, piece, 8), see `sims.optics.surface.curves.RadialTable`
-    moved_mm : (state,) how far a point was moved to make the curve single valued [mm]
+    moved_mm : (state,) largest move of a point to make the curve single valued [mm]
     """
 
     press: FloatArray
@@ -248,8 +248,8 @@ def stack_surfaces(
 
     Raises
     ------
-    InputError : a press outside the block, or a curve with too few, unordered or non-finite points.
-    ModelScopeError : a press through the clear layer, or a tip that overlaps a wall.
+    InputError : a press is outside the block, or a curve has too few, unordered or non-finite points.
+    ModelScopeError : a press goes through the clear layer, or a tip overlaps a wall.
     """
     centres = np.asarray(centres_mm, dtype=np.float64)
     if centres.shape != (len(indentations), 2):
@@ -287,7 +287,7 @@ def _check_place(state: int, centre: FloatArray, contact_radius: float, scene: O
 
 _Lowered = tuple[FloatArray, RadialTable, float]
 _LOWERED: WeakKeyDictionary[Indentation, tuple[float, _Lowered]] = WeakKeyDictionary()
-"""Under a top of which height, and what a press was lowered to, as long as somebody holds that press."""
+"""Height of the top and lowered curve of each press, as long as the press is referenced."""
 
 
 def _lower(indentation: Indentation, top_mm: float) -> _Lowered:
@@ -300,13 +300,13 @@ def _lower(indentation: Indentation, top_mm: float) -> _Lowered:
 
 
 def lower_curve(indentation: Indentation, top_mm: float, mean_mm: float = 0.0) -> _Lowered:
-    """A press's row of numbers (`COLUMNS`), its radial table, and how far a point was moved [mm].
+    """A press's row of numbers (`COLUMNS`), its radial table, and the largest move of a point [mm].
 
     Parameters
     ----------
-    top_mm : height of the undisturbed top, which the curve runs out to
-    mean_mm : radius of the crown above which the curve's heights are, 0 for a flat top: in the contact they are those
-        of the tip above that crown
+    top_mm : height of the undisturbed top, at which the curve ends
+    mean_mm : radius of the crown above which the curve's heights are given, 0 for a flat top: in the contact they are
+    those of the tip above that crown
     """
     depth = indentation.depth_mm
     tip, start = _sphere(indentation)
@@ -348,7 +348,7 @@ def _contact_parts_mm2(
 ) -> tuple[float, FloatArray]:
     """Area of the contact, sphere and curve beyond, and (CONTACT_PARTS + 1,) squared radii between equal parts of it.
 
-    Equal in plan they would say next to nothing of the steep side of a deep contact, which faces the parts.
+    Parts of equal plan area would hardly resolve the steep side of a deep contact, which faces the parts.
     """
     angle = np.linspace(0.0, np.arcsin(start / tip), 8 * CONTACT_PARTS + 1)
     r = np.concatenate((tip * np.sin(angle), radius[1:]))
@@ -378,7 +378,7 @@ def check_curve(indentation: Indentation, top_mm: float) -> None:
 
 
 def _fall(radius: float, mean_mm: float) -> float:
-    """How far a crown lies below its tangent plane; 0 for a flat top."""
+    """Distance of a crown below its tangent plane; 0 for a flat top."""
     return radius**2 / (mean_mm + float(np.sqrt(mean_mm**2 - radius**2))) if mean_mm > 0.0 else 0.0
 
 

@@ -1,7 +1,7 @@
 # mypy: no-warn-return-any
-"""Kernels: the radial table of one tip, and what does not depend on the top.
+"""Kernels: the radial table of one tip, and functions that do not depend on the top.
 
-`rows` (tip, n) hold `sims.optics.surface.curves.SurfaceStack` tip by tip (`ROW` columns); `box` is (length, width,
+`rows` (tip, n) have `sims.optics.surface.curves.SurfaceStack` tip by tip (`ROW` columns); `box` is (length, width,
 height, refractive index, absorption per mm, index behind smooth walls or 0). A patch is a row (wall, along, z,
 half width, half height, Lambertian order or -1, full area as mounted, radiance over the cosine's nodes ...).
 Fresnel: unpolarised, from inside (Born and Wolf, sec. 1.5).
@@ -46,29 +46,29 @@ UNSEEN: dict[str, Any] = {
     "no_cfunc_wrapper": True,
 }
 """Kernels call one another; entry from Python or C, a seventh of the time to compile, is for `compiled` alone.
-Multiplications may be joined with sums as suits the processor; infinities and NaN keep their meaning. Sums keep their
-order, 3 % of the time: the process that compiles runs kernels as compiled alone, every later one as compiled into an
-entry point, and these took sums in different order."""
+The processor may fuse multiplications with sums; infinities and NaN keep their meaning. Sums keep their order, which
+costs 3 % of the time: the process that compiles runs kernels as compiled alone, every later one as compiled into an
+entry point, and without this option the order of sums differed between them."""
 UNCOUNTED: dict[str, Any] = UNSEEN | {"_nrt": False}
-"""Without Numba's counts of references to arrays, which took an eighth of the time: no pass of its compiler can drop
-those of arrays in a named tuple. Such a kernel makes no array and returns none; Numba refuses one that tries."""
+"""Options without Numba's reference counts of arrays, which took an eighth of the time: no pass of its compiler can
+drop those of arrays in a named tuple. Such a kernel makes no array and returns none; Numba refuses one that tries."""
 array_kernel: KernelDecorator = njit(**UNSEEN)
 kernel: KernelDecorator = njit(**UNCOUNTED)
 inlined: KernelDecorator = njit(**UNCOUNTED, forceinline=True)
-"""For what is called with every ray: a call with an array costs as much as a square root."""
+"""Options for functions that every ray calls: a call with an array costs as much as a square root."""
 
 NEVER = 1e30
 
 
 @inlined
 def distance(dx: float, dy: float) -> float:
-    """Length of a vector in plan; lengths here are far from overflow, which spares the care of hypot."""
+    """Length of a vector in plan; lengths here are far from overflow, so hypot is not needed."""
     return math.sqrt(dx * dx + dy * dy)
 
 
 @inlined
 def contact_radius_2(share: float, tip: int, rows: FloatArray) -> tuple[float, float]:
-    """Squared radius inside which lies this share of a tip's contact, by area, and what it grows by per unit share."""
+    """Squared radius that contains this share of a tip's contact, by area, and its growth per unit share."""
     parts = share * CONTACT_PARTS
     part = min(int(parts), CONTACT_PARTS - 1)
     low = rows[tip, CONTACT + part]
@@ -127,9 +127,9 @@ def mirrored_share(cos_angle: float, index: float, behind: float) -> float:
 
 @kernel
 def radiance(patch: FloatArray, cosine: float) -> float:
-    """Radiance over power and area that a patch sends at a cosine to its normal; 1/pi if it is Lambertian [1/sr].
+    """Radiance over power and area of a patch at a cosine to its normal; 1/pi if it is Lambertian [1/sr].
 
-    For a receiver pi times this is the share that it counts of light from there.
+    For a receiver, pi times this is the counted share of light from there.
     """
     return lobe_at(patch[5], patch, PATCH_TABLE, cosine)
 
@@ -154,7 +154,7 @@ def wall_hit(
 ) -> tuple[float, int]:
     """Distance to the nearest wall or the bottom, and which (0-3 walls, 4 bottom, -1 none).
 
-    Written without jumps on the signs, which no processor can foresee.
+    It has no branches on the signs, which no processor can predict.
     """
     per_x = 1.0 / dx if dx != 0.0 else NEVER
     per_y = 1.0 / dy if dy != 0.0 else NEVER
@@ -222,7 +222,7 @@ def height_slope_curvature(r2: float, tip: int, rows: FloatArray) -> tuple[float
 
 @inlined
 def _piece(r2: float, tip: int, rows: FloatArray) -> int:
-    """Where the piece that holds a squared radius begins in its tip's row; the first one's within the sphere."""
+    """Start in its tip's row of the piece that contains a squared radius; the first piece's within the sphere."""
     if r2 <= rows[tip, SPHERE_2]:
         return PIECES
     k = int(math.sqrt(rows[tip, SCALE] * r2 + rows[tip, OFFSET]) - rows[tip, START])
@@ -243,7 +243,7 @@ def fall_bound(r2: float, tip: int, rows: FloatArray) -> float:
 
 @inlined
 def reach2(z: float, tip: int, rows: FloatArray) -> float:
-    """Squared radius beyond which the top lies nowhere below z, for z below the undisturbed top; -1: nowhere."""
+    """Squared radius beyond which the top is nowhere below z, for z below the undisturbed top; -1: nowhere."""
     if z <= rows[tip, LOWEST]:
         return -1.0
     return rows[tip, REACH + int((z - rows[tip, LOWEST]) * rows[tip, PER_LEVEL])]

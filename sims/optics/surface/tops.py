@@ -5,12 +5,12 @@ Model
 -----
 The top's height over the undisturbed plane is the sum of every tip's radial curve (`sims.optics.surface.curves`) and
 of a smooth field (`sims.optics.scene.optical_scene`). Superposition is exact where at most one curve differs from
-zero; it leaves out how one tip's dimple deforms under another, and is refused where the steep parts overlap.
+zero; it leaves out the deformation of one tip's dimple under another, and is refused where the steep parts overlap.
 
 Kernels: the deformed top as the sum of every tip's radial table and of a smooth field.
 
 A state's top is a `Top`: rows of `sims.optics.surface.curves.SurfaceStack` for each tip, a bicubic field
-(`sims.optics.scene.optical_scene`; empty where there is none), and what is known of the field as a whole.
+(`sims.optics.scene.optical_scene`; empty where there is none), and bounds of the whole field.
 
 Kernels: the top in cells of (u, v) around every tip.
 
@@ -75,8 +75,8 @@ class Top(NamedTuple):
     Attributes
     ----------
     rows : (tip, n) see `sims.optics.surface.curves`; in the first, from `FIELD_ON`: field on, origin [mm], cells per mm
-        along x and y, lowest value (0 or below) [mm], largest slope [-] and bend [1/mm] of the field; how far the field
-        and the tips beside the one at hand may lower the top [mm]
+        along x and y, lowest value (0 or below) [mm], largest slope [-] and bend [1/mm] of the field; largest lowering
+        of the top by the field and the other tips [mm]
     field : (nx, ny, 16) coefficients of u^p v^q in each cell, q the faster, u and v from 0 to 1 [mm]; or (0, 0, 16)
     """
 
@@ -86,7 +86,7 @@ class Top(NamedTuple):
 
 @inlined
 def is_plain(top: Top) -> bool:
-    """Whether one radial table is all there is."""
+    """Whether the top is one radial table only."""
     return top.rows.shape[0] == 1 and top.rows[0, FIELD_ON] == 0.0
 
 
@@ -117,7 +117,7 @@ def touching_tip(x: float, y: float, top: Top) -> tuple[int, float]:
 
 @kernel
 def is_beyond(x: float, y: float, top: Top) -> bool:
-    """Whether a place lies beyond the outer radius of every tip, where the top without a field is undisturbed."""
+    """Whether a point is beyond the outer radius of every tip, where the top without a field is undisturbed."""
     for k in range(top.rows.shape[0]):
         outer = top.rows[k, OUTER_R] if top.rows[k, ACTIVE] > 0.0 else 0.0
         if distance(x - top.rows[k, X], y - top.rows[k, Y]) < outer:
@@ -361,7 +361,7 @@ def sectors_of(top: Top, box: FloatArray) -> FloatArray:
 def place_on_top(
     sector: int, u: float, v: float, sectors: FloatArray, top: Top
 ) -> tuple[float, float, float, float]:
-    """Place (x, y) of (u, v), its radius, and the plan area per du dv."""
+    """Point (x, y) of (u, v), its radius, and the plan area per du dv."""
     wx = sectors[sector, AX] + v * sectors[sector, BX]
     wy = sectors[sector, AY] + v * sectors[sector, BY]
     reach2 = wx * wx + wy * wy
@@ -380,7 +380,7 @@ def place_on_top(
 def place_in_contact(
     sector: int, s: float, v: float, sectors: FloatArray, top: Top
 ) -> tuple[float, float, float]:
-    """Place (x, y) in a tip's contact, s from the axis (0) to the edge (1) by area, and the plan area per ds dv."""
+    """Point (x, y) in a tip's contact, s from the axis (0) to the edge (1) by area, and the plan area per ds dv."""
     wx = sectors[sector, AX] + v * sectors[sector, BX]
     wy = sectors[sector, AY] + v * sectors[sector, BY]
     reach2 = wx * wx + wy * wy
@@ -475,7 +475,7 @@ def _put_node(row: FloatArray, sector: int, u: float, v: float, sectors: FloatAr
 def cell_at(
     x: float, y: float, rings: int, phase: float, columns: FloatArray, sectors: FloatArray, top: Top
 ) -> tuple[int, int]:
-    """Ring and column of the cell that holds a place; (-1, -1) in a contact or outside."""
+    """Ring and column of the cell that contains a point; (-1, -1) in a contact or outside."""
     for n in range(columns.shape[0]):
         k = int(columns[n, 0])
         tip = int(sectors[k, TIP])
@@ -507,7 +507,7 @@ Presses = Sequence[Indentation | Sequence[Indentation | None] | None]
 SUBDIVISION = 2
 SLOPE_RESERVE, BEND_RESERVE = 1.1, 1.2
 _KNOWN: WeakKeyDictionary[SmoothField, FloatArray] = WeakKeyDictionary()
-"""Bounds of fields that somebody holds."""
+"""Bounds of fields, as long as they are referenced."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -536,7 +536,7 @@ def stack_tops(
     scene: OpticalScene,
     fields: Sequence[SmoothField | None] | None = None,
 ) -> TopStack:
-    """Lower one press, or one for each tip, and perhaps a field per state.
+    """Lower one press, or one for each tip, and optionally a field per state.
 
     Parameters
     ----------
@@ -546,8 +546,8 @@ def stack_tops(
 
     Raises
     ------
-    InputError : shapes that do not fit together; a press outside the block; a bad curve or field.
-    ModelScopeError : tips whose steep parts overlap, several tips that scatter light, a press out of scope.
+    InputError : shapes do not fit together, a press is outside the block, or a curve or field is invalid.
+    ModelScopeError : steep parts of tips overlap, several tips scatter light, or a press is out of scope.
     """
     nested = [_as_tips(one) for one in indentations]
     states = len(nested)
@@ -570,7 +570,7 @@ def stack_tops(
 
 
 def _packed(column: SurfaceStack) -> FloatArray:
-    """(state, n) rows of one tip; what is known of the field comes later."""
+    """(state, n) rows of one tip; data of the field are added later."""
     states = len(column.press)
     return np.concatenate(
         [
@@ -624,7 +624,7 @@ def _check_apart(rows: FloatArray, scene: OpticalScene) -> None:
 
 
 def _neighbours_depth_mm(rows: FloatArray) -> FloatArray:
-    """(state,) how far tips may lower the top on the side of another tip, summed."""
+    """(state,) largest lowering of the top by tips on the side of another tip, summed."""
     depth = np.zeros(len(rows))
     for state, tips in enumerate(rows):
         touching = tips[tips[:, ACTIVE] > 0.0]
@@ -635,7 +635,7 @@ def _neighbours_depth_mm(rows: FloatArray) -> FloatArray:
 
 
 def _fall_beyond_mm(row: FloatArray, radius_mm: float) -> float:
-    """How far below the undisturbed top a curve lies at most beyond a radius [mm]."""
+    """Largest depth of a curve below the undisturbed top beyond a radius [mm]."""
     edges, _, _ = node_radii_mm(float(row[SPHERE_R]), float(row[OUTER_R]))
     pieces = row[PIECES:].reshape(CELLS, PIECE_COLUMNS)[edges[1:] > radius_mm]
     if len(pieces) == 0:
@@ -646,7 +646,7 @@ def _fall_beyond_mm(row: FloatArray, radius_mm: float) -> float:
 def _stacked_fields(
     fields: Sequence[SmoothField | None] | None, states: int
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Nodes, what is known of each field, and the distance of the nodes, which all have in common."""
+    """Nodes, data of each field, and the distance of the nodes, which all have in common."""
     known = np.zeros((states, FIELD_COLUMNS))
     if fields is None or all(field is None for field in fields):
         return np.zeros((states, 0, 0, 4)), known, np.ones(2)

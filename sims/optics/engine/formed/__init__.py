@@ -1,4 +1,4 @@
-"""Light of pads with a form: tops in the frame of the press, straight, mirrored and scattered light.
+"""Light of pads with a form: tops in the frame of the press, direct, mirrored and scattered light.
 
-Imports of ours: surface, scene and below.
+It imports surface, scene and the rooms below them.
 """

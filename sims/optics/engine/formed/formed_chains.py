@@ -1,13 +1,13 @@
 # mypy: no-warn-return-any
-r"""Light that the top of a pad with a form mirrors twice or more: pencils through points of the top.
+r"""Light mirrored twice or more by the top of a pad with a form: pencils through points of the top.
 
-A pencil holds what a part of the emitter sends through a point of the top. By its middle ray alone it is found whether
-it comes near a window; only then it is divided, `LEVELS` times at most. Last but once, five rays stand for it: one from
-the part's middle, and four beside it at the places of Gauss' rule, each mirrored where it meets the top by itself. To
-second order they carry the part onto a window's plane as a parallelogram about the mean of what lands. Where the rays
-do not go the same way, the dimple hides some of them, or what lands has its mean farther from the middle ray than
-`BEND` of the window, and wherever the skirt mirrors a pencil, its middle ray alone stands for it in the end: as a
-sample, which needs no two rays to stay neighbours. What the samples scatter, the lattice of points tells.
+A pencil is the light of a part of the emitter through a point of the top. Its middle ray alone shows whether it comes
+near a window; only then is it divided, `LEVELS` times at most. At the level before the last, five rays represent it:
+one from the part's middle and four around it at the nodes of Gauss' rule, each mirrored where it meets the top itself.
+To second order they map the part onto a window's plane as a parallelogram about the mean of the landing light. A
+pencil is in the end represented by its middle ray alone, as a sample, where the rays take different ways, the dimple
+hides some of them, the mean lands farther from the middle ray than `BEND` of the window, or the skirt mirrors the
+pencil. The lattice of points gives the scatter of the samples.
 """
 
 from __future__ import annotations
@@ -64,31 +64,31 @@ from sims.optics.surface.radial import fresnel, inlined, kernel
 
 MOST = 24
 FAINT = 1e-9
-"""Share of the emitter's power below which the pencil of a part that is not divided is followed no further."""
+"""Share of the emitter's power below which the pencil of an undivided part is not followed further."""
 SIDES, RAYS = 4, 44
-"""Rays beside the middle one, and where they are kept."""
+"""Number of rays around the middle one, and their first column in work."""
 LANDED, LANDINGS = RAYS + 6 * SIDES, 32
-"""Where it is kept what a pencil brings, and for how many windows."""
+"""First column of a pencil's contributions, and largest number of their windows."""
 DIVISIONS, LEVELS = 2, 2
-"""A pencil of a part is divided into so many in either direction, so often at most."""
+"""Number of parts of a divided pencil in either direction, and most divisions."""
 STACK = LANDED + 3 * LANDINGS
-"""Where it is kept which shares of a pencil still wait."""
+"""First column of the shares of a pencil that are still to be followed."""
 IS_LIT = STACK + 4 * (DIVISIONS * DIVISIONS * (LEVELS + 1) + 1)
-"""Where it is kept whether the dimple surely hides nothing of the emitter's light from the point."""
+"""Column for whether the dimple certainly hides none of the emitter's light from the point."""
 PLACE = IS_LIT + 1
-"""Where it is kept where in a pencil's part its sample lies, from -1 to 1 in either direction."""
+"""First column of the sample's position in a pencil's part, from -1 to 1 in either direction."""
 CHAIN_WORK = PLACE + 2
 BEND = 0.2
-"""Mean of what lands, off the middle ray, of a pencil that is not divided for it [half sizes of the window]."""
+"""Largest offset of the landing light's mean from the middle ray of an undivided pencil [half sizes of the window]."""
 STAYS_FAR, COMES_NEAR, COMES_BENT, COMES_DIM = 0, 1, 2, 3
 WIDENS = 1.2
-"""Width of a pencil that is looked for at a window, over that of one by plane mirrors."""
+"""Assumed width of a pencil in the search for windows, over that by plane mirrors."""
 BRIGHT = 1e4
-"""A pencil that the skirt mirrors is divided if it leaves with so many times `FAINT`."""
+"""A pencil mirrored by the skirt is divided if it leaves with this many times `FAINT`."""
 BEHIND = 0.5
-"""A middle ray that meets the top behind a wall does so no farther behind it than this share of the way to the wall."""
+"""Largest distance behind a wall at which a middle ray may meet the top, over the way to the wall."""
 FARTHEST = 20.0
-"""A window that the middle ray misses by so many of its half sizes is not looked at."""
+"""A window that the middle ray misses by this many of its half sizes is not tested."""
 
 
 @kernel
@@ -99,10 +99,10 @@ def follow_chains(
 ) -> None:  # fmt: skip
     """Follow the pencil of a part of the emitter, of half sizes size_u and size_v, through a point of the top.
 
-    element : what light is taken to mean over the part, of its area and the point's
-    faint : what is left of element when the pencil brings `FAINT` of the emitter's power
-    row : 1 if the point lies in the skirt
-    levels : how often it may be divided
+    element : product of the areas of the part and the point, over which light is averaged
+    faint : remaining share of element at which the pencil has `FAINT` of the emitter's power
+    row : 1 if the point is in the skirt
+    levels : most divisions
     """
     per, waiting = 1.0 / DIVISIONS, 1
     work[STACK], work[STACK + 1], work[STACK + 2], work[STACK + 3] = 0.0, 0.0, 1.0, 0.0
@@ -147,8 +147,8 @@ def _comes_near(
 
     Returns
     -------
-    `STAYS_FAR`, `COMES_NEAR`, or where it meets the skirt, which widens pencils much more than their way does,
-    `COMES_BENT`, or `COMES_DIM` if it leaves with little
+    `STAYS_FAR` or `COMES_NEAR`; where it meets the skirt, which widens pencils much more than their way does,
+    `COMES_BENT`, or `COMES_DIM` if it leaves with little power
     """
     nx, ny, nz = p[MX], p[MY], p[MZ]
     way = math.sqrt((p[PX] - x0) ** 2 + (p[PY] - y0) ** 2 + (p[PZ] - z0) ** 2)
@@ -190,9 +190,9 @@ def _follow(
     row: int, is_sample: bool, receivers: FloatArray, wanted: BoolArray, e: FloatArray, absorbs: float, index: float,
     walls: FloatArray, arcs: FloatArray, top: FormedTop, out: FloatArray, work: FloatArray,
 ) -> bool:  # fmt: skip
-    """Add what a pencil brings after its second and later mirrors; or add nothing, and True: it is better divided.
+    """Add a pencil's light after its second and later mirrors; or add nothing and return True: it has to be divided.
 
-    is_sample : its middle ray stands for it
+    is_sample : whether its middle ray represents it
     """
     pressed = top.numbers[OUTER] > 0.0
     nx, ny, nz = p[MX], p[MY], p[MZ]
@@ -298,7 +298,7 @@ def _follow(
 def _side_place(
     side: int, x0: float, y0: float, z0: float, size_u: float, size_v: float, e: FloatArray
 ) -> tuple[float, float, float]:
-    """Where on the emitter a ray beside the middle one starts: along the wall before and behind it, above and below."""
+    """Start on the emitter of a ray around the middle one: along the wall before and behind it, above and below."""
     off = GAUSS if side % 2 == 0 else -GAUSS
     if side < 2:
         return x0 + off * size_u * e[UX], y0 + off * size_u * e[UY], z0
@@ -307,7 +307,7 @@ def _side_place(
 
 @kernel
 def _mirror_side(side: int, top: FormedTop, work: FloatArray) -> bool:
-    """Go on with a ray beside the middle one to where it meets the top; whether it is mirrored there."""
+    """Follow a ray around the middle one until it meets the top; whether it is mirrored there."""
     k = RAYS + 6 * side
     qx, qy, qz = into(top, work[k], work[k + 1], work[k + 2])
     ex, ey, ez = turn(top, work[k + 3], work[k + 4], work[k + 5])
@@ -351,8 +351,8 @@ def _seen_rays(
 def _counted(
     a: float, b: float, share: float, toward: float, counts: float, r: FloatArray, work: FloatArray
 ) -> float:
-    """Mean over the `share` of a pencil that lands, about its place a, b, of what a window counts; `counts` of the
-    middle ray, which comes at a cosine `toward`.
+    """Mean count of a window over the landing `share` of a pencil, about its position a, b; `counts` is that of the
+    middle ray, which arrives at a cosine `toward`.
     """
     k = RAYS + 3
     t0 = work[k] * r[NX] + work[k + 1] * r[NY]
@@ -368,7 +368,7 @@ def _counted(
 def put_ray(
     x: float, y: float, z: float, dx: float, dy: float, dz: float, side: int, work: FloatArray
 ) -> None:
-    """Keep a ray beside the middle one."""
+    """Store a ray around the middle one."""
     k = RAYS + 6 * side
     work[k], work[k + 1], work[k + 2], work[k + 3], work[k + 4], work[k + 5] = x, y, z, dx, dy, dz
 
@@ -377,8 +377,8 @@ def put_ray(
 def pencil(
     u: float, v: float, r: FloatArray, work: FloatArray
 ) -> tuple[float, float, float, float, float, float, float]:
-    """How a part lands on a window, in its half sizes: what half a part's width and height move it by, how far the mean
-    of what lands lies from the middle ray at u, v, and whether all rays come there.
+    """Image of a part on a window, in its half sizes: shifts by half the part's width and height, offset of the mean
+    from the middle ray at u, v, and whether all rays arrive.
     """
     k = RAYS
     u0, v0, ok0 = landing(work[k], work[k + 1], work[k + 2], work[k + 3], work[k + 4], work[k + 5], r)
@@ -402,13 +402,13 @@ def pencil(
 
 @inlined
 def is_lit(x0: float, y0: float, z0: float, p: FloatArray, top: FormedTop) -> bool:
-    """Whether a place of the emitter sees a point of the top."""
+    """Whether a point of the emitter sees a point of the top."""
     return sees(x0, y0, z0, p[PX] - 1e-6 * p[MX], p[PY] - 1e-6 * p[MY], p[PZ] - 1e-6 * p[MZ], top)
 
 
 @kernel
 def _goes_on(spare: float, walls: FloatArray, arcs: FloatArray, top: FormedTop, work: FloatArray) -> bool:
-    """Whether some ray of a pencil meets the top before the walls, whose middle ray would meet it behind one."""
+    """Whether some ray of a pencil meets the top before the walls, though its middle ray would meet it behind one."""
     more = 0.0
     for pair in range(2):
         most = 0.0
@@ -436,7 +436,7 @@ def _spare(
     x: float, y: float, z: float, dx: float, dy: float, dz: float, walls: FloatArray, arcs: FloatArray,
     top: FormedTop,
 ) -> tuple[float, float]:  # fmt: skip
-    """Distance to the top, NEVER where a ray does not meet it, and how much farther walls are."""
+    """Distance to the top, NEVER where a ray does not meet it, and the extra distance to the walls."""
     wall, _ = plan_exit(x, y, z, dx, dy, dz, walls, arcs)
     limit = (1.0 + BEHIND) * wall
     if dz < 0.0:

@@ -1,8 +1,8 @@
 # mypy: no-warn-return-any
-"""What of an emitter's part a mirror of the top sends through a window: polygons, and the mean over the whole part.
+"""Share of an emitter's part that a mirror of the top sends through a window: polygons, and mean over the whole part.
 
 A part is the square from -1 to 1 of two shares of its half sizes. Sides of a window are lines g + u gu + v gv = 0 in
-it, which keep what is above 0; what all of them keep is a convex polygon.
+it; the region in which all are above 0 is a convex polygon.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from sims.optics.engine.formed.formed_rays import NX, NY, UX, UY, lobe
 from sims.optics.surface.radial import fresnel, inlined, kernel
 
 GAUSS = 0.5773502691896258
-"""Places of Gauss' rule with two, from -1 to 1."""
+"""Nodes of Gauss' rule of two, from -1 to 1."""
 # columns of a point of the top
 PX, PY, PZ, MX, MY, MZ, DA, SKIRT, BATCH, CHAINS = range(10)
 POINT_COLUMNS = 10
@@ -22,7 +22,7 @@ POINT_COLUMNS = 10
 
 @inlined
 def sent(x: float, y: float, z: float, p: FloatArray, e: FloatArray, absorbs: float, index: float) -> float:
-    """What a place of the emitter sends by a mirror of the top, over both elements of area [1/mm2]."""
+    """Light of a point of the emitter by a mirror of the top, over both elements of area [1/mm2]."""
     dx, dy, dz = p[PX] - x, p[PY] - y, p[PZ] - z
     s2 = dx * dx + dy * dy + dz * dz
     s = math.sqrt(s2)
@@ -38,7 +38,7 @@ def sent_by_part(
     x0: float, y0: float, z0: float, size_u: float, size_v: float, p: FloatArray, e: FloatArray, absorbs: float,
     index: float,
 ) -> float:  # fmt: skip
-    """Mean of what a part sends, by Gauss' rule of four places."""
+    """Mean light of a part, by Gauss' rule of four nodes."""
     total = 0.0
     for k in range(4):
         a, b = (GAUSS if k % 2 == 0 else -GAUSS) * size_u, (GAUSS if k < 2 else -GAUSS) * size_v
@@ -50,20 +50,20 @@ def sent_by_part(
 def lines(
     a0: float, au: float, av: float, b0: float, bu: float, bv: float, first: int, work: FloatArray
 ) -> None:
-    """Put two lines, which keep what is above 0, into work."""
+    """Put two lines, which keep the side above 0, into work."""
     work[first], work[first + 1], work[first + 2] = a0, au, av
     work[first + 3], work[first + 4], work[first + 5] = b0, bu, bv
 
 
 @kernel
 def cut(work: FloatArray) -> tuple[float, float, float, int, int]:
-    """Share of the square from -1 to 1 that four lines keep.
+    """Share of the square from -1 to 1 that is above four lines.
 
-    work : (44,) the lines in the first 12; then room for two polygons
+    work : (44,) the lines in the first 12; then space for two polygons
 
     Returns
     -------
-    share, its middle, number of corners (0: the whole square), and where they begin in work
+    share, its middle, number of corners (0: the whole square), and their first index in work
     """
     is_cut = False
     for k in range(4):

@@ -1,10 +1,10 @@
 # mypy: no-warn-return-any
-"""Straight light between windows of a pad with a form: quadrature, with the lit part of each column.
+"""Direct light between windows of a pad with a form: quadrature, with the lit part of each column.
 
     flux = ∫∫ L(c_e) c_e c_r e^(-μ s) A(c_r) / s² dA_e dA_r
 
 over the windows that see each other, L the emitter's lobe over power and area, A the receiver's share. In plan the
-pad is convex and so is its crown, so that the tip and its dimple alone can stand between two windows. A column of the
+pad is convex and so is its crown, so only the tip and its dimple can come between two windows. A column of the
 receiver is lit from below up to a horizon, which is found by halving; Gauss' rule covers the lit part.
 
 Left out: a column that is lit in two parts.
@@ -27,7 +27,7 @@ def straight_flux(
     e: FloatArray, r: FloatArray, absorbs: float, top: FormedTop, nodes_e: FloatArray,
     weights_e: FloatArray, nodes_u: FloatArray, weights_u: FloatArray, nodes_v: FloatArray, weights_v: FloatArray,
 ) -> float:  # fmt: skip
-    """Straight light of a pair over the emitter's power.
+    """Direct light of a pair over the emitter's power.
 
     Parameters
     ----------

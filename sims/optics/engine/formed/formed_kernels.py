@@ -1,5 +1,5 @@
 # mypy: no-warn-return-any
-"""The compiled entry points of pads with a form, cached on disk as those of `sims.optics.engine.compiled`."""
+"""The compiled entry points of pads with a form, cached on disk like those of `sims.optics.engine.compiled`."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def straight_matrix(
     axes: FloatArray, numbers: FloatArray, rows: FloatArray, nodes_e: FloatArray, weights_e: FloatArray,
     nodes_u: FloatArray, weights_u: FloatArray, nodes_v: FloatArray, weights_v: FloatArray,
 ) -> FloatArray:  # fmt: skip
-    """(emitter, receiver) straight light."""
+    """(emitter, receiver) direct light."""
     top = FormedTop(origin, axes, numbers, rows)
     out = np.zeros((emitters.shape[0], receivers.shape[0]))
     for i in range(emitters.shape[0]):
@@ -73,7 +73,7 @@ def straight_matrix(
 def points_on(
     at: FloatArray, origin: FloatArray, axes: FloatArray, numbers: FloatArray, rows: FloatArray
 ) -> FloatArray:
-    """(n, 10) points of the top at places of its frame's plan."""
+    """(n, 10) points of the top at points of its frame's plan."""
     out = np.zeros((at.shape[0], POINT_COLUMNS))
     top_points(at, FormedTop(origin, axes, numbers, rows), out)
     return out
@@ -132,7 +132,7 @@ def deposit_matrix(
     shift: FloatArray, absorbs: float, index: float, walls: FloatArray, arcs: FloatArray,
     origin: FloatArray, axes: FloatArray, numbers: FloatArray, rows: FloatArray, layout: FloatArray, patches: int,
 ) -> FloatArray:  # fmt: skip
-    """(batch, window, patch) what the wanted windows give to patches."""
+    """(batch, window, patch) light of the requested windows on patches."""
     top = FormedTop(origin, axes, numbers, rows)
     out = np.zeros((windows.shape[0], RAY_BATCHES, patches))
     for i in range(windows.shape[0]):

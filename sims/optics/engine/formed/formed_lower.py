@@ -39,7 +39,7 @@ from sims.optics.surface.curves import (
 from sims.press import Indentation
 
 REACH_SHARE = 0.97
-"""Farthest place from the axis of a press, over the crown's radius: beyond, its frame sees the top too steep."""
+"""Farthest point from the axis of a press, over the crown's radius; beyond, the top is too steep in its frame."""
 OUTLINE_PLACES = 1440
 FRAME = 12
 """Numbers of a frame: origin and axes."""
@@ -70,12 +70,12 @@ class FormedStack:
 
 
 def check_formed(scene: OpticalScene, presses: Sequence[object], fields: Sequence[object] | None) -> None:
-    """Refuse what is not traced on pads with a form.
+    """Refuse scenes that are not traced on pads with a form.
 
     Raises
     ------
-    InputError : fields, or smooth walls.
-    ModelScopeError : a press that is not a single tip.
+    InputError : there are fields, or smooth walls.
+    ModelScopeError : a press is not by a single tip.
     """
     if fields is not None and any(field is not None for field in fields):
         raise InputError("fields: only on a block with a flat top one is traced; leave them out")
@@ -97,18 +97,18 @@ def single_press(press: object) -> Indentation | None:
 
 
 def stack_formed(scene: OpticalScene, centres_mm: FloatArray, presses: Sequence[object]) -> FormedStack:
-    """Lower one press, or None, a state.
+    """Lower one press, or None, per state.
 
     Parameters
     ----------
-    centres_mm : (state, 2) or (state, 1, 2) where the tip goes in, in plan [mm]; not read where untouched
+    centres_mm : (state, 2) or (state, 1, 2) location of the press in plan [mm]; not read where untouched
     presses : heights above the untouched top, along its normal
 
     Raises
     ------
-    InputError : a press outside the pad, or a bad curve.
-    ModelScopeError : a press through the clear layer, a tip that overlaps a wall, or a press from which the crown
-        falls away too steeply.
+    InputError : a press is outside the pad, or its curve is invalid.
+    ModelScopeError : a press goes through the clear layer, a tip overlaps a wall, or the crown falls too steeply
+    around a press.
     """
     centres = np.asarray(centres_mm, dtype=np.float64).reshape(-1, 2)
     if len(centres) != len(presses):
@@ -125,7 +125,7 @@ def stack_formed(scene: OpticalScene, centres_mm: FloatArray, presses: Sequence[
 
 
 def check_place(scene: OpticalScene, state: int, centre_mm: FloatArray, press: Indentation) -> None:
-    """Refuse a press at a place where it is not modelled.
+    """Refuse a press at a location where it is not modelled.
 
     Raises
     ------
@@ -158,7 +158,7 @@ def check_place(scene: OpticalScene, state: int, centre_mm: FloatArray, press: I
 
 
 def _reach_mm(scene: OpticalScene, form: PadForm, x_mm: float, y_mm: float) -> float:
-    """Farthest place of bottom or untouched top from the axis of a press, for a cylinder across it [mm]."""
+    """Farthest point of bottom or untouched top from the axis of a press, for a cylinder across it [mm]."""
     middle = np.array([scene.length_mm, scene.width_mm]) / 2.0
     corners = [
         np.arctan2(y - middle[1], x - middle[0])

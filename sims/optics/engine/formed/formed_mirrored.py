@@ -1,25 +1,25 @@
 # mypy: no-warn-return-any
-r"""Light that the top of a pad with a form mirrors, once or often: pencils through points of the top.
+r"""Light mirrored once or more by the top of a pad with a form: pencils through points of the top.
 
 Model
 -----
-Light of an emitter that first meets the top at P, in an element dA of it, and comes to a receiver after k reflections:
+Light of an emitter that first meets the top at P, in an element dA of it, and reaches a receiver after k reflections is
 
     dflux = ∫ L(c_e) c_e c_P / s² · F_1 ... F_k · e^(-μ way) A(c_r) dA_e dA
 
 over the part of the emitter whose pencil through P lands on the receiver. The emitter is divided into parts that are
-small against their distance from P (`share`). By the plane mirror at P a window's sides come to straight lines of the
-emitter's plane, which cut a part exactly (`formed_cuts`). Of what lands, all factors are integrated; of what the dimple
-hides, how far it does is found column by column of the part. From the second mirror on, rays carry larger parts, which
-are divided where they come near a window (`formed_chains`). The pad is convex, so a window is reached whatever wall the
-ray meets first.
+small relative to their distance from P (`share`). The plane mirror at P maps a window's sides to straight lines of the
+emitter's plane, which cut a part exactly (`formed_cuts`). All factors are integrated over the landing light; the part
+hidden by the dimple is found column by column. From the second mirror on, rays represent larger parts, which are
+divided where they come near a window (`formed_chains`). The pad is convex, so a ray reaches a window regardless of the
+wall that it meets first.
 
 P runs over a grid of the untouched top and, around the press, over rings (`formed_points`). A press changes light by
-the same points with and without it. Points go by batches, each an even lattice by itself, which tell the lattice's
-error. Light mirrored often is followed through some of the points only, each of which stands for its neighbours.
+the same points with and without it. Points form batches, each an even lattice by itself, which give the lattice's
+error. Light mirrored often is followed through some of the points only, each of which represents its neighbours.
 
-Left out: what varies of later Fresnel shares within one part's pencil; chains of more than `formed_chains.MOST`
-mirrors; a part of which both ends of a column are seen and its middle is hidden.
+Left out: variation of later Fresnel shares within one part's pencil; chains of more than `formed_chains.MOST`
+mirrors; a column of a part whose ends are both seen and whose middle is hidden.
 """
 
 from __future__ import annotations
@@ -87,20 +87,20 @@ from sims.optics.engine.formed.formed_top import (
 from sims.optics.surface.radial import inlined, kernel
 
 COLUMNS, HALVINGS = 4, 5
-"""Columns of what lands in which it is found how far the dimple hides it, and steps of halving to find that."""
+"""Number of columns of the landing light in which the hidden part is found, and of halvings to find it."""
 CHAINS_SHARE = 2.0
-"""Size of the parts whose chains are followed, before they are divided, over that of the others."""
+"""Size of parts whose chains are followed, before they are divided, over that of the others."""
 STEPS = (0.7548776662466927, 0.5698402909980532)
-"""Steps of Roberts' additive sequence, by which samples lie in the parts of one point after the other."""
+"""Steps of Roberts' additive sequence, which positions samples in the parts of one point after the other."""
 MOST_PARTS = 12
-"""Parts of an emitter in either direction, at most."""
+"""Most parts of an emitter in either direction."""
 BATCHES = 4
 WAYS, PART = CHAIN_WORK, CHAIN_WORK + 9
-"""Where it is kept which way light goes from a part through a point, and where the part lies."""
+"""First columns of the way of light from a part through a point, and of the part's position."""
 AT = PART + 5
-"""Where it is kept where the point lies in the top's frame."""
+"""First column of the point's position in the top's frame."""
 SIGHTS = AT + 3
-"""Where it is kept where windows lie, the emitter's first, as `is_open` asks for it."""
+"""First column of the windows' positions, the emitter's first, as `is_open` requires them."""
 SIGHT = 4
 
 
@@ -109,14 +109,14 @@ def mirrored_flux(
     e: FloatArray, receivers: FloatArray, wanted: BoolArray, points: FloatArray, share: float, absorbs: float,
     index: float, walls: FloatArray, arcs: FloatArray, top: FormedTop, out: FloatArray, work: FloatArray,
 ) -> None:  # fmt: skip
-    """Add to out (2, batch, receiver) what pencils of an emitter through points of the top bring, smooth and by the
+    """Add to out (2, batch, receiver) the light of an emitter's pencils through points of the top, smooth and by the
     skirt.
 
-    wanted : (receiver,) which of them
-    points : (n, 10) places and normals out of the elastomer, elements of area [mm2], 1 within the skirt, batch, for how
-        many points this one stands in what is mirrored often
+    wanted : (receiver,) which receivers are requested
+    points : (n, 10) points and normals out of the elastomer, elements of area [mm2], 1 within the skirt, batch, number
+    of points that this one represents in light mirrored often
     share : size of a part over its distance from a point, at most
-    work : (`SIGHTS` + `SIGHT` (receivers + 1),) room
+    work : (`SIGHTS` + `SIGHT` (receivers + 1),) workspace
     """
     pressed = top.numbers[OUTER] > 0.0
     if pressed:
@@ -137,7 +137,7 @@ def mirrored_flux(
         work[PLACE], work[PLACE + 1] = 2.0 * (n * STEPS[0] % 1.0) - 1.0, 2.0 * (n * STEPS[1] % 1.0) - 1.0
         distance = math.sqrt(away * away + beside * beside + above * above)
         parts = 0
-        # what is mirrored once, and what is mirrored often
+        # light mirrored once, and light mirrored often
         for often in range(2 if p[CHAINS] > 0.0 and (pressed or top.numbers[KIND] != FLAT) else 1):
             size = (CHAINS_SHARE if often else 1.0) * share * distance
             parts_u = min(int(2.0 * e[HALF_U] / size) + 1, MOST_PARTS)
@@ -167,9 +167,9 @@ def mirrored_flux(
 
 @kernel
 def _may_land(p: FloatArray, e: FloatArray, receivers: FloatArray, wanted: BoolArray) -> bool:
-    """Whether some ray of an emitter that a point of the top mirrors may come to a window.
+    """Whether some ray of an emitter, mirrored at a point of the top, may reach a window.
 
-    Seen from the point the emitter lies within a cone about the way to its middle, which the mirror keeps, and so does
+    Seen from the point, the emitter is within a cone about the way to its middle, which the mirror preserves, and so is
     a window; where the cones do not meet, no ray lands.
     """
     x, y, z = p[PX] - e[CX], p[PY] - e[CY], p[PZ] - e[CZ]
@@ -204,7 +204,7 @@ def _follow(
     nx, ny, nz = p[MX], p[MY], p[MZ]
     x, y, z = p[PX], p[PY], p[PZ]
     row, batch = (1 if p[SKIRT] > 0.0 else 0), int(p[BATCH])
-    # ways from the part's places, mirrored, are w + a wu + b wv with a, b from -1 to 1
+    # ways from the part's points, mirrored, are w + a wu + b wv with a, b from -1 to 1
     wx, wy, wz = mirrored(x - x0, y - y0, z - z0, nx, ny, nz)
     ux, uy, uz = mirrored(-size_u * e[UX], -size_u * e[UY], 0.0, nx, ny, nz)
     vx, vy, vz = mirrored(0.0, 0.0, -size_v, nx, ny, nz)
@@ -259,7 +259,7 @@ def _follow(
 
 @kernel
 def _put_sight(window: FloatArray, number: int, top: FormedTop, work: FloatArray) -> None:
-    """Keep where a window lies, as `is_open` asks for it."""
+    """Store a window's position, as `is_open` requires it."""
     x, y, _ = into(top, window[CX], window[CY], window[CZ])
     around, most = 0.0, -NEVER
     for k in range(4):
@@ -272,7 +272,7 @@ def _put_sight(window: FloatArray, number: int, top: FormedTop, work: FloatArray
 
 @inlined
 def _is_open(number: int, top: FormedTop, work: FloatArray) -> bool:
-    """Whether the dimple surely hides no way from the point to a window."""
+    """Whether the dimple certainly hides no way from the point to a window."""
     k = SIGHTS + SIGHT * number
     return is_open(top, work[AT], work[AT + 1], work[AT + 2], work[k], work[k + 1], work[k + 2], work[k + 3])
 
@@ -282,8 +282,8 @@ def _brought(
     p: FloatArray, e: FloatArray, r: FloatArray, deep: float, absorbs: float, index: float, count: int, start: int,
     work: FloatArray,
 ) -> float:  # fmt: skip
-    """Mean over what lands of what a part sends, and of that what a window counts: of the whole by Gauss' rule of four
-    places, of a polygon (count > 0 corners in work from start on) by the middles of its triangles' sides.
+    """Mean over the landing light of a part's light, and of the count of a window: for the whole by Gauss' rule of four
+    nodes, for a polygon (count > 0 corners in work from start on) by the middles of its triangles' sides.
     """
     total, whole = 0.0, 0.0
     for k in range(1, max(count - 1, 2)):
@@ -311,7 +311,7 @@ def _counted(
     a: float, b: float, p: FloatArray, e: FloatArray, r: FloatArray, deep: float, absorbs: float, index: float,
     work: FloatArray,
 ) -> float:  # fmt: skip
-    """What a place of a part sends, and of that what a window counts."""
+    """Light of a point of a part, and the share of it that a window counts."""
     dx, dy, dz = _way(a, b, work)
     toward = (dx * r[NX] + dy * r[NY]) / math.sqrt(dx * dx + dy * dy + dz * dz)
     if toward <= 1e-9:
@@ -322,7 +322,7 @@ def _counted(
 
 @inlined
 def _way(a: float, b: float, work: FloatArray) -> tuple[float, float, float]:
-    """Way from a place of a part to the point, mirrored there."""
+    """Way from a point of a part to the point of the top, mirrored there."""
     k = WAYS
     return (
         work[k] + a * work[k + 3] + b * work[k + 6],
@@ -333,7 +333,7 @@ def _way(a: float, b: float, work: FloatArray) -> tuple[float, float, float]:
 
 @inlined
 def _place(a: float, b: float, e: FloatArray, work: FloatArray) -> tuple[float, float, float]:
-    """Place of a part."""
+    """Point of a part."""
     along = a * work[PART + 3]
     return work[PART] + along * e[UX], work[PART + 1] + along * e[UY], work[PART + 2] + b * work[PART + 4]
 
@@ -343,11 +343,11 @@ def _seen(
     p: FloatArray, e: FloatArray, r: FloatArray, deep: float, absorbs: float, index: float, count: int, start: int,
     top: FormedTop, work: FloatArray,
 ) -> float:  # fmt: skip
-    """Integral over what of a part lands past the dimple of what `_counted` gives, over the part; NEVER if the dimple
-    hides nothing of it.
+    """Integral of `_counted` over the light of a part that passes the dimple, over the part; NEVER if the dimple hides
+    nothing of it.
 
-    Of a column of the part one end is hidden first, the upper where the top is flat, for from there both ways are
-    flatter; how far it is hidden is found by halving.
+    One end of a column of the part is hidden first: the upper one under a flat top, since both ways are flatter there.
+    The hidden length is found by halving.
     """
     low, high = -1.0, 1.0
     if count > 0:
@@ -392,7 +392,7 @@ def _seen(
 
 @inlined
 def _ends(a: float, work: FloatArray) -> tuple[float, float]:
-    """Lower and upper end of what lands of a column of a part."""
+    """Lower and upper end of the landing part of a column of a part."""
     under, over = -1.0, 1.0
     for side in range(4):
         g, gv = work[3 * side] + a * work[3 * side + 1], work[3 * side + 2]
@@ -407,7 +407,7 @@ def _ends(a: float, work: FloatArray) -> tuple[float, float]:
 def _passes(
     a: float, b: float, p: FloatArray, e: FloatArray, r: FloatArray, deep: float, top: FormedTop, work: FloatArray
 ) -> bool:  # fmt: skip
-    """Whether the dimple hides neither the way from a place of a part to a point of the top nor that from there on."""
+    """Whether the dimple hides neither the way from a point of a part to a point of the top nor the way onward."""
     dx, dy, dz = _way(a, b, work)
     toward = dx * r[NX] + dy * r[NY]
     if toward <= 0.0:
@@ -424,8 +424,8 @@ def _passes(
 def top_points(at: FloatArray, top: FormedTop, out: FloatArray) -> None:
     """Fill (n, 10) points of the top.
 
-    at : (n, 5) places in the plan of its frame, elements of that plan [mm2], batch, and for how many points each stands
-        in what is mirrored often
+    at : (n, 5) points in the plan of its frame, elements of that plan [mm2], batch, and number of points that each
+    represents in light mirrored often
     """
     for n in range(at.shape[0]):
         x, y = at[n, 0], at[n, 1]

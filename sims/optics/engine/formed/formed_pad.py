@@ -1,7 +1,7 @@
-"""What every state of a pad with a form shares: the untouched light, and what settings and a seed fix.
+"""Data common to all states of a pad with a form: the untouched light, and all that settings and a seed determine.
 
-The untouched pad is traced once, finer than any press. A press changes its light by what the same points and rays bring
-with and without it; what they bring without is here, too.
+The untouched pad is traced once, finer than any press. A press changes its light by the difference of the same points
+and rays with and without it; their light without it is here, too.
 """
 
 from __future__ import annotations
@@ -31,27 +31,27 @@ from sims.optics.scene.optical_scene import OpticalScene
 CLASSES = 5
 REFERENCE = Accuracy(image_step=0.06)
 REFERENCE_GRIDS = 2
-"""Grid of the untouched pad, and how many with other offsets."""
+"""Grid of the untouched pad, and number of grids with other offsets."""
 REFERENCE_PATCH_MM, PATCHES_ERROR = 0.5, 3e-3
-"""Patches of the untouched pad's light that is scattered once [mm], and the error that comes with them [-]."""
+"""Size of patches for the untouched pad's light scattered once [mm], and its error [-]."""
 REFERENCE_RAYS, REFERENCE_WALKS = 32768, 8
-"""Rays of the untouched pad's scattered light an emitter, and in how many parts with other offsets. Settings with fewer
-rays of their own have fewer here, and cells of the grid larger by the root."""
+"""Rays per emitter of the untouched pad's scattered light, and number of parts with other offsets. Settings with fewer
+rays have fewer here, and cells of the grid larger by the root."""
 DEPOSIT_RAYS = 2048
 PART_SHARE, SPHERE_PART_SHARE = 0.3, 0.15
-"""Largest size of an emitter's part over its distance from a point of the top; under a sphere, whose chains of mirrors
-focus both ways, less. `formed_chains` begins with larger ones and divides them where they come near a window."""
+"""Largest size of an emitter's part over its distance from a point of the top; less under a sphere, whose chains of
+mirrors focus both ways. `formed_chains` begins with larger parts and divides them where they come near a window."""
 CHAINS_ERROR = 3e-3
-"""Error of what an untouched crown mirrors, often, over it [-]: smaller parts of emitters change all of it by 5e-4, and
-of single pairs under a small press by up to this."""
+"""Relative error of light mirrored often by an untouched crown [-]: smaller parts of emitters change all of it by 5e-4,
+and that of single pairs under a small press by up to this."""
 FINER_LATTICE = 2.0**-1.5
 """Error of a lattice over that of one with every other point, of a function with jumps."""
 STRAIGHT_NODES, LEAST_NODES = 12, (5, 24, 4)
-"""Nodes of straight light in the untouched pad; of emitter, columns and heights under a press, at least."""
+"""Nodes of direct light in the untouched pad; least nodes of emitter, columns and heights under a press."""
 MOST_MIRRORED = 1000
 _MIRRORED: dict[bytes, FloatArray] = {}
 _LOCK = threading.Lock()
-"""Mirrored light by what it depends on, the latest so many: pads that differ in what scatters alone share it."""
+"""Most results of mirrored light that are remembered: pads that differ in scattering only share them."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -86,7 +86,7 @@ class FormedPad:
         return np.ones((len(self.emitters), len(self.receivers)), dtype=np.bool_)
 
     def straight(self, top: FormedTop, wanted: BoolArray, rules: tuple[FloatArray, ...]) -> FloatArray:
-        """(emitter, receiver) straight light."""
+        """(emitter, receiver) direct light."""
         from sims.optics.engine.formed.formed_kernels import straight_matrix
 
         absorbs = self.scene.absorption_per_mm
@@ -125,7 +125,7 @@ class FormedPad:
         patches: PatchLayout | None = None,
         rays: int = DEPOSIT_RAYS,
     ) -> tuple[FloatArray, FloatArray]:
-        """(batch, emitter, patch) and (batch, receiver, patch) what windows of wanted pairs give to patches."""
+        """(batch, emitter, patch) and (batch, receiver, patch) light of the requested pairs' windows on patches."""
         from sims.optics.engine.formed.formed_kernels import deposit_matrix
 
         scene, layout = self.scene, patches or self.patches
@@ -144,15 +144,15 @@ class FormedPad:
 
 @dataclass(frozen=True, kw_only=True)
 class FormedWays:
-    """What settings and a seed fix for all states of a pad.
+    """Data of all states of a pad that settings and a seed determine.
 
     Attributes
     ----------
-    grid : cells of the top; points : one of each per replicate
-    shifts : (replicate, 2) of points in their cells
-    mirrored : (replicate, 2, batch, emitter, receiver) what the points bring in the untouched pad
-    rays : (replicate, n) offsets of rays; deposits : per replicate, what they bring to patches in the untouched pad
-    rules : of straight light; straight : (emitter, receiver) by these in the untouched pad
+    grid : cells of the top; points : one in each per replicate
+    shifts : (replicate, 2) shifts of points in their cells
+    mirrored : (replicate, 2, batch, emitter, receiver) light by the points in the untouched pad
+    rays : (replicate, n) offsets of rays; deposits : per replicate, their light on patches in the untouched pad
+    rules : rules of direct light; straight : (emitter, receiver) light by these in the untouched pad
     """
 
     pad: FormedPad
@@ -168,7 +168,7 @@ class FormedWays:
 
 
 def _name_of(*arrays: FloatArray | BoolArray) -> bytes:
-    """Same arrays, same name."""
+    """Name of arrays by their content."""
     digest = hashlib.blake2b(digest_size=16)
     for one in arrays:
         digest.update(repr((one.dtype.str, one.shape)).encode())
@@ -177,7 +177,7 @@ def _name_of(*arrays: FloatArray | BoolArray) -> bytes:
 
 
 class _Key:
-    """A scene as a key: equal content, equal key."""
+    """A scene as a key; equal content gives an equal key."""
 
     def __init__(self, scene: OpticalScene) -> None:
         self.scene = scene
@@ -192,7 +192,7 @@ class _Key:
 
 
 def formed_ways(scene: OpticalScene, settings: Accuracy, seed: int) -> FormedWays:
-    """The untouched light of a scene and what settings and a seed fix, remembered within this process."""
+    """The untouched light of a scene and all that settings and a seed determine, remembered within this process."""
     return _remembered_ways(_Key(scene), settings, seed)
 
 
@@ -253,7 +253,7 @@ def _remembered_pad(key: _Key, seed: int, rays: int) -> FormedPad:
 
 
 def _untouched_mirrored(pad: FormedPad, shift: FloatArray, settings: Accuracy) -> FloatArray:
-    """(grid, 2, batch, emitter, receiver) light that the untouched top mirrors."""
+    """(grid, 2, batch, emitter, receiver) light mirrored by the untouched top."""
     windows = _all_windows(pad)
     grid = top_grid(pad.scene, windows, pitch_of(settings, pad.emitters, pad.receivers))
     out = np.zeros((REFERENCE_GRIDS, 2, 4, *pad.every.shape))
@@ -298,7 +298,7 @@ def _untouched_more(pad: FormedPad, shifts: FloatArray, rays: int) -> FloatArray
 def jackknifed(
     deposits: tuple[FloatArray, FloatArray], joined: Callable[[FloatArray, FloatArray], FloatArray]
 ) -> tuple[FloatArray, FloatArray]:
-    """What a function makes of all rays' deposits (window, patch), and its standard error by leaving out each batch."""
+    """A function of all rays' deposits (window, patch), and its standard error by leaving out each batch in turn."""
     given, taken = deposits
     count = len(given)
     more = count / (count - 1.0)

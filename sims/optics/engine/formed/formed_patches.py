@@ -13,7 +13,7 @@ from sims.optics.scene.optical_scene import OpticalScene
 PATCH_MM = 2.0
 LEAST_TURNS = 24
 SAMPLES = 50
-"""Slices of a bottom patch, and of a bin of directions, that areas are summed over."""
+"""Slices of a bottom patch, and of a bin of directions, over which areas are summed."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,7 +53,7 @@ def patch_layout(
 
 
 def is_in_plan(x: FloatArray, y: FloatArray, walls: FloatArray, arcs: FloatArray) -> BoolArray:
-    """Whether places of the plan lie in the pad."""
+    """Whether points of the plan are in the pad."""
     inside = np.ones(np.shape(x), dtype=np.bool_)
     for nx, ny, level in walls:
         inside &= nx * x + ny * y <= level
@@ -64,14 +64,14 @@ def is_in_plan(x: FloatArray, y: FloatArray, walls: FloatArray, arcs: FloatArray
 
 
 def from_arc(arc: FloatArray, x: FloatArray, y: FloatArray) -> tuple[FloatArray, BoolArray]:
-    """Distances of places from the axis of a round wall (6,) [mm], and whether they lie in its sector."""
+    """Distances of points from the axis of a round wall (6,) [mm], and whether they are in its sector."""
     cx, cy, _, ux, uy, cosine = arc
     away = np.hypot(x - cx, y - cy)
     return away, np.asarray((x - cx) * ux + (y - cy) * uy >= cosine * away)
 
 
 def border_mm(way: FloatArray, start_mm: FloatArray, walls: FloatArray, arcs: FloatArray) -> FloatArray:
-    """(n, 2) where the plan ends along (n, 2) unit vectors from a place (2,) inside [mm]."""
+    """(n, 2) border of the plan along (n, 2) unit vectors from a point (2,) inside [mm]."""
     reach = np.full(len(way), np.inf)
     for nx, ny, level in walls:
         toward = way @ (nx, ny)

@@ -1,13 +1,13 @@
 """Points of the top of a pad with a form through which mirrored light is followed.
 
 A grid covers the untouched top. Its cells are divided by four where a window is near: while they are larger than
-`GRADE` of their distance from it. Around a press, where the top bends within a cell, rings take the grid's place; cells
-that a window has had divided stay, but for the steep part of the press. Every cell has one point, at the same place in
-each, and belongs to one of four batches, as the squares of a chequered board of four colours.
+`GRADE` of their distance from it. Around a press, where the top bends within a cell, rings replace the grid; cells that
+were divided for a window remain, except in the steep part of the press. Every cell has one point, at the same position
+in each, and belongs to one of four batches, like the squares of a chequered board of four colours.
 
-Light that a flat or cylindrical top mirrors often is faint and varies slowly: it is followed through every fourth point
-of the grid and every second one of the rings, which stand for the others. A sphere focuses it, so there every point
-counts.
+Light mirrored often by a flat or cylindrical top is faint and varies slowly: it is followed through every fourth point
+of the grid and every second one of the rings, which represent the others. A sphere focuses it, so there every point is
+used.
 """
 
 from __future__ import annotations
@@ -32,11 +32,11 @@ PITCH = 0.38
 width of an image half-way between them. At an image step of 0.7 a press on the dome changes light to 0.3 to 1.2
 noise units rms with emitters of 0.3 mm, and 0.4 to 1.7 with those of 1.1 mm."""
 DIVISIONS = 4
-"""A cell of the grid is divided so often, at most."""
+"""Most divisions of a cell of the grid."""
 RINGS_TO_SKIRT, RINGS_TO_CONTACT = 1.3, 2.0
-"""Rings reach to so many radii of the skirt, and of the contact, whichever is more."""
+"""Outer radius of the rings in radii of the skirt, and of the contact; the larger applies."""
 MOST_RINGS_TO_CONTACT = 4.0
-"""They reach no further: a dome's top is steep again at its wall, where the grid serves as well by fewer points."""
+"""Largest outer radius: a dome's top is steep again at its wall, where the grid is as good with fewer points."""
 GOLDEN = 0.6180339887498949
 
 
@@ -63,7 +63,7 @@ class TopGrid:
         return np.asarray(self.size < 0.75 * self.pitch_mm)
 
     def is_divided(self, x_mm: FloatArray, y_mm: FloatArray) -> BoolArray:
-        """Whether places of the plan lie in a divided cell."""
+        """Whether points of the plan are in a divided cell."""
         columns, rows = self.divided.shape
         i = np.clip((x_mm / self.pitch_mm).astype(np.int64), 0, columns - 1)
         j = np.clip((y_mm / self.pitch_mm).astype(np.int64), 0, rows - 1)
@@ -78,7 +78,7 @@ class GridPoints:
     ----------
     place : (n, 3) [mm]; normal : (n, 3) out of the elastomer [-]; area : (n,) in plan [mm2]; batch : (n,)
     is_part : (n,) whether the cell is part of a divided one
-    chains : (n,) for how many points this one stands in light mirrored often
+    chains : (n,) number of points that this one represents in light mirrored often
     """
 
     place: FloatArray
@@ -89,20 +89,20 @@ class GridPoints:
     chains: FloatArray
 
     def in_frame(self, top: FormedTop) -> FloatArray:
-        """(n, 5) places in the plan of a frame, elements of that plan [mm2], batch, chains."""
+        """(n, 5) points in the plan of a frame, elements of that plan [mm2], batch, chains."""
         at = (self.place - top.origin) @ top.axes[:2].T
         element = self.area * (self.normal @ top.axes[2]) / self.normal[:, 2]
         return np.column_stack([at, element, self.batch, self.chains])
 
 
 def pitch_of(settings: Accuracy, emitters: FloatArray, receivers: FloatArray) -> float:
-    """Size of the grid's cells [mm], small against images between windows, (n, 12 or more) of either kind."""
+    """Size of the grid's cells [mm], small relative to images between windows, (n, 12 or more) of either kind."""
     narrowest = [2.0 * float(windows[:, [HALF_U, HALF_V]].min()) for windows in (emitters, receivers)]
     return float(PITCH * np.sqrt(settings.image_step) * np.mean(narrowest))
 
 
 def top_grid(scene: OpticalScene, windows: FloatArray, pitch_mm: float) -> TopGrid:
-    """Cells that cover the plan's box, smaller beside windows (n, 12 or more)."""
+    """Cells that cover the plan's box, smaller near windows (n, 12 or more)."""
     form = scene.form
     assert form is not None
     columns, rows = (int(np.ceil(side / pitch_mm)) for side in (scene.length_mm, scene.width_mm))
@@ -127,7 +127,7 @@ def top_grid(scene: OpticalScene, windows: FloatArray, pitch_mm: float) -> TopGr
 
 
 def _distance_mm(places: FloatArray, windows: FloatArray) -> FloatArray:
-    """(n,) distance of (n, 3) places from the nearest window."""
+    """(n,) distance of (n, 3) points from the nearest window."""
     nearest = np.full(len(places), np.inf)
     for w in windows:
         off = places - w[[CX, CY, CZ]]
@@ -147,7 +147,7 @@ def points_of(
     *,
     all_chains: bool,
 ) -> GridPoints:
-    """The points of a grid that lie in the pad, shifted within their cells by a share of these.
+    """The points of a grid that are in the pad, shifted within their cells by a share of the cells' size.
 
     all_chains : whether light mirrored often is followed through all of them
     """
@@ -167,13 +167,13 @@ def points_of(
 
 
 def _every_fourth(grid: TopGrid) -> FloatArray:
-    """(n,) 4 for every second cell of each batch either way, which stands for four; 0 for the others."""
+    """(n,) 4 for every second cell of each batch either way, which represents four; 0 for the others."""
     number = np.round(grid.corner / grid.size[:, None]).astype(np.int64) // 2
     return np.where((number % 2 == 0).all(axis=1), 4.0, 0.0)
 
 
 def ring_zone_mm(top: FormedTop) -> tuple[float, float]:
-    """Radii up to which rings take the grid's place: of divided cells, and of others."""
+    """Radii up to which rings replace the grid: for divided cells, and for others."""
     steep, contact = float(top.numbers[SKIRT_EDGE]), float(top.numbers[CONTACT_EDGE])
     most = min(MOST_RINGS_TO_CONTACT * contact, float(top.numbers[OUTER]))
     wide = max(RINGS_TO_SKIRT * steep, RINGS_TO_CONTACT * contact)
@@ -183,7 +183,7 @@ def ring_zone_mm(top: FormedTop) -> tuple[float, float]:
 def ring_points(
     top: FormedTop, outer_mm: float, pitch_mm: float, settings: Accuracy, shift: FloatArray
 ) -> FloatArray:
-    """(n, 5) places on rings around the press, closer beside the contact; elements [mm2], batch, chains."""
+    """(n, 5) points on rings around the press, denser near the contact; elements [mm2], batch, chains."""
     contact, all_chains = float(top.numbers[CONTACT_EDGE]), top.numbers[KIND] == SPHERE
     within = max(settings.rings // 3, 4)
     beyond = max(settings.rings, int(1.5 * (outer_mm - contact) / pitch_mm))

@@ -1,12 +1,12 @@
 # mypy: no-warn-return-any
 """Rays in a pad with a form: walls, windows, sight, and the first meeting of either with the top.
 
-Places and directions are those of the cavity; the top is asked in its own frame. `walls` (k, 3) hold outward normals
+Points and directions are in the cavity frame; the top is evaluated in its own frame. `walls` (k, 3) has outward normals
 and levels of the flat walls, `arcs` (m, 6) the round ones as in `sims.optics.scene.optical_scene`; windows are rows of
 `sims.optics.engine.formed.formed_lower`.
 
-The pad is convex. A ray from inside leaves a circle behind in one place; where that lies in the arc's sector, the ray
-meets the arc there, or another wall before.
+The pad is convex. A ray from inside leaves a circle at one point; if that is in the arc's sector, the ray meets the arc
+there, or another wall before.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from sims.optics.surface.radial import inlined, kernel, lobe_at
 
 NEVER = 1e30
 BOTTOM, TOP = -1, -2
-"""What a ray meets besides walls, which go by their number, the round ones after the flat ones."""
+"""Codes of surfaces other than walls; walls have their number, the round ones after the flat ones."""
 CX, CY, CZ, UX, UY, HALF_U, HALF_V, NX, NY, ORDER, AREA, WALL, TABLE = range(13)
 
 
@@ -66,7 +66,7 @@ def meeting(
     x: float, y: float, z: float, dx: float, dy: float, dz: float, walls: FloatArray, arcs: FloatArray,
     top: FormedTop,
 ) -> tuple[float, int]:  # fmt: skip
-    """Distance to what a ray meets first, and which: a wall's number, `BOTTOM` or `TOP`."""
+    """Distance to the first surface that a ray meets, and its code: a wall's number, `BOTTOM` or `TOP`."""
     limit, which = plan_exit(x, y, z, dx, dy, dz, walls, arcs)
     ax, ay, az = into(top, x, y, z)
     bx, by, bz = turn(top, dx, dy, dz)
@@ -78,7 +78,7 @@ def meeting(
 
 @inlined
 def sees(x: float, y: float, z: float, tx: float, ty: float, tz: float, top: FormedTop) -> bool:
-    """Whether the straight way between two places of the pad stays below the top."""
+    """Whether the straight line between two points of the pad stays below the top."""
     dx, dy, dz = tx - x, ty - y, tz - z
     size = math.sqrt(dx * dx + dy * dy + dz * dz)
     per = 1.0 / size
@@ -89,14 +89,14 @@ def sees(x: float, y: float, z: float, tx: float, ty: float, tz: float, top: For
 
 @inlined
 def window_point(window: FloatArray, u: float, v: float) -> tuple[float, float, float]:
-    """Place on a window; u, v from -1 to 1."""
+    """Point on a window; u, v from -1 to 1."""
     along = u * window[HALF_U]
     return window[CX] + along * window[UX], window[CY] + along * window[UY], window[CZ] + v * window[HALF_V]
 
 
 @inlined
 def lobe(window: FloatArray, cosine: float) -> float:
-    """Radiance over power and area that a window sends at a cosine to its normal; of a receiver the share it counts
+    """Radiance over power and area of an emitter's window at a cosine to its normal; for a receiver the counted share
     over pi [1/sr].
     """
     return lobe_at(window[ORDER], window, TABLE, cosine)
@@ -111,7 +111,7 @@ def mirrored(x: float, y: float, z: float, nx: float, ny: float, nz: float) -> t
 
 @inlined
 def beside(x: float, y: float, z: float, nx: float, ny: float, nz: float) -> tuple[float, float, float]:
-    """Unit vector along another one, mirrored."""
+    """Unit vector along another vector, mirrored."""
     per = 1.0 / math.sqrt(x * x + y * y + z * z)
     return mirrored(x * per, y * per, z * per, nx, ny, nz)
 
@@ -120,7 +120,7 @@ def beside(x: float, y: float, z: float, nx: float, ny: float, nz: float) -> tup
 def landing(
     x: float, y: float, z: float, dx: float, dy: float, dz: float, r: FloatArray
 ) -> tuple[float, float, float]:
-    """Where a ray comes through a window's plane, in half sizes, and the distance; -NEVER if it goes away from it."""
+    """Point at which a ray crosses a window's plane, in half sizes, and the distance; -NEVER if it moves away."""
     toward = dx * r[NX] + dy * r[NY]
     if toward <= 1e-9:
         return 0.0, 0.0, -NEVER

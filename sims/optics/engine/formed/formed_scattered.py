@@ -1,16 +1,16 @@
 # mypy: no-warn-return-any
-"""Light that walls, bottom or tip of a pad with a form scatter: rays of weight, with a look at every window.
+"""Light scattered by walls, bottom or tip of a pad with a form: weighted rays, with a connection to every window.
 
 Model
 -----
 Rays leave an emitter by a low-discrepancy sequence, Lambertian, with its lobe as weight. The top mirrors by Fresnel's
-share, absorption by Beer and Lambert; walls, bottom and tip send on their reflectance, Lambertian. From each place of
-scattering every window is seen by one ray to a place on it:
+share, absorption follows Beer and Lambert; walls, bottom and tip scatter their reflectance, Lambertian. Every point of
+scattering is connected to every window by one ray to a point on it:
 
     weight · c_s c_r A(c_r) area / (π s²) · e^(-μ s)
 
-Light that the top mirrors on its way from there to a window is counted where the ray itself lands on it. A ray's
-numbers are those of its own number and of how often it was scattered, whatever the press.
+Light mirrored by the top on its way from there to a window is counted where the ray itself lands on it. A ray's random
+numbers depend on its own number and on the count of its scatterings, not on the press.
 
 Left out: smooth walls; light of less than `FAINT` of the emitter's power.
 """
@@ -46,7 +46,7 @@ FAINT = 1e-7
 MOST_SCATTERED, MOST_FLIGHTS = 6, 60
 FIRST, PER_SCATTER = 4, 4
 DIMENSIONS = FIRST + PER_SCATTER * MOST_SCATTERED
-"""Numbers a ray: place and direction at the emitter; then a direction and a place on the windows each time."""
+"""Random numbers per ray: point and direction at the emitter; then a direction and a point on the windows each time."""
 
 
 @kernel
@@ -54,9 +54,9 @@ def scattered_flux(
     e: FloatArray, receivers: FloatArray, rays: int, steps: FloatArray, shift: FloatArray, absorbs: float,
     index: float, reflectances: FloatArray, walls: FloatArray, arcs: FloatArray, top: FormedTop, out: FloatArray,
 ) -> None:  # fmt: skip
-    """Add to out (2, receiver) the light of an emitter that is scattered once, and more often, over its power.
+    """Add to out (2, receiver) the light of an emitter scattered once, and more often, over its power.
 
-    rays : how many; steps, shift : (DIMENSIONS,) of the sequence; reflectances : of walls, bottom and tip
+    rays : number of rays; steps, shift : (DIMENSIONS,) of the sequence; reflectances : of walls, bottom and tip
     """
     submerged = e[HALF_V] * e[HALF_U] * 4.0 / e[10]
     for n in range(rays):
@@ -126,7 +126,7 @@ def _look(
     x: float, y: float, z: float, nx: float, ny: float, nz: float, weight: float, u: float, v: float,
     receivers: FloatArray, absorbs: float, top: FormedTop, out: FloatArray,
 ) -> None:  # fmt: skip
-    """Add what a place of scattering sends straight to every window."""
+    """Add the direct light of a point of scattering to every window."""
     for j in range(receivers.shape[0]):
         r = receivers[j]
         tx, ty, tz = window_point(r, u, v)
@@ -144,7 +144,7 @@ def _look(
 
 @kernel
 def window_at(what: int, x: float, y: float, z: float, receivers: FloatArray) -> int:
-    """The receiver whose window covers a place of a wall, or -1."""
+    """The receiver whose window covers a point of a wall, or -1."""
     for j in range(receivers.shape[0]):
         r = receivers[j]
         along = (x - r[CX]) * r[UX] + (y - r[CY]) * r[UY]

@@ -1,16 +1,16 @@
 # mypy: no-warn-return-any
-r"""The top of a pad with a form under one press, in the frame of the press, and where rays leave through it.
+r"""The top of a pad with a form under one press, in the frame of the press, and the points where rays leave through it.
 
 Model
 -----
-The frame stands on the untouched top where the tip goes in, its third axis along the normal (`PadForm.press_frame`).
-There the top is
+The frame has its origin on the untouched top at the location of the press, and its third axis along the normal
+(`PadForm.press_frame`). There the top is
 
     z = -c(x, y) + d(r) + F(x, y),     c: the crown's fall below its tangent plane,  r² = x² + y²
 
 with d the press's height above the untouched crown. In the contact of a hemisphere of radius a at depth p,
-d = a - p - √(a² - r²) + m(r), with m the fall of the mean crown: of a sphere c itself, so that the top is the tip; of a
-cylinder that of a sphere of twice its radius. Beyond, d is a C1 cubic through the press's points as in
+d = a - p - √(a² - r²) + m(r), with m the fall of the mean crown: for a sphere c itself, so that the top is the tip; for
+a cylinder that of a sphere of twice its radius. Beyond, d is a C1 cubic through the press's points as in
 `sims.optics.surface.curves`, and ends in a tail.
 
 Rays march. The height of a ray above the crown, u = z + c, is convex along it, so that in a step it is nowhere above
@@ -19,9 +19,9 @@ nowhere faster than its largest slope from s outward, and its slope along a line
 cup κ = max(d'', d'/r, 0) from s outward. A step of h in plan is clear when u stays below the first; when the gap
 g = d - u at one of its ends does not close so fast; or when √g₁ + √g₂ > h √(κ/2) at its ends, for then g is above the
 parabola through them that is bent by κ. Steps are shortened until they are clear, or until a ray that comes out closes
-its gap faster than κ h, and so comes out once; at `STEP_MM`, less where the gap is small, the ends decide: a chord
-through a tip of radius a that is shorter is cut off by STEP_MM² / 8a, 4 µm of 3 mm. Where it comes out is found by
-Newton's rule within the step.
+its gap faster than κ h, and so comes out once. At `STEP_MM`, less where the gap is small, the ends decide: a shorter
+chord through a tip of radius a is cut off by STEP_MM² / 8a, 4 µm of 3 mm. Newton's rule within the step finds the point
+at which it comes out.
 
 Left out: the second height where the curve folds, several tips.
 """
@@ -49,15 +49,15 @@ from sims.optics.surface.radial import height_and_slope, inlined, kernel
 
 NEVER = 1e30
 STEP_MM, LEAST_STEP_MM = 0.3, 0.06
-"""Steps of a march near the dimple in which only the ends are looked at: longest and shortest."""
+"""Steps of a march near the dimple in which only the ends are tested: longest and shortest."""
 SHORTER, LONGER = 0.25, 2.0
-"""The next step of a march after one that is not clear, and after one that is."""
+"""Factor of the next step of a march after one that is not clear, and after one that is."""
 ALOOF, NEWTON_STEPS = 2.5, 8
-"""How much steeper than the dimple a ray must lie to the crown at both ends to be sure to meet the top once."""
+"""Least ratio of a ray's slope to the crown at both ends over the dimple's at which it certainly meets the top once."""
 AT_TOP_MM = 1e-10
-"""A place so near to the top lies on it."""
+"""Distance below which a point counts as on the top."""
 NEAR_TOP_MM = 1e-6
-"""A place so near to the top is one step of Newton's rule from it."""
+"""Distance below which a point is one step of Newton's rule from the top."""
 LOWS, CUPS = ROW, ROW + CELLS
 """First columns of the lowest heights and of the largest cups, from each piece outward, behind a press's row."""
 FORMED_ROW = CUPS + CELLS
@@ -87,7 +87,7 @@ class FormedTop(NamedTuple):
 
 @inlined
 def into(top: FormedTop, x: float, y: float, z: float) -> tuple[float, float, float]:
-    """A place of the cavity in the frame."""
+    """A point of the cavity in the frame."""
     return turn(top, x - top.origin[0], y - top.origin[1], z - top.origin[2])
 
 
@@ -115,7 +115,7 @@ def out_of(top: FormedTop, x: float, y: float, z: float) -> tuple[float, float, 
 
 @inlined
 def fall(top: FormedTop, x: float, y: float) -> float:
-    """How far the untouched crown lies below its tangent plane, in the frame; far beyond it, steep and growing."""
+    """Distance of the untouched crown below its tangent plane, in the frame; far beyond it, steep and growing."""
     kind = top.numbers[KIND]
     if kind == FLAT:
         return 0.0
@@ -152,7 +152,7 @@ def rise(top: FormedTop, r2: float) -> tuple[float, float]:
 
 @kernel
 def crown_exit(top: FormedTop, x: float, y: float, z: float, dx: float, dy: float, dz: float) -> float:
-    """Distance at which a ray from inside leaves the untouched crown, all in the frame; NEVER if never."""
+    """Distance at which a ray from inside leaves the untouched crown, all in the frame; NEVER if it does not."""
     kind = top.numbers[KIND]
     if kind == FLAT:
         return max(-z / dz, 0.0) if dz > 0.0 else NEVER
@@ -177,7 +177,7 @@ def crown_exit(top: FormedTop, x: float, y: float, z: float, dx: float, dy: floa
 
 @inlined
 def above(top: FormedTop, x: float, y: float, z: float) -> float:
-    """How far a place of the frame lies above the top (negative: in the elastomer)."""
+    """Height of a point of the frame above the top (negative: in the elastomer)."""
     return z + fall(top, x, y) - rise(top, x * x + y * y)[0]
 
 
@@ -185,7 +185,7 @@ def above(top: FormedTop, x: float, y: float, z: float) -> float:
 def above_along(
     top: FormedTop, x: float, y: float, z: float, dx: float, dy: float, dz: float
 ) -> tuple[float, float]:
-    """How far a place of the frame lies above the top, and how fast that grows along a direction."""
+    """Height of a point of the frame above the top, and its rate along a direction."""
     sx, sy = crown_slopes(top, x, y)
     height, turned = rise(top, x * x + y * y)
     return z + fall(top, x, y) - height, dz + (sx - turned * x) * dx + (sy - turned * y) * dy
@@ -231,10 +231,10 @@ def _aloof(
     top: FormedTop, x: float, y: float, z: float, dx: float, dy: float, dz: float, a: float, b: float, end: float,
     leaves: float,
 ) -> float:  # fmt: skip
-    """How much nearer than where it leaves the crown a ray may leave the top, if that it does only once [mm]; else 0.
+    """Largest distance before its exit from the crown at which a ray may leave the top, if it leaves once [mm]; else 0.
 
-    It does where the dimple changes the height along its way up to `end` so slowly that the crown's own curve keeps
-    them apart.
+    It leaves once where the dimple changes the height along its way up to `end` so slowly that the crown's own curve
+    keeps them apart.
     """
     at = min(max(-b / a, 0.0), end) if a > 1e-14 else 0.0
     qx, qy = x + at * dx, y + at * dy
@@ -253,7 +253,7 @@ def _aloof(
 def _settled(
     top: FormedTop, x: float, y: float, z: float, dx: float, dy: float, dz: float, t: float, limit: float
 ) -> float:
-    """Where a ray meets the top near a distance t, by Newton's rule; NEVER beyond the limit."""
+    """Distance at which a ray meets the top near a distance t, by Newton's rule; NEVER beyond the limit."""
     for _ in range(NEWTON_STEPS):
         off, grows = above_along(top, x + t * dx, y + t * dy, z + t * dz, dx, dy, dz)
         t -= off / grows
@@ -313,14 +313,14 @@ def _march(
 def is_open(
     top: FormedTop, x: float, y: float, u: float, to_x: float, to_y: float, round_mm: float, to_u: float
 ) -> bool:
-    """Whether the dimple surely hides no straight way from a place of the top to a window; it may if not.
+    """Whether the dimple certainly hides no straight line from a point of the top to a window; if False, it may.
 
-    x, y, u : the place in the frame's plan, and its height above the untouched crown [mm]
-    to_x, to_y, round_mm, to_u : middle of the window in that plan, a circle about it that holds the window, and the
+    x, y, u : the point in the frame's plan, and its height above the untouched crown [mm]
+    to_x, to_y, round_mm, to_u : middle of the window in that plan, a circle about it that contains the window, and the
         window's largest height above the crown
 
-    The way comes below the lowest of the dimple that it passes after a share of its length; until there the dimple is
-    less steep than the way.
+    After a share of its length the line is below the lowest point of the dimple that it passes; until there the dimple
+    is less steep than the line.
     """
     vx, vy = to_x - x, to_y - y
     along2 = vx * vx + vy * vy
@@ -350,7 +350,7 @@ def _bounds(top: FormedTop, r2: float) -> tuple[float, float, float]:
 def _between(
     top: FormedTop, x: float, y: float, z: float, dx: float, dy: float, dz: float, low: float, high: float
 ) -> float:
-    """Where a ray comes through between a place inside and one outside, by Newton's rule within them."""
+    """Point at which a ray crosses the top between a point inside and one outside, by Newton's rule within them."""
     t = 0.5 * (low + high)
     for _ in range(60):
         off, grows = above_along(top, x + t * dx, y + t * dy, z + t * dz, dx, dy, dz)
@@ -372,7 +372,7 @@ def _between(
 
 @inlined
 def normal_at(top: FormedTop, x: float, y: float) -> tuple[float, float, float]:
-    """Unit normal out of the elastomer at a place in the frame's plan."""
+    """Unit normal out of the elastomer at a point in the frame's plan."""
     sx, sy = crown_slopes(top, x, y)
     turned = rise(top, x * x + y * y)[1]
     nx, ny = sx - turned * x, sy - turned * y
@@ -389,7 +389,7 @@ def is_contact(top: FormedTop, x: float, y: float) -> bool:
 
 @inlined
 def is_skirt(top: FormedTop, x: float, y: float) -> bool:
-    """Whether the top there lies within the outermost radius where the press is steep."""
+    """Whether the top there is within the outermost radius where the press is steep."""
     edge = top.numbers[SKIRT_EDGE]
     return x * x + y * y < edge * edge
 
@@ -400,7 +400,7 @@ def empty_rows() -> FloatArray:
 
 
 def out_of_frame(top: FormedTop, at_mm: FloatArray) -> FloatArray:
-    """(n, 3) places of the cavity on the untouched top at (n, 2) places of the frame's plan [mm]."""
+    """(n, 3) points of the cavity on the untouched top at (n, 2) points of the frame's plan [mm]."""
     x, y = at_mm.T
     kind, radius = top.numbers[KIND], top.numbers[RADIUS]
     fallen = np.zeros(len(x))

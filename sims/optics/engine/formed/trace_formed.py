@@ -4,19 +4,19 @@ Method, class by class
 ----------------------
 - `direct`: quadrature with a horizon for every column (`formed_direct`).
 - `top`, `skirt`: pencils through points of the top (`formed_mirrored`, `formed_points`).
-- `diffuse`: the untouched pad's light of all orders times how the press changes what is scattered once
-  (`formed_deposits`); where nothing scatters but the tip, what it scatters.
+- `diffuse`: the untouched pad's light of all orders times the change by the press of light scattered once
+(`formed_deposits`); where only the tip scatters, the light that it scatters.
 
-The untouched pad is traced once, finely (`formed_pad`). A press changes its light by what the same points and rays
-bring with and without it.
+The untouched pad is traced once, finely (`formed_pad`). A press changes its light by the difference of the same points
+and rays with and without it.
 
 Standard error
 --------------
-Of mirrored light from lattices with every other point; of scattered light by leaving out every fourth ray in turn; of
-whatever fixed rules have in common, `RULES_ERROR` of the untouched flux, `HORIZON_ERROR` of what the press takes away
-of straight light, and `CHAINS_ERROR` or `PARTS_ERROR` of what it changes of mirrored light. Each pair by itself. States
-share the untouched pad's error, and rules err by the same share of like changes: `change_error` leaves both out. Not
-covered is how the dimple stands in the way of light scattered more than once.
+The error of mirrored light comes from lattices with every other point, that of scattered light from leaving out every
+fourth ray in turn. The common error of fixed rules is `RULES_ERROR` of the untouched flux, `HORIZON_ERROR` of the
+direct light that the press removes, and `CHAINS_ERROR` or `PARTS_ERROR` of its change of mirrored light. Each pair has
+its own. States share the untouched pad's error, and rules err by the same share of equal changes: `change_error` leaves
+both out. Obstruction by the dimple of light scattered more than once is not covered.
 
 Left out: smooth walls, several tips, fields, folds; `sims.optics.oracle` has all of these.
 """
@@ -54,10 +54,10 @@ RULES_ERROR = 3e-4
 """Error of fixed rules over the untouched flux, where a press changes a pair [-]: mirrored light of flat rectangles is
 within 1e-4 of that of `trace_states`."""
 HORIZON_ERROR = 0.01
-"""Error of straight light over what the press takes away of it [-]: what finer rules change at most."""
+"""Error of direct light over the part that the press removes [-]: the largest change by finer rules."""
 CHAINS_ERROR, PARTS_ERROR = 0.02, 0.01
-"""Error of what a press changes of mirrored light, by the skirt and elsewhere, over these changes [-]: under a crown,
-where it is mirrored often, and under a flat top. It is about what smaller parts still change, where that is most."""
+"""Error of a press's change of mirrored light, by the skirt and elsewhere, over these changes [-]: under a crown, where
+it is mirrored often, and under a flat top. It is about the largest remaining change by smaller parts."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -67,8 +67,8 @@ class FormedLight:
     Attributes
     ----------
     flux : (state, class, emitter, receiver) [-]
-    standard_error : (state, emitter, receiver) of the sum over classes [-]
-    change_error : same shape, of lattices and rays of the press alone [-]
+    standard_error : (state, emitter, receiver) standard error of the sum over classes [-]
+    change_error : same shape, error of lattices and rays of the press alone [-]
     scale : (emitter, receiver) untouched flux of all classes, above 0 [-]
     """
 
@@ -137,7 +137,7 @@ def _pressed(
 
 
 def _mirrored_change(ways: FormedWays, number: int, top: FormedTop, wanted: BoolArray) -> FloatArray:
-    """(2, batch, emitter, receiver) what a press changes of mirrored light, by one replicate's points."""
+    """(2, batch, emitter, receiver) change of mirrored light by a press, by one replicate's points."""
     pad, points = ways.pad, ways.points[number]
     flat = _without_press(top)
     inner, outer = ring_zone_mm(top)
@@ -157,7 +157,7 @@ def _mirrored_change(ways: FormedWays, number: int, top: FormedTop, wanted: Bool
 def _scattered(ways: FormedWays, top: FormedTop, wanted: BoolArray) -> tuple[FloatArray, FloatArray]:
     """(emitter, receiver) scattered light with the press, and its standard error.
 
-    All rays, and all but each batch of them (jackknife).
+    The error is a jackknife: all rays, and all but each batch of them.
     """
     pad, untouched = ways.pad, ways.pad.flux[4]
     weight = pad.patches.weight.copy()
