@@ -24,7 +24,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from design.circuit.pins import board_of
+from design.circuit.pins import board_of, shift_register_of
 from design.fields.quantity import Quantity
 from design.parts.assumptions import assumption, standard_at_least, standard_at_most
 from design.parts.catalog import Board, Part
@@ -57,9 +57,13 @@ class EmitterSwitch:
     base_current_ma: float
     series_mw: float
 
-    def overloads_pin(self, board: Board) -> bool:
-        """Whether the base current is more than a pin of the board should give."""
-        return self.base_current_ma > board.max_pin_current_ma.value
+
+def most_drive_ma(design: SensorDesign, board: Board) -> tuple[str, float]:
+    """What drives an emitter's base resistor, and the most that it should give [mA]."""
+    register = shift_register_of(design)
+    if register is None:
+        return "a pin", board.max_pin_current_ma.value
+    return f"an output of {register.title}", register.max_output_ma.value
 
 
 def emitter_switch(part: Part, board: Board) -> EmitterSwitch:

@@ -145,7 +145,7 @@ def assigned_pins(design: SensorDesign) -> tuple[tuple[int, ...], tuple[str, ...
     pins = _dealt(design.board.emitter_pins, board.digital_pins, len(cavity.emitters))
     if shift_register_of(design) is not None:
         pins = tuple(range(len(cavity.emitters)))
-    inputs = _input_count(design, len(cavity.receivers))
+    inputs = input_count(design, len(cavity.receivers))
     channels = _dealt(design.board.receiver_channels, board.analog_channels, inputs)
     return pins, channels
 
@@ -163,7 +163,7 @@ def pin_findings(
             "analogue input",
             use.receiver_channels,
             board.analog_channels,
-            _input_count(design, receiver_count),
+            input_count(design, receiver_count),
             _multiplexers_needed(design, board, emitter_count, receiver_count),
         ),
         *_address_findings(design, board, emitter_count),
@@ -179,7 +179,7 @@ def _emitter_findings(design: SensorDesign, board: Board, emitter_count: int) ->
         return [
             *_list_findings(
                 "board.emitter_pins", "emitter", "pin", design.board.emitter_pins, board.digital_pins, emitter_count,
-                _registers_needed(design, emitter_count),
+                _registers_needed(design, board, emitter_count),
             ),
             *_unknown_pin_findings(design.board.emitter_pins or (), board),
             *_reserved_findings(design.board.emitter_pins, board),
@@ -211,9 +211,11 @@ def _emitter_findings(design: SensorDesign, board: Board, emitter_count: int) ->
     return found
 
 
-def _registers_needed(design: SensorDesign, emitter_count: int) -> str | None:
+def _registers_needed(design: SensorDesign, board: Board, emitter_count: int) -> str | None:
     """The way out of too few pins for the emitters."""
     for name, one in entries_of(design).shift_registers.items():
+        if not one.supply_low_v <= board.pin_v <= one.supply_high_v:
+            continue
         count = math.ceil(emitter_count / one.outputs)
         return f'set board.emitters.shift_register = "{name}": {emitter_count} emitters need {count} of them and 3 pins'
     return None
@@ -229,7 +231,7 @@ def _supply_error(field: str, entry: Multiplexer | ShiftRegister, board: Board) 
     )
 
 
-def _input_count(design: SensorDesign, receiver_count: int) -> int:
+def input_count(design: SensorDesign, receiver_count: int) -> int:
     """Number of the board's inputs that the receivers need."""
     multiplexer = multiplexer_of(design)
     return receiver_count if multiplexer is None else math.ceil(receiver_count / multiplexer.channels)
@@ -244,7 +246,8 @@ def _multiplexers_needed(
     spare = len(board.digital_pins) - (SHIFT_PINS if design.board.emitters else emitter_count)
     for name, one in sorted(entries_of(design).multiplexers.items(), key=lambda item: -item[1].channels):
         count = math.ceil(receiver_count / one.channels)
-        if one.address_bits <= spare and count <= len(board.analog_channels):
+        works = one.supply_low_v <= board.pin_v <= one.supply_high_v
+        if works and one.address_bits <= spare and count <= len(board.analog_channels):
             inputs = " and ".join(board.analog_channels[:count])
             return (
                 f'set board.receivers.multiplexer = "{name}": {receiver_count} receivers need {count} of them on '
@@ -465,14 +468,21 @@ def frame_rate_hz(
 
 def faster_boards(design: SensorDesign) -> list[tuple[str, float]]:
     """Boards of the catalogue with enough pins and inputs and a higher frame rate, the fastest first."""
-    cavity, now = cavity_of(design), frame_rate_hz(design)
-    found = [
-        (name, frame_rate_hz(design, board))
-        for name, board in entries_of(design).boards.items()
-        if len(board.digital_pins) >= (SHIFT_PINS if design.board.emitters else len(cavity.emitters))
-        and len(board.analog_channels) >= _input_count(design, len(cavity.receivers))
-    ]
-    return sorted((one for one in found if one[1] > now), key=lambda one: (-one[1], one[0]))
+    now, found = frame_rate_hz(design), []
+    for name, board in entries_of(design).boards.items():
+        rate = frame_rate_hz(design, board)
+        if rate > now and _fits_on(design, name, board):
+            found.append((name, rate))
+    return sorted(found, key=lambda one: (-one[1], one[0]))
+
+
+def _fits_on(design: SensorDesign, name: str, board: Board) -> bool:
+    """Whether a board has the pins, inputs, levels and reference that a design uses."""
+    if design.board.reference == "internal" and board.internal_reference_v is None:
+        return False
+    cavity, use = cavity_of(design), design.board.model_copy(update={"kind": name})
+    on_it = design.model_copy(update={"board": use})
+    return not pin_findings(on_it, board, len(cavity.emitters), len(cavity.receivers))
 
 
 def baud_divisor(clock_hz: int, baud: int) -> int:

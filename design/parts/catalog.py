@@ -298,7 +298,7 @@ class Board(Model):
     logic_v: Annotated[
         float | None,
         Field(
-            gt=0.0,
+            ge=1.5,
             le=6.0,
             description="level of the pins and supply of the amplifiers; absent: 5 is assumed [V]",
         ),
@@ -358,8 +358,9 @@ class Board(Model):
         Field(description="of another chip with an Arduino core: what the program needs"),
     ] = None
     warnings: Annotated[
-        tuple[Text, ...], Field(description="faults of the board that `check` repeats to whoever uses it")
-    ] = ()
+        tuple[Text, ...] | None,
+        Field(description="faults of the board that `check` repeats to whoever uses it"),
+    ] = None
     notes: tuple[Text, ...] = ()
 
     @property
@@ -391,6 +392,11 @@ class Board(Model):
                     "conversion_us is missing; give the time of one reading, or, for an AVR, "
                     "adc_clocks_per_conversion and adc_prescalers"
                 )
+        elif self.firmware is not None:
+            raise ValueError(
+                "firmware is the program of AVR boards, whose converter divides the clock; give "
+                "adc_clocks_per_conversion and adc_prescalers in place of conversion_us"
+            )
         elif avr != (None, None) or self.exact_bauds:
             raise ValueError(
                 "conversion_us is of boards that are no AVR, adc_clocks_per_conversion, adc_prescalers and exact_bauds "

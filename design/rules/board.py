@@ -14,16 +14,17 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from design.circuit.emitter_switch import emitter_switch
+from design.circuit.emitter_switch import emitter_switch, most_drive_ma
 from design.circuit.pins import (
     MS_PER_S,
+    address_pins,
     baud_error,
     frame_bytes,
     frame_time_ms,
+    input_count,
     made_baud,
     multiplexer_of,
     pin_findings,
-    shift_register_of,
     switch_pins,
 )
 from design.circuit.transimpedance import gain_findings, settling_findings
@@ -82,7 +83,7 @@ def _portable_findings(
             limit=f"{bits[0]} to {bits[-1]} bits",
             way_out="set adc_bits of the board's entry to what its core's analogReadResolution takes",
         )
-    channels = design.board.receiver_channels or board.analog_channels[:receiver_count]
+    channels = design.board.receiver_channels or board.analog_channels[: input_count(design, receiver_count)]
     unnamed = [name for name in channels if name in board.analog_channels and name not in chip.analog_pins]
     yield from _unknown("board.receiver_channels", "arduino", "analog_pins", unnamed)
     yield from _memory_findings(board, chip, emitter_count, receiver_count)
@@ -104,9 +105,8 @@ def _pin_findings(
 ) -> Iterator[Finding]:
     use = design.board
     pins = switch_pins(design, board, emitter_count)
-    if use.receivers is not None:
-        pins = (*pins, *(use.receivers.address_pins or ()))
-    channels = use.receiver_channels or board.analog_channels[:receiver_count]
+    pins = (*pins, *address_pins(design))
+    channels = use.receiver_channels or board.analog_channels[: input_count(design, receiver_count)]
     unported = [pin for pin in pins if pin in board.digital_pins and pin >= len(chip.pin_ports)]
     unset = [name for name in channels if name in board.analog_channels and name not in chip.channel_mux]
     yield from _unknown("board.emitter_pins", "firmware", "pin_ports", unported)
@@ -141,6 +141,8 @@ def _memory_findings(
 
 BAUD_ERROR_LIMIT = 0.025
 BAUD_ERROR_WARNING = 0.01
+LONGEST_FRAME_MS = 2000.0
+"""The driver waits 2.5 s for the answer to a command."""
 
 
 def board_findings(
@@ -153,7 +155,7 @@ def board_findings(
     if board.divides_clock:
         yield from _prescaler_findings(design, board)
         yield from _baud_findings(design, board)
-    for known in board.warnings:
+    for known in board.warnings or ():
         yield warning(
             "board.kind", known, value=design.board.kind, limit="none", way_out="see the board's notes"
         )
@@ -165,7 +167,7 @@ def circuit_findings(design: SensorDesign, board: Board) -> Iterator[Finding]:
     """Findings about the circuit around the board: light an emitter, switch it by a pin, settle in time."""
     for placed in {one.part_id: one for one in cavity_of(design).emitters}.values():
         switch = emitter_switch(placed.part, board)
-        supply_v, most = board.emitter_v, board.max_pin_current_ma.value
+        supply_v = board.emitter_v
         if switch.series_ohm is None:
             yield warning(
                 placed.origin,
@@ -174,21 +176,13 @@ def circuit_findings(design: SensorDesign, board: Board) -> Iterator[Finding]:
                 limit=f"less than the supply's {supply_v:g} V",
                 way_out="use a higher supply for the emitters, or another part",
             )
-        register = shift_register_of(design)
-        if register is not None and switch.base_current_ma > register.max_output_ma.value:
+        driver, most_ma = most_drive_ma(design, board)
+        if switch.base_current_ma > most_ma:
             yield warning(
                 placed.origin,
-                f"an output of {register.title} gives too little current to switch {placed.part_id}",
+                f"{driver} gives too little current to switch {placed.part_id} by a bipolar transistor",
                 value=f"{switch.base_current_ma:.1f} mA",
-                limit=f"at most {register.max_output_ma.value:g} mA",
-                way_out="use a logic-level MOSFET instead of the transistor, or a part with less max_current_ma",
-            )
-        elif register is None and switch.overloads_pin(board):
-            yield warning(
-                placed.origin,
-                f"a pin gives too much current to switch {placed.part_id} by a bipolar transistor",
-                value=f"{switch.base_current_ma:.1f} mA",
-                limit=f"at most {most:g} mA",
+                limit=f"at most {most_ma:g} mA",
                 way_out="use a logic-level MOSFET or a driver instead, or a part with less max_current_ma",
             )
     errors = list(gain_findings(design))
@@ -248,6 +242,17 @@ def _baud_findings(design: SensorDesign, board: Board) -> Iterator[Finding]:
     )
 
 
+def _answer_findings(takes_ms: float, design: SensorDesign, board: Board) -> Iterator[Finding]:
+    if takes_ms > LONGEST_FRAME_MS:
+        yield warning(
+            "board.averages" if design.board.averages > 1 else "board.settle_us",
+            "the board obeys commands between frames, so the driver may give it up during one",
+            value=f"{takes_ms / MS_PER_S:.1f} s a frame",
+            limit=f"at most {LONGEST_FRAME_MS / MS_PER_S:g} s",
+            way_out=f"lower {_slow_fields(design, board)}",
+        )
+
+
 def _slow_fields(design: SensorDesign, board: Board) -> str:
     """What makes a frame shorter, in words."""
     fields = ["board.averages"] if design.board.averages > 1 else []
@@ -263,6 +268,7 @@ def _rate_findings(
     if board.divides_clock and design.board.adc_prescaler <= 0:
         return  # another finding covers it
     takes = frame_time_ms(board, design.board, emitter_count, receiver_count, multiplexer_of(design))
+    yield from _answer_findings(takes, design, board)
     budget = MS_PER_S / design.board.frame_rate_hz
     if takes > budget:
         yield error(

@@ -71,7 +71,7 @@ class FacingRows(Model):
 
 
 class PerSide(Model):
-    """A number of parts of one kind on each wall, evenly spaced; two kinds in one wall alternate."""
+    """A number of parts of one kind on each wall, evenly spaced; two rows that would meet in one position alternate."""
 
     pattern: Literal["per_side"]
     kind: Kind
@@ -351,7 +351,8 @@ def _with_rows_in_turn(
         mine = [k for k, one in enumerate(places) if one.wall == wall and one.origin in plain]
         emitters = [k for k in mine if places[k].kind == "emitter"]
         receivers = [k for k in mine if places[k].kind == "receiver"]
-        if not emitters or not receivers:
+        at_mm = [[round(places[k].along_mm, 6) for k in kind] for kind in (emitters, receivers)]
+        if not set(at_mm[0]) & set(at_mm[1]):
             continue
         row = _row(len(mine), cavity.wall_length_mm(wall), None)
         queues = {"emitter": iter(emitters), "receiver": iter(receivers)}

@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 from cad.volume import mold_volume_mm3
-from design.circuit.emitter_switch import EmitterSwitch, emitter_switch
+from design.circuit.emitter_switch import EmitterSwitch, emitter_switch, most_drive_ma
 from design.circuit.pins import board_of, multiplexer_of, receiver_paths, shift_register_of
 from design.mold.filling import is_cast_under_lid
 from design.mold.outline import outline_of
@@ -77,7 +77,7 @@ def bom_rows(design: SensorDesign, gain: SimulatedGain | None = None) -> tuple[B
         *_part_rows(cavity.emitters),
         *_part_rows(cavity.receivers),
         BomRow(item=board.title, catalogue_id=design.board.kind, quantity=1),
-        *_switch_rows(cavity.emitters, board),
+        *_switch_rows(design, cavity.emitters, board),
         *_amplifier_rows(design, cavity.receivers, gain),
         *_circuit_rows(design),
         *_silicone_rows(design),
@@ -122,7 +122,7 @@ def _part_rows(placed: Sequence[PlacedPart]) -> Iterator[BomRow]:
         )
 
 
-def _switch_rows(emitters: Sequence[PlacedPart], board: Board) -> Iterator[BomRow]:
+def _switch_rows(design: SensorDesign, emitters: Sequence[PlacedPart], board: Board) -> Iterator[BomRow]:
     for part, names in _by_entry(emitters):
         switch = emitter_switch(part.part, board)
         yield BomRow(
@@ -137,7 +137,7 @@ def _switch_rows(emitters: Sequence[PlacedPart], board: Board) -> Iterator[BomRo
             quantity=len(names),
             references=_marked(names, "RB"),
             value=ohm_text(switch.base_ohm),
-            note=_base_note(switch, board),
+            note=_base_note(switch, *most_drive_ma(design, board)),
         )
         yield BomRow(
             item="series resistor",
@@ -343,13 +343,12 @@ def _most_ma(part: Part) -> str:
     return number(part.max_current_ma.value)
 
 
-def _base_note(switch: EmitterSwitch, board: Board) -> str:
+def _base_note(switch: EmitterSwitch, driver: str, most_ma: float) -> str:
     volts, gain = assumption("base_emitter_v").value, assumption("forced_gain").value
     rests = f"{volts:g} V base to emitter, forced gain {gain:g} (assumed)"
-    note = f"{switch.base_current_ma:.1f} mA from the pin; {rests}"
-    if switch.overloads_pin(board):
-        most = board.max_pin_current_ma.value
-        return f"{note}; TOO MUCH for a pin ({most:g} mA): use a logic-level MOSFET or a driver instead"
+    note = f"{switch.base_current_ma:.1f} mA from {driver}; {rests}"
+    if switch.base_current_ma > most_ma:
+        return f"{note}; TOO MUCH for it ({most_ma:g} mA): use a logic-level MOSFET or a driver instead"
     return note
 
 

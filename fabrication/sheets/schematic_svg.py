@@ -17,7 +17,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-from design.circuit.emitter_switch import emitter_switch, supply_current
+from design.circuit.emitter_switch import emitter_switch, most_drive_ma, supply_current
 from design.circuit.pins import (
     address_pins,
     board_of,
@@ -41,16 +41,17 @@ def circuit_lines(design: SensorDesign) -> Iterator[str]:
     """The section's lines."""
     kinds = {one.part_id: one.part for one in cavity_of(design).emitters}
     board, current = board_of(design), supply_current(design)
+    driver, most_ma = most_drive_ma(design, board)
     yield "## Wire the emitters"
     yield ""
     yield "One NPN transistor each, as `schematic.svg` draws it."
     yield ""
-    yield "| emitter | series resistor | base resistor | through the emitter mA | out of the pin mA |"
+    yield f"| emitter | series resistor | base resistor | through the emitter mA | out of {driver} mA |"
     yield "|---|---|---|---|---|"
     for part_id, part in kinds.items():
         switch = emitter_switch(part, board)
         series = "none fits: a higher supply" if switch.series_ohm is None else ohm_text(switch.series_ohm)
-        pin = f"{switch.base_current_ma:.1f}" + (" TOO MUCH" if switch.overloads_pin(board) else "")
+        pin = f"{switch.base_current_ma:.1f}" + (" TOO MUCH" if switch.base_current_ma > most_ma else "")
         lit = f"{switch.usual_current_ma:.1f} usual, {switch.current_ma:.1f} at most"
         yield f"| {part_id} | {series} | {ohm_text(switch.base_ohm)} | {lit} | {pin} |"
     yield ""

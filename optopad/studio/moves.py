@@ -17,7 +17,7 @@ from typing import Any
 from design.errors import InputError
 from design.shape.cavity import PlacedPart, cavity_of
 from design.spec import SensorDesign
-from design.spec.layout import AtAngles, DiscRing, FacingRows, PerSide, Ring, Single, expand
+from design.spec.layout import AtAngles, DiscRing, FacingRows, PerSide, Placement, Ring, Single, expand
 
 STEP_MM = 0.05
 """Grid of a dragged position [mm]; it is finer than the print of any mold."""
@@ -88,41 +88,53 @@ def moved(
 def placed_singles(design: SensorDesign, numbers: Iterable[int]) -> list[dict[str, Any]]:
     """The layout with some of its patterns resolved into single parts at the same positions.
 
-    Straight walls get one entry per part; a ring gets one entry per kind, with an angle per part.
+    A part in a straight wall gets an entry of its own; parts of one kind in round walls get one entry, with an angle
+    per part. The parts of each kind keep their order, and with it their names. Rows that take turns are resolved
+    together, because the positions of one depend on the other.
     """
-    document = design.model_dump(mode="json")["layout"]
     apart = set(numbers)
+    places = expand(design.layout, design.cavity)
+    in_turn = {number for number in range(len(design.layout)) if _takes_turns(design, number)}
+    if apart & in_turn:
+        apart |= in_turn
     found: list[dict[str, Any]] = []
-    for number, pattern in enumerate(document):
+    for number, pattern in enumerate(design.model_dump(mode="json")["layout"]):
         if number not in apart or pattern["pattern"] in ("single", "at_angles"):
             found.append(pattern)
             continue
-        found += _angles_of(design, number)
-        for place in expand((design.layout[number],), design.cavity):
-            if place.angle_deg is not None:
-                continue
-            single = {
+        found += _singles_of([one for one in places if one.origin == f"layout.{number}"])
+    return found
+
+
+def _takes_turns(design: SensorDesign, number: int) -> bool:
+    """Whether a row's positions depend on another row of its wall."""
+    alone = expand((design.layout[number],), design.cavity)
+    origin = f"layout.{number}"
+    among = [one for one in expand(design.layout, design.cavity) if one.origin == origin]
+    return [one.along_mm for one in alone] != [one.along_mm for one in among]
+
+
+def _singles_of(places: Iterable[Placement]) -> list[dict[str, Any]]:
+    """Entries of one pattern's parts: singles, and angles of each kind until a straight wall comes between."""
+    found: list[dict[str, Any]] = []
+    angles: dict[str, list[float]] = {}
+    for place in places:
+        if place.angle_deg is None:
+            angles.pop(place.kind, None)
+            own = {"part": place.part, "height_mm": place.height_mm}
+            entry = {
                 "pattern": "single",
                 "kind": place.kind,
                 "wall": place.wall,
                 "along_mm": _plain(place.along_mm),
             }
-            found.append(single | {key: value for key, value in _own(place).items() if value is not None})
+            found.append(entry | {key: value for key, value in own.items() if value is not None})
+        elif place.kind in angles:
+            angles[place.kind].append(_plain(place.angle_deg))
+        else:
+            angles[place.kind] = [_plain(place.angle_deg)]
+            found.append({"pattern": "at_angles", "kind": place.kind, "angles_deg": angles[place.kind]})
     return found
-
-
-def _angles_of(design: SensorDesign, number: int) -> list[dict[str, Any]]:
-    """Entries by angle with the parts of a ring in round walls, emitters first."""
-    places = [one for one in expand((design.layout[number],), design.cavity) if one.angle_deg is not None]
-    return [
-        {
-            "pattern": "at_angles",
-            "kind": kind,
-            "angles_deg": [_plain(place.angle_deg or 0.0) for place in places if place.kind == kind],
-        }
-        for kind in ("emitter", "receiver")
-        if any(place.kind == kind for place in places)
-    ]
 
 
 def _turned(design: SensorDesign, part: PlacedPart, angle_deg: float, *, with_row: bool) -> dict[str, Any]:
@@ -147,9 +159,16 @@ def _turned(design: SensorDesign, part: PlacedPart, angle_deg: float, *, with_ro
         rank = _rank(design, part) - sum(place.kind == part.kind for place in before)
         return {f"{part.origin}.angles_deg.{rank}": wanted}
     layout = placed_singles(design, [number])
-    mine = next(one for one in layout[number:] if one.get("angles_deg") and one["kind"] == part.kind)
-    angles = mine["angles_deg"]
-    nearest = min(range(len(angles)), key=lambda k: abs(_around(angles[k] - (part.angle_deg or 0.0))))
+    start_deg = part.angle_deg or 0.0
+    angles, nearest = min(
+        (
+            (one["angles_deg"], k)
+            for one in layout[number:]
+            if one["kind"] == part.kind
+            for k in range(len(one.get("angles_deg", ())))
+        ),
+        key=lambda at: abs(_around(at[0][at[1]] - start_deg)),
+    )
     angles[nearest] = wanted
     return {"layout": layout}
 
@@ -168,16 +187,12 @@ def _whole_steps(angle_deg: float) -> float:
     return round(angle_deg / STEP_DEG) * STEP_DEG
 
 
-def _own(place: Any) -> dict[str, Any]:
-    return {"part": place.part, "height_mm": place.height_mm}
-
-
 def _along(design: SensorDesign, part: PlacedPart, along_mm: float, *, with_row: bool) -> dict[str, Any]:
     number = int(part.origin.split(".")[1])
     pattern = design.layout[number]
     if isinstance(pattern, Single):
         return {f"{part.origin}.along_mm": along_mm}
-    if with_row and not isinstance(pattern, Ring):
+    if with_row and not isinstance(pattern, Ring) and not _takes_turns(design, number):
         return _row_moved(design, part, along_mm)
     layout = placed_singles(design, [number])
     mine = [

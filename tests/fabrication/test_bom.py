@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from design.circuit.emitter_switch import emitter_switch
+from design.circuit.emitter_switch import emitter_switch, most_drive_ma
 from design.circuit.pins import board_of
 from design.parts.assumptions import E24, assumption, ohm_text, standard_at_least, standard_at_most
 from design.parts.catalog import Part
@@ -104,8 +104,10 @@ def test_an_emitter_beyond_the_supply_has_no_resistor() -> None:
 
 def test_a_base_current_that_a_pin_cannot_give_is_noticed() -> None:
     board = board_of(PAD)
-    assert not emitter_switch(led(max_current_ma={"value": 150.0}), board).overloads_pin(board)
-    assert emitter_switch(led(max_current_ma={"value": 300.0}), board).overloads_pin(board)
+    driver, most_ma = most_drive_ma(PAD, board)
+    assert driver == "a pin"
+    assert emitter_switch(led(max_current_ma={"value": 150.0}), board).base_current_ma <= most_ma
+    assert emitter_switch(led(max_current_ma={"value": 300.0}), board).base_current_ma > most_ma
 
 
 @pytest.mark.parametrize(("ohm", "text"), [(120.0, "120 ohm"), (2200.0, "2.2 kohm"), (1e6, "1 Mohm")])

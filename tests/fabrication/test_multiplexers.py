@@ -31,6 +31,7 @@ from fabrication.sheets.bom import bom_rows
 from fabrication.sheets.schematic_svg import schematic_svg
 from fabrication.sketch import firmware_settings
 from tests.fabrication.simulated_board import (
+    INPUT_HELD,
     portable_pad,
     quantised,
     random_table,
@@ -116,6 +117,9 @@ def test_the_firmware_reads_every_receiver_through_its_multiplexer(
     frames = run.frames.counts
     assert len(frames) >= 3
     assert (frames == quantised(table, settings.adc_bits)).all()
+    conversions = (run.log["kind"] == INPUT_HELD).sum()
+    begun = conversions / (table.size * averages)
+    assert len(frames) <= begun < len(frames) + 3  # one begins, two are still to be sent
 
 
 def test_without_multiplexers_check_proposes_them() -> None:

@@ -182,7 +182,7 @@ CORES = {"cortex-m7": "-O2", "cortex-m4": "-Os", "cortex-m0plus": "-Os"}
 OF_THE_CORE = {
     *("micros", "pinMode", "digitalWrite", "analogRead", "analogReadResolution", "Serial"),
     *("SerialLine::begin", "SerialLine::available", "SerialLine::read", "SerialLine::write"),
-    *("SerialLine::availableForWrite", "memcpy", "memset"),
+    *("SerialLine::availableForWrite", "delayMicroseconds", "memcpy", "memset"),
 }
 """All that the program may need: no memory of a heap, no exceptions, no numbers with a point."""
 

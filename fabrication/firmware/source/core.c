@@ -149,6 +149,7 @@ static inline uint32_t most_of_value(void) {
         wait_for_conversion();
         sum += ADC;
         start_conversion();
+        clock_us(); /* counts the clock's turns, one in 32 ms */
     }
     return sum;
 }
@@ -222,6 +223,7 @@ static void read_frame(void) {
             sum += ADC;
             select_receiver(next);
             start_conversion();
+            clock_us();
             pack_reading(&frame, sum / AVERAGES);
         }
         sum = most_of_value();

@@ -242,14 +242,14 @@ def test_a_sequence_that_does_not_make_the_numbers_is_refused() -> None:
         with_layout({"pattern": "ring", "emitters": 8, "receivers": 8, "sequence": "ERR"})
 
 
-def test_two_rows_in_one_wall_take_turns() -> None:
-    found = places(
-        {"pattern": "per_side", "kind": "emitter", "south": 2, "north": 1},
-        {"pattern": "per_side", "kind": "receiver", "south": 3},
-    )
+def test_two_rows_at_the_same_positions_take_turns() -> None:
+    emitters = {"pattern": "per_side", "kind": "emitter", "south": 2, "north": 1}
+    found = places(emitters, {"pattern": "per_side", "kind": "receiver", "south": 2})
     south = sorted((one.along_mm, one.name) for one in found if one.wall == "south")
-    assert south == [(4.0, "E1"), (12.0, "R1"), (20.0, "R2"), (28.0, "E2"), (36.0, "R3")]
+    assert south == [(5.0, "E1"), (15.0, "R1"), (25.0, "E2"), (35.0, "R2")]
     assert [one.along_mm for one in found if one.wall == "north"] == [20.0]
+    apart = places(emitters, {"pattern": "per_side", "kind": "receiver", "south": 3})
+    assert [one.along_mm for one in apart if one.name in ("E1", "E2")] == [10.0, 30.0]
     shifted = places(
         {"pattern": "per_side", "kind": "emitter", "south": 1, "shift_mm": 5.0},
         {"pattern": "per_side", "kind": "receiver", "south": 1},

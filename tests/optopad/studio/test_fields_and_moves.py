@@ -420,6 +420,32 @@ def test_an_unknown_part_and_a_place_that_is_no_number_are_refused() -> None:
             moved(preset(PAIR), "E1", along_mm=value)
 
 
+def test_rows_that_take_turns_leave_their_patterns_together() -> None:
+    rows = [{"pattern": "per_side", "kind": kind, "south": 2} for kind in ("emitter", "receiver")]
+    design = preset(PAD).with_(layout=rows)
+    before = {name: at[3] for name, at in places(design).items()}
+    after_it = {name: at[3] for name, at in places(after(design, "E1", along_mm=before["E1"] + 1.0)).items()}
+    assert after_it == before | {"E1": before["E1"] + 1.0}
+
+
+def test_a_ring_of_a_stadium_keeps_names_and_positions_when_a_part_leaves_it() -> None:
+    ring = {"pattern": "ring", "emitters": 7, "receivers": 9}
+    pad = preset(PAD)
+    wide = {"cavity.outline": "stadium", "cavity.length_mm": 60.0, "cavity.width_mm": 26.0}
+    mold = {"mold.outer_length_mm": 72.0, "mold.outer_width_mm": 38.0}
+    design = pad.with_(layout=[ring], **wide, **mold)
+    for name in ("E2", "R5", "R9"):
+        part = part_named(design, name)
+        to = (
+            {"along_mm": part.along_mm + 0.5}
+            if part.angle_deg is None
+            else {"angle_deg": part.angle_deg + 1.0}
+        )
+        changed = after(design, name, **to)
+        there = {one: at for one, at in places(changed).items() if one != name}
+        assert there == {one: at for one, at in places(design).items() if one != name}
+
+
 @for_each(DESIGNS)
 def test_a_layout_taken_apart_is_the_same_layout(where: str) -> None:
     design = DESIGNS[where]

@@ -11,6 +11,7 @@ enum : uint8_t { A0 = 54, A1, A2, A3, A4, A5, A6, A7, A8, A9, A10, A11, A12, A13
 void setup();
 void loop();
 unsigned long micros();
+void delayMicroseconds(unsigned int us);
 void pinMode(uint8_t pin, PinMode mode);
 void digitalWrite(uint8_t pin, PinStatus level);
 int analogRead(uint8_t pin);

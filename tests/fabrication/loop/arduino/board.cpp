@@ -46,6 +46,8 @@ unsigned long micros() {
     return (uint32_t)(FIRST_US + now_ns / 1000);
 }
 
+void delayMicroseconds(unsigned int us) { now_ns += us * 1000u; }
+
 /* ---- pins */
 
 void pinMode(uint8_t pin, PinMode mode) { is_output[pin] = mode == OUTPUT; }
