@@ -395,7 +395,7 @@ class Board(Model):
         elif self.firmware is not None:
             raise ValueError(
                 "firmware is the program of AVR boards, whose converter divides the clock; give "
-                "adc_clocks_per_conversion and adc_prescalers in place of conversion_us"
+                "adc_clocks_per_conversion and adc_prescalers instead of conversion_us"
             )
         elif avr != (None, None) or self.exact_bauds:
             raise ValueError(

@@ -337,6 +337,8 @@ def rests_on(score: ContinuityScore) -> Html | None:
     if band is None or not (band.rows or band.unbanded):
         return None
     low, high = band.deadband_range_mm
+    found = f"a deadband of {low:.2f} to {high:.2f} mm" if round(high, 2) else "no deadband"
+    dead = f"{band.judged} has {found}"
     turned = (
         f"the verdict is changed by {', '.join(band.flipping)}"
         if band.flipping
@@ -348,7 +350,7 @@ def rests_on(score: ContinuityScore) -> Html | None:
             "strong",
             f"Depends on {counted(len(band.rows) + len(band.unbanded), 'unmeasured parameter')}",
         ),
-        f": over their bands the deadband of {band.judged} is {low:.2f} to {high:.2f} mm; {turned}.",
+        f": over their bands {dead}; {turned}.",
         " ",
         element("a", "See tolerance", href="#tolerance"),
         " and ",
@@ -526,6 +528,8 @@ def _pad_words(bounds: PadBounds) -> str:
         if math.isinf(worst.location_mm)
         else f"The worst location bound is {_mm(worst.location_mm)}, at {at}."
     )
+    if math.isinf(bounds.median_location_mm.value):
+        return f"One frame of readings does not resolve location and depth together in over half of the volume. {end}"
     return (
         f"One frame of readings resolves the location of a press to {_span(bounds.median_location_mm)} and its depth "
         f"to {_span(bounds.median_depth_mm)} at best (standard deviations, median over the pad). {end}"

@@ -77,7 +77,7 @@ def plot_margin_tolerance(band: ToleranceBand, ax: Axes | None = None) -> Axes:
     ax.axvline(DEADBAND_THRESHOLD, color=VERMILLION, linewidth=1.0, linestyle=":")
     ax.set_xlim(left=0.0)
     _name_rows(ax, band.rows)
-    ax.set_xlabel(f"margin of {band.judged} [sigma]; deadband below {DEADBAND_THRESHOLD:g}")
+    ax.set_xlabel(f"margin [sigma]; deadband below {DEADBAND_THRESHOLD:g}")
     _explain(ax)
     return ax
 

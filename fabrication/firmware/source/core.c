@@ -149,7 +149,7 @@ static inline uint32_t most_of_value(void) {
         wait_for_conversion();
         sum += ADC;
         start_conversion();
-        clock_us(); /* counts the clock's turns, one in 32 ms */
+        clock_us(); /* counts the clock's overflows, one in 32 ms */
     }
     return sum;
 }

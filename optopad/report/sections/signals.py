@@ -376,6 +376,8 @@ def _builds(score: ContinuityScore, drawings: Drawings) -> list[Html]:
 
 def _tolerance_lead(band: ToleranceBand) -> str:
     low, high = band.deadband_range_mm
+    range_mm = f"the deadband is {low:.2f} to {high:.2f} mm ({band.deadband_mm:.2f} mm as designed)"
+    dead = range_mm if round(high, 2) else "no deadband appears"
     turned = (
         f"Measure first the parameters that change the verdict: {', '.join(band.flipping)}."
         if band.flipping
@@ -383,8 +385,7 @@ def _tolerance_lead(band: ToleranceBand) -> str:
     )
     return (
         f"{counted(len(band.rows), 'value')} behind the verdict of {band.judged} were not measured on the "
-        "built pad. Each is varied alone to both ends of its band, with the gain recomputed: the "
-        f"deadband is {low:.2f} to {high:.2f} mm ({band.deadband_mm:.2f} mm as designed). {turned}"
+        f"built pad. Each is varied alone to both ends of its band, with the gain recomputed: {dead}. {turned}"
     )
 
 
