@@ -252,7 +252,7 @@ def _where_positive(gap: Floats, speed: Floats) -> Floats:
 
 
 def _to_arc(arc: Arc, origins: Floats, directions: Floats) -> Floats:
-    """Distance along each ray to a round wall; infinite for a ray that leaves elsewhere."""
+    """(n,) distance along each ray to a round wall [mm]; infinite for a ray that hits another wall."""
     from_middle, level = origins[:, :2] - np.array(arc.centre_mm), directions[:, :2]
     speed2 = np.einsum("ij,ij->i", level, level)
     towards = np.einsum("ij,ij->i", from_middle, level)
@@ -275,7 +275,7 @@ def _off_round_wall_mm(outline: MoldOutline, places: Floats) -> Floats:
 
 
 def _in_filling_holes(outline: MoldOutline, ends: Floats) -> BoolArray:
-    """Whether each end is on the floor in a filling hole, or too close to its edge to decide."""
+    """(n,) whether a ray's end is on the floor in a filling hole, or so near its edge that this is ambiguous."""
     found = np.zeros(len(ends), dtype=bool)
     on_floor = ends[:, 2] < outline.cavity_bottom_mm + EDGE_MM
     for hole in outline.filling:
@@ -285,7 +285,7 @@ def _in_filling_holes(outline: MoldOutline, ends: Floats) -> BoolArray:
 
 
 def _beside_facets(outline: MoldOutline, ends: Floats) -> BoolArray:
-    """Whether each end on the round wall is too close to a facet to decide."""
+    """(n,) whether a ray's end is so near an end of a facet that the wall that it hits is ambiguous."""
     corners = [wall.point(along) for wall in outline.plan.walls for along in (0.0, wall.length_mm)]
     found = np.zeros(len(ends), dtype=bool)
     for x, y in corners:
@@ -294,7 +294,7 @@ def _beside_facets(outline: MoldOutline, ends: Floats) -> BoolArray:
 
 
 def _windows(outline: MoldOutline, ends: Floats) -> tuple[BoolArray, BoolArray]:
-    """Whether each end is in a socket's opening, and whether it is too close to an opening's edge to decide."""
+    """(n,) whether a ray's end is in a socket's opening; (n,) whether it is so near an edge that this is ambiguous."""
     inside = np.zeros(len(ends), dtype=bool)
     near = np.zeros(len(ends), dtype=bool)
     for socket in outline.sockets:

@@ -57,11 +57,11 @@ BEYOND_MM = 1.0
 
 
 def build_mold(design: SensorDesign) -> cq.Workplane:
-    """The mold as one solid in the cavity frame.
+    """The mold as one solid in the cavity frame [mm].
 
     Raises
     ------
-    DesignError : the design breaks a rule, such as a web that is too thin; nothing has been built.
+    DesignError : the design breaks a rule; for example, a web is too thin.
     """
     require_valid(design)
     outline = outline_of(design)

@@ -119,7 +119,7 @@ class LightStore:
     size_mb: float
 
     def read(self, names: Sequence[bytes]) -> dict[bytes, bytes]:
-        """The stored rows that are intact."""
+        """The stored rows by name, without those that are missing or damaged."""
         found: dict[bytes, bytes] = {}
         if not os.path.isfile(self.path):  # False where the folder may not be read
             return found
@@ -197,7 +197,7 @@ class GatheredLight:
         self._written_s = time.monotonic()
 
     def read(self, names: Sequence[bytes]) -> dict[bytes, bytes]:
-        """The known rows; the store is queried for each name once."""
+        """The known rows by name; the store is queried for each name once."""
         new = [name for name in names if name not in self._asked]
         if new and self._store is not None:
             self._rows.update(self._store.read(new))

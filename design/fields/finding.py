@@ -12,9 +12,10 @@ Severity = Literal["error", "warning", "note"]
 
 @dataclass(frozen=True, kw_only=True)
 class Finding:
-    """An error (the design cannot be built or simulated), a warning (it can, with this in mind) or a note.
+    """An error, a warning or a note about a design.
 
-    A note is true of every usual design of its kind, so it is not a warning: a limitation of the pad, and its remedy.
+    A design with an error cannot be built or simulated. A design with a warning can, but the user should know of it.
+    A note states a limitation that all usual designs of the kind have, and its remedy.
 
     Attributes
     ----------

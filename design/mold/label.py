@@ -145,7 +145,7 @@ def _height(lines: list[str]) -> float:
 
 
 def _strokes(lines: list[str], pitch_mm: float, centre_mm: tuple[float, float]) -> list[Stroke]:
-    """Runs of points, mirrored along x: the text is read from below."""
+    """Rectangles of the text [mm], mirrored along x because it is read from below."""
     place = centre_mm[0] + _width(lines) / 2 * pitch_mm, centre_mm[1] + _height(lines) / 2 * pitch_mm
     return strokes_of(_points(lines), place, pitch_mm, mirrored=True)
 

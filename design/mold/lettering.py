@@ -83,7 +83,7 @@ def upper_edges_mm(strokes: Iterable[Stroke]) -> float:
 
 
 def shapes_of(strokes: Iterable[Stroke]) -> tuple[Shape, ...]:
-    """The union of strokes as outlines, the lowest corner of each first."""
+    """Connected shapes of the union of strokes, in the order of their leftmost corners (least x, then least y)."""
     loops = _Grid(tuple(strokes)).loops()
     outer = [loop for loop in loops if _signed_area(loop) > 0]
     holes = [loop for loop in loops if _signed_area(loop) < 0]

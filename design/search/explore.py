@@ -329,12 +329,13 @@ class Findings:
 
     Attributes
     ----------
+    space : the search space
     base : the objective's result for the base design
-    limits : limits of feasible designs
-    tried : finished designs by number
-    front : feasible designs that no other one dominates
+    limits : limits that a feasible design keeps
+    tried : finished designs in the order of their numbers
+    front : the Pareto front: feasible designs that no other design dominates
     wanted : requested number of designs
-    is_interrupted : whether the user stopped the search before that
+    is_interrupted : whether the user stopped the search before that number was reached
     """
 
     space: SearchSpace

@@ -108,7 +108,7 @@ def _exchanges(usable: BoolArray) -> list[_Exchange]:
 
 
 def _fitted(pattern: Pattern, usable: BoolArray, rows: Order, columns: Order) -> _Fit:
-    """Fit of an order of the expected rows and columns."""
+    """Misfit of readings to the expected pattern, with its rows (emitters) and columns (receivers) in this order."""
     expected = pattern.expected[list(rows)][:, list(columns)]
     meant = pattern.is_meant_to_clip[list(rows)][:, list(columns)]
     difference = _scaled(pattern.measured) - _scaled(expected)

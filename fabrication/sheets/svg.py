@@ -140,7 +140,7 @@ def wire(*points: Point) -> Element:
 
 
 def dot(at: Point) -> Element:
-    """A joint of wires."""
+    """A filled dot, which marks a junction of wires."""
     return circle(at, 2.6, fill=LINE)
 
 

@@ -97,11 +97,11 @@ class FakePrinter:
 
     @property
     def due_s(self) -> float:
-        """Time of its next message by itself [s]."""
+        """Time of the next message that it sends without a request [s]."""
         return self._due_s
 
     def spoken(self, now_s: float) -> bytes:
-        """Bytes that it sends by itself at this time."""
+        """Bytes that it sends without a request at this time."""
         if now_s < self._due_s:
             return b""
         if self._says:

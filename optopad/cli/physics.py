@@ -149,7 +149,7 @@ def simulate(
 
 
 def _oracle_rays(oracle: bool, rays: int | None) -> int | None:
-    """Rays of the ray tracer; None without ``--oracle``."""
+    """Number of rays for the ray tracer; None without ``--oracle``, which ``--rays`` requires."""
     if not oracle:
         if rays is not None:
             raise InputError(f"--rays: {rays} needs --oracle, which traces them; add it, or drop --rays")

@@ -46,7 +46,7 @@ def spans(intervals_mm: Iterable[Interval], absent: str = "none", between: str =
 
 
 def ends(low: float, high: float) -> str:
-    """Both ends of a band."""
+    """Both ends of a band as text."""
     return f"{low:.3g} to {high:.3g}"
 
 
@@ -153,7 +153,7 @@ def _verdict(design: SensorDesign, score: ContinuityScore) -> str:
 
 
 def _other_pairs(count: int, every: int) -> str:
-    """The number of further pairs that do not resolve depth either; empty if there is none."""
+    """A clause with the number of further pairs that have a deadband; empty if there are none."""
     if not count:
         return ""
     return f"; {count} more of {every} pairs {'has a deadband' if count == 1 else 'have deadbands'}, too"
@@ -242,7 +242,7 @@ def _none_changes(count: int) -> str:
 
 
 def _without_band(count: int) -> str:
-    """The number of further parameters that could not be varied; empty if there is none."""
+    """A clause with the number of parameters that have no uncertainty band; empty if there are none."""
     if not count:
         return ""
     return f"; {counted(count, 'parameter has', 'parameters have')} no uncertainty band"
@@ -258,12 +258,16 @@ def _doubtful(score: ContinuityScore) -> str:
 
 
 def at_mm(x_mm: float, y_mm: float) -> str:
-    """A location of the pad."""
+    """A location of the pad as text, such as "(11, 16) mm"."""
     return f"({x_mm:g}, {y_mm:g}) mm"
 
 
 def _turn(band: ToleranceBand, row: ToleranceRow, values: dict[str, float]) -> tuple[str, float] | None:
-    """A path whose band changes the verdict, and the necessary change of its value, by a linear margin."""
+    """A parameter that changes the verdict within its uncertainty band: its path, and the change that suffices.
+
+    The change [unit of the field] is interpolated linearly in the margin. The result is None if no end of the band
+    changes the verdict.
+    """
     if not row.flips or row.path not in values:
         return None
     found = []

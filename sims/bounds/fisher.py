@@ -182,7 +182,7 @@ def sensitivity(
     Parameters
     ----------
     voxels_mm : (voxel, 3) x, y, depth
-    accuracy, seed : settings of the light; the second half has ``seed + SEED_GAP``
+    accuracy, seed : accuracy setting and random seed of the light model; the second half has ``seed + SEED_GAP``
     on_step : called with the share that is done
 
     Returns

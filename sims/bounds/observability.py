@@ -10,11 +10,8 @@ the distance half-way to its neighbours. Their low and high ends come from all b
 errors of the trace, which is the worst case (voxels' errors are nearly independent). They contain the error of the
 trace only, not that of the models or of the coarse grid.
 
-Summaries of bounds over a volume, each with the ends of its band by the error of the light trace.
-
-The loss when one emitter or one receiver fails: the bounds again without its pairs.
-
-Bounds as plain data for JSON: summaries with the ends of their bands, maps by depth; not resolved is None.
+The loss when an emitter or receiver fails follows from the bounds without its pairs. The plain data for JSON have the
+summaries with the ends of their bands, and maps by depth; a bound that is not resolved is None.
 """
 
 from __future__ import annotations

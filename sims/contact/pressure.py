@@ -82,16 +82,16 @@ def _through_rings(ring: FloatArray) -> FloatArray:
 
 
 def contact_pressure(press: SolvedPress, depth_mm: float) -> ContactPressure:
-    """Pressure between tip and layer.
+    """Pressure between tip and layer at one depth; one node of pressure 0 without contact.
 
     Parameters
     ----------
     press : the solved press
-    depth_mm : depth of the press [mm]; 0 or less: no contact
+    depth_mm : depth of the press [mm]; at 0 or less there is no contact
 
     Raises
     ------
-    ModelScopeError : the depth is deeper than solved
+    ModelScopeError : the depth exceeds the solved range
     """
     force_n, tip_mm = press.force_n(depth_mm), press.tip_radius_mm  # refuses depths that were not solved
     if depth_mm <= 0.0:

@@ -50,9 +50,7 @@ Left out: scatter from component to component, several minima, gains that differ
 noise), model errors common to neighbouring locations and depths, and larger ones. docs/validation/calibration.md has
 the errors of fitted values on hidden units.
 
-The twin of a manufactured pad: the design with parameters fitted to its own presses, and the model that reads the pad.
-
-The determined and the undetermined parameters of a calibration, as numbers and in plain words.
+A report lists the fitted parameters, and the combinations of parameters that the data do not determine.
 """
 
 from __future__ import annotations
@@ -131,12 +129,13 @@ def calibrated(
     seed: int = 0,
     on_step: OnStep | None = None,
 ) -> Calibration:
-    """Fit a design's unknown optics to a manufactured pad's presses.
+    """Fit the unknown parameters of a design to the presses on a manufactured pad.
 
     Parameters
     ----------
-    data : presses with some frames above the surface before each
-    accuracy, seed : settings of the light
+    data : frames of the presses; before each press, some frames have the tip above the surface
+    accuracy, seed : accuracy setting and random seed of the light model
+    on_step : callback that takes the stage and its completed share, 0 to 1
 
     Raises
     ------

@@ -134,7 +134,7 @@ def chain_bounds(
     steps: Steps | None = None,
     on_step: OnShare | None = None,
 ) -> ChainBounds:
-    """Bounds at presses, 12 states of light each.
+    """Bounds at presses, from 12 traced states for each press.
 
     Parameters
     ----------
@@ -142,8 +142,8 @@ def chain_bounds(
     gains : counts per flux, (receiver,) or (emitter, receiver) [counts]
     noise : noise of a frame; its `clip_counts` is full scale
     stage : errors of the stage; those of the design's signal chain if left out
-    accuracy, seed : settings of the light; the second half has ``seed + SEED_GAP``
-    on_step : called with the share that is done
+    accuracy, seed : accuracy setting and random seed of the light model; the second half has ``seed + SEED_GAP``
+    on_step : callback that takes the completed share, 0 to 1
 
     Raises
     ------
@@ -183,15 +183,15 @@ def bounds_by_depth(
     seed: int = 0,
     on_step: OnShare | None = None,
 ) -> dict[float, tuple[float, float]]:
-    """Medians over locations of the workspace of the location and the depth bound, at depths.
+    """The bounds of location and of depth [mm], for each depth [mm]: medians over the locations of the workspace.
 
-    Depths at which the information is within the trace's own noise at half of the locations are left out.
+    A depth is left out if a median is infinite, that is, if at least half of the locations are not resolved.
 
     Parameters
     ----------
     gains, noise, accuracy, seed, on_step : as for `chain_bounds`
-    depths_mm : above 0 [mm]
-    places : number of locations, evenly spread (recurrence of the plastic number); 12 states of light each and depth
+    depths_mm : depths of the presses, above 0 [mm]
+    places : number of locations, evenly spread (`EVENLY`); each takes 12 traced states at each depth
     """
     space = workspace_of(design)
     share = np.outer(np.arange(1, places + 1), EVENLY) % 1.0

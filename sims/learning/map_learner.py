@@ -88,7 +88,7 @@ class Untouched:
 
     @property
     def is_clipped(self) -> BoolArray:
-        """(pair,) whether the mean is at full scale."""
+        """(pair,) whether the mean is at least `CLIP_SHARE` of full scale, so that the pair counts as saturated."""
         return np.asarray(self.mean_counts >= CLIP_SHARE * self.clip_counts)
 
 
@@ -221,7 +221,11 @@ def signal_map_learner(design: SensorDesign, *, quick: bool = False, seed: int =
 
 
 def map_header(design: SensorDesign, data: PressData, found: SignalMap, seed: int) -> ModelHeader:
-    """Header of a model from a map: the data's sensor, the map's design, the force of a centred press."""
+    """Header of a model that uses a traced map.
+
+    The digest of the design and the names of emitters and receivers are those of the data. The settings are those of
+    the map. The force curve is that of a centred press on the design.
+    """
     deepest = design.operating.max_depth_mm
     press = solved_press(design, max_depth_mm=deepest)
     curve = force_curve(design, press, np.linspace(0.0, deepest, FORCE_DEPTHS))

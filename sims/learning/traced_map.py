@@ -84,7 +84,7 @@ class SignalMap:
     x_mm : (nx,), y_mm : (ny,), root_depth : (ns,) nodes at equal steps [mm, mm, √mm]; the first depth is 0
     flux : (nx, ny, ns, emitter, receiver) light over emitted power [-]
     workspace : press centres that it covers
-    digest, accuracy, seed : the design, and settings of the light
+    digest, accuracy, seed : digest of the design; accuracy setting and random seed of the light model
     error : (pair,) RMS error of the ratio to the untouched light at random presses [-]; None where not measured
     checked : those presses and their light; None where not measured
     """
@@ -203,7 +203,7 @@ def traced_map(
     Parameters
     ----------
     pitch_mm : largest distance of locations; depth_nodes : number of depths, the untouched pad included
-    accuracy, seed : settings of the light
+    accuracy, seed : accuracy setting and random seed of the light model
     on_step : called with ``map`` and the share that is done
 
     Raises

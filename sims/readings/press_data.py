@@ -389,7 +389,7 @@ def traced_curves(
     ----------
     places_mm : (place, 2) [mm]
     depth_mm : (knot,) rising from 0; by default `knots_mm` of the design [mm]
-    accuracy, seed : settings of the light
+    accuracy, seed : accuracy setting and random seed of the light model
     on_step : called with (states done, states)
 
     Raises

@@ -76,7 +76,7 @@ def protocol_curves(
 
     Parameters
     ----------
-    seed, accuracy : settings of the light
+    seed, accuracy : random seed and accuracy setting of the light model
     is_coarse : fewer depths, two thirds of the light, a larger error (docs/how-to/simulate-data-set.md); None: as in
     the protocol
     on_step : called with a stage's name and the share of it that is done

@@ -1,7 +1,7 @@
 """Sensitivity to each parameter: the change of verdict and bounds at a small step of each field of a design.
 
-One field moves at a time, a step down and a step up; a gain by rule is set anew. Each design is judged in brief, as
-manufactured units are (`sims.verdict.builds`): facing rows by their governing pair, a pad at its location of least
+One field moves at a time, a step down and a step up; a gain by rule is set anew. Each design gets a short verdict, as
+manufactured units do (`sims.verdict.builds`): facing rows by their governing pair, a pad at its location of least
 margin. The Cramér-Rao bounds of one frame (`sims.bounds`) are computed there, at half the deepest press.
 
 Left out: after a step another location may have the least margin; fields stepped together. Light settings are those of

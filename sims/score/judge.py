@@ -101,7 +101,7 @@ class Settings:
 
     Attributes
     ----------
-    untouched, pairs, map, bounds : settings of the light
+    untouched, pairs, map, bounds : accuracy settings of the light model
     near : settings of the map's light near contact, where the map then has all depths; None takes those of the map
     step_mm, map_step_mm : steps of the depths of pairs and of the map [mm]
     map_places, bound_places : locations along the longer side of the workspace [-]
@@ -232,7 +232,7 @@ def settled_open(
 
     Parameters
     ----------
-    doubts : settings of the light, tried in turn; the first are the map's own
+    doubts : accuracy settings of the light model, tried in turn; the first are the map's own
     """
     for settings in doubts:
         doubtful = pad_map.doubtful(MOST_TRACED_AGAIN)

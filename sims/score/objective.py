@@ -139,7 +139,10 @@ def draft_score(design: SensorDesign, *, seed: int = 0, on_step: OnStep | None =
 def with_draft_bounds(
     design: SensorDesign, draft: ContinuityScore, *, on_step: OnStep | None = None
 ) -> ContinuityScore:
-    """The same with the bounds of location and depth from one frame, and the detection threshold; pads only."""
+    """A pad's draft score with bounds added: of location and depth from one frame, and the detection threshold.
+
+    A score without a map, such as that of facing rows, is returned unchanged.
+    """
     if draft.pad_map is None or draft.readout is None or draft.pad_signals is None:
         return draft
     judge = Judge(design, "draft", seed=draft.seed, on_step=on_step)

@@ -226,7 +226,7 @@ class ContinuityScore(KeyFigures):
         return sum(bool(pair.score.deadbands_mm) for pair in self.pairs)
 
     def to_json(self) -> dict[str, Any]:
-        """Plain data for JSON; an end that is not reached is None."""
+        """Plain data for JSON; numbers that are absent or not finite are None."""
         return {
             "name": self.name,
             "digest": self.digest,

@@ -1,6 +1,6 @@
 """A trial of moves that would help: component heights and layer thickness are moved, and the designs are traced.
 
-    cause of the worst interval ──► lines to move along ──► moves judged in brief at that location
+    cause of the worst interval ──► lines to move along ──► short verdicts on moves at that location
         ──► the least move without a deadband ──► all locations of the moved pad ──► verdict
 
 A line moves both heights, one of them, or the thickness. Its direction follows from the cause: components up or a
@@ -41,7 +41,7 @@ ENOUGH_MARGIN = 1.5 * DEADBAND_THRESHOLD
 GAIN_MM = 0.3
 """Usable depth that a move must add where none reaches the deepest press; a deadband's least length [mm]."""
 MOST_BRIEFS = 10
-"""Most moves that are judged in brief: about a tenth of a score's processor time."""
+"""Largest number of short verdicts (`Brief`): they take about a tenth of a score's processor time."""
 GRID_MM = 0.1
 """Moves are multiples of this step, which a printer can place."""
 LENGTHS_MM = (0.8, 3.0)
@@ -200,7 +200,7 @@ class _Search:
         return enough_mm
 
     def _reaches(self, line: Line, length_mm: float) -> bool:
-        """Whether a move is enough, judged in brief; False where it breaks a rule, or no briefs are left."""
+        """Whether a move is enough by its short verdict; False if it breaks a rule, or `MOST_BRIEFS` are used."""
         length_mm = _on_grid(length_mm)
         if (line, length_mm) not in self.tried and line and length_mm > 0.0:
             if len(self._rows()) >= MOST_BRIEFS:
@@ -263,7 +263,7 @@ class _Search:
 def _judge_at(
     design: SensorDesign, score: ContinuityScore, cause: Cause, seed: int
 ) -> tuple[str, BuildJudge]:
-    """The function that judges moves in brief: by all facing pairs, or a pad at the cause's location."""
+    """The function for short verdicts on moves: by all facing pairs, or at the location of a pad's cause."""
     if score.is_facing_rows or score.pad_map is None:
         return facing_judge(seed=seed)
     here = min(

@@ -1,4 +1,4 @@
-"""One manufactured unit of a design, judged in brief: gap, deadband and margin, on which a verdict depends.
+"""A short verdict on one manufactured unit of a design: its mode gap, deadband and margin.
 
 It serves to try units that differ from the design in an unmeasured parameter. Facing rows are judged by one pair under
 its own press; a pad at one location, by the pairs that make up nine tenths of the change of its frames there in any
@@ -10,7 +10,7 @@ Facing rows are judged by their governing pair or by all facing pairs; a pad by 
 
 Share of units that keep the verdict: a Monte Carlo over all tolerances of a manufactured unit.
 
-    tolerances ──► Sobol points, scrambled with the seed ──► units ──► verdict in brief ──► share that keeps it
+    tolerances ──► Sobol points, scrambled with the seed ──► units ──► short verdicts ──► share that keeps it
 
 Each unit is the design with all its tolerances drawn at once. Its gain is set anew, as it would be on that unit, and
 it is judged as the design itself is: facing rows by all facing pairs, a pad at its location of least margin. The
@@ -78,7 +78,7 @@ RESPONSE_SHARE = 0.9
 
 @dataclass(frozen=True, kw_only=True)
 class Brief:
-    """The figures on which a verdict depends.
+    """A short verdict: the numbers on which a full verdict depends.
 
     Attributes
     ----------
@@ -86,7 +86,7 @@ class Brief:
     deadband_mm : summed length of the deadbands [mm]
     margin : change of the signal, or distance of a pad's frames, over the least resolved 0.3 mm of depth [noise units];
         below 3 is a deadband
-    usable_mm : depth from which on depth is not resolved any more, or the deepest press [mm]; None where not computed
+    usable_mm : depth beyond which depth is no longer resolved, or the deepest press [mm]; None if not computed
     in_doubt : whether the numerical error of the light model may hide a deadband where none was found
     """
 
@@ -171,7 +171,7 @@ def pair_brief(design: SensorDesign, pair: Pair, *, seed: int) -> Brief:
 
 
 def _usable_mm(design: SensorDesign, score: PairScore) -> float:
-    """Depth from which on a pair does not resolve depth any more, or the deepest press [mm]."""
+    """Depth beyond which a pair no longer resolves depth; the deepest press if it resolves all depths [mm]."""
     return design.operating.max_depth_mm if score.saturation_mm is None else score.saturation_mm[0]
 
 

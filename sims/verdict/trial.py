@@ -30,7 +30,7 @@ class Move:
 
 @dataclass(frozen=True, kw_only=True)
 class TriedMove:
-    """One move, judged in brief.
+    """One move and its short verdict.
 
     Attributes
     ----------
@@ -56,8 +56,8 @@ class Trial:
     moves : the moves that help
     verdict, deadband_mm, usable_mm, margin : on the moved design [-, mm, mm, noise units]; None where nothing helps
     judged : the judged pairs or locations, and the light settings, in words
-    searched : the pairs or location that the search judged in brief, in words
-    tried : the moves that were judged in brief, in order
+    searched : the pairs or the location of the search's short verdicts, in words
+    tried : the moves that were traced for a short verdict, in order
     farthest_mm : largest move that was tried [mm]
     more_parts_tried : whether one more component a side was tried
     """

@@ -106,7 +106,7 @@ class FakeBoard:
 
     @property
     def due_s(self) -> float:
-        """Time of its next message by itself [s]."""
+        """Time of the next message that it sends without a request [s]."""
         return self._due_s
 
     @property
@@ -127,7 +127,7 @@ class FakeBoard:
         return answer
 
     def spoken(self, now_s: float) -> bytes:
-        """Bytes that it sends by itself at this time; none before `due_s`."""
+        """Bytes that it sends without a request at this time; none before `due_s`."""
         if now_s < self._due_s:
             return b""
         if not self._is_started:

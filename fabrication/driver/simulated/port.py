@@ -29,13 +29,13 @@ class Device(Protocol):
 
     @property
     def due_s(self) -> float:
-        """Time of its next message by itself [s]."""
+        """Time of the next message that it sends without a request [s]."""
 
     def reset(self, now_s: float) -> None:
         """Restart, because the port was opened."""
 
     def spoken(self, now_s: float) -> bytes:
-        """Bytes that it sends by itself at this time."""
+        """Bytes that it sends without a request at this time."""
 
     def heard(self, piece: bytes, now_s: float) -> bytes:
         """Process the host's bytes and return the reply."""
@@ -53,7 +53,7 @@ class Wire(Protocol):
         """Send the bytes that the host accepts, then wait up to a time for its bytes."""
 
     def close(self) -> None:
-        """Close this end, as when the board is unplugged."""
+        """Close this end; the host sees an unplugged board."""
 
 
 class PtyWire:

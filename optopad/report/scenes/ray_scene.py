@@ -1,7 +1,7 @@
 """The light that the page shows in three dimensions: pairs, presses, and the data for the page's script.
 
-The pairs are those nearest to the location of least margin, in facing rows the facing ones. The presses are at that
-location; the ends of its deadband are among them.
+The pairs are those nearest to the location of least margin; a design with facing rows shows its facing pairs. The
+presses are at that location, and their depths include the ends of its deadband.
 """
 
 from __future__ import annotations
@@ -40,15 +40,15 @@ TIP_LENGTH = 2.4
 
 @dataclass(frozen=True, kw_only=True)
 class RayScene:
-    """Content of the view.
+    """Content of the view in three dimensions.
 
     Attributes
     ----------
     design, cavity : the sensor
     pairs : emitter and receiver numbers
     place_mm : (x, y) of the presses [mm]
-    is_middle : whether that is the middle of the middle facing pair, not the pad's location of least margin
-    labels : words for each state
+    is_middle : whether that is the middle of the middle facing pair, rather than the pad's location of least margin
+    labels : label of each state
     states : states of the pad, the untouched one first
     """
 

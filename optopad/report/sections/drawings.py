@@ -88,7 +88,7 @@ class Drawing:
 
     @property
     def file_name(self) -> str:
-        """Name of its file in the bundle's ``sims`` folder."""
+        """Name of the plot's SVG file in the bundle's ``sims`` folder."""
         return f"{self.stem}.svg"
 
 

@@ -1,1 +1,1 @@
-"""Prediction by a trained model: numpy and the standard library only, so that the driver runs it anywhere."""
+"""Prediction by a trained model. It needs only numpy and the standard library, so the driver runs it anywhere."""

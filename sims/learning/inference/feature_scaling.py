@@ -23,12 +23,12 @@ from sims.learning.inference.touch_model import Arrays, taken, taken_whole
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FeatureScaling:
-    """From counts to features.
+    """Conversion from counts to features.
 
     Attributes
     ----------
     kept : (feature,) pairs that are used, as positions in the frame
-    centre, scale : (feature,) [counts]
+    centre, scale : (feature,) offset and divisor of each feature [counts]
     """
 
     kept: NDArray[np.intp]
@@ -49,11 +49,17 @@ class FeatureScaling:
 
 
 def scaling_of_arrays(arrays: Arrays, prefix: str, pairs: int) -> FeatureScaling:
-    """The scaling from `FeatureScaling.arrays`.
+    """The scaling that `FeatureScaling.arrays` stored in a model's file.
+
+    Parameters
+    ----------
+    arrays : arrays of the file by name
+    prefix : beginning of the names of the three arrays
+    pairs : number of pairs in a frame
 
     Raises
     ------
-    InputError : the frame does not have the pairs, or a scale is not above 0.
+    InputError : an array is missing or malformed, a pair is not in the frame, or a scale is not above 0.
     """
     kept = taken_whole(arrays, f"{prefix}_kept", (None,)).astype(np.intp)
     centre = taken(arrays, f"{prefix}_centre", kept.shape)

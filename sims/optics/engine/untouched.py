@@ -192,7 +192,7 @@ class _Parts:
     def deposits(
         self, shift: FloatArray, count: int, layout: IntArray
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Deposits of emitters and of receivers, and wall-mirrored flux."""
+        """Deposits (emitter, patch) and (receiver, patch), and (emitter, receiver) flux mirrored by walls."""
         from sims.optics.engine import compiled
 
         first_e, first_r = compiled.EMITTER_SEQUENCE, compiled.RECEIVER_SEQUENCE
@@ -202,7 +202,7 @@ class _Parts:
         return given, taken, seen
 
     def joined(self, given: FloatArray, taken: FloatArray, layout: IntArray, areas: FloatArray) -> FloatArray:
-        """(emitter, receiver) once-scattered flux."""
+        """(emitter, receiver) flux scattered once, from deposits (emitter, patch) and (receiver, patch)."""
         from sims.optics.engine import compiled
 
         return np.asarray(compiled.joined(given, taken, self.receivers, areas, layout, self.reflectances))
@@ -214,7 +214,7 @@ class _Parts:
         patches: tuple[IntArray, FloatArray],
         orders: Orders,
     ) -> FloatArray:
-        """(emitter, receiver) scattered flux of all orders."""
+        """(emitter, receiver) flux scattered once or more, from deposits (emitter, patch) and (receiver, patch)."""
         from sims.optics.engine import compiled
 
         return np.asarray(
@@ -231,7 +231,7 @@ class _Parts:
         )
 
     def orders(self) -> Orders:
-        """Data for the orders beyond the first."""
+        """Data for light scattered more than once: layout and areas of patches, and the sum over their bounces."""
         from sims.optics.engine import compiled
 
         box = self.box

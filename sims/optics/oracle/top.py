@@ -407,7 +407,15 @@ def _bounding_blocks(table: FloatArray) -> FloatArray:
 def _single_valued(
     press: Indentation, free: FloatArray, wetted: FloatArray, cap: float, where: str
 ) -> tuple[FloatArray, float, float]:
-    """Knots (n, 2) of height over rising radius, radius of the sphere inside them, 0 for none, and contact radius."""
+    """The curve as one height per radius: its knots, the radius of the sphere inside them, and the contact radius.
+
+    The knots are (n, 2) radius and height in the order of rising radius. The radius of the sphere is 0 if there is
+    none. All are in mm.
+
+    Raises
+    ------
+    ModelScopeError : the curve folds.
+    """
     knots, sphere, contact = free, cap if press.is_hemisphere else 0.0, float(press.contact_radius_mm)
     if not press.is_hemisphere and len(wetted):
         knots = np.vstack([wetted, knots[1:]])

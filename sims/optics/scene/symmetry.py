@@ -205,7 +205,7 @@ def _motions(length_mm: float, width_mm: float) -> list[tuple[FloatArray, FloatA
 
 
 def _traits(orders: FloatArray, table: FloatArray | None) -> FloatArray:
-    """(part, n) properties that must agree in addition to position and size."""
+    """(part, n) properties in which a part and its image must agree, besides position and size; NaN becomes -1."""
     if table is None:
         return orders[:, None]
     return np.hstack([orders[:, None], np.nan_to_num(table, nan=-1.0)])

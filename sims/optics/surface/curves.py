@@ -334,7 +334,11 @@ def lower_curve(indentation: Indentation, top_mm: float, mean_mm: float = 0.0) -
 
 
 def _sphere(indentation: Indentation) -> tuple[float, float]:
-    """Radius of the sphere around the axis and of the part of it that is touched."""
+    """The sphere that replaces the curve at the axis: its radius, and the radius in plan up to which it is used [mm].
+
+    Under a hemisphere it is the tip, up to the edge of the contact or to `MAX_SLOPE`. Other tips have a sphere that
+    fits the curve at `APEX_MM`.
+    """
     tip = indentation.tip_radius_mm
     if indentation.is_hemisphere:
         return tip, float(min(indentation.contact_radius_mm, tip * MAX_SLOPE / np.hypot(1.0, MAX_SLOPE)))

@@ -405,9 +405,18 @@ def top_point(
 
 @array_kernel
 def columns_of(columns: float, phase: float, sectors: FloatArray) -> FloatArray:
-    """(column, 5) sector, v where it starts, v where it ends, previous column, next column (round the tip).
+    """Division of sectors into columns of about equal angle.
 
-    The phase, 0 to 1, moves the inner borders of each sector's columns.
+    Parameters
+    ----------
+    columns : number of columns in a full turn; a sector has at least `FEWEST_COLUMNS`
+    phase : shift of the inner borders between columns, 0 to 1 [columns]; at 0.5 all columns are equal
+    sectors : (sector, 6) as from `sectors_of`
+
+    Returns
+    -------
+    (column, 5) number of the sector; v of the column's start and end, 0 to 1 along the sector's edge; numbers of the
+    previous and the next column around the tip
     """
     counts = np.empty(sectors.shape[0], np.int64)
     for k in range(sectors.shape[0]):

@@ -22,7 +22,7 @@ POINT_COLUMNS = 10
 
 @inlined
 def sent(x: float, y: float, z: float, p: FloatArray, e: FloatArray, absorbs: float, index: float) -> float:
-    """Light of a point of the emitter by a mirror of the top, over both elements of area [1/mm2]."""
+    """Light from a point of the emitter onto a mirror point of the top, divided by both elements of area [1/mm2]."""
     dx, dy, dz = p[PX] - x, p[PY] - y, p[PZ] - z
     s2 = dx * dx + dy * dy + dz * dz
     s = math.sqrt(s2)
@@ -38,7 +38,10 @@ def sent_by_part(
     x0: float, y0: float, z0: float, size_u: float, size_v: float, p: FloatArray, e: FloatArray, absorbs: float,
     index: float,
 ) -> float:  # fmt: skip
-    """Mean light of a part, by Gauss' rule of four nodes."""
+    """Mean of `sent` over a rectangle of the emitter, by Gauss' rule of four nodes [1/mm2].
+
+    The rectangle has its middle at (x0, y0, z0) and the half sizes size_u along the wall and size_v in z [mm].
+    """
     total = 0.0
     for k in range(4):
         a, b = (GAUSS if k % 2 == 0 else -GAUSS) * size_u, (GAUSS if k < 2 else -GAUSS) * size_v

@@ -169,8 +169,9 @@ def mirrored_flux(
 def _may_land(p: FloatArray, e: FloatArray, receivers: FloatArray, wanted: BoolArray) -> bool:
     """Whether some ray of an emitter, mirrored at a point of the top, may reach a window.
 
-    Seen from the point, the emitter is within a cone about the way to its middle, which the mirror preserves, and so is
-    a window; where the cones do not meet, no ray lands.
+    Seen from the point, the emitter is within a cone about the direction of its middle, and each window within
+    another one. The mirror preserves the angle of the emitter's cone. If the mirrored cone misses those of all
+    windows, no ray lands.
     """
     x, y, z = p[PX] - e[CX], p[PY] - e[CY], p[PZ] - e[CZ]
     away = math.sqrt(x * x + y * y + z * z)

@@ -278,7 +278,7 @@ def _untouched_once(pad: FormedPad, shift: FloatArray, rays: int) -> tuple[Float
 
 
 def _untouched_more(pad: FormedPad, shifts: FloatArray, rays: int) -> FloatArray:
-    """(walk, emitter, receiver) light scattered more than once."""
+    """(shift, emitter, receiver) light scattered more than once, for each shift of the sampling sequence."""
     from sims.optics.engine.formed.formed_kernels import scattered_matrix
 
     scene = pad.scene
