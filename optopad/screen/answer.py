@@ -11,6 +11,7 @@ Numbers are written as on the page: depths to the hundredth of a millimetre, und
 from __future__ import annotations
 
 import math
+import shlex
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -368,9 +369,14 @@ def no_fix_words(trial: Trial | None) -> str:
     return f"none {within} {helps} with a margin of {ENOUGH_MARGIN:g} sigma{more}"
 
 
-def set_options(trial: Trial) -> str:
-    """The moves as options of a command."""
-    return " ".join(f"--set {one.path}={one.to:g}" for one in trial.moves)
+def with_moves(command: str, trial: Trial) -> str:
+    """A design and its changes as typed, with the moves of a trial in place of earlier values of their fields."""
+    design, *changes = shlex.split(command)
+    values = [text for text in changes if text != "--set"]
+    fields = {one.path for one in trial.moves}
+    kept = [text for text in values if text.split("=")[0].strip() not in fields]
+    moved = [f"{one.path}={one.to:g}" for one in trial.moves]
+    return " ".join([shlex.quote(design), *(f"--set {shlex.quote(text)}" for text in (*kept, *moved))])
 
 
 def _moved(move: Move) -> str:

@@ -19,10 +19,10 @@ from optopad.screen.answer import (
     at_mm,
     command_words,
     counted,
-    set_options,
     unit_of,
     unresolved,
     verdict_words,
+    with_moves,
 )
 from sims.score.result import RESTS, UNDECIDED
 from sims.verdict.depth_curve import NUMERICAL
@@ -166,7 +166,7 @@ def _next(score: ContinuityScore, command: str, fix: str, *, is_built: bool) -> 
     if score.verdict == "OUT_OF_MODEL_SCOPE":
         return f"remove the reason that the verdict names, then optopad check {command}"
     if score.trial is not None and score.trial.found == "move":
-        return f"optopad score {command} {set_options(score.trial)}   ({command_words(score.trial)})"
+        return f"optopad score {with_moves(command, score.trial)}   ({command_words(score.trial)})"
     if fix:
         return f"optopad improve {command} --more-parts   ({fix})"
     if score.causes:
