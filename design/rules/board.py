@@ -180,7 +180,7 @@ def circuit_findings(design: SensorDesign, board: Board) -> Iterator[Finding]:
         if switch.base_current_ma > most_ma:
             yield warning(
                 placed.origin,
-                f"{driver} gives too little current to switch {placed.part_id} by a bipolar transistor",
+                f"{driver} gives too much current to switch {placed.part_id} by a bipolar transistor",
                 value=f"{switch.base_current_ma:.1f} mA",
                 limit=f"at most {most_ma:g} mA",
                 way_out="use a logic-level MOSFET or a driver instead, or a part with less max_current_ma",

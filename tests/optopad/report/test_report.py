@@ -288,7 +288,7 @@ def test_the_tolerance_of_a_pad_says_that_it_is_of_one_place(tmp_path: Path) -> 
     assert "Margin to a deadband of the pad at x 6, y 6 mm" in said
     line = rests_on(tried)
     assert line is not None
-    assert "the deadband of the pad at x 6, y 6 mm is" in line
+    assert "the pad at x 6, y 6 mm has a deadband of" in line
 
 
 @pytest.mark.usefixtures("undrawn")

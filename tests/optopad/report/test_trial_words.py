@@ -60,7 +60,8 @@ def test_where_nothing_helps_it_says_what_was_tried():
 
 
 def test_the_next_command_makes_the_move_that_helps():
-    lines = verdict_screen(PAD, replace(dead_score(), trial=FOUND), [], command="pad.toml")
+    command = "pad.toml --set receivers.height_mm=6"
+    lines = verdict_screen(PAD, replace(dead_score(), trial=FOUND), [], command=command)
     said = " ".join(" ".join(lines).split())
     assert (
         "next optopad score pad.toml --set receivers.height_mm=5.1 "
