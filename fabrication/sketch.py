@@ -166,9 +166,7 @@ def firmware_settings(design: SensorDesign) -> FirmwareSettings:
         averages=use.averages,
         is_internal=use.reference == "internal",
         shift_pins=() if register is None else switch_pins(design, board, len(connections.emitters)),
-        shift_bits=0
-        if register is None
-        else -(-len(connections.emitters) // register.outputs) * register.outputs,
+        shift_bits=0 if register is None else register.needed(len(connections.emitters)) * register.outputs,
         address_pins=address_pins(design),
         address_settle_us=0 if multiplexer is None else math.ceil(multiplexer.settle_us.value),
     )

@@ -26,7 +26,7 @@ from typing import TypeVar
 from design.errors import DesignError
 from design.fields.finding import Finding, error
 from design.parts import catalog
-from design.parts.catalog import Board, Multiplexer, ShiftRegister
+from design.parts.catalog import Board, Chip, Multiplexer, ShiftRegister
 from design.shape.cavity import cavity_of
 from design.spec import BoardUse, SensorDesign
 from design.spec.properties import entries_of
@@ -97,6 +97,10 @@ def switch_pins(design: SensorDesign, board: Board, emitter_count: int) -> tuple
     if given is not None:
         return given.pins or board.digital_pins[:SHIFT_PINS]
     return _dealt(design.board.emitter_pins, board.digital_pins, emitter_count)
+
+
+def _switch_count(design: SensorDesign, emitter_count: int) -> int:
+    return SHIFT_PINS if design.board.emitters else emitter_count
 
 
 def address_pins(design: SensorDesign) -> tuple[int, ...]:
@@ -195,7 +199,7 @@ def _emitter_findings(design: SensorDesign, board: Board, emitter_count: int) ->
                 way_out="leave the list out; board.emitters.pins has data, clock and latch",
             )
         )
-    if not register.supply_low_v <= board.pin_v <= register.supply_high_v:
+    if not register.works_on(board):
         found.append(_supply_error("board.emitters.shift_register", register, board))
     pins = switch_pins(design, board, emitter_count)
     if len(set(pins)) < SHIFT_PINS or set(pins) - set(board.digital_pins):
@@ -214,14 +218,15 @@ def _emitter_findings(design: SensorDesign, board: Board, emitter_count: int) ->
 def _registers_needed(design: SensorDesign, board: Board, emitter_count: int) -> str | None:
     """The way out of too few pins for the emitters."""
     for name, one in entries_of(design).shift_registers.items():
-        if not one.supply_low_v <= board.pin_v <= one.supply_high_v:
-            continue
-        count = math.ceil(emitter_count / one.outputs)
-        return f'set board.emitters.shift_register = "{name}": {emitter_count} emitters need {count} of them and 3 pins'
+        if one.works_on(board):
+            number = (
+                f"{emitter_count} emitters need {one.needed(emitter_count)} of them and {SHIFT_PINS} pins"
+            )
+            return f'set board.emitters.shift_register = "{name}": {number}'
     return None
 
 
-def _supply_error(field: str, entry: Multiplexer | ShiftRegister, board: Board) -> Finding:
+def _supply_error(field: str, entry: Chip, board: Board) -> Finding:
     return error(
         field,
         f"{entry.title} does not work at the level of the board's pins",
@@ -234,7 +239,7 @@ def _supply_error(field: str, entry: Multiplexer | ShiftRegister, board: Board) 
 def input_count(design: SensorDesign, receiver_count: int) -> int:
     """Number of the board's inputs that the receivers need."""
     multiplexer = multiplexer_of(design)
-    return receiver_count if multiplexer is None else math.ceil(receiver_count / multiplexer.channels)
+    return receiver_count if multiplexer is None else multiplexer.needed(receiver_count)
 
 
 def _multiplexers_needed(
@@ -243,11 +248,10 @@ def _multiplexers_needed(
     """The way out of too few inputs: the packaged multiplexer with the fewest inputs, if the board has pins for it."""
     if design.board.receivers is not None:
         return None
-    spare = len(board.digital_pins) - (SHIFT_PINS if design.board.emitters else emitter_count)
+    spare = len(board.digital_pins) - _switch_count(design, emitter_count)
     for name, one in sorted(entries_of(design).multiplexers.items(), key=lambda item: -item[1].channels):
-        count = math.ceil(receiver_count / one.channels)
-        works = one.supply_low_v <= board.pin_v <= one.supply_high_v
-        if works and one.address_bits <= spare and count <= len(board.analog_channels):
+        count = one.needed(receiver_count)
+        if one.works_on(board) and one.address_bits <= spare and count <= len(board.analog_channels):
             inputs = " and ".join(board.analog_channels[:count])
             return (
                 f'set board.receivers.multiplexer = "{name}": {receiver_count} receivers need {count} of them on '
@@ -262,12 +266,12 @@ def _address_findings(design: SensorDesign, board: Board, emitter_count: int) ->
     if multiplexer is None or given is None:
         return []
     found = []
-    if not multiplexer.supply_low_v <= board.pin_v <= multiplexer.supply_high_v:
+    if not multiplexer.works_on(board):
         found.append(_supply_error("board.receivers.multiplexer", multiplexer, board))
     field, bits = "board.receivers.address_pins", multiplexer.address_bits
     pins = given.address_pins
     if pins is None:
-        switches = len(switch_pins(design, board, emitter_count)) if design.board.emitters else emitter_count
+        switches = _switch_count(design, emitter_count)
         if switches + bits > len(board.digital_pins):
             found.append(
                 error(
@@ -448,7 +452,7 @@ def frame_time_ms(
     """Time of one full frame: all states, then the line [ms]; with multiplexers each new address also settles."""
     conversions = receiver_count * use.averages * conversion_time_ms(board, use.adc_prescaler)
     if multiplexer is not None:
-        addresses = math.ceil(receiver_count / math.ceil(receiver_count / multiplexer.channels))
+        addresses = math.ceil(receiver_count / multiplexer.needed(receiver_count))
         conversions += addresses * multiplexer.settle_us.value / US_PER_MS
     state = use.settle_us / US_PER_MS + conversions
     sent = frame_bytes(emitter_count, receiver_count, board.adc_bits)

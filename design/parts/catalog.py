@@ -25,6 +25,7 @@ from __future__ import annotations
 
 import difflib
 import json
+import math
 from collections.abc import Mapping
 from functools import cache
 from typing import Annotated, Any, Literal, Self, TypeVar
@@ -434,39 +435,50 @@ class Board(Model):
         return self
 
 
-class Multiplexer(Model):
-    """Analogue switches that connect one of several amplifiers to one input of the board, by an address of bits."""
+class Chip(Model):
+    """A circuit between the board and the sensor's parts, supplied at the level of the board's pins."""
 
     title: Text
     source: Annotated[Text, Field(description="where the plain numbers of this entry come from")]
     confidence: Confidence
-    channels: Annotated[int, Field(ge=2, le=64, description="amplifiers that it chooses from")]
     supply_low_v: Annotated[float, Field(gt=0.0, le=30.0, description="least supply [V]")]
     supply_high_v: Annotated[float, Field(gt=0.0, le=30.0, description="most supply [V]")]
+    notes: tuple[Text, ...] = ()
+
+    def works_on(self, board: Board) -> bool:
+        """Whether the level of the board's pins is a supply that it permits."""
+        return self.supply_low_v <= board.pin_v <= self.supply_high_v
+
+
+class Multiplexer(Chip):
+    """Analogue switches that connect one of several amplifiers to one input of the board, by an address of bits."""
+
+    channels: Annotated[int, Field(ge=2, le=64, description="amplifiers that it chooses from")]
     enable: Annotated[
         Literal["ground", "supply"], Field(description="what its enable pin is wired to, so that it stays on")
     ]
     on_resistance_ohm: Annotated[ResistanceOhm, Field(description="of a closed switch")]
     settle_us: Annotated[TimeUs, Field(description="wait from a new address to the next reading")]
-    notes: tuple[Text, ...] = ()
 
     @property
     def address_bits(self) -> int:
         """Lines of the address."""
         return (self.channels - 1).bit_length()
 
+    def needed(self, receiver_count: int) -> int:
+        """Number of multiplexers, and of the board's inputs, for that many receivers."""
+        return math.ceil(receiver_count / self.channels)
 
-class ShiftRegister(Model):
+
+class ShiftRegister(Chip):
     """Outputs in a chain, set by three pins: data, clock and latch; one output switches one emitter's transistor."""
 
-    title: Text
-    source: Annotated[Text, Field(description="where the plain numbers of this entry come from")]
-    confidence: Confidence
     outputs: Annotated[int, Field(ge=2, le=64, description="outputs of one of them")]
-    supply_low_v: Annotated[float, Field(gt=0.0, le=30.0, description="least supply [V]")]
-    supply_high_v: Annotated[float, Field(gt=0.0, le=30.0, description="most supply [V]")]
     max_output_ma: Annotated[CurrentMa, Field(description="of one output")]
-    notes: tuple[Text, ...] = ()
+
+    def needed(self, emitter_count: int) -> int:
+        """Number of shift registers in the chain for that many emitters."""
+        return math.ceil(emitter_count / self.outputs)
 
 
 def _assumed_v() -> float:

@@ -12,11 +12,11 @@ from dataclasses import dataclass
 
 from cad.volume import mold_volume_mm3
 from design.circuit.emitter_switch import EmitterSwitch, emitter_switch, most_drive_ma
-from design.circuit.pins import board_of, multiplexer_of, receiver_paths, shift_register_of
+from design.circuit.pins import board_of, multiplexer_of, shift_register_of
 from design.mold.filling import is_cast_under_lid
 from design.mold.outline import outline_of
 from design.parts.assumptions import assumption, ohm_text
-from design.parts.catalog import Board, Cost, Multiplexer, Part, ShiftRegister, find_mold_material
+from design.parts.catalog import Board, Chip, Cost, Part, find_mold_material
 from design.shape.cavity import PlacedPart, cavity_of, plan_of
 from design.spec import SensorDesign
 from design.spec.properties import elastomer_of, entries_of
@@ -159,13 +159,7 @@ def _amplifier_rows(
         value=f"single supply of {board_of(design).pin_v:g} V, inputs and output down to ground",
         note=f"output to the receiver's channel; {_bandwidth_note()}",
     )
-    yield BomRow(
-        item="supply capacitor",
-        quantity=len(names),
-        references=_marked(names, "CS"),
-        value="100 nF",
-        note="ceramic, next to each amplifier's supply pins; one per package",
-    )
+    yield _supply_capacitors(names, "ceramic, next to each amplifier's supply pins; one per package")
     feedbacks = feedbacks_for(design, gain)
     if feedbacks is None:
         yield from _open_feedback_rows(design, names)
@@ -223,36 +217,36 @@ def _bandwidth_note() -> str:
 
 
 def _circuit_rows(design: SensorDesign) -> Iterator[BomRow]:
-    register, switched = shift_register_of(design), design.board.emitters
-    if register is not None and switched is not None:
-        count = -(-len(cavity_of(design).emitters) // register.outputs)
-        names = tuple(f"S{number + 1}" for number in range(count))
-        yield from _chip_rows(design, register, switched.shift_register, names)
-    entry, given = multiplexer_of(design), design.board.receivers
-    if entry is not None and given is not None:
-        count = 1 + max(path.multiplexer or 0 for path in receiver_paths(design))
-        yield from _chip_rows(
-            design, entry, given.multiplexer, tuple(f"M{number + 1}" for number in range(count))
-        )
+    cavity, use = cavity_of(design), design.board
+    register, entry = shift_register_of(design), multiplexer_of(design)
+    if register is not None and use.emitters is not None:
+        count = register.needed(len(cavity.emitters))
+        yield from _chip_rows(design, register, use.emitters.shift_register, "S", count)
+    if entry is not None and use.receivers is not None:
+        count = entry.needed(len(cavity.receivers))
+        yield from _chip_rows(design, entry, use.receivers.multiplexer, "M", count)
 
 
-def _chip_rows(
-    design: SensorDesign, entry: Multiplexer | ShiftRegister, part_id: str, names: tuple[str, ...]
-) -> Iterator[BomRow]:
+def _chip_rows(design: SensorDesign, entry: Chip, part_id: str, letter: str, count: int) -> Iterator[BomRow]:
+    names = tuple(f"{letter}{number + 1}" for number in range(count))
     yield BomRow(
         item=entry.title,
         catalogue_id=part_id,
-        quantity=len(names),
+        quantity=count,
         references=names,
         value=f"supply {board_of(design).pin_v:g} V",
         note=" ".join(entry.notes),
     )
-    yield BomRow(
+    yield _supply_capacitors(names, "ceramic, next to the supply pins of each")
+
+
+def _supply_capacitors(names: tuple[str, ...], note: str) -> BomRow:
+    return BomRow(
         item="supply capacitor",
         quantity=len(names),
         references=_marked(names, "CS"),
         value="100 nF",
-        note="ceramic, next to the supply pins of each",
+        note=note,
     )
 
 

@@ -231,7 +231,7 @@ def _multiplexers(design: SensorDesign) -> list[_Block]:
         return []
     paths, read, supply = receiver_paths(design), connections_of(design).receivers, _pin_supply(design)
     blocks = []
-    for number in range(1 + max(path.multiplexer or 0 for path in paths)):
+    for number in range(entry.needed(len(read))):
         mine = [(one, path) for one, path in zip(read, paths, strict=True) if path.multiplexer == number]
         outputs = {path.address: f"{one.part.name}-A" for one, path in mine}
         board = [
@@ -256,7 +256,7 @@ def _shift_registers(design: SensorDesign) -> list[_Block]:
         return []
     data, clock, latch = (f"D{pin}" for pin in switch_pins(design, board_of(design), len(lit)))
     names = {one.pin_number: f"{one.part.name}-RB" for one in lit}
-    count, supply = -(-len(lit) // entry.outputs), _pin_supply(design)
+    count, supply = entry.needed(len(lit)), _pin_supply(design)
     return [
         _Block(
             name=f"S{number + 1}",

@@ -516,7 +516,7 @@ def bounds_words(score: ContinuityScore) -> list[Html]:
         [_depth_alone_words(bounds)] if score.is_facing_rows else [_pad_words(bounds), _volume_words(bounds)]
     )
     if bounds.felt is not None:
-        parts.append(_felt_words(bounds))
+        parts.append(_detection_words(bounds))
     return [element("p", " ".join(parts))]
 
 
@@ -552,14 +552,17 @@ def _volume_words(bounds: PadBounds) -> str:
     )
 
 
-def _felt_words(bounds: PadBounds) -> str:
-    felt = bounds.felt
-    assert felt is not None
-    row, column = felt.worst
-    at, force = f"x {felt.x_mm[column]:g}, y {felt.y_mm[row]:g} mm", float(felt.force_n[row, column])
+def _detection_words(bounds: PadBounds) -> str:
+    detection = bounds.felt
+    assert detection is not None
+    row, column = detection.worst
+    at, force = (
+        f"x {detection.x_mm[column]:g}, y {detection.y_mm[row]:g} mm",
+        float(detection.force_n[row, column]),
+    )
     if math.isinf(force):
         return f"At {at} no press within the range of use is detected."
-    low, high = float(felt.low_n[row, column]), float(felt.high_n[row, column])
+    low, high = float(detection.low_n[row, column]), float(detection.high_n[row, column])
     return (
         f"Contact is detected at every location from {force:.3g} N ({low:.3g} to {high:.3g} N over the "
         f"modulus's band), highest at {at}."

@@ -386,16 +386,16 @@ def _volume_line(bounds: PadBounds) -> str:
     )
 
 
-def _contact_line(felt: DetectionThreshold) -> str:
-    row, column = felt.worst
-    at = at_mm(felt.x_mm[column], felt.y_mm[row])
-    force = float(felt.force_n[row, column])
+def _contact_line(detection: DetectionThreshold) -> str:
+    row, column = detection.worst
+    at = at_mm(detection.x_mm[column], detection.y_mm[row])
+    force = float(detection.force_n[row, column])
     if math.isinf(force):
         return labelled("contact", f"no press within the range of use is detected at {at}")
-    band = f"{felt.low_n[row, column]:.3f} to {felt.high_n[row, column]:.3f} N by the modulus"
-    latest = float(felt.force_error_high_n[row, column])
+    band = f"{detection.low_n[row, column]:.3f} to {detection.high_n[row, column]:.3f} N by the modulus"
+    latest = float(detection.force_error_high_n[row, column])
     end = "no detection" if math.isinf(latest) else f"{latest:.3f} N"
-    trace = f"{felt.force_error_low_n[row, column]:.3f} N to {end} by numerical error"
+    trace = f"{detection.force_error_low_n[row, column]:.3f} N to {end} by numerical error"
     return labelled(
         "contact", f"detected from {force:.3f} N at every location ({band}; {trace}); latest at {at}"
     )

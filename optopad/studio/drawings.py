@@ -168,15 +168,15 @@ def quantity(name: str, score: ContinuityScore) -> Quantity | None:
     if name == "detection threshold":
         if bounds.felt is None:
             return None
-        felt = bounds.felt
+        detection = bounds.felt
         return Quantity(
             title="detection threshold",
             unit="N",
-            values=felt.force_n,
-            x_mm=felt.x_mm,
-            y_mm=felt.y_mm,
+            values=detection.force_n,
+            x_mm=detection.x_mm,
+            y_mm=detection.y_mm,
             good=0.0,
-            bad=2.0 * _middle(felt.force_n),
+            bad=2.0 * _middle(detection.force_n),
             absent="not detected",
         )
     values = bounds.location_mm if name == "location bound" else bounds.depth_bound_mm

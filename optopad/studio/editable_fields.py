@@ -329,19 +329,8 @@ def _whole(at: str, name: str, label: str, value: int, high: int, tells: str) ->
 
 
 def _first_angle(at: str, value: float) -> EditableField:
-    low, high = ANGLES_DEG
-    return EditableField(
-        path=f"{at}.first_angle_deg",
-        group="Layout",
-        label="first part at",
-        unit="°",
-        kind="number",
-        value=value,
-        low=low,
-        high=high,
-        step=1.0,
-        tells="Direction of the first part from the centre, 0 along x, 90 along y: rotates the whole ring.",
-    )
+    tells = "Direction of the first part from the centre, 0 along x, 90 along y: rotates the whole ring."
+    return _number(f"{at}.first_angle_deg", "first part at", "°", value, ANGLES_DEG, 1.0, tells)
 
 
 def _pitch(at: str, given_mm: float | None, even_mm: float) -> EditableField:
@@ -351,17 +340,24 @@ def _pitch(at: str, given_mm: float | None, even_mm: float) -> EditableField:
 
 
 def _along(at: str, name: str, label: str, value: float, tells: str) -> EditableField:
-    low, high = (0.5, 100.0) if name == "pitch_mm" else (-100.0, 100.0)
+    limits = (0.5, 100.0) if name == "pitch_mm" else (-100.0, 100.0)
+    return _number(f"{at}.{name}", label, "mm", value, limits, 0.25, tells)
+
+
+def _number(
+    path: str, label: str, unit: str, value: float, limits: tuple[float, float], step: float, tells: str
+) -> EditableField:
+    """A field of the layout that is a number, between two limits."""
     return EditableField(
-        path=f"{at}.{name}",
+        path=path,
         group="Layout",
         label=label,
-        unit="mm",
+        unit=unit,
         kind="number",
         value=value,
-        low=low,
-        high=high,
-        step=0.25,
+        low=limits[0],
+        high=limits[1],
+        step=step,
         tells=tells,
     )
 

@@ -127,12 +127,12 @@ def plot_usable_map(pad_map: PadMap, cavity: CavityGeometry, ax: Axes | None = N
     return _plot_map(ax, pad_map, cavity, usable, norm, "usable depth [mm]", pad_map.weakest)
 
 
-def plot_felt_map(felt: DetectionThreshold, cavity: CavityGeometry, ax: Axes | None = None) -> Axes:
+def plot_felt_map(detection: DetectionThreshold, cavity: CavityGeometry, ax: Axes | None = None) -> Axes:
     """Detection threshold by location [N]."""
     ax = axes_or_new(ax, _height_in(cavity))
-    norm = _log_scale(felt.force_n)
-    draw_map(ax, cavity, (felt.x_mm, felt.y_mm), felt.force_n, CHANGE_COLOURS, norm)
-    label = f"detection threshold: {felt.threshold:g} sigma in one pair [N]"
+    norm = _log_scale(detection.force_n)
+    draw_map(ax, cavity, (detection.x_mm, detection.y_mm), detection.force_n, CHANGE_COLOURS, norm)
+    label = f"detection threshold: {detection.threshold:g} sigma in one pair [N]"
     add_scale(ax.get_figure(root=True), [ax], label, CHANGE_COLOURS, norm)
     return ax
 

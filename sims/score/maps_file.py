@@ -73,7 +73,7 @@ def maps_dataset(design: SensorDesign, score: ContinuityScore) -> xr.Dataset:
     if score.bounds is not None:
         dataset = dataset.merge(bounds_dataset(score.bounds), join="exact")
         if score.bounds.felt is not None:
-            dataset = dataset.assign(_felt(score.bounds))
+            dataset = dataset.assign(_detection(score.bounds))
         dataset.attrs["accuracies_of_bounds"] = ", ".join(score.bounds.accuracies)
     names = pair_names_of(design)
     dataset = dataset.assign_coords(pair=names)
@@ -119,26 +119,26 @@ def _map_part(score: ContinuityScore) -> xr.Dataset:
     )  # fmt: skip
 
 
-def _felt(bounds: PadBounds) -> dict[str, Any]:
-    felt, axes = bounds.felt, ("y", "x")
-    assert felt is not None
+def _detection(bounds: PadBounds) -> dict[str, Any]:
+    detection, axes = bounds.felt, ("y", "x")
+    assert detection is not None
     return {
-        "felt_depth": (axes, felt.depth_mm, _of("least depth at which a press is detected")),
+        "felt_depth": (axes, detection.depth_mm, _of("least depth at which a press is detected")),
         "felt_force": (
             axes,
-            felt.force_n,
+            detection.force_n,
             _of("detection threshold: least load at which a press is detected", "N"),
         ),
-        "felt_force_low": (axes, felt.low_n, _of("the same at the lower end of the modulus", "N")),
-        "felt_force_high": (axes, felt.high_n, _of("the same at the upper end of the modulus", "N")),
+        "felt_force_low": (axes, detection.low_n, _of("the same at the lower end of the modulus", "N")),
+        "felt_force_high": (axes, detection.high_n, _of("the same at the upper end of the modulus", "N")),
         "felt_force_trace_low": (
             axes,
-            felt.force_error_low_n,
+            detection.force_error_low_n,
             _of("the same, less the numerical error of the light model", "N"),
         ),
         "felt_force_trace_high": (
             axes,
-            felt.force_error_high_n,
+            detection.force_error_high_n,
             _of("the same, plus the numerical error of the light model", "N"),
         ),
     }

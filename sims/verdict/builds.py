@@ -68,7 +68,7 @@ margins of four seeds spread as at "standard" (by 0.16 noise units on the pad), 
 FORMED_ACCURACY = replace(ACCURACY, image_step=0.7, rings=16, columns=40)
 """The same for discs and crowned pads. On three presets the margins of four seeds spread by 3 to 5 %, twice as much
 as with `ACCURACY`, at half the cost."""
-NEARLY_BLIND = 1.5 * DEADBAND_THRESHOLD
+NEARLY_DEAD = 1.5 * DEADBAND_THRESHOLD
 """Distance below which depths of a unit are traced again, to remove the numerical error [noise units]."""
 RESPONSE_WINDOW_MM = 0.5
 """Part of the depth in which the most responsive pairs of a location are selected [mm]."""
@@ -183,7 +183,7 @@ def place_brief(
     counts = np.stack([_counts(light, pairs, readout, first=1)] * 2)
     full_scale, once = readout.full_scale_counts, np.zeros_like(counts[0])
     nearly = place_of(
-        design, place_mm, depth_mm, counts, once, full_scale, threshold=NEARLY_BLIND
+        design, place_mm, depth_mm, counts, once, full_scale, threshold=NEARLY_DEAD
     ).depths.blind
     again = np.zeros(len(depth_mm), dtype=np.bool_)
     for interval in (*nearly.deadbands_mm, (nearly.usable_mm, float(depth_mm[-1]))):

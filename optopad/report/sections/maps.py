@@ -153,7 +153,7 @@ def _view(scene: MapScene) -> Html:
 
 FINE_TO_POOR = ("#00343f", "#00785a", "#8fc7a2", "#f6f2d8", "#f2b98a", "#a33f00")
 LOAD = ("#f7f4ef", "#f2b98a", "#c24e00", "#5c2200")
-BLIND = "not resolved"
+NOT_RESOLVED = "not resolved"
 TRACE = "by numerical error of the light model"
 ONE_FRAME = (
     "Cramér-Rao bound: the least standard deviation of any unbiased estimator from one frame of all "
@@ -168,7 +168,7 @@ def bound_maps(score: ContinuityScore) -> list[DepthMap]:
     if bounds is None:
         return []
     found = [_depth_alone(bounds)] if score.is_facing_rows else [_location(bounds), _depth(bounds)]
-    return found if bounds.felt is None else [*found, _felt(bounds.felt)]
+    return found if bounds.felt is None else [*found, _detection(bounds.felt)]
 
 
 def _location(bounds: PadBounds) -> DepthMap:
@@ -225,7 +225,7 @@ def _bound(
         values=np.where(np.isfinite(values), values, np.nan),
         is_hatched=~(values <= limit_mm),
         hatched=f"dead, above {limit_mm:g} mm or not resolved",
-        absent=BLIND,
+        absent=NOT_RESOLVED,
         colours=FINE_TO_POOR,
         low=low,
         high=max(float(finite.max()) if finite.size else limit_mm, limit_mm),
@@ -237,9 +237,9 @@ def _bound(
     )
 
 
-def _felt(felt: DetectionThreshold) -> DepthMap:
-    inside = ~np.isnan(felt.depth_mm)
-    force = felt.force_n[inside][None]
+def _detection(detection: DetectionThreshold) -> DepthMap:
+    inside = ~np.isnan(detection.depth_mm)
+    force = detection.force_n[inside][None]
     finite = force[np.isfinite(force)]
     high = float(finite.max()) if finite.size else 1.0
     return DepthMap(
@@ -247,7 +247,7 @@ def _felt(felt: DetectionThreshold) -> DepthMap:
         title="Detection threshold",
         unit="N",
         tells=(
-            f"Least load at which the reading of one pair differs from its baseline by {felt.threshold:g} "
+            f"Least load at which the reading of one pair differs from its baseline by {detection.threshold:g} "
             "sigma in one frame."
         ),
         depth_mm=np.array([np.nan]),
@@ -259,7 +259,7 @@ def _felt(felt: DetectionThreshold) -> DepthMap:
         low=0.0,
         high=high,
         digits=3,
-        ends=np.stack([felt.low_n[inside], felt.high_n[inside]], axis=-1)[None],
+        ends=np.stack([detection.low_n[inside], detection.high_n[inside]], axis=-1)[None],
         ends_of="N over the band of the modulus",
     )
 
