@@ -63,7 +63,7 @@ def most_drive_ma(design: SensorDesign, board: Board) -> tuple[str, float]:
     register = shift_register_of(design)
     if register is None:
         return "a pin", board.max_pin_current_ma.value
-    return f"an output of {register.title}", register.max_output_ma.value
+    return f"an output of {register.name}", register.max_output_ma.value
 
 
 def emitter_switch(part: Part, board: Board) -> EmitterSwitch:

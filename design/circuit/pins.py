@@ -206,7 +206,7 @@ def _emitter_findings(design: SensorDesign, board: Board, emitter_count: int) ->
         found.append(
             error(
                 "board.emitters.pins",
-                f"{register.title} needs 3 pins of the board, each once",
+                f"{register.name} needs 3 pins of the board, each once",
                 value=list(pins),
                 limit=f"3 of {', '.join(map(str, board.digital_pins))}",
                 way_out="choose among these, or leave them out",
@@ -229,7 +229,7 @@ def _registers_needed(design: SensorDesign, board: Board, emitter_count: int) ->
 def _supply_error(field: str, entry: Chip, board: Board) -> Finding:
     return error(
         field,
-        f"{entry.title} does not work at the level of the board's pins",
+        f"{entry.name} does not work at the level of the board's pins",
         value=f"{board.pin_v:g} V",
         limit=f"{entry.supply_low_v:g} to {entry.supply_high_v:g} V",
         way_out="choose another one, or another board.kind",
@@ -276,7 +276,7 @@ def _address_findings(design: SensorDesign, board: Board, emitter_count: int) ->
             found.append(
                 error(
                     field,
-                    f"the board has no pins left for the address of {multiplexer.title}",
+                    f"the board has no pins left for the address of {multiplexer.name}",
                     value=f"{switches} pins for emitters and {bits} address lines",
                     limit=f"at most {len(board.digital_pins)} pins",
                     way_out="use fewer emitters, or name another board.kind",
@@ -289,7 +289,7 @@ def _address_findings(design: SensorDesign, board: Board, emitter_count: int) ->
         found.append(
             error(
                 field,
-                f"{multiplexer.title} needs {bits} pins of the board that no emitter has, each once",
+                f"{multiplexer.name} needs {bits} pins of the board that no emitter has, each once",
                 value=list(pins),
                 limit=f"{bits} of {', '.join(str(pin) for pin in board.digital_pins if pin not in used)}",
                 way_out="choose among these, or leave the list out",

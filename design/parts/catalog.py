@@ -445,6 +445,11 @@ class Chip(Model):
     supply_high_v: Annotated[float, Field(gt=0.0, le=30.0, description="most supply [V]")]
     notes: tuple[Text, ...] = ()
 
+    @property
+    def name(self) -> str:
+        """The title up to its first comma, as 74HC4067."""
+        return self.title.split(",")[0]
+
     def works_on(self, board: Board) -> bool:
         """Whether the level of the board's pins is a supply that it permits."""
         return self.supply_low_v <= board.pin_v <= self.supply_high_v

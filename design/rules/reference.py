@@ -6,7 +6,7 @@ so that one spelling mistake does not hide ten others.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 from design.errors import DesignError
 from design.fields.base import nearest
@@ -18,6 +18,9 @@ from design.spec import SensorDesign
 from design.spec.layout import Kind, Placement
 from design.spec.properties import entries_of, part_of
 
+Named = tuple[str, Callable[[CatalogEntries, str], object], str]
+"""A field, the search of the catalogue, and the name in the field."""
+
 
 def part_findings(design: SensorDesign, places: tuple[Placement, ...]) -> list[Finding]:
     """Findings about parts and measured values that the catalogue does not have."""
@@ -25,22 +28,37 @@ def part_findings(design: SensorDesign, places: tuple[Placement, ...]) -> list[F
 
 
 def entry_findings(design: SensorDesign) -> Iterator[Finding]:
-    """Findings about materials and boards that the catalogue does not have."""
-    entries = entries_of(design)
-    for field, look_up, name in (
+    """Findings about materials, boards and circuits that the catalogue does not have."""
+    yield from _absent(
+        design,
         ("elastomer.material", catalog.find_elastomer, design.elastomer.material),
         ("mold.material", catalog.find_mold_material, design.mold.material),
-        ("board.kind", catalog.find_board, design.board.kind),
-    ):
-        try:
-            look_up(entries, name)
-        except DesignError as err:
-            yield _not_found(field, name, err)
+        *_electronics(design),
+    )
 
 
 def found_board(design: SensorDesign) -> Board | None:
-    """The design's board; None when the catalogue does not have it."""
-    return entries_of(design).boards.get(design.board.kind)
+    """The design's board; None when the catalogue does not have it, or a circuit that it uses."""
+    if any(_absent(design, *_electronics(design))):
+        return None
+    return entries_of(design).boards[design.board.kind]
+
+
+def _electronics(design: SensorDesign) -> Iterator[Named]:
+    use = design.board
+    yield "board.kind", catalog.find_board, use.kind
+    if use.receivers is not None:
+        yield "board.receivers.multiplexer", catalog.find_multiplexer, use.receivers.multiplexer
+    if use.emitters is not None:
+        yield "board.emitters.shift_register", catalog.find_shift_register, use.emitters.shift_register
+
+
+def _absent(design: SensorDesign, *names: Named) -> Iterator[Finding]:
+    for field, look_up, name in names:
+        try:
+            look_up(entries_of(design), name)
+        except DesignError as err:
+            yield _not_found(field, name, err)
 
 
 def _named_findings(design: SensorDesign, places: tuple[Placement, ...]) -> Iterator[Finding]:

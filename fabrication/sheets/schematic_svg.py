@@ -242,7 +242,7 @@ def _multiplexers(design: SensorDesign) -> list[_Block]:
         blocks.append(
             _Block(
                 name=f"M{number + 1}",
-                title=entry.title.split(",")[0],
+                title=entry.name,
                 left=[(f"C{k}", outputs.get(k, "ground")) for k in range(entry.channels)],
                 right=[*board, ("VCC", supply), ("GND", "ground"), ("EN", enable)],
             )
@@ -260,7 +260,7 @@ def _shift_registers(design: SensorDesign) -> list[_Block]:
     return [
         _Block(
             name=f"S{number + 1}",
-            title=entry.title.split(",")[0],
+            title=entry.name,
             left=[
                 ("DS", data if number == 0 else f"S{number} QS"),
                 ("SHCP", clock),

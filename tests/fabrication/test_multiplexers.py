@@ -148,6 +148,11 @@ def test_wrong_pins_are_refused_with_the_way_out(changes: dict[str, object], wor
 def test_an_unknown_multiplexer_and_a_wrong_supply_are_refused() -> None:
     with pytest.raises(DesignError, match="multiplexer 'cd4097' is not in the catalogue"):
         receiver_paths(disc(**{"board.receivers.multiplexer": "cd4097"}))
+    for field, name in (("receivers.multiplexer", "cd4097"), ("emitters.shift_register", "cd4094")):
+        found = errors(disc(**{f"board.{field}": name}))
+        assert [
+            one for one in found if one.startswith(f"board.{field}:") and "is not in the catalogue" in one
+        ]
     mine = {
         "title": "of 12 V", "source": "made up", "confidence": "unverified", "channels": 16, "supply_low_v": 9.0,
         "supply_high_v": 15.0, "enable": "ground",
