@@ -8,7 +8,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from design.circuit.pins import assigned_pins, board_of, emitter_label, receiver_paths
+from design.circuit.pins import (
+    assigned_pins,
+    board_of,
+    emitter_label,
+    multiplexer_of,
+    receiver_paths,
+    shift_register_of,
+)
 from design.shape.cavity import PlacedPart, cavity_of
 from design.spec import SensorDesign
 
@@ -58,6 +65,16 @@ class Connections:
     def all(self) -> tuple[Connection, ...]:
         """Emitters, then receivers."""
         return self.emitters + self.receivers
+
+
+def pin_words(design: SensorDesign) -> str:
+    """The letters in the names of a design's pins and their meaning."""
+    words = ["D: digital pin", "A: analogue input"]
+    if multiplexer_of(design) is not None:
+        words.append("M1-C0: channel 0 of multiplexer M1")
+    if shift_register_of(design) is not None:
+        words.append("S1-Q0: output 0 of shift register S1")
+    return ", ".join(words)
 
 
 def polarity_of(part: PlacedPart) -> str:

@@ -31,7 +31,7 @@ from design.parts.assumptions import ohm_text
 from design.parts.catalog import Board
 from design.shape.cavity import cavity_of
 from design.spec import SensorDesign
-from fabrication.connections import Connection, connections_of
+from fabrication.connections import Connection, connections_of, pin_words
 from fabrication.gain import SimulatedGain, feedbacks_for
 from fabrication.sheets import svg
 from fabrication.sheets.svg import Element, Point
@@ -296,9 +296,7 @@ def _notes(design: SensorDesign) -> Sequence[str]:
         f"{current.emitter_ma:.0f} mA for emitter and base, {current.amplifiers_ma:.0f} for the amplifiers (assumed), "
         f"{current.board_ma:.0f} for the board (assumed);",
         f"{current.fault_ma:.0f} mA if a fault lit all emitters.",
-        "D: digital pin, A: analogue input"
-        + (", M1-C0: channel 0 of multiplexer M1" if multiplexer_of(design) else "")
-        + (", S1-Q0: output 0 of shift register S1." if shift_register_of(design) else "."),
+        f"{pin_words(design)}.",
         "Amplifiers: single supply, inputs and outputs down to ground; 100 nF at each package, supply to ground.",
         "Which lead is anode or cathode: the part's data sheet.",
     )

@@ -26,7 +26,7 @@ from design.shape.cavity import TURN_RAD, PlacedPart, Plan, workspace_of
 from design.shape.outline import Outline, X
 from design.spec import SensorDesign
 from design.spec.pad import WALLS, Wall
-from fabrication.connections import Connection, connections_of
+from fabrication.connections import Connection, connections_of, pin_words
 from fabrication.sheets import svg
 from fabrication.sheets.svg import Element, Point
 from fabrication.sheets.table import number, size_words
@@ -56,7 +56,7 @@ def legend_lines(design: SensorDesign, connections: Sequence[Connection]) -> lis
         *lines,
         ("workspace", f"workspace of press centres: {_space_words(workspace)}"),
         ("origin", f"origin of x and y: {_origin_words(outline.plan)}"),
-        ("", f"labels: reference, board pin (D digital, A analogue), {_places_words(connections)}"),
+        ("", f"labels: reference, pin ({pin_words(design)}), {_places_words(connections)}"),
         ("", f"mold outside {size_words(outline.outer, ' mm')}"),
     ]
 

@@ -73,7 +73,7 @@ def _lead(scene: RayScene) -> str:
     )
     return (
         f"The pad under presses at {where}, x = {x_mm:g}, y = {y_mm:g} mm{along}, and the light {which}: "
-        "straight (mode 2), mirrored by the top (mode 1), scattered, and light lost under the press."
+        "direct (mode 2), mirrored by the top (mode 1), scattered, and light lost under the press."
     )
 
 
