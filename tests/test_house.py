@@ -256,6 +256,30 @@ def test_every_door_says_what_the_room_is_for() -> None:
     assert [name for name, text in words.items() if len(text.partition("\n")[0]) < 30] == []
 
 
+def loose_lines(text: str) -> list[str]:
+    """Lines of a docstring's lists that are neither an entry (`name : words`) nor indented below one."""
+    loose, lines, heading = [], text.splitlines(), ""
+    for number, line in enumerate(lines):
+        after = lines[number + 1] if number + 1 < len(lines) else ""
+        if line.startswith("----"):
+            heading = lines[number - 1]
+        elif heading in {"Parameters", "Attributes"} and line and not after.startswith("----"):
+            loose += [line] if not line.startswith(" ") and " : " not in line else []
+    return loose
+
+
+def test_the_lists_of_a_docstring_are_indented() -> None:
+    assert loose_lines("Parameters\n----------\na : one\ntwo\n\nReturns\n-------\nthree") == ["two"]
+    kinds = ast.Module | ast.ClassDef | ast.FunctionDef
+    texts = {
+        f"{name_of(path)}:{node.body[0].lineno}": ast.get_docstring(node) or ""
+        for path in python_files(*ROOMS)
+        for node in ast.walk(tree_of(path))
+        if isinstance(node, kinds) and node.body
+    }
+    assert {place: found for place, text in texts.items() if (found := loose_lines(text))} == {}
+
+
 def test_no_file_imports_itself_by_way_of_others() -> None:
     edges = [(".".join(place), ".".join(other)) for place, others in imports().items() for other in others]
     assert circle(edges) == []

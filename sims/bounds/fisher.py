@@ -275,7 +275,7 @@ class Bounds:
     location_mm : (...) of the location, √(var x + var y); depth_mm : of the depth
     depth_alone_mm : of the depth when the location is known
     location_error_mm, depth_error_mm, depth_alone_error_mm : (...) standard errors from the light trace;
-    infinite where not resolved
+        infinite where not resolved
     """
 
     location_mm: FloatArray
@@ -388,7 +388,7 @@ def sensitivities(
     ----------
     places_mm : (place, 2); depth_mm : (depth,)
     accuracies : settings of the light, cheapest first: voxels that are not resolved, or whose bounds' error is above
-    `CLEAR_ERROR` of them, are traced again with the next; voxels above `SHALLOW_MM` begin with the second
+        `CLEAR_ERROR` of them, are traced again with the next; voxels above `SHALLOW_MM` begin with the second
     seed, steps, on_step : as for `sims.bounds.fisher.sensitivity`
 
     Returns

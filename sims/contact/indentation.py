@@ -266,7 +266,7 @@ def indent(
     design : the sensor
     depth_mm : depth of the tip's apex below the undisturbed surface [mm]; 0 or less: untouched
     at_mm : (x, y) of the press axis in the cavity frame [mm]; None is the middle. `pad_surface` has
-    the part that is not a curve around it
+        the part that is not a curve around it
     mesh_mm : node spacing under the tip [mm]; a value solves anew, see `solved_press`
 
     Returns

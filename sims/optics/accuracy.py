@@ -17,19 +17,19 @@ class Accuracy:
     replicates : independent offsets, 2 or more [-]
     rings, columns : cells of the top around a press, for light mirrored once [-]
     whole_ratio : largest over smallest flux density of an image's corner paths up to which it is summed path by path;
-    0: every image on the lattice [-]
+        0: every image on the lattice [-]
     image_step : share of its size by which an image that is not whole moves between lattice points, if it brings 3 % of
         the untouched flux; less for a brighter one [-]
     top_rings, top_columns : points of the top for scattered light and for several reflections [-]
     repeat_share : largest share of a pair's untouched flux (at least 3 % of that of the emitter's brightest pair) that
-    one sample of light reflected several times may represent [-]
+        one sample of light reflected several times may represent [-]
     nodes_emitter, nodes_column, nodes_height : Gauss nodes of direct light [-]
     few_emitter, few_receiver, most_emitter, most_receiver : Gauss nodes of whole images that vary little and much [-]
     flat_nodes : Gauss nodes of the untouched pad [-]
     reference_rays : rays per emitter and receiver for the untouched pad's scattered light, a power of two [-]
     wall_rays : rays per emitter and receiver and state between smooth walls, a power of two [-]
     ray_share : power over the mean of a patch's rays over the top, below which a receiver's ray is followed by chance
-    only, and then with that power; a tenth of it for an emitter's rays, which also find several reflections [-]
+        only, and then with that power; a tenth of it for an emitter's rays, which also find several reflections [-]
     """
 
     replicates: int = 2

@@ -134,7 +134,7 @@ def trace(
     presses : (state, 3) rows of x, y, depth, or (state, tip, 3) with NaN rows for absent tips; depth 0 or
         less is untouched [mm]
     profile : None for the contact model's surface at each location; else used unchanged: one indentation for all tips,
-    or one per state, for all its tips or a sequence of one per tip
+        or one per state, for all its tips or a sequence of one per tip
     accuracy : draft, score, standard, fine, reference, settings, or a required relative error as 0.001
     seed : seed of all offsets; the same seed gives the same bits
     pairs : (emitter, receiver) or (state, emitter, receiver) mask of pairs to trace; others are 0

@@ -138,7 +138,7 @@ class DataWriter:
     file : the netCDF file to make
     header : common part of all samples, as data without samples (`PressData.only` of an empty mask)
     asked : plain data that identify the data set, as protocol, seed and versions: only a journal with the same data is
-    continued
+        continued
     journal_folder : folder of the journal; by default that of the file
 
     Raises

@@ -86,7 +86,7 @@ def read_data(file: Path, design: SensorDesign | None = None) -> PressData:
     Raises
     ------
     InputError : the file is missing or of another format, parts or states are missing, readings are no numbers, units
-    are unknown, or presses contradict the pad or the signals.
+        are unknown, or presses contradict the pad or the signals.
     """
     found = read_netcdf(file, needed=NEEDED_FILE, most_bytes=MAX_BYTES, decode_times=False)
     _require_parts(found, file)

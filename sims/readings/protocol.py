@@ -78,7 +78,7 @@ def protocol_curves(
     ----------
     seed, accuracy : random seed and accuracy setting of the light model
     is_coarse : fewer depths, two thirds of the light, a larger error (docs/how-to/simulate-data-set.md); None: as in
-    the protocol
+        the protocol
     on_step : called with a stage's name and the share of it that is done
 
     Raises

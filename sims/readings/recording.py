@@ -80,7 +80,7 @@ def read_recording(file: Path, design: SensorDesign | None = None) -> Recording:
     Raises
     ------
     InputError : the file is missing or of another format, parts are missing, readings are no numbers, units are
-    unknown, or presses contradict the pad or the signals.
+        unknown, or presses contradict the pad or the signals.
     """
     found = _read_csv(file) if kind_of_file(file) in TEXT_KINDS else _read_netcdf(file)
     places = {} if found.place_mm is None else {"x": found.place_mm[:, 0], "y": found.place_mm[:, 1]}

@@ -109,7 +109,7 @@ class Settings:
     bound_depth_share : share of the deepest press to which these depths are limited [-]
     near_tips : pairs of the map farther from a press are taken as untouched there [tip radii]; None traces all
     settled : locations of the map that are traced again: those that the numerical error leaves open, by two independent
-    traces; those close to the threshold, by a finer one; or none
+        traces; those close to the threshold, by a finer one; or none
     doubts : settings of these traces, tried in turn
     has_felt, has_losses : whether bounds include the detection threshold, and the loss with each failed component
     """
@@ -346,7 +346,7 @@ class Judge:
     settings : a row of `SETTINGS`, or its name
     seed : seed of the light model's random shifts
     also_mm : (x, y) of further locations of a pad, such as one that is known to decide; those outside the workspace are
-    left out [mm]
+        left out [mm]
     on_step : called with a stage's name and the share of it that is done
     """
 

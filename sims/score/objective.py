@@ -178,7 +178,7 @@ def judge(
     wanted : requested figures, in addition to those of the limits (`design.search.figures`, or "verdict")
     accuracy : a row of `sims.score.judge.SETTINGS` by name
     also_mm : (x, y) of further locations of a pad's map, such as one that is known to decide; those outside a design's
-    workspace are left out [mm]
+        workspace are left out [mm]
     seed : seed of the light's offsets
     """
     needed = {*wanted, *(limit.figure for limit in limits)}

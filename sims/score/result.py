@@ -178,7 +178,7 @@ class ContinuityScore(KeyFigures):
     causes : why depth is not resolved, for every such interval of a location, or of a facing pair, the worst first
     trial : the effect of moving heights or thickness on the worst of them; None where not tried
     bounds : lower bounds on the error of a press's location and depth from all readings together, at the map's
-    locations; None for a verdict only
+        locations; None for a verdict only
     """
 
     digest: str

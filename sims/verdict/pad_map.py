@@ -103,7 +103,7 @@ class DepthReading:
     blind : intervals by the best estimate of the distances
     least, most : the shortest and longest intervals that the numerical error allows
     margin, margin_error : distance of the most distant frames in the least resolved 0.3 mm before the range ends, and
-    its possible numerical error [noise units]
+        its possible numerical error [noise units]
     margin_mm : depths of that window [mm]
     open_mm : depths, in order, of windows that the numerical error leaves open; they may overlap [mm]
     """

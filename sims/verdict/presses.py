@@ -69,7 +69,7 @@ class PairCurves:
     pair : emitter and receiver number
     press_mm : (x, y) of the press
     depth_mm, direct, top, diffuse, total, standard_error : (n,) each; top is all specular light; errors of presses are
-    those of their difference from untouched
+        those of their difference from untouched
     """
 
     pair: Pair

@@ -187,7 +187,7 @@ class KernelSolution:
     weights : (kept, output) in units of the targets
     method : exact, single or nystroem
     largest_residual : residual of `CHECKED_ROWS` rows of the system, over the largest target [-]; NaN for `nystroem`,
-    which solves another one
+        which solves another one
     """
 
     kept: NDArray[np.intp]

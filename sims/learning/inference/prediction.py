@@ -17,7 +17,7 @@ class Prediction:
     touch_score : (n,) score of the decision: higher above 0 means a more certain touch; it is no probability [-]
     press_mm : (n, 3) x, y, depth [mm]; given for every frame, meaningful where there is touch
     sigma_mm : (n, 3) standard deviations of press_mm [mm]; NaN where the model has none. They refer to the tip (signal
-    map), or to the stage's position with its errors (learners), as `sigma_of` in the header's settings states
+        map), or to the stage's position with its errors (learners), as `sigma_of` in the header's settings states
     force_n : (n,) from the force curve of the model's header, 0 where untouched [N]; None without such a curve
     """
 

@@ -117,7 +117,7 @@ def trace_scene(
     fields : one per state, added to the top; None: none
     classes : states of equal light; with it, centres, indentations and fields are one per class
     accuracy : draft, score, standard, fine, reference, settings, or a required relative error: settings are then
-    refined for the states that miss it (`RawLight.relative_error`), up to reference; see `is_met`
+        refined for the states that miss it (`RawLight.relative_error`), up to reference; see `is_met`
     seed : seed of all offsets; the same seed gives the same bits for any number of threads
     pairs : (emitter, receiver) or (state, emitter, receiver) mask; a pair left out is 0
     on_step : called with (states done, states)
@@ -126,7 +126,7 @@ def trace_scene(
     Raises
     ------
     InputError, ModelScopeError : see `sims.optics.scene.lower`, `sims.optics.surface.curves` and
-    `sims.optics.surface.tops`.
+        `sims.optics.surface.tops`.
     """
     check_scene(scene)
     centres = np.asarray(centres_mm, dtype=np.float64)

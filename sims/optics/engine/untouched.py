@@ -76,7 +76,7 @@ class Untouched(UnshiftedPad):
     rays : deposits and wall-mirrored flux of the rays that states use between smooth walls, per replicate
     scale : (emitter, receiver) flux of all classes, above 0
     gain : (emitter, receiver) direct flux over its value by the rule of pressed states, so that a press which hides
-    nothing changes nothing, even with uneven angular tables
+        nothing changes nothing, even with uneven angular tables
     """
 
     shifts: FloatArray

@@ -83,7 +83,7 @@ def lower_presses(
     ------
     InputError : shapes do not fit, a press is outside the pad, or a profile is invalid
     ModelScopeError : with several tips, a field or a crown, a curve folds; contacts overlap; several tips press on a
-    crown, or the crown falls too steeply in the frame of a press
+        crown, or the crown falls too steeply in the frame of a press
     """
     states = len(indentations)
     centres = np.asarray(centres_mm, dtype=np.float64)

@@ -167,7 +167,7 @@ def trace_oracle(
     ------
     InputError : the scene, form, a location or a profile is invalid
     ModelScopeError : with several tips, a field or a crown, a curve folds; contacts overlap; several tips press on a
-    crown, or the pad reaches too far around a press there
+        crown, or the pad reaches too far around a press there
     """
     if rays < 2:
         raise InputError(f"rays: {rays} is too few; at least 2")

@@ -306,7 +306,7 @@ def lower_curve(indentation: Indentation, top_mm: float, mean_mm: float = 0.0) -
     ----------
     top_mm : height of the undisturbed top, at which the curve ends
     mean_mm : radius of the crown above which the curve's heights are given, 0 for a flat top: in the contact they are
-    those of the tip above that crown
+        those of the tip above that crown
     """
     depth = indentation.depth_mm
     tip, start = _sphere(indentation)

@@ -108,7 +108,7 @@ def stack_formed(scene: OpticalScene, centres_mm: FloatArray, presses: Sequence[
     ------
     InputError : a press is outside the pad, or its curve is invalid.
     ModelScopeError : a press goes through the clear layer, a tip overlaps a wall, or the crown falls too steeply
-    around a press.
+        around a press.
     """
     centres = np.asarray(centres_mm, dtype=np.float64).reshape(-1, 2)
     if len(centres) != len(presses):
