@@ -22,6 +22,7 @@ import contextlib
 import hashlib
 import math
 import os
+import re
 import sqlite3
 import threading
 import time
@@ -60,15 +61,20 @@ def kernel_folder() -> Path:
 
 
 SUFFIXES = {".py", ".toml", ".npz"}
+WORDS = re.compile(rb'^\s*r?"""(?s:.*?)"""\s*$|^\s*#.*$', re.MULTILINE)
+"""Docstrings and comments on lines of their own."""
 
 
 def source_fingerprint(modules: Iterable[ModuleType]) -> int:
-    """63-bit hash of the modules' source files, in their order."""
+    """63-bit hash of the modules' source files without their docstrings and comments, in their order."""
     return _hash_of_files(Path(str(module.__file__)) for module in modules)
 
 
 def folder_fingerprint(*folders: Path) -> int:
-    """63-bit hash of every source and data file in the folders and below them, or of the given files."""
+    """63-bit hash of every source and data file in the folders and below them, or of the given files.
+
+    Docstrings and comments of Python files do not count.
+    """
     files = (path for folder in folders for path in (folder, *sorted(folder.rglob("*"))) if path.is_file())
     return _hash_of_files(path for path in files if path.suffix in SUFFIXES)
 
@@ -76,7 +82,9 @@ def folder_fingerprint(*folders: Path) -> int:
 def _hash_of_files(paths: Iterable[Path]) -> int:
     digest = hashlib.sha256()
     for path in paths:
-        digest.update(path.read_bytes())
+        content = path.read_bytes()
+        code = WORDS.sub(b"", content).split(b"\n") if path.suffix == ".py" else [content]
+        digest.update(b"\n".join(line for line in code if line.strip()))
     return int.from_bytes(digest.digest()[:8], "big") >> 1
 
 

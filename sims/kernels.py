@@ -2,8 +2,8 @@
 """Compiled kernels on disk: one folder per version of the sources, outside the checkout and the installation.
 
 Numba stores compiled code next to the sources, where a new clone does not find it. Here it is in the cache folder
-(`NUMBA_CACHE_DIR`, else ``kernels`` in `sims.cache`), in a folder named by a hash of the sources: any checkout with the
-same sources reads it, and a changed source never uses an old cache. Numba itself checks its own version and the
+(`NUMBA_CACHE_DIR`, else ``kernels`` in `sims.cache`), in a folder named by a hash of the code: any checkout with the
+same code reads it, and changed code never uses an old cache. Numba itself checks its own version and the
 processor. If two processes need the same kernel, one compiles, and the other waits for it.
 
 The used parts of numba are no public interface: `FunctionCache`, its locators, and the attribute ``_cache``.

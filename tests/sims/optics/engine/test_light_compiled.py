@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 import time
 from dataclasses import replace
+from pathlib import Path
 
 import numba
 import numpy as np
@@ -82,14 +83,16 @@ def test_an_error_in_a_piece_comes_out():
         run_each(work, 9)
 
 
-def test_the_fingerprint_follows_every_byte_of_the_sources(tmp_path, monkeypatch):
+def test_the_fingerprint_follows_the_code_and_not_its_words(tmp_path, monkeypatch):
     copy = tmp_path / "states.py"
-    with open(compiled.states.__file__, "rb") as source:
-        copy.write_bytes(source.read())
+    copy.write_bytes(Path(compiled.states.__file__).read_bytes())
     before = fingerprint.source_fingerprint([compiled.states])
     monkeypatch.setattr(compiled.states, "__file__", str(copy))
+    code = copy.read_text(encoding="utf-8")
+    words = '"""Other words.\n\nOf several lines."""\n\n' + code.partition('"""\n')[2] + "\n# a comment\n"
+    copy.write_text(words, encoding="utf-8")
     assert fingerprint.source_fingerprint([compiled.states]) == before
-    copy.write_bytes(copy.read_bytes() + b"\n")
+    copy.write_text(words + "x = 1\n", encoding="utf-8")
     assert fingerprint.source_fingerprint([compiled.states]) != before
 
 
