@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 STAGE_TITLES = {
-    "kernels": "compiling the light kernels, once on this machine: a minute or two",
+    "kernels": "compiling the light kernels, once on this machine: half a minute or more",
     "contact": "contact (MuJoCo)",
     "pairs": "light, pair by pair",
     "light": "light",
