@@ -40,7 +40,7 @@ from sims.bounds.fisher import (
     bounds_of,
     sensitivities,
 )
-from sims.optics.accuracy import MIRRORED_FINER, Accuracy
+from sims.optics.accuracy import ACCURACIES, MIRRORED_FINER, Accuracy
 from sims.readings.readout import Readout, readout_of
 from sims.verdict.pad_map import grid_inside, grid_places_mm, map_grid_mm, on_grid
 from sims.verdict.presses import untouched_flux
@@ -184,6 +184,8 @@ def _loss(
 BOUND_ACCURACIES = ("score", MIRRORED_FINER)
 """Settings of the light for derivatives, cheapest first: a common lattice removes most of the error, and voxels where
 that is not enough are traced again with the next. The first are those of a map, whose stored light is reused."""
+MANY_PAIRS_BOUNDS = (ACCURACIES["draft"], MIRRORED_FINER)
+"""The same for layouts of hundreds of pairs, where the light of a map would leave most voxels open."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -439,7 +441,9 @@ def _name_of(accuracy: str | Accuracy) -> str:
     """Name of the settings in files."""
     if isinstance(accuracy, str):
         return accuracy
-    return "score, mirrored light as standard" if accuracy == MIRRORED_FINER else "own settings"
+    if accuracy == MIRRORED_FINER:
+        return "score, mirrored light as standard"
+    return next((name for name, one in ACCURACIES.items() if one == accuracy), "own settings")
 
 
 def own_readout(design: SensorDesign, *, seed: int, accuracy: str | Accuracy = "standard") -> Readout:

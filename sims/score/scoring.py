@@ -317,7 +317,7 @@ def score_cost(design: SensorDesign, *, fine: bool, full: bool, is_run: bool = F
     is_run : the whole `optopad run`, with mold, report and the firmware's files
     """
     cavity = cavity_of(design)
-    row = settings_of(fine=fine, full=full)
+    row = settings_of(fine=fine, full=full).for_pairs(len(judged_pairs(cavity)))
     places_mm = grid_places_mm(cavity.workspace, *map_grid_mm(cavity, row.map_places))
     depth_mm = map_depths_mm(design.operating.max_depth_mm, row.map_step_mm)
     stages = {

@@ -5,6 +5,8 @@ from __future__ import annotations
 import pytest
 
 from design.preset import preset
+from sims.bounds.observability import MANY_PAIRS_BOUNDS
+from sims.score.judge import MANY_PAIRS, SETTINGS
 from sims.score.scoring import score_cost
 
 
@@ -30,3 +32,12 @@ def test_the_time_is_that_of_the_stages_together(name: str) -> None:
     assert cost.core_s == pytest.approx(sum(cost.stages_s.values()))
     assert {"map", "bounds", "builds"} <= set(cost.stages_s)
     assert all(seconds > 0.0 for seconds in cost.stages_s.values())
+
+
+def test_hundreds_of_pairs_are_judged_in_the_map_s_steps_and_by_lighter_bounds() -> None:
+    for name, row in SETTINGS.items():
+        assert row.for_pairs(MANY_PAIRS) is row
+        many = row.for_pairs(MANY_PAIRS + 1)
+        assert many.step_mm == max(row.step_mm, row.map_step_mm)
+        assert (many.bounds == MANY_PAIRS_BOUNDS) == (name in {"score", "full", "fine"})
+        assert many.map == row.map
