@@ -1,4 +1,4 @@
-"""The map of the house as a picture, drawn from the code's own imports: docs/images/architecture.svg.
+"""The rooms of the code as a picture, drawn from the code's own imports: docs/images/architecture.svg.
 
 Each part of the house is a frame, its rooms stand on floors: a room stands above all that it imports in its frame.
 Arrows that follow from others are left out (A to C, where A imports B and B imports C).
