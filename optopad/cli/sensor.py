@@ -293,9 +293,14 @@ def _show_touch(
 
 
 def _live(sensor: Sensor, frames: int | None, seconds: float | None) -> None:
+    import shutil
+
     from optopad.sensor.driver_view import live_table
 
-    _drawn(sensor.frames(frames, seconds), lambda frame: live_table(frame, sensor))
+    _drawn(
+        sensor.frames(frames, seconds),
+        lambda frame: live_table(frame, sensor, shutil.get_terminal_size()),
+    )
 
 
 def _drawn(answers: Iterator[Answer], view: Callable[[Answer], RenderableType]) -> None:

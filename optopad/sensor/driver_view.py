@@ -207,6 +207,9 @@ FAINTEST = 0.1
 """Share of the full change below which a cell keeps the terminal's own colour."""
 
 CELL_WIDTH = 6
+NAME_WIDTH = 5
+OTHER_LINES = 5
+"""Lines of the live view next to those of the emitters."""
 
 LESS, MORE = (31, 102, 209), (209, 92, 20)
 """Colours (red, green, blue) of less and of more light than without contact; the terminal's own is between them."""
@@ -261,24 +264,74 @@ def strongest_change(frame: Frame, sensor: Sensor) -> str:
     return f"{said.emitters.names[i]}-{said.receivers.names[j]} {change[i, j]:+.0%}"
 
 
-def live_table(frame: Frame, sensor: Sensor) -> RenderableType:
-    """Heat map of normalised signals, one row per emitter, between a line about the link and a line of explanation."""
+def live_table(frame: Frame, sensor: Sensor, size: tuple[int, int]) -> RenderableType:
+    """Heat map of normalised signals, one row per emitter, between a line about the link and a line of explanation.
+
+    Parameters
+    ----------
+    size : columns and lines of the terminal; a layout whose numbers do not fit is drawn as coloured blocks
+    """
     from rich.console import Group
-    from rich.table import Table
     from rich.text import Text
 
     said = sensor.descriptor
-    table = Table(box=None, padding=0, collapse_padding=True)
-    table.add_column("", min_width=5)
-    for name in said.receivers.names:
-        table.add_column(Text(name + " "), justify="right", min_width=CELL_WIDTH)
     ratio = frame.normalised if frame.baseline is not None else np.full(frame.signals.shape, np.nan)
-    for i, name in enumerate(said.emitters.names):
-        table.add_row(name, *(_cell(frame, ratio, i, j) for j in range(len(said.receivers.names))))
-    table.add_row("dark", *(f"{int(count)} " for count in frame.counts[-1]), style="dim")
+    emitters, receivers = said.emitters.names, said.receivers.names
+    if NAME_WIDTH + CELL_WIDTH * len(receivers) <= size[0] and len(emitters) + OTHER_LINES <= size[1]:
+        view = _numbers(frame, ratio, emitters, receivers)
+        foot = "% of the untouched signal   ! at full scale   . too weak   Ctrl-C ends"
+    else:
+        view = _blocks(frame, ratio, emitters, receivers, wide=NAME_WIDTH + 2 * len(receivers) <= size[0])
+        change = strongest_change(frame, sensor)
+        foot = (
+            f"blue: less light, orange: more, white: at full scale, black: too weak   {change}   Ctrl-C ends"
+        )
     head = f"{said.design} on {sensor.port}: {link_line(sensor)}"
-    foot = "% of the untouched signal   ! at full scale   . too weak   Ctrl-C ends"
-    return Group(Text(head, style="bold"), table, Text(foot, style="dim"))
+    return Group(Text(head, style="bold"), view, Text(foot, style="dim"))
+
+
+def _numbers(
+    frame: Frame, ratio: FloatArray, emitters: tuple[str, ...], receivers: tuple[str, ...]
+) -> RenderableType:
+    """A row for each emitter, a column for each receiver, and the dark readings."""
+    from rich.table import Table
+    from rich.text import Text
+
+    table = Table(box=None, padding=0, collapse_padding=True)
+    table.add_column("", min_width=NAME_WIDTH)
+    for name in receivers:
+        table.add_column(Text(name + " "), justify="right", min_width=CELL_WIDTH)
+    for i, name in enumerate(emitters):
+        table.add_row(name, *(_cell(frame, ratio, i, j) for j in range(len(receivers))))
+    table.add_row("dark", *(f"{int(count)} " for count in frame.counts[-1]), style="dim")
+    return table
+
+
+def _blocks(
+    frame: Frame, ratio: FloatArray, emitters: tuple[str, ...], receivers: tuple[str, ...], *, wide: bool
+) -> RenderableType:
+    """Two emitters a line, as the upper and lower half of a block for each receiver; names of every eighth receiver."""
+    from rich.text import Text
+
+    step = 2 if wide else 1
+    heads = "".join(name.ljust(8 * step) for name in receivers[::8])
+    text = Text(" " * NAME_WIDTH + heads[: step * len(receivers)] + "\n", style="dim", no_wrap=True)
+    for i in range(0, len(emitters), 2):
+        text.append(emitters[i].ljust(NAME_WIDTH), style="not dim")
+        for j in range(len(receivers)):
+            upper = _colour(frame, ratio, i, j)
+            lower = f" on {_colour(frame, ratio, i + 1, j)}" if i + 1 < len(emitters) else ""
+            text.append("▀" * step, style=f"not dim {upper}{lower}")
+        text.append("\n")
+    return text
+
+
+def _colour(frame: Frame, ratio: FloatArray, i: int, j: int) -> str:
+    if frame.saturated[i, j]:
+        return "rgb(255,255,255)"
+    if not math.isfinite(ratio[i, j]):
+        return "rgb(0,0,0)"
+    return _mixed(float(ratio[i, j]) - 1.0)
 
 
 def check_lines(verdict: Verdict) -> list[str]:
@@ -309,11 +362,14 @@ def _cell(frame: Frame, ratio: FloatArray, i: int, j: int) -> Any:
 
 
 def _style(change: float) -> str:
+    return "" if abs(change) < FAINTEST * FULL_CHANGE else f"white on {_mixed(change)}"
+
+
+def _mixed(change: float) -> str:
+    """Colour between that of no change and that of the full one."""
     share = min(abs(change) / FULL_CHANGE, 1.0)
-    if share < FAINTEST:
-        return ""
     red, green, blue = (round(30 + (part - 30) * share) for part in (LESS if change < 0 else MORE))
-    return f"white on rgb({red},{green},{blue})"
+    return f"rgb({red},{green},{blue})"
 
 
 def _plain(values: FloatArray) -> list[list[float | None]]:

@@ -22,6 +22,8 @@ IDLE_S = 0.02
 
 LONGEST_WAIT_S = 0.05
 LARGEST_READ = 4096
+QUEUE_BYTES = 16384
+"""Bytes that a board queues for a slow host before it drops messages."""
 
 
 class Device(Protocol):
@@ -39,6 +41,11 @@ class Device(Protocol):
 
     def heard(self, piece: bytes, now_s: float) -> bytes:
         """Process the host's bytes and return the reply."""
+
+
+def queued(unsent: bytes, sent: bytes) -> bytes:
+    """Bytes to send: those left of the last messages, and a new message, which is dropped whole if many are left."""
+    return unsent if len(unsent) > QUEUE_BYTES else unsent + sent
 
 
 class Wire(Protocol):
@@ -74,7 +81,7 @@ class PtyWire:
         os.close(slave)
         os.set_blocking(self._master, False)
         self._link = link
-        self._heard = b""
+        self._heard = self._unsent = b""
         self.name = self._system_name if link is None else str(link)
         if link is not None:
             _point(link, self._system_name)
@@ -86,15 +93,17 @@ class PtyWire:
         except BlockingIOError:
             return True
         except OSError:  # EIO: no one has the other side open
+            self._unsent = b""
             return False
         self._heard += piece
         return bool(piece)
 
     def exchange(self, sent: bytes, wait_s: float) -> bytes:
-        """Send the bytes that fit into the system's buffer, drop the others, then wait for the host."""
-        if sent:
+        """Send what the system's buffer takes, then wait for the host; `queued` holds the rest for the next call."""
+        self._unsent = queued(self._unsent, sent)
+        if self._unsent:
             with contextlib.suppress(OSError):
-                os.write(self._master, sent)
+                self._unsent = self._unsent[os.write(self._master, self._unsent) :]
         heard, self._heard = self._heard, b""
         if heard or not select.select([self._master], [], [], wait_s)[0]:
             return heard
@@ -127,6 +136,7 @@ class SocketWire:
             ) from err
         self._listener.setblocking(False)
         self._host: socket.socket | None = None
+        self._unsent = b""
         self.name = f"socket://localhost:{self._listener.getsockname()[1]}"
 
     def is_open(self) -> bool:
@@ -141,13 +151,14 @@ class SocketWire:
         return True
 
     def exchange(self, sent: bytes, wait_s: float) -> bytes:
-        """Send the bytes that the host accepts, then wait for its bytes."""
+        """Send the bytes that the host accepts, then wait for its bytes; `queued` holds the rest for the next call."""
         host = self._host
         if host is None:
             return b""
+        self._unsent = queued(self._unsent, sent)
         try:
-            if sent:
-                host.send(sent)
+            if self._unsent:
+                self._unsent = self._unsent[host.send(self._unsent) :]
             if not select.select([host], [], [], wait_s)[0]:
                 return b""
             heard = host.recv(LARGEST_READ)
@@ -157,7 +168,7 @@ class SocketWire:
             heard = b""
         if not heard:
             host.close()
-            self._host = None
+            self._host, self._unsent = None, b""
         return heard
 
     def close(self) -> None:

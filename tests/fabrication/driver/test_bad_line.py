@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import errno
 import os
 import select
@@ -329,3 +330,23 @@ def test_a_sensor_of_a_guessed_port_is_looked_for_there_again_and_not_at_its_lik
         time.sleep(0.4)
         sensor.__exit__(None, None, None)
     assert (printer.opened, printer.told) == (0, [])
+
+
+def test_a_long_message_that_the_line_takes_in_pieces_arrives_whole() -> None:
+    wire = PtyWire()
+    host = os.open(wire.name, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
+    try:
+        assert wire.is_open()
+        message = bytes(range(256)) * 240  # more than the system's buffer holds
+        heard = b""
+        wire.exchange(message, 0.0)
+        wire.exchange(b"dropped whole", 0.0)
+        for _ in range(200):
+            with contextlib.suppress(BlockingIOError):
+                heard += os.read(host, 65536)
+            wire.exchange(b"", 0.0)
+        assert heard[: len(message)] == message
+        assert heard[len(message) :] == b""
+    finally:
+        os.close(host)
+        wire.close()

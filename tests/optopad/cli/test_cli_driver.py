@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 import os
 import re
@@ -17,8 +18,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+from rich.console import Console
 
 from design.preset import preset
+from fabrication.driver import Sensor
 from fabrication.driver.link.ports import FoundPort
 from fabrication.driver.recording.export import read_recorded
 from fabrication.driver.simulated.faults import faults_of
@@ -26,6 +29,7 @@ from fabrication.driver.simulated.port import FakePort
 from fabrication.driver_config import dump_driver_config
 from optopad.cli import main
 from optopad.cli.commands import whole_command
+from optopad.sensor.driver_view import live_table
 from sims.readings.recording import read_recording
 from tests.fabrication.driver.made_up_pad import board, pad_config, untouched
 from tests.fabrication.driver.other_devices import printer_of
@@ -335,3 +339,18 @@ def started(*arguments: str) -> Iterator[subprocess.Popen[str]]:
         finally:
             if process.poll() is None:
                 process.kill()
+
+
+def test_a_layout_whose_numbers_do_not_fit_the_terminal_is_drawn_as_blocks(config: str, port: str) -> None:
+    with Sensor(config, port=port) as sensor:
+        frame = sensor.read()
+        drawn = {}
+        for size in ((100, 40), (40, 40), (100, 8), (14, 40)):
+            console = Console(width=size[0], record=True, file=io.StringIO(), color_system="truecolor")
+            console.print(live_table(frame, sensor, size))
+            drawn[size] = console.export_text().splitlines()
+    assert [line.split()[0] for line in drawn[100, 40][2:11]] == [*(f"E{n}" for n in range(1, 9)), "dark"]
+    assert drawn[100, 40][2].split()[1] == "100"
+    for size, cell in {(40, 40): "▀▀", (100, 8): "▀▀", (14, 40): "▀"}.items():
+        rows = [line for line in drawn[size] if "▀" in line]
+        assert rows == [f"{name.ljust(5)}{cell * 8}".ljust(len(rows[0])) for name in ("E1", "E3", "E5", "E7")]
