@@ -90,6 +90,9 @@ class ShiftRegister(Chip):
         return math.ceil(emitter_count / self.outputs)
 
 
+MOST_CHANNELS = 8
+"""Inputs that the commands of every known converter can name."""
+
 COMMAND_CLOCKS = {"mcp3208": 24, "ads8688": 32}
 """Clocks of the SPI bus for one reading, by the converter's commands."""
 
@@ -143,6 +146,11 @@ class Converter(Chip):
     def _is_complete(self) -> Self:
         if (self.logic_low_v is None) != (self.logic_high_v is None):
             raise ValueError("logic_low_v and logic_high_v: give both, or neither for a chip of one supply")
+        if self.channels > MOST_CHANNELS:
+            raise ValueError(
+                f"channels = {self.channels}: the commands of {self.commands} name at most {MOST_CHANNELS} inputs; "
+                "lower it"
+            )
         if self.commands == "ads8688" and None in (self.range_code, self.full_scale_v):
             raise ValueError(
                 "commands = 'ads8688' needs range_code and full_scale_v; give both, as 6 and 5.12 for 0 to 5.12 V"
