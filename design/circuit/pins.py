@@ -331,6 +331,12 @@ def _bus_findings(design: SensorDesign, board: Board) -> list[Finding]:
     ]
 
 
+def _least_switch_count(design: SensorDesign, pin_count: int, emitter_count: int) -> int:
+    """Pins that switch emitters; of shift registers, which are proposed, where the emitters have too few pins."""
+    count = _switch_count(design, emitter_count)
+    return count if count <= pin_count else SHIFT_PINS
+
+
 def _registers_needed(design: SensorDesign, board: Board, emitter_count: int) -> str | None:
     """The way out of too few pins for the emitters."""
     ways: list[str] = []
@@ -403,7 +409,8 @@ def _multiplexers_needed(
 
 
 def _converter_way(design: SensorDesign, board: Board, emitter_count: int, receiver_count: int) -> str | None:
-    spare = len(set(board.digital_pins) - set(board.spi_pins)) - _switch_count(design, emitter_count)
+    pins = set(board.digital_pins) - set(board.spi_pins)
+    spare = len(pins) - _least_switch_count(design, len(pins), emitter_count)
     for name, one in entries_of(design).converters.items():
         count = one.needed(receiver_count)
         if board.spi_pins and one.works_on(board) and count <= spare:
@@ -417,7 +424,8 @@ def _converter_way(design: SensorDesign, board: Board, emitter_count: int, recei
 def _multiplexer_way(
     design: SensorDesign, board: Board, emitter_count: int, receiver_count: int
 ) -> str | None:
-    spare = len(_open_pins(design, board)) - _switch_count(design, emitter_count)
+    pins = _open_pins(design, board)
+    spare = len(pins) - _least_switch_count(design, len(pins), emitter_count)
     for name, one in sorted(entries_of(design).multiplexers.items(), key=lambda item: -item[1].channels):
         count = one.needed(receiver_count)
         if one.works_on(board) and one.address_bits <= spare and count <= len(board.analog_channels):

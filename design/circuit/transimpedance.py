@@ -201,8 +201,7 @@ def settling_findings(
 ) -> Iterator[Finding]:
     """Amplifiers that do not settle within `board.settle_us`; nothing where no resistor is known (`feedbacks_of`)."""
     feedbacks, settle_us = feedbacks_of(design, counts_per_flux) or (), design.board.settle_us
-    converter = converter_of(design)
-    filter_us = 0.0 if converter is None else converter.filter_settles_us
+    converter, filter_us = converter_of(design), filter_settles_us(design)
     if converter is not None and settle_us <= filter_us:
         yield warning(
             "board.settle_us",
@@ -245,12 +244,23 @@ def _mean_product(lit: list[tuple[Quantity, float]], receiver: Part, scale: floa
     )
 
 
+def filter_settles_us(design: SensorDesign) -> float:
+    """Time in which the input filter of the design's converters settles; 0 without one [us]."""
+    converter = converter_of(design)
+    return 0.0 if converter is None else converter.filter_settles_us
+
+
+def settle_words(design: SensorDesign) -> str:
+    """The time in which an amplifier has to settle, and its field."""
+    words, filter_us = f"board.settle_us = {design.board.settle_us:g} us", filter_settles_us(design)
+    return f"{words} less {filter_us:.0f} us of the converter's input filter" if filter_us else words
+
+
 def _feedback(design: SensorDesign, part: Part, per_ohm: Quantity, exact_ohm: float) -> Feedback:
     gain, is_given = per_ohm.value * exact_ohm, not isinstance(design.gain.feedback_ohm, str)
     standard = exact_ohm if is_given else standard_nearest(exact_ohm)
-    constants, converter = math.log(2 ** (adc_bits(design) + 1)), converter_of(design)
-    filter_us = 0.0 if converter is None else converter.filter_settles_us
-    settle_us = max(design.board.settle_us - filter_us, LEAST_SETTLE_US)
+    constants = math.log(2 ** (adc_bits(design) + 1))
+    settle_us = max(design.board.settle_us - filter_settles_us(design), LEAST_SETTLE_US)
     most_pf = settle_us * S_PER_US / (standard * constants) / F_PER_PF
     capacitor = _capacitor_pf(_least_pf(part, standard), most_pf)
     settles = standard * capacitor * F_PER_PF * constants / S_PER_US

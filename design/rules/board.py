@@ -20,6 +20,7 @@ from design.circuit.pins import (
     adc_bits,
     address_pins,
     baud_error,
+    converter_of,
     design_frame_time_ms,
     driver_of,
     frame_bytes,
@@ -324,9 +325,10 @@ def _slow_fields(design: SensorDesign, board: Board) -> str:
     """What makes a frame shorter, in words."""
     fields = ["board.averages"] if design.board.averages > 1 else []
     fields += ["board.adc_prescaler"] if board.divides_clock else []
-    return f"{', '.join([*fields, 'board.settle_us'])}, or " + (
-        "raise board.baud" if board.divides_clock else "name a faster board"
-    )
+    faster = "raise board.baud" if board.divides_clock else "name a faster board"
+    if converter_of(design) is not None:
+        faster = "name a faster converter in board.receivers.converter"
+    return f"{', '.join([*fields, 'board.settle_us'])}, or {faster}"
 
 
 def _rate_findings(

@@ -27,6 +27,7 @@ from design.circuit.pins import (
     multiplexer_of,
     shift_register_of,
 )
+from design.circuit.transimpedance import settle_words
 from design.mold.filling import is_cast_under_lid
 from design.mold.outline import outline_of
 from design.parts.assumptions import assumption, ohm_text
@@ -216,7 +217,7 @@ def _amplifier_rows(
             "feedback capacitor",
             "CF",
             capacitors,
-            f"settles within board.settle_us = {design.board.settle_us:g} us",
+            f"settles within {settle_words(design)}",
         ),
     ):
         for value in dict.fromkeys(values):
@@ -243,7 +244,7 @@ def _open_feedback_rows(design: SensorDesign, names: Sequence[str]) -> Iterator[
         (
             "feedback capacitor",
             "CF",
-            f"with RF it must settle within board.settle_us = {design.board.settle_us:g} us",
+            f"with RF it must settle within {settle_words(design)}",
         ),
     ):
         yield BomRow(

@@ -65,8 +65,7 @@ def circuit_lines(design: SensorDesign) -> Iterator[str]:
         yield ""
         yield f"The supply, {_supply_text(design)}, gives {current.full_power_ma:.0f}* mA at full power: one emitter"
         yield f"({current.emitter_ma:.0f}), the amplifiers ({current.amplifiers_ma:.0f}*) and the board"
-        yield f"({current.board_ma:.0f}*)."
-        yield f"If a fault lit all emitters, it would be {current.fault_ma:.0f}*."
+        yield f"({current.board_ma:.0f}*). If a fault lit all emitters, it would be {current.fault_ma:.0f}*."
         yield ""
         return
     yield "One NPN transistor each, as `schematic.svg` draws it."
@@ -94,7 +93,7 @@ HEADING_PX, TEXT_PX, VALUE_PX = 20.0, 14.0, 12.0
 HEAD = 64.0
 NOTE_LINE = 19.0
 MOST_ACROSS = 4
-BLOCK_Y, BLOCK_LINE = 290.0, 14.0
+BLOCK_LINE = 14.0
 QUIET = "#595959"
 UNKNOWN = "set by gain"
 
@@ -124,7 +123,7 @@ def schematic_svg(design: SensorDesign, gain: SimulatedGain | None = None) -> st
     rows_read = -(-len(connections.receivers) // across)
     width = max(2 * MARGIN + across * cell_x, 3.3 * CELL_X)
     rows_led = -(-len(blocks) // across)
-    block_y = max([BLOCK_Y, *(block.height for block in blocks)])
+    block_y = max((block.height for block in blocks), default=0.0)
     notes_top = MARGIN + HEAD + (rows_lit + rows_read) * CELL_Y + rows_led * block_y
     root = svg.drawing(
         width,
@@ -249,17 +248,18 @@ def _supply_text(design: SensorDesign) -> str:
 
 @dataclass(frozen=True, kw_only=True)
 class _Block:
-    """One integrated circuit of the schematic: names of its pins, and the connection of each."""
+    """One integrated circuit of the schematic: names of its pins, the connection of each, parts at its pins."""
 
     name: str
     title: str
     left: Sequence[tuple[str, str]]
     right: Sequence[tuple[str, str]]
+    below: Sequence[str] = ()
 
     @property
     def height(self) -> float:
         """Height of the cell of the circuit."""
-        return 26 + BLOCK_LINE * max(len(self.left), len(self.right)) + 32
+        return 26 + BLOCK_LINE * (max(len(self.left), len(self.right)) + len(self.below)) + 40
 
     def drawn(self, corner: Point) -> Element:
         """The cell of the circuit."""
@@ -278,6 +278,8 @@ class _Block:
             cell.append(svg.wire((x + 84, level - 4), (x + 98, level - 4)))
             cell.append(svg.text((x + 80, level), inner, VALUE_PX, anchor="end"))
             cell.append(svg.text((x + 102, level), outer, VALUE_PX, font_weight="bold"))
+        for k, line in enumerate(self.below):
+            cell.append(svg.text((x, bottom + 14 + k * BLOCK_LINE), line, VALUE_PX))
         return cell
 
 
@@ -289,17 +291,19 @@ _SUPPLIES = {
     "ads8688": (
         ("AVDD", "analog"),
         ("DVDD", "level"),
+        ("DAISY", "ground"),
+        ("ALARM", "open"),
         ("RST/PD", "level"),
         ("REFSEL", "ground"),
-        ("DAISY", "ground"),
-        ("REFIO", "CR to ground"),
-        ("REFCAP", "CB to ground"),
-        ("all GND", "ground"),
-        ("ALARM", "open"),
+        ("REFIO", "CR"),
+        ("REFCAP", "CB"),
         ("AUX_IN", "ground"),
+        ("AUX_GND", "ground"),
+        ("AIN_0GND to AIN_7GND", "ground"),
+        ("REFGND, AGND, DGND", "ground"),
     ),
 }
-"""Other pins of a converter and their nets: the analogue supply, the level of the board's pins, or a text."""
+"""Other pins of a converter and their nets: the analogue supply, the level of the board's pins, a part, or a text."""
 
 
 def _multiplexers(design: SensorDesign) -> list[_Block]:
@@ -364,6 +368,7 @@ def _converters(design: SensorDesign) -> list[_Block]:
     clock, out, into = (f"D{pin}" for pin in spi_pins(design, board))
     bus, inputs = _BUS[entry.commands], _INPUTS[entry.commands]
     nets = {"analog": f"+{entry.analog_v(board):g} V", "level": _pin_supply(design)}
+    caps = [(pin, net) for pin, net in _SUPPLIES[entry.commands] if net in ("CR", "CB")]
     blocks = []
     for number, select in enumerate(selects):
         mine = {
@@ -371,6 +376,7 @@ def _converters(design: SensorDesign) -> list[_Block]:
             for one, path in zip(read, paths, strict=True)
             if path.converter == number
         }
+        nets |= {mark: f"U{number + 1}-{mark}" for _, mark in caps}
         lines = zip(bus, (clock, out, into, f"D{select}"), strict=True)
         blocks.append(
             _Block(
@@ -378,6 +384,7 @@ def _converters(design: SensorDesign) -> list[_Block]:
                 title=entry.name,
                 left=[(inputs.format(k), mine.get(k, "ground")) for k in range(entry.channels)],
                 right=[*lines, *((pin, nets.get(net, net)) for pin, net in _SUPPLIES[entry.commands])],
+                below=[f"{nets[mark]}: 10 uF from {pin} to ground" for pin, mark in caps],
             )
         )
     return blocks
@@ -401,11 +408,13 @@ def _led_drivers(design: SensorDesign) -> list[_Block]:
                 ("SCLK", clock),
                 ("XLAT", latch),
                 ("BLANK", blank),
-                *([("", f"L1-RP 10 kohm, {supply}")] if number == 0 else []),
                 ("VCC", supply),
                 ("GND", "ground"),
                 ("IREF", f"L{number + 1}-RI"),
-                ("", f"{ohm_text(sink.reference_ohm)}, ground"),
+            ],
+            below=[
+                f"L{number + 1}-RI: {ohm_text(sink.reference_ohm)} from IREF to ground",
+                *([f"L1-RP: 10 kohm from BLANK to {supply}"] if number == 0 else []),
             ],
             right=[
                 *((f"OUT{k}", names.get(number * entry.outputs + k, "open")) for k in range(entry.outputs)),
