@@ -307,14 +307,16 @@ def _more_hardware(settings: FirmwareSettings) -> Iterable[str]:
         yield f"#define ADDRESS_SETTLE_US {settings.address_settle_us}UL"
     if driver is not None:
         yield f"#define GRAYSCALE_BITS {driver.grayscale_bits} /* of one output */"
-        yield f"#define DRIVER_HZ {driver.clock_hz}UL"
-        yield f"#define DRIVER_ON_US {driver.turn_on_us} /* until an output is on after blanking */"
+        yield from _tunable("DRIVER_HZ", f"{driver.clock_hz}UL", "clock of the SPI bus to the LED drivers")
+        yield from _tunable("DRIVER_ON_US", f"{driver.turn_on_us}", "until an output is on after blanking")
     if converter is not None:
         yield f"#define CONVERTER_IS_{converter.commands.upper()} 1"
         yield f"#define CONVERTER_CHANNELS {converter.channels}"
-        yield f"#define CONVERTER_HZ {converter.clock_hz}UL"
-        yield f"#define CONVERTER_MODE SPI_MODE{converter.spi_mode}"
-        yield f"#define CONVERTER_GAP_US {converter.gap_us} /* chip select high between readings */"
+        yield from _tunable(
+            "CONVERTER_HZ", f"{converter.clock_hz}UL", "clock of the SPI bus to the converters"
+        )
+        yield from _tunable("CONVERTER_MODE", f"SPI_MODE{converter.spi_mode}", "of the SPI bus")
+        yield from _tunable("CONVERTER_GAP_US", f"{converter.gap_us}", "chip select high between readings")
         yield f"#define CONVERTER_RANGE {converter.range_code}"
     if settings.has_addresses:
         yield from _list("CHANNEL_ADDRESSES", (str(one.address) for one in settings.receivers))

@@ -93,7 +93,7 @@ HEADING_PX, TEXT_PX, VALUE_PX = 20.0, 14.0, 12.0
 HEAD = 64.0
 NOTE_LINE = 19.0
 MOST_ACROSS = 4
-BLOCK_LINE = 14.0
+BLOCK_X, BLOCK_LINE = 96.0, 14.0
 QUIET = "#595959"
 UNKNOWN = "set by gain"
 
@@ -267,7 +267,7 @@ class _Block:
         bottom = y + BLOCK_LINE * max(len(self.left), len(self.right)) + 8
         cell = svg.group(f"{self.name}: {self.title}")
         cell.append(svg.text((x, y - 8), f"{self.name} {self.title}", TEXT_PX, font_weight="bold"))
-        cell.append(svg.rectangle((x, y), (x + 84, bottom), fill="none", stroke="#000000"))
+        cell.append(svg.rectangle((x, y), (x + BLOCK_X, bottom), fill="none", stroke="#000000"))
         for k, (inner, outer) in enumerate(self.left):
             level = y + 14 + k * BLOCK_LINE
             cell.append(svg.wire((x - 14, level - 4), (x, level - 4)))
@@ -275,9 +275,9 @@ class _Block:
             cell.append(svg.text((x - 18, level), outer, VALUE_PX, anchor="end"))
         for k, (inner, outer) in enumerate(self.right):
             level = y + 14 + k * BLOCK_LINE
-            cell.append(svg.wire((x + 84, level - 4), (x + 98, level - 4)))
-            cell.append(svg.text((x + 80, level), inner, VALUE_PX, anchor="end"))
-            cell.append(svg.text((x + 102, level), outer, VALUE_PX, font_weight="bold"))
+            cell.append(svg.wire((x + BLOCK_X, level - 4), (x + BLOCK_X + 14, level - 4)))
+            cell.append(svg.text((x + BLOCK_X - 4, level), inner, VALUE_PX, anchor="end"))
+            cell.append(svg.text((x + BLOCK_X + 18, level), outer, VALUE_PX, font_weight="bold"))
         for k, line in enumerate(self.below):
             cell.append(svg.text((x, bottom + 14 + k * BLOCK_LINE), line, VALUE_PX))
         return cell
@@ -299,8 +299,10 @@ _SUPPLIES = {
         ("REFCAP", "CB"),
         ("AUX_IN", "ground"),
         ("AUX_GND", "ground"),
-        ("AIN_0GND to AIN_7GND", "ground"),
-        ("REFGND, AGND, DGND", "ground"),
+        ("AIN_nGND", "ground"),
+        ("REFGND", "ground"),
+        ("AGND", "ground"),
+        ("DGND", "ground"),
     ),
 }
 """Other pins of a converter and their nets: the analogue supply, the level of the board's pins, a part, or a text."""

@@ -16,6 +16,7 @@
 #define GRAY_PERIOD_NS (4096ULL * GRAY_STEP_NS)
 #define TURN_ON_STEPS 5
 #define ADS_UNIPOLAR_5V12 6
+#define ADS_UNIPOLAR_10V24 5
 
 typedef struct {
     int is_low, bits, start, selected, held_mv;
@@ -113,7 +114,10 @@ static int ads8688_bit(spi_converter *chip, int bit) {
     int at = chip->bits++, code = 0;
     chip->heard = chip->heard << 1 | (uint32_t)bit;
     if (chip->selected < 0) return 1;
-    if (chip->range[chip->selected] == ADS_UNIPOLAR_5V12) code = code_of(chip->held_mv, 5120, 16);
+    uint8_t range = chip->range[chip->selected];
+    if (range == ADS_UNIPOLAR_5V12) code = code_of(chip->held_mv, 5120, 16);
+    else if (range == ADS_UNIPOLAR_10V24) code = code_of(chip->held_mv, 10240, 16);
+    else if (range) refuse("a range that no test uses", "ads8688");
     else code = code_of(chip->held_mv + 10240, 20480, 16);
     return at >= 16 && at < 32 ? code >> (31 - at) & 1 : 0;
 }
