@@ -90,11 +90,11 @@ class ShiftRegister(Chip):
         return math.ceil(emitter_count / self.outputs)
 
 
-MOST_CHANNELS = 8
-"""Inputs that the commands of every known converter can name."""
-
 COMMAND_CLOCKS = {"mcp3208": 24, "ads8688": 32}
 """Clocks of the SPI bus for one reading, by the converter's commands."""
+
+COMMAND_BITS = {"mcp3208": 12, "ads8688": 16}
+"""Bits of a reading in a frame, by the converter's commands."""
 
 FIVE_V = 4.75
 """Least supply that counts as 5 V, which is 5 V less its usual tolerance [V]."""
@@ -109,8 +109,8 @@ class Converter(Chip):
 
     unsaid = ("logic_low_v", "logic_high_v", "full_scale_v", "range_code", "clock_5v_mhz", "input_filter_khz")
 
-    channels: Annotated[int, Field(ge=1, le=32, description="inputs")]
-    bits: Annotated[int, Field(ge=8, le=16)]
+    channels: Annotated[int, Field(ge=1, le=8, description="inputs, as many as its commands can name")]
+    bits: Annotated[int, Field(ge=8, le=16, description="of one reading")]
     commands: Annotated[
         Literal["mcp3208", "ads8688"], Field(description="chip whose commands and frames the firmware sends")
     ]
@@ -146,10 +146,10 @@ class Converter(Chip):
     def _is_complete(self) -> Self:
         if (self.logic_low_v is None) != (self.logic_high_v is None):
             raise ValueError("logic_low_v and logic_high_v: give both, or neither for a chip of one supply")
-        if self.channels > MOST_CHANNELS:
+        given = COMMAND_BITS[self.commands]
+        if self.bits != given:
             raise ValueError(
-                f"channels = {self.channels}: the commands of {self.commands} name at most {MOST_CHANNELS} inputs; "
-                "lower it"
+                f"bits = {self.bits}: the frames of {self.commands} have {given} bits; set bits = {given}"
             )
         if self.commands == "ads8688" and None in (self.range_code, self.full_scale_v):
             raise ValueError(

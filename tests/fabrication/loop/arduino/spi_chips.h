@@ -4,6 +4,8 @@
    chips that drive the data line at once, data latched while the outputs are on. The bus's clock takes its time, and a
    converter holds its input at the edge at which the chip does.
 
+   Definition: GRAY_STEP_NS, a period of the TLC5947's oscillator.
+
    Left out: setup and hold times of some nanoseconds. */
 #ifndef OPTOPAD_SPI_CHIPS_H
 #define OPTOPAD_SPI_CHIPS_H
@@ -12,7 +14,9 @@
 
 #define GRAY_BITS 12
 #define FULL_GRAY 4095
+#ifndef GRAY_STEP_NS
 #define GRAY_STEP_NS 250
+#endif
 #define GRAY_PERIOD_NS (4096ULL * GRAY_STEP_NS)
 #define TURN_ON_STEPS 5
 #define ADS_UNIPOLAR_5V12 6
