@@ -142,6 +142,11 @@ def _memory_findings(
         )
 
 
+LEAST_TARGET_SHARE = 0.05
+"""Share of a converter's full scale below which a target for the untouched readings is warned of."""
+USUAL_TARGET_SHARE = 0.3
+"""Share of full scale of the default target at 10 bits, 300 of 1023 counts."""
+
 BAUD_ERROR_LIMIT = 0.025
 BAUD_ERROR_WARNING = 0.01
 LONGEST_FRAME_MS = 2000.0
@@ -170,8 +175,25 @@ def circuit_findings(design: SensorDesign, board: Board) -> Iterator[Finding]:
     """Findings about the circuit around the board: light an emitter, switch it by a pin, settle in time."""
     sink = current_sink(design)
     yield from _switch_findings(design, board) if sink is None else _sink_findings(design, board, sink)
+    yield from _target_findings(design)
     errors = list(gain_findings(design))
     yield from errors or settling_findings(design)
+
+
+def _target_findings(design: SensorDesign) -> Iterator[Finding]:
+    """A gain for the counts of the board's own converter, left as it was for one of more bits."""
+    steps, target = 2 ** adc_bits(design), design.gain.target_counts
+    converter, given = converter_of(design), design.gain.feedback_ohm
+    if converter is None or not isinstance(given, str) or target >= LEAST_TARGET_SHARE * steps:
+        return
+    yield warning(
+        "gain.target_counts",
+        f"the readings of the untouched pad use a small part of the {steps} counts of {converter.name}",
+        value=f"{target:g} counts, {target / steps:.1%} of full scale",
+        limit=f"at least {LEAST_TARGET_SHARE:.0%}, {LEAST_TARGET_SHARE * steps:.0f} counts",
+        way_out=f"set gain.target_counts = {USUAL_TARGET_SHARE * steps:.0f} or so, and noise.read_noise_counts in "
+        "the counts of this converter",
+    )
 
 
 def _sink_findings(design: SensorDesign, board: Board, sink: CurrentSink) -> Iterator[Finding]:
