@@ -31,7 +31,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from design.circuit.pins import board_of, driver_of, shift_register_of
+from design.circuit.pins import board_of, converter_of, driver_of, shift_register_of
 from design.fields.quantity import Quantity
 from design.parts.assumptions import assumption, standard_at_least, standard_at_most
 from design.parts.catalog import Board, Part
@@ -156,22 +156,24 @@ class SupplyCurrent:
     emitter_ma : the emitter with the largest current, and the base current of its transistor, if it has one
     all_emitters_ma : all emitters at once, which the firmware never lights together
     amplifiers_ma, board_ma : assumed
+    circuits_ma : converters and LED drivers themselves
     """
 
     emitter_ma: float
     all_emitters_ma: float
     amplifiers_ma: float
     board_ma: float
+    circuits_ma: float = 0.0
 
     @property
     def full_power_ma(self) -> float:
         """Current while the sensor runs, with one emitter lit [mA]."""
-        return self.emitter_ma + self.amplifiers_ma + self.board_ma
+        return self.emitter_ma + self.amplifiers_ma + self.board_ma + self.circuits_ma
 
     @property
     def fault_ma(self) -> float:
         """Current with every emitter lit [mA]."""
-        return self.all_emitters_ma + self.amplifiers_ma + self.board_ma
+        return self.all_emitters_ma + self.amplifiers_ma + self.board_ma + self.circuits_ma
 
 
 def supply_current(design: SensorDesign) -> SupplyCurrent:
@@ -181,9 +183,12 @@ def supply_current(design: SensorDesign) -> SupplyCurrent:
     each = [switch.current_ma + switch.base_current_ma for switch in switches]
     if sink is not None:
         each = [sink.current_ma for _ in each]
+    chips = (converter_of(design), len(cavity.receivers)), (driver_of(design), len(cavity.emitters))
+    circuits = [chip.needed(count) * chip.supply_ma.value for chip, count in chips if chip is not None]
     return SupplyCurrent(
         emitter_ma=max(each, default=0.0),
         all_emitters_ma=sum(each),
         amplifiers_ma=assumption("amplifier_supply_ma").value * len(cavity.receivers),
         board_ma=assumption("board_supply_ma").value,
+        circuits_ma=sum(circuits),
     )

@@ -121,6 +121,7 @@ class Converter(Chip):
     clock_5v_mhz: Annotated[
         FrequencyMhz | None, Field(description="fastest clock at a supply of 5 V; absent: clock_mhz")
     ] = None
+    supply_ma: Annotated[CurrentMa, Field(description="its own current, while it converts")]
     gap_us: Annotated[TimeUs, Field(description="chip select high between two readings")]
     call_us: Annotated[TimeUs, Field(description="calls in the board's core for one reading")]
     logic_low_v: Annotated[
@@ -216,6 +217,7 @@ class LedDriver(Chip):
     grayscale_bits: Annotated[int, Field(ge=1, le=16, description="data of one output")]
     least_output_ma: Annotated[CurrentMa, Field(description="least current of one output")]
     max_output_ma: Annotated[CurrentMa, Field(description="most current of one output")]
+    supply_ma: Annotated[CurrentMa, Field(description="its own current, without the emitters'")]
     current_ratio: Annotated[
         float,
         Field(gt=0.0, le=1e4, description="output's current over the current through the reference resistor"),

@@ -55,6 +55,7 @@ def circuit_lines(design: SensorDesign) -> Iterator[str]:
     kinds = {one.part_id: one.part for one in cavity_of(design).emitters}
     board, current = board_of(design), supply_current(design)
     driver, most_ma = most_drive_ma(design, board)
+    more = f", converters and LED drivers ({current.circuits_ma:.0f})" if current.circuits_ma else ""
     yield "## Wire the emitters"
     yield ""
     sink, chip = current_sink(design), driver_of(design)
@@ -65,7 +66,7 @@ def circuit_lines(design: SensorDesign) -> Iterator[str]:
         yield ""
         yield f"The supply, {_supply_text(design)}, gives {current.full_power_ma:.0f}* mA at full power: one emitter"
         yield f"({current.emitter_ma:.0f}), the amplifiers ({current.amplifiers_ma:.0f}*) and the board"
-        yield f"({current.board_ma:.0f}*). If a fault lit all emitters, it would be {current.fault_ma:.0f}*."
+        yield f"({current.board_ma:.0f}*){more}. If a fault lit all emitters, it would be {current.fault_ma:.0f}*."
         yield ""
         return
     yield "One NPN transistor each, as `schematic.svg` draws it."
@@ -81,7 +82,7 @@ def circuit_lines(design: SensorDesign) -> Iterator[str]:
     yield ""
     yield f"The supply, {_supply_text(design)}, gives {current.full_power_ma:.0f}* mA at full power: one emitter"
     yield f"lit with its base current ({current.emitter_ma:.0f}), the amplifiers ({current.amplifiers_ma:.0f}*) and the"
-    yield f"board ({current.board_ma:.0f}*). If a fault lit all emitters, it would be {current.fault_ma:.0f}*."
+    yield f"board ({current.board_ma:.0f}*){more}. If a fault lit all emitters, it would be {current.fault_ma:.0f}*."
     yield ""
 
 
@@ -439,11 +440,12 @@ def _labels(at: Point, name: str, value: str) -> Iterator[Element]:
 def _notes(design: SensorDesign) -> Sequence[str]:
     current, board = supply_current(design), board_of(design)
     lit = "emitter and base" if driver_of(design) is None else "the emitter"
+    more = f", {current.circuits_ma:.0f} for converters and LED drivers" if current.circuits_ma else ""
     return (
         f"Supply {_supply_text(design)}, ground common with the {board.title}. One emitter is lit at a time.",
         f"At full power {current.full_power_ma:.0f} mA: "
         f"{current.emitter_ma:.0f} mA for {lit}, {current.amplifiers_ma:.0f} for the amplifiers (assumed), "
-        f"{current.board_ma:.0f} for the board (assumed);",
+        f"{current.board_ma:.0f} for the board (assumed){more};",
         f"{current.fault_ma:.0f} mA if a fault lit all emitters.",
         f"{pin_words(design)}.",
         "Amplifiers: single supply, inputs and outputs down to ground; 100 nF at each package, supply to ground.",

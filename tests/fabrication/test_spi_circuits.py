@@ -292,7 +292,13 @@ def test_the_reference_resistor_sets_the_emitters_current() -> None:
     exact_ohm = 41 * 1.2 / (part.max_current_ma.value / 1e3)
     assert exact_ohm <= sink.reference_ohm < exact_ohm * 1.1
     assert sink.current_ma == pytest.approx(41 * 1.2 / sink.reference_ohm * 1e3)
-    assert supply_current(design).emitter_ma == pytest.approx(sink.current_ma)
+    supply = supply_current(spi_disc("ads8688", "tlc5947"))
+    assert supply.emitter_ma == pytest.approx(sink.current_ma)
+    assert supply.circuits_ma == pytest.approx(3 * 13.0 + 20.0)
+    assert supply.full_power_ma == pytest.approx(
+        sink.current_ma + 59.0 + supply.amplifiers_ma + supply.board_ma
+    )
+    assert "59 for converters and LED drivers" in schematic_svg(spi_disc("ads8688", "tlc5947"))
     by_transistor, by_driver = (counts_per_flux_per_ohm(one) for one in (disc(), design))
     assert by_transistor is not None
     assert by_driver is not None
