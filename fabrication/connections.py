@@ -6,11 +6,15 @@ emitter i alone; the last state lights none. Column j of a state's readings is r
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from design.circuit.pins import (
+    ReceiverPath,
     assigned_pins,
     board_of,
+    converter_of,
+    driver_of,
     emitter_label,
     multiplexer_of,
     receiver_paths,
@@ -20,6 +24,7 @@ from design.shape.cavity import PlacedPart, cavity_of
 from design.spec import SensorDesign
 
 EMITTER_POLARITY = "anode to the series resistor, cathode to the transistor's collector"
+SINK_POLARITY = "anode to the supply, cathode to the output of the LED driver"
 RECEIVER_POLARITY = "cathode to the amplifier's inverting input, anode to ground"
 TWO_LEADS = 2
 
@@ -31,10 +36,12 @@ class Connection:
     Attributes
     ----------
     part : the placed part
-    pin : "D22" for a digital pin of the board, "S1-Q3" for output 3 of shift register S1, "A0" for an analogue channel,
-        "M1-C3" for channel 3 of multiplexer M1
-    pin_number : digital pin, output in the chain of shift registers, or index of the channel among the board's channels
-    address : address of a receiver behind a multiplexer
+    pin : "D22" for a digital pin of the board, "S1-Q3" for output 3 of shift register S1, "L1-Q3" of LED driver L1,
+        "A0" for an analogue channel, "M1-C3" for channel 3 of multiplexer M1, "U1-C3" of converter U1
+    pin_number : digital pin, output in the chain of shift registers or LED drivers, index of the channel among the
+        board's channels, or number of the converter
+    address : address of a receiver behind a multiplexer, or input of a converter
+    polarity : connection of the part's own leads
     number : state of an emitter, column of a receiver; from 0
     position_mm : centre of the active area in the cavity frame (x, y, z) [mm]
     normal : direction from the wall into the cavity (x, y, z) [-]
@@ -46,12 +53,8 @@ class Connection:
     number: int
     position_mm: tuple[float, float, float]
     normal: tuple[float, float, float]
+    polarity: str
     address: int | None = None
-
-    @property
-    def polarity(self) -> str:
-        """Connection of the part's own leads."""
-        return polarity_of(self.part)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -74,12 +77,17 @@ def pin_words(design: SensorDesign) -> str:
         words.append("M1-C0: channel 0 of multiplexer M1")
     if shift_register_of(design) is not None:
         words.append("S1-Q0: output 0 of shift register S1")
+    if converter_of(design) is not None:
+        words[1] = "U1-C0: channel 0 of converter U1"
+    if driver_of(design) is not None:
+        words.append("L1-Q0: output 0 of LED driver L1")
     return ", ".join(words)
 
 
-def polarity_of(part: PlacedPart) -> str:
+def polarity_of(part: PlacedPart, design: SensorDesign) -> str:
     """Connection of a part's own leads; the data sheet identifies the leads."""
-    polarity = EMITTER_POLARITY if part.kind == "emitter" else RECEIVER_POLARITY
+    emitter = EMITTER_POLARITY if driver_of(design) is None else SINK_POLARITY
+    polarity = emitter if part.kind == "emitter" else RECEIVER_POLARITY
     leads = part.part.lead_count
     return polarity if leads == TWO_LEADS else f"{polarity}; {leads} leads, see the data sheet for the others"
 
@@ -87,6 +95,10 @@ def polarity_of(part: PlacedPart) -> str:
 def _inward(part: PlacedPart) -> tuple[float, float, float]:
     x, y = part.line.outward
     return 0.0 - x, 0.0 - y, 0.0
+
+
+def _number(path: ReceiverPath, channels: Sequence[str]) -> int:
+    return channels.index(path.channel) if path.converter is None else path.converter
 
 
 def connections_of(design: SensorDesign) -> Connections:
@@ -110,6 +122,7 @@ def connections_of(design: SensorDesign) -> Connections:
             number=number,
             position_mm=part.position_mm,
             normal=_inward(part),
+            polarity=polarity_of(part, design),
             address=address,
         )
 
@@ -120,7 +133,7 @@ def connections_of(design: SensorDesign) -> Connections:
             connection(part, i, emitter_label(design, pin), pin) for i, (part, pin) in enumerate(lit)
         ),
         receivers=tuple(
-            connection(part, j, path.label, known.index(path.channel), path.address)
+            connection(part, j, path.label, _number(path, known), path.address)
             for j, (part, path) in enumerate(read)
         ),
     )

@@ -51,9 +51,9 @@ HEADING = (
 )
 
 TABLE_COMMENTS = {
-    "board": "full scale of the converter is the board's supply; baud_error is made_baud / baud - 1",
+    "board": "adc_reference: source and voltage of full scale; baud_error is made_baud / baud - 1",
     "frame": "readings are packed bit by bit, state by state and within a state receiver by receiver",
-    "timing": "sum of all states' settling and conversion times and of the sending",
+    "timing": "sum of all states' switching, settling and conversion times and of the sending",
     "workspace": "press centres that the verdict covers, seen from above; outline disc: within the four sides",
     "surface": "the untouched top, by its highest point; a press moves against its normal",
     "ambient": "subtract this state's readings from those of every other state",
@@ -61,7 +61,8 @@ TABLE_COMMENTS = {
     "states": "in order: each emitter alone, then all off",
     "emitters": "active_mm: emitting area along the wall and upward; normal points into the cavity",
     "expected": "simulated untouched pad: one row per emitter, one column per receiver; absent if not simulated",
-    "receivers": "column: index within a state's readings; channel_number: index among the board's channels",
+    "receivers": "column: index within a state's readings; channel_number: index among the board's channels, or the "
+    "converter's number",
 }
 
 
@@ -92,7 +93,7 @@ def driver_config(
         content_sha256="",
         units=Units(length="mm", time="us or ms, as named", rate="Hz", reading="ADC counts"),
         board=_board(design, board),
-        frame=_frame(board, *counts),
+        frame=_frame(timing.adc_bits(design), *counts),
         timing=_timing(design, board, *counts),
         workspace=_workspace(design),
         surface=_surface(design),
@@ -145,12 +146,13 @@ def dump_driver_config(
 
 
 def _board(design: SensorDesign, board: Board) -> BoardSetup:
-    use = design.board
+    use, converter, driver = design.board, timing.converter_of(design), timing.driver_of(design)
+    switches = timing.switch_pins(design, board, len(connections_of(design).emitters))
     return BoardSetup(
         kind=use.kind,
         title=board.title,
         clock_hz=board.clock_hz,
-        adc_bits=board.adc_bits,
+        adc_bits=timing.adc_bits(design),
         adc_reference=_reference_words(design, board),
         adc_clocks_per_conversion=board.adc_clocks_per_conversion,
         adc_prescaler=use.adc_prescaler if board.divides_clock else None,
@@ -163,30 +165,36 @@ def _board(design: SensorDesign, board: Board) -> BoardSetup:
         bridge_usb_ids=tuple(board.bridge_usb_ids),
         boot_s=board.boot_s,
         address_pins=timing.address_pins(design) or None,
-        shift_pins=None
-        if design.board.emitters is None
-        else timing.switch_pins(design, board, len(connections_of(design).emitters)),
+        shift_pins=switches if timing.shift_register_of(design) else None,
+        spi_pins=timing.spi_pins(design, board) or None,
+        converter=None if converter is None else converter.name,
+        select_pins=timing.select_pins(design) or None,
+        led_driver=None if driver is None else driver.name,
+        driver_pins=None if driver is None else switches,
         config_crc=None if firmware_gaps(design) else firmware_settings(design).config_crc(),
     )
 
 
 def _reference_words(design: SensorDesign, board: Board) -> str:
-    volts = timing.full_scale_v(design)
+    volts, converter = timing.full_scale_v(design), timing.converter_of(design)
+    if converter is not None:
+        reference = "its supply" if converter.full_scale_v is None else "its own range"
+        return f"{converter.name}, {reference}, {volts:g} V"
     if design.board.reference == "internal":
         return f"internal reference, {volts:g} V"
     return f"board supply, taken as {volts:g} V" if board.divides_clock else f"{volts:g} V"
 
 
-def _frame(board: Board, emitter_count: int, receiver_count: int) -> FrameLayout:
+def _frame(bits: int, emitter_count: int, receiver_count: int) -> FrameLayout:
     states = timing.state_count(emitter_count)
-    total = timing.frame_bytes(emitter_count, receiver_count, board.adc_bits)
+    total = timing.frame_bytes(emitter_count, receiver_count, bits)
     head = timing.MAGIC_BYTES + timing.VERSION_BYTES + timing.SEQUENCE_BYTES + timing.TIME_BYTES
     return FrameLayout(
         order=("state", "receiver"),
         states=states,
         receivers=receiver_count,
         readings=states * receiver_count,
-        bits_per_reading=board.adc_bits,
+        bits_per_reading=bits,
         magic_bytes=timing.MAGIC_BYTES,
         version_bytes=timing.VERSION_BYTES,
         sequence_bytes=timing.SEQUENCE_BYTES,
@@ -198,16 +206,18 @@ def _frame(board: Board, emitter_count: int, receiver_count: int) -> FrameLayout
 
 
 def _timing(design: SensorDesign, board: Board, emitter_count: int, receiver_count: int) -> TimingBudget:
-    use = design.board
-    sent = timing.frame_bytes(emitter_count, receiver_count, board.adc_bits)
-    frame_ms = timing.frame_time_ms(board, use, emitter_count, receiver_count, timing.multiplexer_of(design))
+    use, driver = design.board, timing.driver_of(design)
+    sent = timing.frame_bytes(emitter_count, receiver_count, timing.adc_bits(design))
+    frame_ms = timing.design_frame_time_ms(design, emitter_count, receiver_count, board, use)
+    switch_ms = timing.switch_time_ms(driver, emitter_count)
     return TimingBudget(
-        conversion_us=timing.conversion_time_ms(board, use.adc_prescaler) * timing.US_PER_MS,
+        conversion_us=timing.reading_time_ms(board, use, timing.converter_of(design)) * timing.US_PER_MS,
         settle_us=use.settle_us,
         link_ms=timing.sending_time_ms(board, use, sent),
         frame_ms=frame_ms,
         possible_hz=timing.MS_PER_S / frame_ms,
         wanted_hz=use.frame_rate_hz,
+        switch_us=None if driver is None else switch_ms * timing.US_PER_MS,
     )
 
 

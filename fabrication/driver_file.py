@@ -57,6 +57,11 @@ class BoardSetup:
     boot_s : longest time from opening the port, which resets the board, to the sketch
     shift_pins : data, clock and latch of the shift registers that switch the emitters; None without
     address_pins : digital pins of the multiplexers' address, lowest bit first; None without multiplexers
+    spi_pins : clock, data out and data in of the SPI bus; None if it is not used
+    converter : name of the converters that read the receivers; None: the board's own
+    select_pins : chip selects of the converters, in their order; None without converters
+    led_driver : name of the LED drivers; None: a transistor for each emitter
+    driver_pins : latch and blank of the LED drivers; None without LED drivers
     config_crc : checksum of the configuration in the self-test of this design's firmware; None without firmware
     """
 
@@ -78,6 +83,11 @@ class BoardSetup:
     config_crc: int | None = None
     address_pins: tuple[int, ...] | None = None
     shift_pins: tuple[int, ...] | None = None
+    spi_pins: tuple[int, ...] | None = None
+    converter: str | None = None
+    select_pins: tuple[int, ...] | None = None
+    led_driver: str | None = None
+    driver_pins: tuple[int, ...] | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -90,7 +100,7 @@ class StateEntry:
 
 @dataclass(frozen=True, kw_only=True)
 class EmitterEntry:
-    """An emitter: its pin, or number and name of its output of the shift registers; its state, its location."""
+    """An emitter: its pin, or number and name of its output of the shift registers or LED drivers; state, location."""
 
     name: str
     pin: int
@@ -107,6 +117,8 @@ class EmitterEntry:
 class ReceiverEntry:
     """A receiver: its terminal, the board's input behind that and the multiplexer's address, if any; its
     column in a state's readings, its location.
+
+    With converters `channel_number` is the converter's number, from 0, and `address` is its input.
     """
 
     name: str
@@ -147,7 +159,12 @@ class FrameLayout:
 
 @dataclass(frozen=True, kw_only=True)
 class TimingBudget:
-    """Time of a frame by the plain sum of `design.circuit.pins`, and the resulting rate."""
+    """Time of a frame by the plain sum of `design.circuit.pins`, and the resulting rate.
+
+    Attributes
+    ----------
+    switch_us : data of the LED drivers and their delay, at the begin of each state; None without LED drivers
+    """
 
     conversion_us: float
     settle_us: float
@@ -155,6 +172,7 @@ class TimingBudget:
     frame_ms: float
     possible_hz: float
     wanted_hz: float
+    switch_us: float | None = None
 
 
 @dataclass(frozen=True, kw_only=True)

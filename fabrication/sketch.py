@@ -21,16 +21,21 @@ from pathlib import Path
 
 from design.circuit.pins import (
     US_PER_S,
+    adc_bits,
     address_pins,
     baud_divisor,
     board_of,
+    converter_of,
+    driver_of,
     multiplexer_of,
+    select_pins,
     shift_register_of,
     switch_pins,
 )
 from design.errors import DesignError
 from design.io import write_text_atomically
 from design.parts.board_firmware import MUX5, SUPPLY_BITS, ArduinoProgram, BoardFirmware
+from design.parts.catalog import Board
 from design.rules.board import firmware_findings
 from design.rules.check import require_valid
 from design.shape.cavity import cavity_of
@@ -48,13 +53,43 @@ class EmitterPin:
 
 @dataclass(frozen=True, kw_only=True)
 class ReceiverInput:
-    """A receiver's name, its terminal, its input's name and index among the board's inputs, its address."""
+    """A receiver's name, its terminal, its input's name and index among the board's inputs, its address.
+
+    With converters the index is the converter's, the address is its input, and the name of a board's input is "".
+    """
 
     name: str
     label: str
     channel: str
     number: int
     address: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class ConverterSettings:
+    """Converters on the SPI bus: the commands, inputs of one, bus, and the pins of their chip selects.
+
+    `range_code` is 0 where the commands have none; `gap_us` is in whole microseconds.
+    """
+
+    commands: str
+    channels: int
+    clock_hz: int
+    spi_mode: int
+    gap_us: int
+    range_code: int
+    pins: tuple[int, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class DriverSettings:
+    """A chain of LED drivers on the SPI bus: all outputs, data of one, bus, wait, and the pins of latch and blank."""
+
+    outputs: int
+    grayscale_bits: int
+    clock_hz: int
+    turn_on_us: int
+    pins: tuple[int, ...]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -90,6 +125,24 @@ class FirmwareSettings:
     shift_bits: int = 0
     address_pins: tuple[int, ...] = ()
     address_settle_us: int = 0
+    converter: ConverterSettings | None = None
+    driver: DriverSettings | None = None
+
+    @property
+    def more_pins(self) -> dict[str, tuple[int, ...]]:
+        """Pins of the circuits between board and parts, by their name in `config.h`; only those in use."""
+        pins = {
+            "SHIFT_PINS": self.shift_pins,
+            "DRIVER_PINS": () if self.driver is None else self.driver.pins,
+            "ADDRESS_PINS": self.address_pins,
+            "SELECT_PINS": () if self.converter is None else self.converter.pins,
+        }
+        return {name: one for name, one in pins.items() if one}
+
+    @property
+    def has_addresses(self) -> bool:
+        """Whether receivers have an address of a multiplexer, or an input of a converter."""
+        return bool(self.address_pins) or self.converter is not None
 
     def config_block(self) -> bytes:
         """The bytes that the program has about itself; a self-test returns their CRC-32."""
@@ -107,17 +160,12 @@ class FirmwareSettings:
         return bytes(head) + times + interval + self.digest + bytes(pins) + bytes(inputs) + self._more()
 
     def _more(self) -> bytes:
-        """Additional bytes of the block for mean values, the internal reference, or multiplexers."""
-        if self.averages == 1 and not self.is_internal and not self.address_pins and not self.shift_pins:
+        """Additional bytes of the block for mean values, the internal reference, or circuits before the board."""
+        pins = [pin for group in self.more_pins.values() for pin in group]
+        if self.averages == 1 and not self.is_internal and not pins:
             return b""
-        addresses = bytes(receiver.address for receiver in self.receivers)
-        if not self.address_pins:
-            addresses = b""
-        return (
-            self.averages.to_bytes(2, "little")
-            + bytes([self.is_internal, *self.shift_pins, *self.address_pins])
-            + addresses
-        )
+        addresses = bytes(receiver.address for receiver in self.receivers if self.has_addresses)
+        return self.averages.to_bytes(2, "little") + bytes([self.is_internal, *pins]) + addresses
 
     def config_crc(self) -> int:
         """CRC-32 of the config block."""
@@ -146,7 +194,7 @@ def firmware_settings(design: SensorDesign) -> FirmwareSettings:
         board_title=board.title,
         chip=chip,
         clock_hz=board.clock_hz,
-        adc_bits=board.adc_bits,
+        adc_bits=adc_bits(design),
         prescaler_exponent=use.adc_prescaler.bit_length() - 1 if board.divides_clock else 0,
         settle_us=math.ceil(use.settle_us),
         baud=use.baud,
@@ -157,7 +205,7 @@ def firmware_settings(design: SensorDesign) -> FirmwareSettings:
             ReceiverInput(
                 name=one.part.name,
                 label=one.pin,
-                channel=board.analog_channels[one.pin_number],
+                channel="" if converter_of(design) else board.analog_channels[one.pin_number],
                 number=one.pin_number,
                 address=one.address or 0,
             )
@@ -169,6 +217,36 @@ def firmware_settings(design: SensorDesign) -> FirmwareSettings:
         shift_bits=0 if register is None else register.needed(len(connections.emitters)) * register.outputs,
         address_pins=address_pins(design),
         address_settle_us=0 if multiplexer is None else math.ceil(multiplexer.settle_us.value),
+        converter=_converter_settings(design, board),
+        driver=_driver_settings(design, board, len(connections.emitters)),
+    )
+
+
+def _converter_settings(design: SensorDesign, board: Board) -> ConverterSettings | None:
+    entry = converter_of(design)
+    if entry is None:
+        return None
+    return ConverterSettings(
+        commands=entry.commands,
+        channels=entry.channels,
+        clock_hz=entry.clock_hz(board),
+        spi_mode=entry.spi_mode,
+        gap_us=math.ceil(entry.gap_us.value),
+        range_code=entry.range_code or 0,
+        pins=select_pins(design),
+    )
+
+
+def _driver_settings(design: SensorDesign, board: Board, emitter_count: int) -> DriverSettings | None:
+    entry = driver_of(design)
+    if entry is None:
+        return None
+    return DriverSettings(
+        outputs=entry.needed(emitter_count) * entry.outputs,
+        grayscale_bits=entry.grayscale_bits,
+        clock_hz=entry.clock_hz(emitter_count),
+        turn_on_us=entry.turn_on_wait_us,
+        pins=switch_pins(design, board, emitter_count),
     )
 
 
@@ -210,6 +288,8 @@ def config_header(settings: FirmwareSettings) -> str:
         *_tunable("AVERAGES", f"{settings.averages}", "readings a value"),
         f"#define ADDRESS_BITS {len(settings.address_pins)} /* of the multiplexers; 0: none */",
         f"#define SHIFT_BITS {settings.shift_bits} /* of the shift registers; 0: none */",
+        f"#define CONVERTERS {len(settings.more_pins.get('SELECT_PINS', ()))} /* on the SPI bus; 0: the board's own */",
+        f"#define DRIVER_OUTPUTS {settings.driver.outputs if settings.driver else 0} /* of the LED drivers; 0: none */",
         *_more_hardware(settings),
         *_list("DESIGN_DIGEST", (f"0x{byte:02x}" for byte in settings.digest)),
         "",
@@ -220,15 +300,27 @@ def config_header(settings: FirmwareSettings) -> str:
 
 
 def _more_hardware(settings: FirmwareSettings) -> Iterable[str]:
-    more = []
-    if settings.shift_pins:
-        yield from _list("SHIFT_PINS", map(str, settings.shift_pins))
-        more = ["SHIFT_PINS"]
+    more, driver, converter = list(settings.more_pins), settings.driver, settings.converter
+    for name, pins in settings.more_pins.items():
+        yield from _list(name, map(str, pins))
     if settings.address_pins:
         yield f"#define ADDRESS_SETTLE_US {settings.address_settle_us}UL"
-        yield from _list("ADDRESS_PINS", map(str, settings.address_pins))
+    if driver is not None:
+        yield f"#define GRAYSCALE_BITS {driver.grayscale_bits} /* of one output */"
+        yield from _tunable("DRIVER_HZ", f"{driver.clock_hz}UL", "clock of the SPI bus to the LED drivers")
+        yield from _tunable("DRIVER_ON_US", f"{driver.turn_on_us}", "until an output is on after blanking")
+    if converter is not None:
+        yield f"#define CONVERTER_IS_{converter.commands.upper()} 1"
+        yield f"#define CONVERTER_CHANNELS {converter.channels}"
+        yield from _tunable(
+            "CONVERTER_HZ", f"{converter.clock_hz}UL", "clock of the SPI bus to the converters"
+        )
+        yield from _tunable("CONVERTER_MODE", f"SPI_MODE{converter.spi_mode}", "of the SPI bus")
+        yield from _tunable("CONVERTER_GAP_US", f"{converter.gap_us}", "chip select high between readings")
+        yield f"#define CONVERTER_RANGE {converter.range_code}"
+    if settings.has_addresses:
         yield from _list("CHANNEL_ADDRESSES", (str(one.address) for one in settings.receivers))
-        more += ["ADDRESS_PINS", "CHANNEL_ADDRESSES"]
+        more.append("CHANNEL_ADDRESSES")
     if more or settings.averages > 1 or settings.is_internal:
         more = [f"U16({settings.averages})", str(int(settings.is_internal)), *more]
     yield f"#define MORE_CONFIG {''.join(f', {one}' for one in more)}".rstrip()
@@ -268,6 +360,8 @@ def _avr_lines(settings: FirmwareSettings, chip: BoardFirmware) -> Iterable[str]
 
 def _arduino_lines(settings: FirmwareSettings, chip: ArduinoProgram) -> Iterable[str]:
     yield from _only_for(chip.core_macro, settings.board_title, chip)
+    if settings.converter is not None:
+        return
     yield from _commented_list(
         "CHANNEL_PINS",
         (

@@ -14,6 +14,13 @@ The choice is conservative: the forward voltage is the lower end of its band whe
 own drop is neglected, so the emitter's current stays below its maximum. The model leaves out the supply's tolerance and
 heating. The receivers' amplifiers are in `design.circuit.transimpedance`.
 
+With LED drivers no emitter has a transistor or a series resistor. Each anode is at the supply, and each cathode at an
+output of constant current. One reference resistor on each driver sets the current of all outputs:
+
+    reference = current ratio x reference voltage / current, rounded up to E24
+
+The current is the least `max_current_ma` of the design's emitters, and at most that of an output.
+
 The supply feeds the lit emitter and its base, the amplifiers and the board.
 
 One emitter is lit at a time, at full power; with all of them lit by a fault the supply sees their sum. Emitters take
@@ -24,7 +31,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from design.circuit.pins import board_of, shift_register_of
+from design.circuit.pins import board_of, converter_of, driver_of, shift_register_of
 from design.fields.quantity import Quantity
 from design.parts.assumptions import assumption, standard_at_least, standard_at_most
 from design.parts.catalog import Board, Part
@@ -90,6 +97,47 @@ def emitter_switch(part: Part, board: Board) -> EmitterSwitch:
     )
 
 
+@dataclass(frozen=True, kw_only=True)
+class CurrentSink:
+    """The constant current of all outputs of a design's LED drivers.
+
+    Attributes
+    ----------
+    reference_ohm : standard resistor at the reference pin of each driver
+    current_ma : current through the emitter that is on
+    asked_ma : least `max_current_ma` of the design's emitters; more than current_ma where an output limits it
+    dropout_v : voltage at the output that is on, which the supply gives in addition to the forward voltage
+    """
+
+    reference_ohm: float
+    current_ma: float
+    asked_ma: float
+    dropout_v: float
+
+    def needed_v(self, part: Part) -> float:
+        """Least supply of an emitter: its forward voltage, the upper end of a band, and the dropout [V]."""
+        forward = part.forward_voltage_v
+        assert forward is not None, "the catalogue gives every emitter a forward voltage"
+        return (forward.value if forward.high is None else forward.high) + self.dropout_v
+
+
+def current_sink(design: SensorDesign) -> CurrentSink | None:
+    """The current of the design's LED drivers; None where each emitter has a transistor."""
+    driver = driver_of(design)
+    if driver is None:
+        return None
+    limits = [one.part.max_current_ma for one in cavity_of(design).emitters]
+    asked_ma = min(limit.value for limit in limits if limit is not None)
+    volts = driver.current_ratio * driver.reference_v
+    reference = standard_at_least(volts * MA_PER_A / min(asked_ma, driver.max_output_ma.value))
+    return CurrentSink(
+        reference_ohm=reference,
+        current_ma=volts / reference * MA_PER_A,
+        asked_ma=asked_ma,
+        dropout_v=driver.dropout_v.value,
+    )
+
+
 def _base_ohm(pin_v: float, most_a: float) -> float:
     left = pin_v - assumption("base_emitter_v").value
     return standard_at_most(left * assumption("forced_gain").value / most_a)
@@ -105,35 +153,42 @@ class SupplyCurrent:
 
     Attributes
     ----------
-    emitter_ma : the emitter with the largest current, and the base current of its transistor
+    emitter_ma : the emitter with the largest current, and the base current of its transistor, if it has one
     all_emitters_ma : all emitters at once, which the firmware never lights together
     amplifiers_ma, board_ma : assumed
+    circuits_ma : converters and LED drivers themselves
     """
 
     emitter_ma: float
     all_emitters_ma: float
     amplifiers_ma: float
     board_ma: float
+    circuits_ma: float = 0.0
 
     @property
     def full_power_ma(self) -> float:
         """Current while the sensor runs, with one emitter lit [mA]."""
-        return self.emitter_ma + self.amplifiers_ma + self.board_ma
+        return self.emitter_ma + self.amplifiers_ma + self.board_ma + self.circuits_ma
 
     @property
     def fault_ma(self) -> float:
         """Current with every emitter lit [mA]."""
-        return self.all_emitters_ma + self.amplifiers_ma + self.board_ma
+        return self.all_emitters_ma + self.amplifiers_ma + self.board_ma + self.circuits_ma
 
 
 def supply_current(design: SensorDesign) -> SupplyCurrent:
     """The currents of a design."""
-    cavity, board = cavity_of(design), board_of(design)
+    cavity, board, sink = cavity_of(design), board_of(design), current_sink(design)
     switches = [emitter_switch(one.part, board) for one in cavity.emitters]
     each = [switch.current_ma + switch.base_current_ma for switch in switches]
+    if sink is not None:
+        each = [sink.current_ma for _ in each]
+    chips = (converter_of(design), len(cavity.receivers)), (driver_of(design), len(cavity.emitters))
+    circuits = [chip.needed(count) * chip.supply_ma.value for chip, count in chips if chip is not None]
     return SupplyCurrent(
         emitter_ma=max(each, default=0.0),
         all_emitters_ma=sum(each),
         amplifiers_ma=assumption("amplifier_supply_ma").value * len(cavity.receivers),
         board_ma=assumption("board_supply_ma").value,
+        circuits_ma=sum(circuits),
     )

@@ -3,7 +3,9 @@
 Wiring, driver config, firmware and rules share this assignment. A list in the design has exactly
 one entry per part, in the order of E1, E2, ... and R1, R2, ... Without a list, pins and inputs are
 assigned in the board's recommended order. With multiplexers each input serves one multiplexer. They take
-receivers in turn and share the address, so that each new address precedes one reading per multiplexer.
+receivers in turn and share the address, so that each new address precedes one reading per multiplexer. Converters
+take receivers in blocks: with 8 inputs each, U1 has R1 to R8, and U2 has R9 to R16. They have separate chip selects and
+no shared address, so blocks cost no time, and the wires of one converter lead to neighbouring receivers.
 
 The module also computes the time of a full frame on the board, and the serial rates of an AVR's clock.
 
@@ -11,6 +13,8 @@ The frame time is a plain sum. Every state (each emitter alone, then all off) wa
 converts every receiver once; then the packed frame is sent over the line. The firmware sends one frame while
 it converts the next, so it is faster: 4.1 ms on a simulated ATmega2560 against 5.0 ms by this sum, at 9 states,
 8 receivers, prescaler 64, 1 Mbaud (docs/validation/firmware.md). The sum is conservative.
+
+With LED drivers each state begins with their data on the SPI bus. With converters a conversion is a reading on the bus.
 
 The sum leaves out the processor's own time for packing, which runs during the conversions, and the longer
 first conversion after a reset.
@@ -26,7 +30,7 @@ from typing import TypeVar
 from design.errors import DesignError
 from design.fields.finding import Finding, error
 from design.parts import catalog
-from design.parts.catalog import Board, Chip, Multiplexer, ShiftRegister
+from design.parts.catalog import Board, Chip, Converter, LedDriver, Multiplexer, ShiftRegister
 from design.shape.cavity import cavity_of
 from design.spec import BoardUse, SensorDesign
 from design.spec.properties import entries_of
@@ -34,6 +38,11 @@ from design.spec.properties import entries_of
 Name = TypeVar("Name", int, str)
 SHIFT_PINS = 3
 """Pins of a chain of shift registers: data, clock and latch."""
+DRIVER_PINS = 2
+"""Pins of a chain of LED drivers in addition to the SPI bus: latch and blank."""
+EDGE_US = 1.0
+"""Wait of the firmware after each edge of latch and blank [us]."""
+DRIVER_EDGES = 4
 
 
 def board_of(design: SensorDesign) -> Board:
@@ -43,10 +52,24 @@ def board_of(design: SensorDesign) -> Board:
 
 def full_scale_v(design: SensorDesign) -> float:
     """Voltage at an input that reads full scale [V]."""
-    board = board_of(design)
+    board, converter = board_of(design), converter_of(design)
+    if converter is not None:
+        return converter.full_scale_on(board)
     if design.board.reference == "internal" and board.internal_reference_v is not None:
         return board.internal_reference_v
     return board.full_scale_v
+
+
+def amplifier_v(design: SensorDesign) -> float:
+    """Supply of the amplifiers, above which no reading rises [V]."""
+    board, converter = board_of(design), converter_of(design)
+    return board.pin_v if converter is None else converter.analog_v(board)
+
+
+def adc_bits(design: SensorDesign) -> int:
+    """Bits of a reading, of the converter or of the board's own."""
+    converter = converter_of(design)
+    return board_of(design).adc_bits if converter is None else converter.bits
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -55,52 +78,95 @@ class ReceiverPath:
 
     Attributes
     ----------
-    channel : the board's analogue input
+    channel : the board's analogue input; "" with converters
     multiplexer : number of the multiplexer before it, from 0; None: none
-    address : address at which the multiplexer selects this receiver
+    converter : number of the converter that reads it, from 0; None: the board's own
+    address : address at which the multiplexer selects this receiver, or its input of the converter
     """
 
-    channel: str
+    channel: str = ""
     multiplexer: int | None = None
+    converter: int | None = None
     address: int | None = None
 
     @property
     def label(self) -> str:
-        """Terminal of the amplifier's output, as A0, or M1-C3: channel 3 of multiplexer M1."""
+        """Terminal of the amplifier's output, as A0, or M1-C3: channel 3 of multiplexer M1, U1-C3: of converter U1."""
+        if self.converter is not None:
+            return f"U{self.converter + 1}-C{self.address}"
         return self.channel if self.multiplexer is None else f"M{self.multiplexer + 1}-C{self.address}"
 
 
 def multiplexer_of(design: SensorDesign) -> Multiplexer | None:
     """The catalogue entry of the design's multiplexers; None where each receiver has its own input."""
     given = design.board.receivers
-    return None if given is None else catalog.find_multiplexer(entries_of(design), given.multiplexer)
+    if given is None or given.multiplexer is None:
+        return None
+    return catalog.find_multiplexer(entries_of(design), given.multiplexer)
+
+
+def converter_of(design: SensorDesign) -> Converter | None:
+    """The catalogue entry of the design's converters; None where the board's own reads the receivers."""
+    given = design.board.receivers
+    if given is None or given.converter is None:
+        return None
+    return catalog.find_converter(entries_of(design), given.converter)
 
 
 def shift_register_of(design: SensorDesign) -> ShiftRegister | None:
-    """The catalogue entry of the design's shift registers; None where each emitter has its own pin."""
+    """The catalogue entry of the design's shift registers; None without them."""
     given = design.board.emitters
-    return None if given is None else catalog.find_shift_register(entries_of(design), given.shift_register)
+    if given is None or given.shift_register is None:
+        return None
+    return catalog.find_shift_register(entries_of(design), given.shift_register)
+
+
+def driver_of(design: SensorDesign) -> LedDriver | None:
+    """The catalogue entry of the design's LED drivers; None where each emitter has a transistor."""
+    given = design.board.emitters
+    if given is None or given.driver is None:
+        return None
+    return catalog.find_led_driver(entries_of(design), given.driver)
 
 
 def emitter_label(design: SensorDesign, number: int) -> str:
-    """Terminal of an emitter's base resistor, as D22, or S1-Q3: output 3 of shift register S1."""
-    register = shift_register_of(design)
-    if register is None:
+    """Terminal of an emitter's base resistor, as D22 or S1-Q3 of a shift register, or of its cathode, as L1-Q3."""
+    chain, letter = shift_register_of(design) or driver_of(design), "S"
+    if chain is None:
         return f"D{number}"
-    place, output = divmod(number, register.outputs)
-    return f"S{place + 1}-Q{output}"
+    if driver_of(design) is not None:
+        letter = "L"
+    place, output = divmod(number, chain.outputs)
+    return f"{letter}{place + 1}-Q{output}"
+
+
+def spi_pins(design: SensorDesign, board: Board) -> tuple[int, ...]:
+    """Pins of the board's SPI bus: clock, data out, data in; none where the design does not use it."""
+    return () if converter_of(design) is None and driver_of(design) is None else board.spi_pins
+
+
+def _open_pins(design: SensorDesign, board: Board) -> tuple[int, ...]:
+    """Digital pins in recommended order, without the SPI bus if the design uses it."""
+    busy = spi_pins(design, board)
+    return tuple(pin for pin in board.digital_pins if pin not in busy)
 
 
 def switch_pins(design: SensorDesign, board: Board, emitter_count: int) -> tuple[int, ...]:
-    """The board's pins that switch emitters: one per emitter, or data, clock and latch of the shift registers."""
-    given = design.board.emitters
+    """The board's pins that switch emitters.
+
+    They are one per emitter; or data, clock and latch of the shift registers; or latch and blank of the LED drivers.
+    """
+    given, pins = design.board.emitters, _open_pins(design, board)
     if given is not None:
-        return given.pins or board.digital_pins[:SHIFT_PINS]
-    return _dealt(design.board.emitter_pins, board.digital_pins, emitter_count)
+        return given.pins or pins[: _switch_count(design, emitter_count)]
+    return _dealt(design.board.emitter_pins, pins, emitter_count)
 
 
 def _switch_count(design: SensorDesign, emitter_count: int) -> int:
-    return SHIFT_PINS if design.board.emitters else emitter_count
+    given = design.board.emitters
+    if given is None:
+        return emitter_count
+    return SHIFT_PINS if given.driver is None else DRIVER_PINS
 
 
 def address_pins(design: SensorDesign) -> tuple[int, ...]:
@@ -113,10 +179,27 @@ def address_pins(design: SensorDesign) -> tuple[int, ...]:
     multiplexer, given = multiplexer_of(design), design.board.receivers
     if multiplexer is None or given is None:
         return ()
+    return given.address_pins or _spare_pins(design)[: multiplexer.address_bits]
+
+
+def select_pins(design: SensorDesign) -> tuple[int, ...]:
+    """Digital pins of the converters' chip selects, in their order; none without converters.
+
+    Raises
+    ------
+    DesignError : as `assigned_pins`.
+    """
+    converter, given = converter_of(design), design.board.receivers
+    if converter is None or given is None:
+        return ()
+    return given.select_pins or _spare_pins(design)[: converter.needed(len(cavity_of(design).receivers))]
+
+
+def _spare_pins(design: SensorDesign) -> tuple[int, ...]:
+    """Digital pins that neither emitters nor the SPI bus have."""
     board = board_of(design)
     used = switch_pins(design, board, len(cavity_of(design).emitters))
-    free = [pin for pin in board.digital_pins if pin not in used]
-    return given.address_pins or tuple(free[: multiplexer.address_bits])
+    return tuple(pin for pin in _open_pins(design, board) if pin not in used)
 
 
 def receiver_paths(design: SensorDesign) -> tuple[ReceiverPath, ...]:
@@ -127,16 +210,21 @@ def receiver_paths(design: SensorDesign) -> tuple[ReceiverPath, ...]:
     DesignError : as `assigned_pins`.
     """
     multiplexer, (_, channels) = multiplexer_of(design), assigned_pins(design)
+    converter, receivers = converter_of(design), range(len(cavity_of(design).receivers))
+    if converter is not None:
+        blocks = (divmod(j, converter.channels) for j in receivers)
+        return tuple(ReceiverPath(converter=chip, address=place) for chip, place in blocks)
     if multiplexer is None:
         return tuple(ReceiverPath(channel=name) for name in channels)
-    places = (divmod(j, len(channels)) for j in range(len(cavity_of(design).receivers)))
+    places = (divmod(j, len(channels)) for j in receivers)
     return tuple(ReceiverPath(channel=channels[m], multiplexer=m, address=a) for a, m in places)
 
 
 def assigned_pins(design: SensorDesign) -> tuple[tuple[int, ...], tuple[str, ...]]:
     """Emitter pins in the order of the cavity's emitters, and inputs in the order of its receivers or multiplexers.
 
-    With shift registers an emitter's number is the number of its output in the chain, from 0.
+    With shift registers or LED drivers an emitter's number is the number of its output in the chain, from 0. With
+    converters there are no inputs of the board.
 
     Raises
     ------
@@ -146,8 +234,8 @@ def assigned_pins(design: SensorDesign) -> tuple[tuple[int, ...], tuple[str, ...
     findings = pin_findings(design, board, len(cavity.emitters), len(cavity.receivers))
     if findings:
         raise DesignError("\n".join(str(finding) for finding in findings))
-    pins = _dealt(design.board.emitter_pins, board.digital_pins, len(cavity.emitters))
-    if shift_register_of(design) is not None:
+    pins = _dealt(design.board.emitter_pins, _open_pins(design, board), len(cavity.emitters))
+    if design.board.emitters is not None:
         pins = tuple(range(len(cavity.emitters)))
     inputs = input_count(design, len(cavity.receivers))
     channels = _dealt(design.board.receiver_channels, board.analog_channels, inputs)
@@ -158,9 +246,12 @@ def pin_findings(
     design: SensorDesign, board: Board, emitter_count: int, receiver_count: int
 ) -> list[Finding]:
     """All findings about the pins and channels of a design."""
-    use, multiplexer = design.board, multiplexer_of(design)
+    use, multiplexer, converter = design.board, multiplexer_of(design), converter_of(design)
+    emitters = [*_bus_findings(design, board), *_emitter_findings(design, board, emitter_count)]
+    if converter is not None:
+        return [*emitters, *_converter_findings(design, board, converter, emitter_count, receiver_count)]
     return [
-        *_emitter_findings(design, board, emitter_count),
+        *emitters,
         *_list_findings(
             "board.receiver_channels",
             "receiver" if multiplexer is None else "multiplexer",
@@ -178,55 +269,93 @@ def pin_findings(
 
 
 def _emitter_findings(design: SensorDesign, board: Board, emitter_count: int) -> list[Finding]:
-    register, given = shift_register_of(design), design.board.emitters
-    if register is None or given is None:
+    chain, given = shift_register_of(design) or driver_of(design), design.board.emitters
+    known = _open_pins(design, board)
+    if chain is None or given is None:
         return [
             *_list_findings(
-                "board.emitter_pins", "emitter", "pin", design.board.emitter_pins, board.digital_pins, emitter_count,
+                "board.emitter_pins", "emitter", "pin", design.board.emitter_pins, known, emitter_count,
                 _registers_needed(design, board, emitter_count),
             ),
-            *_unknown_pin_findings(design.board.emitter_pins or (), board),
-            *_reserved_findings(design.board.emitter_pins, board),
+            *_unknown_pin_findings(design, board),
+            *_reserved_findings(design, board),
         ]  # fmt: skip
+    words = "shift registers" if given.driver is None else "LED drivers"
+    names = "data, clock and latch" if given.driver is None else "latch and blank"
     found = []
     if design.board.emitter_pins is not None:
         found.append(
             error(
                 "board.emitter_pins",
-                "the emitters are switched by shift registers, which take no pin for each of them",
+                f"the emitters are switched by {words}, which take no pin for each of them",
                 value=f"{len(design.board.emitter_pins)} entries",
                 limit="none with board.emitters",
-                way_out="leave the list out; board.emitters.pins has data, clock and latch",
+                way_out=f"leave the list out; board.emitters.pins has {names}",
             )
         )
-    if not register.works_on(board):
-        found.append(_supply_error("board.emitters.shift_register", register, board))
-    pins = switch_pins(design, board, emitter_count)
-    if len(set(pins)) < SHIFT_PINS or set(pins) - set(board.digital_pins):
+    if not chain.works_on(board):
+        entry = "shift_register" if given.driver is None else "driver"
+        found.append(_supply_error(f"board.emitters.{entry}", chain, board))
+    pins, count = switch_pins(design, board, emitter_count), _switch_count(design, emitter_count)
+    if len(pins) != count or len(set(pins)) < count or set(pins) - set(known):
         found.append(
             error(
                 "board.emitters.pins",
-                f"{register.name} needs 3 pins of the board, each once",
+                f"{chain.name} needs {count} pins of the board, each once: {names}",
                 value=list(pins),
-                limit=f"3 of {', '.join(map(str, board.digital_pins))}",
+                limit=f"{count} of {', '.join(map(str, known))}",
                 way_out="choose among these, or leave them out",
             )
         )
     return found
 
 
+def _bus_findings(design: SensorDesign, board: Board) -> list[Finding]:
+    """The finding that the board has no SPI bus which the firmware drives."""
+    use = design.board
+    fields = [
+        *(["board.receivers.converter"] if converter_of(design) else []),
+        *(["board.emitters.driver"] if driver_of(design) else []),
+    ]
+    able = [name for name, one in entries_of(design).boards.items() if one.spi_pins]
+    return [
+        error(
+            field,
+            f"no program of the {board.title} drives its SPI bus",
+            value=use.kind,
+            limit=f"a board with arduino.spi_pins: {', '.join(able) or 'none is in the catalogue'}",
+            way_out="name one of these in board.kind, or give arduino.spi_pins in the entry of your board",
+        )
+        for field in fields
+        if not board.spi_pins
+    ]
+
+
+def _least_switch_count(design: SensorDesign, pin_count: int, emitter_count: int) -> int:
+    """Pins that switch emitters; of shift registers, which are proposed, where the emitters have too few pins."""
+    count = _switch_count(design, emitter_count)
+    return count if count <= pin_count else SHIFT_PINS
+
+
 def _registers_needed(design: SensorDesign, board: Board, emitter_count: int) -> str | None:
     """The way out of too few pins for the emitters."""
+    ways: list[str] = []
     for name, one in entries_of(design).shift_registers.items():
-        if one.works_on(board):
+        if one.works_on(board) and not ways:
             number = (
                 f"{emitter_count} emitters need {one.needed(emitter_count)} of them and {SHIFT_PINS} pins"
             )
-            return f'set board.emitters.shift_register = "{name}": {number}'
-    return None
+            ways.append(f'set board.emitters.shift_register = "{name}": {number}')
+    for name, driver in entries_of(design).led_drivers.items():
+        if driver.works_on(board) and board.spi_pins and len(ways) < 2:
+            number = f"{driver.needed(emitter_count)} of them, the SPI bus and {DRIVER_PINS} pins"
+            ways.append(f'set board.emitters.driver = "{name}", of constant current: {number}')
+    return "; or ".join(ways) or None
 
 
 def _supply_error(field: str, entry: Chip, board: Board) -> Finding:
+    if isinstance(entry, Converter):
+        return _converter_supply_error(field, entry, board)
     return error(
         field,
         f"{entry.name} does not work at the level of the board's pins",
@@ -236,19 +365,67 @@ def _supply_error(field: str, entry: Chip, board: Board) -> Finding:
     )
 
 
+def _converter_supply_error(field: str, entry: Converter, board: Board) -> Finding:
+    least, most = entry.logic_low_v, entry.logic_high_v
+    if least is None or most is None:
+        return error(
+            field,
+            f"{entry.name} has one supply, and its data output is at the level of that supply, which a pin of the "
+            "board does not bear",
+            value=f"pins of {board.pin_v:g} V",
+            limit=f"{entry.supply_low_v:g} to {entry.supply_high_v:g} V",
+            way_out="name a converter that works at the level of the pins, as mcp3208 at 2.7 to 5.5 V, or one "
+            "with a digital supply of its own, as ads8688",
+        )
+    return error(
+        field,
+        f"{entry.name} has its analogue supply from the emitters' supply and its digital supply at the level of the "
+        "board's pins",
+        value=f"{board.emitter_v:g} V and {board.pin_v:g} V",
+        limit=f"{entry.supply_low_v:g} to {entry.supply_high_v:g} V and {least:g} to {most:g} V",
+        way_out="name another converter, as mcp3208, or another board.kind",
+    )
+
+
 def input_count(design: SensorDesign, receiver_count: int) -> int:
     """Number of the board's inputs that the receivers need."""
     multiplexer = multiplexer_of(design)
+    if converter_of(design) is not None:
+        return 0
     return receiver_count if multiplexer is None else multiplexer.needed(receiver_count)
 
 
 def _multiplexers_needed(
     design: SensorDesign, board: Board, emitter_count: int, receiver_count: int
 ) -> str | None:
-    """The way out of too few inputs: the packaged multiplexer with the fewest inputs, if the board has pins for it."""
+    """The way out of too few inputs: the multiplexer with the fewest inputs, and the first converter, if they fit."""
     if design.board.receivers is not None:
         return None
-    spare = len(board.digital_pins) - _switch_count(design, emitter_count)
+    ways = [
+        _multiplexer_way(design, board, emitter_count, receiver_count),
+        _converter_way(design, board, emitter_count, receiver_count),
+    ]
+    return "; or ".join(way for way in ways if way) or None
+
+
+def _converter_way(design: SensorDesign, board: Board, emitter_count: int, receiver_count: int) -> str | None:
+    pins = set(board.digital_pins) - set(board.spi_pins)
+    spare = len(pins) - _least_switch_count(design, len(pins), emitter_count)
+    for name, one in entries_of(design).converters.items():
+        count = one.needed(receiver_count)
+        if board.spi_pins and one.works_on(board) and count <= spare:
+            return (
+                f'set board.receivers.converter = "{name}", of {one.bits} bits: {count} of them, the SPI bus and '
+                f"{count} select pin{'s' if count > 1 else ''}"
+            )
+    return None
+
+
+def _multiplexer_way(
+    design: SensorDesign, board: Board, emitter_count: int, receiver_count: int
+) -> str | None:
+    pins = _open_pins(design, board)
+    spare = len(pins) - _least_switch_count(design, len(pins), emitter_count)
     for name, one in sorted(entries_of(design).multiplexers.items(), key=lambda item: -item[1].channels):
         count = one.needed(receiver_count)
         if one.works_on(board) and one.address_bits <= spare and count <= len(board.analog_channels):
@@ -268,34 +445,79 @@ def _address_findings(design: SensorDesign, board: Board, emitter_count: int) ->
     found = []
     if not multiplexer.works_on(board):
         found.append(_supply_error("board.receivers.multiplexer", multiplexer, board))
-    field, bits = "board.receivers.address_pins", multiplexer.address_bits
-    pins = given.address_pins
+    wanted = _Pins("board.receivers.address_pins", multiplexer.name, multiplexer.address_bits, "address")
+    return [*found, *_receiver_pin_findings(design, board, wanted, given.address_pins, emitter_count)]
+
+
+def _converter_findings(
+    design: SensorDesign, board: Board, converter: Converter, emitter_count: int, receiver_count: int
+) -> list[Finding]:
+    """Findings about the converters' supply, the pins of their chip selects, and settings of the board's own."""
+    use, found = design.board, []
+    if not converter.works_on(board):
+        found.append(_supply_error("board.receivers.converter", converter, board))
+    unused = (
+        ("board.receiver_channels", None if use.receiver_channels is None else list(use.receiver_channels)),
+        ("board.reference", None if use.reference == "supply" else use.reference),
+    )
+    found += [
+        error(
+            field,
+            f"{converter.name} reads the receivers, and the board's own converter is not used",
+            value=value,
+            limit="left out with board.receivers.converter",
+            way_out="remove it, or remove board.receivers.converter",
+        )
+        for field, value in unused
+        if value is not None
+    ]
+    given = None if use.receivers is None else use.receivers.select_pins
+    wanted = _Pins(
+        "board.receivers.select_pins", converter.name, converter.needed(receiver_count), "chip selects"
+    )
+    return [*found, *_receiver_pin_findings(design, board, wanted, given, emitter_count)]
+
+
+@dataclass(frozen=True)
+class _Pins:
+    """Pins that the receivers' circuits need: field, name of the circuit, number and purpose."""
+
+    field: str
+    chip: str
+    count: int
+    purpose: str
+
+
+def _receiver_pin_findings(
+    design: SensorDesign, board: Board, wanted: _Pins, pins: tuple[int, ...] | None, emitter_count: int
+) -> list[Finding]:
+    known, count = _open_pins(design, board), wanted.count
     if pins is None:
         switches = _switch_count(design, emitter_count)
-        if switches + bits > len(board.digital_pins):
-            found.append(
-                error(
-                    field,
-                    f"the board has no pins left for the address of {multiplexer.name}",
-                    value=f"{switches} pins for emitters and {bits} address lines",
-                    limit=f"at most {len(board.digital_pins)} pins",
-                    way_out="use fewer emitters, or name another board.kind",
-                )
-            )
-        return found
-    used = switch_pins(design, board, emitter_count)
-    wrong = [pin for pin in pins if pin not in board.digital_pins or pin in used or pins.count(pin) > 1]
-    if len(pins) != bits or wrong:
-        found.append(
+        if switches + count <= len(known):
+            return []
+        return [
             error(
-                field,
-                f"{multiplexer.name} needs {bits} pins of the board that no emitter has, each once",
-                value=list(pins),
-                limit=f"{bits} of {', '.join(str(pin) for pin in board.digital_pins if pin not in used)}",
-                way_out="choose among these, or leave the list out",
+                wanted.field,
+                f"the board has no pins left for the {wanted.purpose} of {wanted.chip}",
+                value=f"{switches} pins for emitters and {count} for the {wanted.purpose}",
+                limit=f"at most {len(known)} pins",
+                way_out="use fewer emitters, or name another board.kind",
             )
+        ]
+    used = switch_pins(design, board, emitter_count)
+    wrong = [pin for pin in pins if pin not in known or pin in used or pins.count(pin) > 1]
+    if len(pins) == count and not wrong:
+        return []
+    return [
+        error(
+            wanted.field,
+            f"{wanted.chip} needs {count} pins of the board that no emitter has, each once",
+            value=list(pins),
+            limit=f"{count} of {', '.join(str(pin) for pin in known if pin not in used)}",
+            way_out="choose among these, or leave the list out",
         )
-    return found
+    ]
 
 
 def _dealt(given: tuple[Name, ...] | None, known: tuple[Name, ...], count: int) -> tuple[Name, ...]:
@@ -367,15 +589,20 @@ def _unknown_findings(field: str, noun: str, given: Sequence[Name], known: Seque
     ]
 
 
-def _unknown_pin_findings(pins: Sequence[int], board: Board) -> list[Finding]:
-    busy = {*board.reserved_pins, *(board.uart_pins or ())}  # another finding covers these
-    return _unknown_findings(
-        "board.emitter_pins", "pin", [pin for pin in pins if pin not in busy], board.digital_pins
-    )
+def _unknown_pin_findings(design: SensorDesign, board: Board) -> list[Finding]:
+    busy = {
+        *board.reserved_pins,
+        *(board.uart_pins or ()),
+        *spi_pins(design, board),
+    }  # another finding covers these
+    pins = design.board.emitter_pins or ()
+    known = _open_pins(design, board)
+    return _unknown_findings("board.emitter_pins", "pin", [pin for pin in pins if pin not in busy], known)
 
 
-def _reserved_findings(pins: Sequence[int] | None, board: Board) -> list[Finding]:
-    serial, reserved = set(board.uart_pins or ()), set(board.reserved_pins)
+def _reserved_findings(design: SensorDesign, board: Board) -> list[Finding]:
+    serial, pins = set(board.uart_pins or ()), design.board.emitter_pins
+    reserved = {*board.reserved_pins, *spi_pins(design, board)}
     return [
         error(
             "board.emitter_pins",
@@ -442,21 +669,75 @@ def sending_time_ms(board: Board, use: BoardUse, byte_count: int) -> float:
     return link_time_ms(byte_count, use.baud)
 
 
+def reading_time_ms(board: Board, use: BoardUse, converter: Converter | None) -> float:
+    """Time of one reading, by the converter or by the board's own [ms]."""
+    if converter is not None:
+        return converter.reading_us(board) / US_PER_MS
+    return conversion_time_ms(board, use.adc_prescaler)
+
+
+def switch_time_ms(driver: LedDriver | None, emitter_count: int) -> float:
+    """Time from the begin of a state until its emitter is on, by LED drivers [ms]; transistors switch at once.
+
+    It is all bits of the chain on the SPI bus, the edges of latch and blank, and the drivers' own delay.
+    """
+    if driver is None:
+        return 0.0
+    sent_ms = driver.bits(emitter_count) / driver.clock_hz(emitter_count) * MS_PER_S
+    return sent_ms + (DRIVER_EDGES * EDGE_US + driver.turn_on_wait_us) / US_PER_MS
+
+
+def lit_time_us(design: SensorDesign) -> float:
+    """Time from an emitter's light until the end of its state: settling, then all readings [us]."""
+    board, use, count = board_of(design), design.board, len(cavity_of(design).receivers)
+    return _lit_ms(board, use, count, multiplexer_of(design), converter_of(design)) * US_PER_MS
+
+
+def _lit_ms(
+    board: Board,
+    use: BoardUse,
+    receiver_count: int,
+    multiplexer: Multiplexer | None,
+    converter: Converter | None,
+) -> float:
+    conversions = receiver_count * use.averages * reading_time_ms(board, use, converter)
+    if multiplexer is not None:
+        addresses = math.ceil(receiver_count / multiplexer.needed(receiver_count))
+        conversions += addresses * multiplexer.settle_us.value / US_PER_MS
+    return use.settle_us / US_PER_MS + conversions
+
+
 def frame_time_ms(
     board: Board,
     use: BoardUse,
     emitter_count: int,
     receiver_count: int,
     multiplexer: Multiplexer | None = None,
+    *,
+    converter: Converter | None = None,
+    driver: LedDriver | None = None,
 ) -> float:
     """Time of one full frame: all states, then the line [ms]; with multiplexers each new address also settles."""
-    conversions = receiver_count * use.averages * conversion_time_ms(board, use.adc_prescaler)
-    if multiplexer is not None:
-        addresses = math.ceil(receiver_count / multiplexer.needed(receiver_count))
-        conversions += addresses * multiplexer.settle_us.value / US_PER_MS
-    state = use.settle_us / US_PER_MS + conversions
-    sent = frame_bytes(emitter_count, receiver_count, board.adc_bits)
+    state = switch_time_ms(driver, emitter_count)
+    state += _lit_ms(board, use, receiver_count, multiplexer, converter)
+    bits = board.adc_bits if converter is None else converter.bits
+    sent = frame_bytes(emitter_count, receiver_count, bits)
     return state_count(emitter_count) * state + sending_time_ms(board, use, sent)
+
+
+def design_frame_time_ms(
+    design: SensorDesign, emitter_count: int, receiver_count: int, board: Board, use: BoardUse
+) -> float:
+    """Time of one full frame with a design's multiplexers, converters and LED drivers [ms]."""
+    return frame_time_ms(
+        board,
+        use,
+        emitter_count,
+        receiver_count,
+        multiplexer_of(design),
+        converter=converter_of(design),
+        driver=driver_of(design),
+    )
 
 
 def frame_rate_hz(
@@ -467,7 +748,7 @@ def frame_rate_hz(
     if adc_prescaler is not None:
         use = use.model_copy(update={"adc_prescaler": adc_prescaler})
     counts = len(cavity.emitters), len(cavity.receivers)
-    return MS_PER_S / frame_time_ms(board or board_of(design), use, *counts, multiplexer_of(design))
+    return MS_PER_S / design_frame_time_ms(design, *counts, board or board_of(design), use)
 
 
 def faster_boards(design: SensorDesign) -> list[tuple[str, float]]:

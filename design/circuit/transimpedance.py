@@ -24,8 +24,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from design.circuit.emitter_switch import emitter_switch
-from design.circuit.pins import board_of, full_scale_v
+from design.circuit.emitter_switch import CurrentSink, current_sink, emitter_switch
+from design.circuit.pins import adc_bits, board_of, converter_of, full_scale_v
 from design.errors import DesignError
 from design.fields.finding import Finding, error, warning
 from design.fields.quantity import Quantity, weakest
@@ -40,6 +40,8 @@ W_PER_MW = 1e-3
 HZ_PER_MHZ = 1e6
 F_PER_PF = 1e-12
 S_PER_US = 1e-6
+LEAST_SETTLE_US = 1e-3
+"""Shortest time for which a capacitor is computed; no amplifier settles within it [us]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -72,15 +74,19 @@ class Feedback:
         return self.standard_ohm / self.exact_ohm
 
 
-def emitted_mw(part: Part, board: Board) -> Quantity | None:
-    """Light of an emitter behind its series resistor; None if it is unknown or the supply cannot light it."""
-    full, switch = part.radiant_power_mw, emitter_switch(part, board)
-    if full is None or switch.series_ohm is None:
+def emitted_mw(part: Part, board: Board, sink: CurrentSink | None = None) -> Quantity | None:
+    """Light of an emitter behind its series resistor, or at the constant current of an LED driver.
+
+    None if its power is unknown, or if the supply cannot light it.
+    """
+    full, switch, forward = part.radiant_power_mw, emitter_switch(part, board), part.forward_voltage_v
+    current_ma = switch.usual_current_ma if sink is None else sink.current_ma
+    if full is None or switch.series_ohm is None or forward is None:
+        return None
+    if sink is not None and forward.value + sink.dropout_v > board.emitter_v:
         return None
     assert part.max_current_ma is not None
-    return _scaled(
-        full, switch.usual_current_ma / part.max_current_ma.value, "mW", "in proportion to current"
-    )
+    return _scaled(full, current_ma / part.max_current_ma.value, "mW", "in proportion to current")
 
 
 def responsivity_at(part: Part, wavelength_nm: float) -> Quantity:
@@ -104,12 +110,12 @@ def counts_per_flux_per_ohm(design: SensorDesign) -> tuple[Quantity, ...] | None
 
     None where an emitter's power is not known.
     """
-    cavity, board = cavity_of(design), board_of(design)
-    powers = [(emitted_mw(one.part, board), one.part.wavelength_nm) for one in cavity.emitters]
+    cavity, board, sink = cavity_of(design), board_of(design), current_sink(design)
+    powers = [(emitted_mw(one.part, board, sink), one.part.wavelength_nm) for one in cavity.emitters]
     lit = [(power, at.value) for power, at in powers if power is not None and at is not None]
     if not lit or len(lit) < len(powers):
         return None
-    scale = W_PER_MW * 2**board.adc_bits / full_scale_v(design)
+    scale = W_PER_MW * 2 ** adc_bits(design) / full_scale_v(design)
     found: dict[str, Quantity] = {}
     for one in cavity.receivers:
         if one.part_id not in found:
@@ -180,7 +186,7 @@ def gain_findings(design: SensorDesign) -> Iterator[Finding]:
             way_out="give one resistance for each receiver, or one number for all",
         )
     for one in {one.part_id: one for one in cavity_of(design).emitters}.values():
-        if emitted_mw(one.part, board_of(design)) is None:
+        if emitted_mw(one.part, board_of(design), current_sink(design)) is None:
             yield error(
                 "gain.feedback_ohm",
                 f"ohms make a gain only with the emitters' power, which {one.part_id} does not have",
@@ -195,6 +201,16 @@ def settling_findings(
 ) -> Iterator[Finding]:
     """Amplifiers that do not settle within `board.settle_us`; nothing where no resistor is known (`feedbacks_of`)."""
     feedbacks, settle_us = feedbacks_of(design, counts_per_flux) or (), design.board.settle_us
+    converter, filter_us = converter_of(design), filter_settles_us(design)
+    if converter is not None and settle_us <= filter_us:
+        yield warning(
+            "board.settle_us",
+            f"the input filter of {converter.name} does not settle, so readings lag behind the light",
+            value=f"{settle_us:g} us",
+            limit=f"more than {math.ceil(filter_us)} us, and the amplifiers' settling in addition",
+            way_out="raise it, or name a converter without an input filter, as mcp3208",
+        )
+        return
     late = [
         (one.settles_us, part.name)
         for one, part in zip(feedbacks, cavity_of(design).receivers, strict=False)
@@ -206,7 +222,7 @@ def settling_findings(
             "board.settle_us",
             f"the amplifiers of {' '.join(name for _, name in late)} do not settle, so readings lag behind the light",
             value=f"{settle_us:g} us",
-            limit=f"at least {math.ceil(max(late)[0])} us",
+            limit=f"at least {math.ceil(max(late)[0] + filter_us)} us",
             way_out=f"raise it, take a faster amplifier, or lower {lower}",
         )
 
@@ -228,11 +244,23 @@ def _mean_product(lit: list[tuple[Quantity, float]], receiver: Part, scale: floa
     )
 
 
+def filter_settles_us(design: SensorDesign) -> float:
+    """Time in which the input filter of the design's converters settles; 0 without one [us]."""
+    converter = converter_of(design)
+    return 0.0 if converter is None else converter.filter_settles_us
+
+
+def settle_words(design: SensorDesign) -> str:
+    """The time in which an amplifier has to settle, and its field."""
+    words, filter_us = f"board.settle_us = {design.board.settle_us:g} us", filter_settles_us(design)
+    return f"{words} less {filter_us:.0f} us of the converter's input filter" if filter_us else words
+
+
 def _feedback(design: SensorDesign, part: Part, per_ohm: Quantity, exact_ohm: float) -> Feedback:
     gain, is_given = per_ohm.value * exact_ohm, not isinstance(design.gain.feedback_ohm, str)
     standard = exact_ohm if is_given else standard_nearest(exact_ohm)
-    constants = math.log(2 ** (board_of(design).adc_bits + 1))
-    settle_us = design.board.settle_us
+    constants = math.log(2 ** (adc_bits(design) + 1))
+    settle_us = max(design.board.settle_us - filter_settles_us(design), LEAST_SETTLE_US)
     most_pf = settle_us * S_PER_US / (standard * constants) / F_PER_PF
     capacitor = _capacitor_pf(_least_pf(part, standard), most_pf)
     settles = standard * capacitor * F_PER_PF * constants / S_PER_US

@@ -56,6 +56,8 @@ class BoardFirmware(Model):
 class ArduinoProgram(Model):
     """Arduino core, pins and memory of a board that runs the portable program."""
 
+    unsaid = ("spi_pins",)
+
     source: Annotated[Text, Field(description="where the entry's values come from")]
     confidence: Confidence
     fqbn: Annotated[
@@ -75,6 +77,10 @@ class ArduinoProgram(Model):
         Literal["usb", "uart"], Field(description="what the core's `Serial` is: USB has no baud rate")
     ]
     analog_pins: Annotated[dict[str, AnalogPin], Field(description="the core's name of each input")]
+    spi_pins: Annotated[
+        tuple[int, int, int] | None,
+        Field(description="pins of the core's `SPI`: clock, data out (MOSI), data in (MISO); absent: none"),
+    ] = None
     flash_bytes: Annotated[int, Field(gt=0, description="left for the program by the boot loader")]
     ram_bytes: Annotated[int, Field(gt=0, description="memory of the chip")]
     notes: tuple[Text, ...] = ()

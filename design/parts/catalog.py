@@ -25,7 +25,6 @@ from __future__ import annotations
 
 import difflib
 import json
-import math
 from collections.abc import Mapping
 from functools import cache
 from typing import Annotated, Any, Literal, Self, TypeVar
@@ -49,7 +48,6 @@ from design.fields.quantity import (
     Quantity,
     Reflectance,
     RefractiveIndex,
-    ResistanceOhm,
     ResponsivityAPerW,
     Text,
     TimeUs,
@@ -60,6 +58,7 @@ from design.fields.validation import PATTERN_WORDS
 from design.parts.angular import AngularTable
 from design.parts.assumptions import assumption
 from design.parts.board_firmware import ArduinoProgram, BoardFirmware
+from design.parts.circuits import Chip, Converter, LedDriver, Multiplexer, ShiftRegister
 from design.parts.elastomer import (
     Cure,
     Elastomer,
@@ -75,11 +74,14 @@ __all__ = [
     "PACKAGED_FILES",
     "Board",
     "CatalogEntries",
+    "Chip",
+    "Converter",
     "Cost",
     "Cure",
     "Elastomer",
     "IndexFormula",
     "IndexTable",
+    "LedDriver",
     "ModulusRow",
     "MoldMaterial",
     "Multiplexer",
@@ -87,7 +89,9 @@ __all__ = [
     "Quantity",
     "ShiftRegister",
     "find_board",
+    "find_converter",
     "find_elastomer",
+    "find_led_driver",
     "find_mold_material",
     "find_multiplexer",
     "find_part",
@@ -370,6 +374,11 @@ class Board(Model):
         return self.adc_prescalers is not None
 
     @property
+    def spi_pins(self) -> tuple[int, ...]:
+        """Pins of the SPI bus that the portable program drives: clock, data out, data in; () without one."""
+        return () if self.arduino is None or self.arduino.spi_pins is None else self.arduino.spi_pins
+
+    @property
     def emitter_v(self) -> float:
         """Supply of the emitters [V]."""
         return _assumed_v() if self.supply_v is None else self.supply_v
@@ -435,57 +444,6 @@ class Board(Model):
         return self
 
 
-class Chip(Model):
-    """A circuit between the board and the sensor's parts, supplied at the level of the board's pins."""
-
-    title: Text
-    source: Annotated[Text, Field(description="where the plain numbers of this entry come from")]
-    confidence: Confidence
-    supply_low_v: Annotated[float, Field(gt=0.0, le=30.0, description="least supply [V]")]
-    supply_high_v: Annotated[float, Field(gt=0.0, le=30.0, description="most supply [V]")]
-    notes: tuple[Text, ...] = ()
-
-    @property
-    def name(self) -> str:
-        """The title up to its first comma, as 74HC4067."""
-        return self.title.split(",")[0]
-
-    def works_on(self, board: Board) -> bool:
-        """Whether the level of the board's pins is a supply that it permits."""
-        return self.supply_low_v <= board.pin_v <= self.supply_high_v
-
-
-class Multiplexer(Chip):
-    """Analogue switches that connect one of several amplifiers to one input of the board, by an address of bits."""
-
-    channels: Annotated[int, Field(ge=2, le=64, description="amplifiers that it chooses from")]
-    enable: Annotated[
-        Literal["ground", "supply"], Field(description="what its enable pin is wired to, so that it stays on")
-    ]
-    on_resistance_ohm: Annotated[ResistanceOhm, Field(description="of a closed switch")]
-    settle_us: Annotated[TimeUs, Field(description="wait from a new address to the next reading")]
-
-    @property
-    def address_bits(self) -> int:
-        """Lines of the address."""
-        return (self.channels - 1).bit_length()
-
-    def needed(self, receiver_count: int) -> int:
-        """Number of multiplexers, and of the board's inputs, for that many receivers."""
-        return math.ceil(receiver_count / self.channels)
-
-
-class ShiftRegister(Chip):
-    """Outputs in a chain, set by three pins: data, clock and latch; one output switches one emitter's transistor."""
-
-    outputs: Annotated[int, Field(ge=2, le=64, description="outputs of one of them")]
-    max_output_ma: Annotated[CurrentMa, Field(description="of one output")]
-
-    def needed(self, emitter_count: int) -> int:
-        """Number of shift registers in the chain for that many emitters."""
-        return math.ceil(emitter_count / self.outputs)
-
-
 def _assumed_v() -> float:
     """Default supply of a board [V]."""
     return assumption("supply_v").value
@@ -494,7 +452,7 @@ def _assumed_v() -> float:
 class CatalogEntries(Model):
     """Entries by identifier; a user's file and the packaged files have the same form."""
 
-    unsaid = ("multiplexers", "shift_registers")
+    unsaid = ("multiplexers", "shift_registers", "converters", "led_drivers")
 
     parts: dict[PartId, Part] = Field(default_factory=dict)
     elastomers: dict[PartId, Elastomer] = Field(default_factory=dict)
@@ -502,6 +460,8 @@ class CatalogEntries(Model):
     boards: dict[PartId, Board] = Field(default_factory=dict)
     multiplexers: dict[PartId, Multiplexer] = Field(default_factory=dict)
     shift_registers: dict[PartId, ShiftRegister] = Field(default_factory=dict)
+    converters: dict[PartId, Converter] = Field(default_factory=dict)
+    led_drivers: dict[PartId, LedDriver] = Field(default_factory=dict)
 
 
 @cache
@@ -519,7 +479,7 @@ def parse_entries(mapping: Mapping[str, Any], where: str) -> CatalogEntries:
     Parameters
     ----------
     mapping : tables `parts`, `elastomers`, `mold_materials`, `boards`, `multiplexers`, `shift_registers`,
-        each {identifier: fields}
+        `converters`, `led_drivers`, each {identifier: fields}
     where : name of the file, for messages
 
     Raises
@@ -554,6 +514,8 @@ def merged(base: CatalogEntries, extra: CatalogEntries) -> CatalogEntries:
         boards={**base.boards, **extra.boards},
         multiplexers={**base.multiplexers, **extra.multiplexers},
         shift_registers={**base.shift_registers, **extra.shift_registers},
+        converters={**base.converters, **extra.converters},
+        led_drivers={**base.led_drivers, **extra.led_drivers},
     )
 
 
@@ -597,6 +559,16 @@ def find_multiplexer(entries: CatalogEntries, multiplexer_id: str) -> Multiplexe
 def find_shift_register(entries: CatalogEntries, register_id: str) -> ShiftRegister:
     """The shift register of that identifier; DesignError with the nearest names when there is none."""
     return _find(entries.shift_registers, register_id, "shift register", "shift_registers")
+
+
+def find_converter(entries: CatalogEntries, converter_id: str) -> Converter:
+    """The converter of that identifier; DesignError with the nearest names when there is none."""
+    return _find(entries.converters, converter_id, "converter", "converters")
+
+
+def find_led_driver(entries: CatalogEntries, driver_id: str) -> LedDriver:
+    """The LED driver of that identifier; DesignError with the nearest names when there is none."""
+    return _find(entries.led_drivers, driver_id, "LED driver", "led_drivers")
 
 
 def _find(table: Mapping[str, Entry], name: str, noun: str, section: str) -> Entry:

@@ -14,21 +14,24 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from design.circuit.emitter_switch import emitter_switch, most_drive_ma
+from design.circuit.emitter_switch import CurrentSink, current_sink, emitter_switch, most_drive_ma
 from design.circuit.pins import (
     MS_PER_S,
+    adc_bits,
     address_pins,
     baud_error,
+    converter_of,
+    design_frame_time_ms,
+    driver_of,
     frame_bytes,
-    frame_time_ms,
     input_count,
+    lit_time_us,
     made_baud,
-    multiplexer_of,
     pin_findings,
     switch_pins,
 )
 from design.circuit.transimpedance import gain_findings, settling_findings
-from design.fields.finding import Finding, error, warning
+from design.fields.finding import Finding, error, note, warning
 from design.parts.board_firmware import ArduinoProgram, BoardFirmware
 from design.parts.catalog import Board
 from design.shape.cavity import cavity_of
@@ -68,25 +71,25 @@ def firmware_findings(
         return
     yield from _converter_findings(board)
     yield from _pin_findings(design, board, chip, emitter_count, receiver_count)
-    yield from _memory_findings(board, chip, emitter_count, receiver_count)
+    yield from _memory_findings(board, chip, emitter_count, receiver_count, board.adc_bits)
 
 
 def _portable_findings(
     design: SensorDesign, board: Board, chip: ArduinoProgram, emitter_count: int, receiver_count: int
 ) -> Iterator[Finding]:
     bits = PORTABLE_ADC_BITS
-    if board.adc_bits not in bits:
+    if adc_bits(design) not in bits:
         yield warning(
             "board.kind",
             "no firmware is made for this board: its readings are too long or too short",
-            value=f"{board.adc_bits} bits",
+            value=f"{adc_bits(design)} bits",
             limit=f"{bits[0]} to {bits[-1]} bits",
             way_out="set adc_bits of the board's entry to what its core's analogReadResolution takes",
         )
     channels = design.board.receiver_channels or board.analog_channels[: input_count(design, receiver_count)]
     unnamed = [name for name in channels if name in board.analog_channels and name not in chip.analog_pins]
     yield from _unknown("board.receiver_channels", "arduino", "analog_pins", unnamed)
-    yield from _memory_findings(board, chip, emitter_count, receiver_count)
+    yield from _memory_findings(board, chip, emitter_count, receiver_count, adc_bits(design))
 
 
 def _converter_findings(board: Board) -> Iterator[Finding]:
@@ -125,9 +128,9 @@ def _unknown(field: str, program: str, table: str, names: Sequence[object]) -> I
 
 
 def _memory_findings(
-    board: Board, chip: BoardFirmware | ArduinoProgram, emitter_count: int, receiver_count: int
+    board: Board, chip: BoardFirmware | ArduinoProgram, emitter_count: int, receiver_count: int, bits: int
 ) -> Iterator[Finding]:
-    frame = max(frame_bytes(emitter_count, receiver_count, board.adc_bits), HELLO_BYTES)
+    frame = max(frame_bytes(emitter_count, receiver_count, bits), HELLO_BYTES)
     needed = FRAME_BUFFERS * frame + PROGRAM_RAM_BYTES
     if needed > chip.ram_bytes:
         yield error(
@@ -138,6 +141,11 @@ def _memory_findings(
             way_out="use fewer parts, or name a board with more memory",
         )
 
+
+LEAST_TARGET_SHARE = 0.05
+"""Share of a converter's full scale below which a target for the untouched readings is warned of."""
+USUAL_TARGET_SHARE = 0.3
+"""Share of full scale of the default target at 10 bits, 300 of 1023 counts."""
 
 BAUD_ERROR_LIMIT = 0.025
 BAUD_ERROR_WARNING = 0.01
@@ -165,6 +173,90 @@ def board_findings(
 
 def circuit_findings(design: SensorDesign, board: Board) -> Iterator[Finding]:
     """Findings about the circuit around the board: light an emitter, switch it by a pin, settle in time."""
+    sink = current_sink(design)
+    yield from _switch_findings(design, board) if sink is None else _sink_findings(design, board, sink)
+    yield from _target_findings(design)
+    errors = list(gain_findings(design))
+    yield from errors or settling_findings(design)
+
+
+def _target_findings(design: SensorDesign) -> Iterator[Finding]:
+    """A gain for the counts of the board's own converter, left as it was for one of more bits."""
+    steps, target = 2 ** adc_bits(design), design.gain.target_counts
+    converter, given = converter_of(design), design.gain.feedback_ohm
+    if converter is None or not isinstance(given, str) or target >= LEAST_TARGET_SHARE * steps:
+        return
+    yield warning(
+        "gain.target_counts",
+        f"the readings of the untouched pad use a small part of the {steps} counts of {converter.name}",
+        value=f"{target:g} counts, {target / steps:.1%} of full scale",
+        limit=f"at least {LEAST_TARGET_SHARE:.0%}, {LEAST_TARGET_SHARE * steps:.0f} counts",
+        way_out=f"set gain.target_counts = {USUAL_TARGET_SHARE * steps:.0f} or so, and noise.read_noise_counts in "
+        "the counts of this converter",
+    )
+
+
+def _sink_findings(design: SensorDesign, board: Board, sink: CurrentSink) -> Iterator[Finding]:
+    """Findings about emitters at the constant current of LED drivers."""
+    driver, supply_v, field = driver_of(design), board.emitter_v, "board.emitters.driver"
+    assert driver is not None, "a design with a sink has a driver"
+    if supply_v > driver.max_led_v:
+        yield error(
+            field,
+            f"the supply of the emitters is above what an output of {driver.name} bears",
+            value=f"{supply_v:g} V",
+            limit=f"at most {driver.max_led_v:g} V",
+            way_out="name a board.kind with a lower supply_v, or another driver",
+        )
+    if sink.current_ma < driver.least_output_ma.value:
+        yield error(
+            field,
+            f"the emitters' max_current_ma is below the least current of {driver.name}",
+            value=f"{sink.current_ma:.2f} mA",
+            limit=f"at least {driver.least_output_ma.value:g} mA",
+            way_out="name emitters of more current, or use transistors: remove board.emitters.driver",
+        )
+    for placed in {one.part_id: one for one in cavity_of(design).emitters}.values():
+        if sink.needed_v(placed.part) > supply_v:
+            yield warning(
+                placed.origin,
+                f"the supply does not give {placed.part_id} its constant current at every forward voltage",
+                value=f"{sink.needed_v(placed.part):g} V with {sink.dropout_v:g} V at the output of {driver.name}",
+                limit=f"at most the supply's {supply_v:g} V",
+                way_out="use a higher supply for the emitters, or another part",
+            )
+        most = placed.part.max_current_ma
+        if most is not None and most.value > sink.asked_ma:
+            yield note(
+                placed.origin,
+                f"all outputs of {driver.name} have one current, so {placed.part_id} has less than it bears",
+                value=f"{sink.current_ma:.1f} mA of {most.value:g} mA",
+                limit="emitters of equal max_current_ma for full light of each",
+                way_out="choose emitters of one kind, or accept less light",
+            )
+    if sink.asked_ma > driver.max_output_ma.value:
+        yield note(
+            field,
+            f"an output of {driver.name} limits the emitters' current",
+            value=f"{sink.current_ma:.1f} mA of {sink.asked_ma:g} mA",
+            limit=f"at most {driver.max_output_ma.value:g} mA",
+            way_out="accept less light, or use transistors: remove board.emitters.driver",
+        )
+    lit_us = driver.turn_on_wait_us + lit_time_us(design)
+    if lit_us > driver.least_period_us:
+        yield warning(
+            field,
+            f"{driver.name} switches its outputs off for one step in {2**driver.grayscale_bits} at the end of each PWM "
+            "period, which falls into the readings of a long state",
+            value=f"{lit_us:.0f} us with an emitter on",
+            limit=f"at most {driver.least_period_us:g} us, the shortest period",
+            way_out="lower board.averages or board.settle_us, name a faster converter, or use transistors: "
+            "remove board.emitters.driver",
+        )
+
+
+def _switch_findings(design: SensorDesign, board: Board) -> Iterator[Finding]:
+    """Findings about emitters with a transistor each."""
     for placed in {one.part_id: one for one in cavity_of(design).emitters}.values():
         switch = emitter_switch(placed.part, board)
         supply_v = board.emitter_v
@@ -185,8 +277,6 @@ def circuit_findings(design: SensorDesign, board: Board) -> Iterator[Finding]:
                 limit=f"at most {most_ma:g} mA",
                 way_out="use a logic-level MOSFET or a driver instead, or a part with less max_current_ma",
             )
-    errors = list(gain_findings(design))
-    yield from errors or settling_findings(design)
 
 
 def _reference_findings(design: SensorDesign, board: Board) -> Iterator[Finding]:
@@ -257,9 +347,10 @@ def _slow_fields(design: SensorDesign, board: Board) -> str:
     """What makes a frame shorter, in words."""
     fields = ["board.averages"] if design.board.averages > 1 else []
     fields += ["board.adc_prescaler"] if board.divides_clock else []
-    return f"{', '.join([*fields, 'board.settle_us'])}, or " + (
-        "raise board.baud" if board.divides_clock else "name a faster board"
-    )
+    faster = "raise board.baud" if board.divides_clock else "name a faster board"
+    if converter_of(design) is not None:
+        faster = "name a faster converter in board.receivers.converter"
+    return f"{', '.join([*fields, 'board.settle_us'])}, or {faster}"
 
 
 def _rate_findings(
@@ -267,7 +358,7 @@ def _rate_findings(
 ) -> Iterator[Finding]:
     if board.divides_clock and design.board.adc_prescaler <= 0:
         return  # another finding covers it
-    takes = frame_time_ms(board, design.board, emitter_count, receiver_count, multiplexer_of(design))
+    takes = design_frame_time_ms(design, emitter_count, receiver_count, board, design.board)
     yield from _answer_findings(takes, design, board)
     budget = MS_PER_S / design.board.frame_rate_hz
     if takes > budget:

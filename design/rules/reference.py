@@ -47,10 +47,17 @@ def found_board(design: SensorDesign) -> Board | None:
 def _electronics(design: SensorDesign) -> Iterator[Named]:
     use = design.board
     yield "board.kind", catalog.find_board, use.kind
-    if use.receivers is not None:
-        yield "board.receivers.multiplexer", catalog.find_multiplexer, use.receivers.multiplexer
-    if use.emitters is not None:
-        yield "board.emitters.shift_register", catalog.find_shift_register, use.emitters.shift_register
+    circuits: dict[str, Callable[[CatalogEntries, str], object]] = {
+        "receivers.multiplexer": catalog.find_multiplexer,
+        "receivers.converter": catalog.find_converter,
+        "emitters.shift_register": catalog.find_shift_register,
+        "emitters.driver": catalog.find_led_driver,
+    }
+    for field, look_up in circuits.items():
+        side, _, circuit = field.partition(".")
+        name = getattr(getattr(use, side), circuit, None)
+        if name is not None:
+            yield f"board.{field}", look_up, name
 
 
 def _absent(design: SensorDesign, *names: Named) -> Iterator[Finding]:

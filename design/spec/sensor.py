@@ -379,28 +379,66 @@ class Receivers(Model):
 
 
 class ReceiverInputs(Model):
-    """Multiplexers between the receivers' amplifiers and the board's inputs; all of them share the address."""
+    """Multiplexers between the receivers' amplifiers and the board's inputs, or converters in place of these inputs.
 
-    multiplexer: Annotated[PartId, Field(description="catalogue entry, as 74hc4067")]
+    All multiplexers share the address. All converters share the SPI bus, and each has its own chip select.
+    """
+
+    unsaid = ("converter", "select_pins")
+
+    multiplexer: Annotated[PartId | None, Field(description="catalogue entry, as 74hc4067")] = None
     address_pins: Annotated[
         tuple[Annotated[int, Field(ge=0, le=200)], ...] | None,
         Field(max_length=8, description="digital pins of the address, lowest bit first"),
     ] = None
+    converter: Annotated[PartId | None, Field(description="catalogue entry, as mcp3208 or ads8688")] = None
+    select_pins: Annotated[
+        tuple[Annotated[int, Field(ge=0, le=200)], ...] | None,
+        Field(max_length=32, description="digital pins of the converters' chip selects, in their order"),
+    ] = None
+
+    @model_validator(mode="after")
+    def _has_one_circuit(self) -> Self:
+        _require_one("multiplexer", self.multiplexer, "converter", self.converter)
+        _require_owner("address_pins", self.address_pins, "multiplexer", self.multiplexer)
+        _require_owner("select_pins", self.select_pins, "converter", self.converter)
+        return self
 
 
 class EmitterOutputs(Model):
-    """Shift registers in a chain that switch the emitters in place of the board's pins."""
+    """Shift registers in a chain that switch the emitters, or LED drivers in a chain on the SPI bus."""
 
-    shift_register: Annotated[PartId, Field(description="catalogue entry, as 74hc595")]
-    pins: Annotated[
-        tuple[
-            Annotated[int, Field(ge=0, le=200)],
-            Annotated[int, Field(ge=0, le=200)],
-            Annotated[int, Field(ge=0, le=200)],
-        ]
-        | None,
-        Field(description="digital pins of data, clock and latch"),
+    unsaid = ("driver",)
+
+    shift_register: Annotated[PartId | None, Field(description="catalogue entry, as 74hc595")] = None
+    driver: Annotated[
+        PartId | None, Field(description="catalogue entry of a constant-current driver, as tlc5947")
     ] = None
+    pins: Annotated[
+        tuple[Annotated[int, Field(ge=0, le=200)], ...] | None,
+        Field(
+            min_length=2,
+            max_length=3,
+            description="digital pins of shift registers: data, clock and latch; of LED drivers: latch and blank",
+        ),
+    ] = None
+
+    @model_validator(mode="after")
+    def _has_one_circuit(self) -> Self:
+        _require_one("shift_register", self.shift_register, "driver", self.driver)
+        return self
+
+
+def _require_one(first: str, first_id: str | None, second: str, second_id: str | None) -> None:
+    if (first_id is None) == (second_id is None):
+        given = "neither is given" if first_id is None else f"both are given, {first_id} and {second_id}"
+        way_out = f"name a {first} or a {second}" if first_id is None else f"remove {first} or {second}"
+        raise ValueError(f"{first} and {second}: {given}; one of them is needed: {way_out}")
+
+
+def _require_owner(pins: str, given: tuple[int, ...] | None, owner: str, owner_id: str | None) -> None:
+    if given is not None and owner_id is None:
+        raise ValueError(f"{pins} = {list(given)} are pins of a {owner}, and none is named; remove {pins}")
 
 
 class BoardUse(Model):
@@ -420,10 +458,10 @@ class BoardUse(Model):
         ),
     ] = None
     receivers: Annotated[
-        ReceiverInputs | None, Field(description="multiplexers; absent: one input a receiver")
+        ReceiverInputs | None, Field(description="multiplexers or converters; absent: one input a receiver")
     ] = None
     emitters: Annotated[
-        EmitterOutputs | None, Field(description="shift registers; absent: one pin an emitter")
+        EmitterOutputs | None, Field(description="shift registers or LED drivers; absent: one pin an emitter")
     ] = None
     adc_prescaler: Annotated[int, Field(description="AVR boards: ADC clock = board clock / prescaler")] = 64
     settle_us: Annotated[

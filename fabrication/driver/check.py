@@ -185,7 +185,7 @@ def _dead_problems(pattern: Pattern, dead_e: BoolArray, dead_r: BoolArray) -> li
         ]
     silent = (
         (pattern.emitters, dead_e, emitter_text, "no receiver reads its light: a dead or reversed LED, "
-                                                 "or an open wire, resistor or transistor"),
+                                                 "or an open wire, resistor, transistor or driver"),
         (pattern.receivers, dead_r, receiver_text, "reads light of no emitter: a dead or reversed "
                                                    "photodiode, or an open wire or amplifier"),
     )  # fmt: skip

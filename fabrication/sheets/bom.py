@@ -11,12 +11,27 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 from cad.volume import mold_volume_mm3
-from design.circuit.emitter_switch import EmitterSwitch, emitter_switch, most_drive_ma
-from design.circuit.pins import board_of, multiplexer_of, shift_register_of
+from design.circuit.emitter_switch import (
+    CurrentSink,
+    EmitterSwitch,
+    current_sink,
+    emitter_switch,
+    most_drive_ma,
+)
+from design.circuit.pins import (
+    amplifier_v,
+    board_of,
+    converter_of,
+    driver_of,
+    full_scale_v,
+    multiplexer_of,
+    shift_register_of,
+)
+from design.circuit.transimpedance import settle_words
 from design.mold.filling import is_cast_under_lid
 from design.mold.outline import outline_of
 from design.parts.assumptions import assumption, ohm_text
-from design.parts.catalog import Board, Chip, Cost, Part, find_mold_material
+from design.parts.catalog import Board, Chip, Converter, Cost, LedDriver, Part, find_mold_material
 from design.shape.cavity import PlacedPart, cavity_of, plan_of
 from design.spec import SensorDesign
 from design.spec.properties import elastomer_of, entries_of
@@ -123,6 +138,10 @@ def _part_rows(placed: Sequence[PlacedPart]) -> Iterator[BomRow]:
 
 
 def _switch_rows(design: SensorDesign, emitters: Sequence[PlacedPart], board: Board) -> Iterator[BomRow]:
+    driver, sink = driver_of(design), current_sink(design)
+    if driver is not None and sink is not None:
+        yield from _driver_rows(driver, sink, len(emitters))
+        return
     for part, names in _by_entry(emitters):
         switch = emitter_switch(part.part, board)
         yield BomRow(
@@ -148,6 +167,27 @@ def _switch_rows(design: SensorDesign, emitters: Sequence[PlacedPart], board: Bo
         )
 
 
+def _driver_rows(driver: LedDriver, sink: CurrentSink, emitter_count: int) -> Iterator[BomRow]:
+    """Reference resistors, and the resistor that keeps the outputs off until the program starts."""
+    names = tuple(f"L{number + 1}" for number in range(driver.needed(emitter_count)))
+    formula = f"{driver.current_ratio:g} x {driver.reference_v:g} V / current"
+    yield BomRow(
+        item="reference resistor",
+        quantity=len(names),
+        references=_marked(names, "RI"),
+        value=ohm_text(sink.reference_ohm),
+        note=f"IREF of each {driver.name} to ground: {sink.current_ma:.1f} mA at each output by {formula}; "
+        f"{min(sink.asked_ma, driver.max_output_ma.value):g} mA allowed",
+    )
+    yield BomRow(
+        item="pull-up resistor",
+        quantity=1,
+        references=_marked(names[:1], "RP"),
+        value="10 kohm",
+        note="BLANK to the supply of the LED drivers: all outputs are off until the program starts",
+    )
+
+
 def _amplifier_rows(
     design: SensorDesign, receivers: Sequence[PlacedPart], gain: SimulatedGain | None
 ) -> Iterator[BomRow]:
@@ -156,7 +196,7 @@ def _amplifier_rows(
         item="transimpedance amplifier",
         quantity=len(names),
         references=_marked(names, "A"),
-        value=f"single supply of {board_of(design).pin_v:g} V, inputs and output down to ground",
+        value=f"single supply of {amplifier_v(design):g} V, inputs and output down to ground",
         note=f"output to the receiver's channel; {_bandwidth_note()}",
     )
     yield _supply_capacitors(names, "ceramic, next to each amplifier's supply pins; one per package")
@@ -177,7 +217,7 @@ def _amplifier_rows(
             "feedback capacitor",
             "CF",
             capacitors,
-            f"settles within board.settle_us = {design.board.settle_us:g} us",
+            f"settles within {settle_words(design)}",
         ),
     ):
         for value in dict.fromkeys(values):
@@ -204,7 +244,7 @@ def _open_feedback_rows(design: SensorDesign, names: Sequence[str]) -> Iterator[
         (
             "feedback capacitor",
             "CF",
-            f"with RF it must settle within board.settle_us = {design.board.settle_us:g} us",
+            f"with RF it must settle within {settle_words(design)}",
         ),
     ):
         yield BomRow(
@@ -219,25 +259,57 @@ def _bandwidth_note() -> str:
 def _circuit_rows(design: SensorDesign) -> Iterator[BomRow]:
     cavity, use = cavity_of(design), design.board
     register, entry = shift_register_of(design), multiplexer_of(design)
+    driver, converter = driver_of(design), converter_of(design)
+    emitters, receivers = len(cavity.emitters), len(cavity.receivers)
     if register is not None and use.emitters is not None:
-        count = register.needed(len(cavity.emitters))
-        yield from _chip_rows(design, register, use.emitters.shift_register, "S", count)
+        yield from _chip_rows(design, register, use.emitters.shift_register, "S", register.needed(emitters))
+    if driver is not None and use.emitters is not None:
+        yield from _chip_rows(design, driver, use.emitters.driver, "L", driver.needed(emitters))
     if entry is not None and use.receivers is not None:
-        count = entry.needed(len(cavity.receivers))
-        yield from _chip_rows(design, entry, use.receivers.multiplexer, "M", count)
+        yield from _chip_rows(design, entry, use.receivers.multiplexer, "M", entry.needed(receivers))
+    if converter is not None and use.receivers is not None:
+        yield from _chip_rows(design, converter, use.receivers.converter, "U", converter.needed(receivers))
 
 
-def _chip_rows(design: SensorDesign, entry: Chip, part_id: str, letter: str, count: int) -> Iterator[BomRow]:
-    names = tuple(f"{letter}{number + 1}" for number in range(count))
+def _chip_rows(
+    design: SensorDesign, entry: Chip, part_id: str | None, letter: str, count: int
+) -> Iterator[BomRow]:
+    names, board = tuple(f"{letter}{number + 1}" for number in range(count)), board_of(design)
+    supply = f"supply {board.pin_v:g} V"
+    if isinstance(entry, Converter):
+        supply += f", full scale {full_scale_v(design):g} V"
+        if entry.has_own_logic:
+            supply = f"AVDD {entry.analog_v(board):g} V, DVDD {board.pin_v:g} V, full scale {full_scale_v(design):g} V"
     yield BomRow(
         item=entry.title,
-        catalogue_id=part_id,
+        catalogue_id=part_id or "",
         quantity=count,
         references=names,
-        value=f"supply {board_of(design).pin_v:g} V",
+        value=supply,
         note=" ".join(entry.notes),
     )
     yield _supply_capacitors(names, "ceramic, next to the supply pins of each")
+    if isinstance(entry, Converter) and entry.has_own_logic:
+        yield from _own_logic_rows(names)
+
+
+def _own_logic_rows(names: tuple[str, ...]) -> Iterator[BomRow]:
+    """Capacitors of a converter's digital supply and of its internal reference."""
+    for mark, value, pins in (("CD", "100 nF", "DVDD to ground"), ("CR", "10 uF", "REFIO to ground")):
+        yield BomRow(
+            item="supply capacitor" if mark == "CD" else "reference capacitor",
+            quantity=len(names),
+            references=_marked(names, mark),
+            value=value,
+            note=f"ceramic, {pins} of each",
+        )
+    yield BomRow(
+        item="reference capacitor",
+        quantity=len(names),
+        references=_marked(names, "CB"),
+        value="10 uF",
+        note="ceramic, REFCAP to ground of each",
+    )
 
 
 def _supply_capacitors(names: tuple[str, ...], note: str) -> BomRow:

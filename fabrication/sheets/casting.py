@@ -267,8 +267,8 @@ def _fit(design: SensorDesign, cavity: CavityGeometry) -> Iterator[str]:
         leads = "down through the floor" if first.part.mounting == "radial" else "out through the wall's back"
         names = " ".join(part.name for part in group)
         fitted = f"{fit_name(design.mold, first.part_id)}, {clearance_mm(design.mold, first.part_id):.2f}"
-        row = f"{first.part_id} | {names} | {first.body_base_mm:.2f} | {fitted} | {leads} | {polarity_of(first)}"
-        yield f"| {row} |"
+        row = f"{first.part_id} | {names} | {first.body_base_mm:.2f} | {fitted} | {leads}"
+        yield f"| {row} | {polarity_of(first, design)} |"
     yield ""
     yield "1. Solder wires to surface parts first, in the solder jig; test every part before it is cast in."
     yield "2. Seat each body on the floor of its socket: that sets its height."

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from design.circuit.pins import board_of
 from design.circuit.transimpedance import Feedback, counts_per_flux_per_ohm, settling_findings
 from design.parts.assumptions import ohm_text
 from design.shape.cavity import cavity_of, facing_pairs
 from design.spec import SensorDesign
 from fabrication.gain import SimulatedGain, clipped_pairs, feedbacks_for
 from fabrication.sheets.table import number, plain
+from sims.readings.readout import full_scale_counts
 
 SHOWN_CLIPPED = 24
 """Largest number of clipped pairs that are named individually; others are counted."""
@@ -103,7 +103,7 @@ def _trimming(design: SensorDesign) -> Iterator[str]:
 
 
 def _clipped(design: SensorDesign, gain: SimulatedGain) -> Iterator[str]:
-    found, full_scale = clipped_pairs(design, gain), 2 ** board_of(design).adc_bits - 1
+    found, full_scale = clipped_pairs(design, gain), round(full_scale_counts(design))
     total = len(gain.untouched_flux) * len(gain.counts_per_flux)
     if not found:
         yield f"No pair reads above full scale ({full_scale} counts) while the pad is untouched."

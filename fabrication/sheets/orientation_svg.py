@@ -164,7 +164,7 @@ def _words(design: SensorDesign, group: Sequence[Socket]) -> list[str]:
         f"body on the floor of its pocket, base at {number(part.body_base_mm)}, top at {number(part.body_top_mm)}",
         f"fit: {fit_name(design.mold, part.part_id)}, {number(room)} at each side",
         leads,
-        *_wrapped(polarity_of(part)),
+        *_wrapped(polarity_of(part, design)),
     ]
 
 

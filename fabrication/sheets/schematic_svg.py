@@ -7,6 +7,8 @@ r"""The schematic: an NPN switch for each emitter, an amplifier for each receive
             ground      cathode up    |+/
                                      ground
 
+With LED drivers an emitter's cell has its anode at the supply and its cathode at the driver's output alone.
+
 Values are those of bom.csv; values that are not known yet are marked.
 
 The build sheet's section on the emitters' switches has resistors, currents and the supply.
@@ -17,13 +19,24 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-from design.circuit.emitter_switch import emitter_switch, most_drive_ma, supply_current
+from design.circuit.emitter_switch import (
+    CurrentSink,
+    current_sink,
+    emitter_switch,
+    most_drive_ma,
+    supply_current,
+)
 from design.circuit.pins import (
     address_pins,
+    amplifier_v,
     board_of,
+    converter_of,
+    driver_of,
     multiplexer_of,
     receiver_paths,
+    select_pins,
     shift_register_of,
+    spi_pins,
     switch_pins,
 )
 from design.circuit.transimpedance import Feedback
@@ -42,8 +55,20 @@ def circuit_lines(design: SensorDesign) -> Iterator[str]:
     kinds = {one.part_id: one.part for one in cavity_of(design).emitters}
     board, current = board_of(design), supply_current(design)
     driver, most_ma = most_drive_ma(design, board)
+    more = f", converters and LED drivers ({current.circuits_ma:.0f})" if current.circuits_ma else ""
     yield "## Wire the emitters"
     yield ""
+    sink, chip = current_sink(design), driver_of(design)
+    if sink is not None and chip is not None:
+        yield f"Each anode to the supply, each cathode to its output of a {chip.name}, as `schematic.svg` draws it."
+        yield f"A resistor of {ohm_text(sink.reference_ohm)} from IREF of each {chip.name} to ground sets"
+        yield f"{sink.current_ma:.1f} mA through the emitter that is on."
+        yield ""
+        yield f"The supply, {_supply_text(design)}, gives {current.full_power_ma:.0f}* mA at full power: one emitter"
+        yield f"({current.emitter_ma:.0f}), the amplifiers ({current.amplifiers_ma:.0f}*) and the board"
+        yield f"({current.board_ma:.0f}*){more}. If a fault lit all emitters, it would be {current.fault_ma:.0f}*."
+        yield ""
+        return
     yield "One NPN transistor each, as `schematic.svg` draws it."
     yield ""
     yield f"| emitter | series resistor | base resistor | through the emitter mA | out of {driver} mA |"
@@ -55,9 +80,9 @@ def circuit_lines(design: SensorDesign) -> Iterator[str]:
         lit = f"{switch.usual_current_ma:.1f} usual, {switch.current_ma:.1f} at most"
         yield f"| {part_id} | {series} | {ohm_text(switch.base_ohm)} | {lit} | {pin} |"
     yield ""
-    yield f"The supply, {_supply_text(board)}, gives {current.full_power_ma:.0f}* mA at full power: one emitter"
+    yield f"The supply, {_supply_text(design)}, gives {current.full_power_ma:.0f}* mA at full power: one emitter"
     yield f"lit with its base current ({current.emitter_ma:.0f}), the amplifiers ({current.amplifiers_ma:.0f}*) and the"
-    yield f"board ({current.board_ma:.0f}*). If a fault lit all emitters, it would be {current.fault_ma:.0f}*."
+    yield f"board ({current.board_ma:.0f}*){more}. If a fault lit all emitters, it would be {current.fault_ma:.0f}*."
     yield ""
 
 
@@ -69,7 +94,7 @@ HEADING_PX, TEXT_PX, VALUE_PX = 20.0, 14.0, 12.0
 HEAD = 64.0
 NOTE_LINE = 19.0
 MOST_ACROSS = 4
-BLOCK_Y, BLOCK_LINE = 290.0, 14.0
+BLOCK_X, BLOCK_LINE = 96.0, 14.0
 QUIET = "#595959"
 UNKNOWN = "set by gain"
 
@@ -86,14 +111,21 @@ def schematic_svg(design: SensorDesign, gain: SimulatedGain | None = None) -> st
     DesignError : parts or pins that the catalogue or the board does not have.
     """
     connections, feedbacks = connections_of(design), feedbacks_for(design, gain)
-    notes, blocks = _notes(design), [*_shift_registers(design), *_multiplexers(design)]
+    notes, sink = _notes(design), current_sink(design)
+    blocks = [
+        *_shift_registers(design),
+        *_led_drivers(design),
+        *_multiplexers(design),
+        *_converters(design),
+    ]
     cell_x = CELL_X + (PIN_ROOM if blocks else 0.0)
     across = min(MOST_ACROSS, max(len(connections.emitters), len(connections.receivers)))
     rows_lit = -(-len(connections.emitters) // across)
     rows_read = -(-len(connections.receivers) // across)
     width = max(2 * MARGIN + across * cell_x, 3.3 * CELL_X)
     rows_led = -(-len(blocks) // across)
-    notes_top = MARGIN + HEAD + (rows_lit + rows_read) * CELL_Y + rows_led * BLOCK_Y
+    block_y = max((block.height for block in blocks), default=0.0)
+    notes_top = MARGIN + HEAD + (rows_lit + rows_read) * CELL_Y + rows_led * block_y
     root = svg.drawing(
         width,
         notes_top + len(notes) * NOTE_LINE + MARGIN,
@@ -105,14 +137,16 @@ def schematic_svg(design: SensorDesign, gain: SimulatedGain | None = None) -> st
     root.append(svg.text((MARGIN, MARGIN + HEADING_PX), design.name, HEADING_PX, font_weight="bold"))
     root.append(svg.text((MARGIN, MARGIN + HEADING_PX + NOTE_LINE), subtitle, TEXT_PX, fill=QUIET))
     for place, one in enumerate(connections.emitters):
-        root.append(_switch(one, board_of(design), _corner(place, across, cell_x, MARGIN + HEAD)))
+        corner = _corner(place, across, cell_x, MARGIN + HEAD)
+        board = board_of(design)
+        root.append(_switch(one, board, corner) if sink is None else _sunk(one, board, sink, corner))
     top = MARGIN + HEAD + rows_lit * CELL_Y
     for place, one in enumerate(connections.receivers):
         feedback = None if feedbacks is None else feedbacks[place]
         root.append(_amplifier(one, feedback, _corner(place, across, cell_x, top)))
     top += rows_read * CELL_Y
     for place, block in enumerate(blocks):
-        corner = MARGIN + (place % across) * cell_x, top + (place // across) * BLOCK_Y
+        corner = MARGIN + (place % across) * cell_x, top + (place // across) * block_y
         root.append(block.drawn(corner))
     for place, line in enumerate(notes):
         root.append(svg.text((MARGIN, notes_top + (place + 1) * NOTE_LINE), line, TEXT_PX))
@@ -152,6 +186,23 @@ def _switch(one: Connection, board: Board, corner: Point) -> Element:
     return cell
 
 
+def _sunk(one: Connection, board: Board, sink: CurrentSink, corner: Point) -> Element:
+    """One emitter's cell at an output of an LED driver."""
+    x, y = corner[0] + 150, corner[1]
+    name = one.part.name
+    cell = svg.group(f"{name}: {one.polarity}")
+    cell.append(svg.text((x - 8, y + 46), f"+{board.emitter_v:g} V", VALUE_PX, anchor="end"))
+    cell.extend([svg.wire((x - 9, y + 40), (x + 9, y + 40)), svg.wire((x, y + 40), (x, y + 82))])
+    cell.extend(svg.diode((x, y + 90), emits=True))
+    cell.append(svg.text((x - 14, y + 86), name, TEXT_PX, anchor="end", font_weight="bold"))
+    cell.append(svg.text((x - 14, y + 101), "anode up", VALUE_PX, anchor="end", fill=QUIET))
+    cell.append(svg.wire((x, y + 98), (x, y + 134)))
+    cell.append(svg.terminal((x, y + 138)))
+    cell.append(svg.text((x - 10, y + 142), one.pin, TEXT_PX, anchor="end", font_weight="bold"))
+    cell.append(svg.text((x + 10, y + 142), f"{sink.current_ma:.1f} mA", VALUE_PX, fill=QUIET))
+    return cell
+
+
 def _amplifier(one: Connection, feedback: Feedback | None, corner: Point) -> Element:
     """One receiver's cell."""
     x, y, name = corner[0] + 60, corner[1], one.part.name
@@ -188,22 +239,28 @@ def _amplifier(one: Connection, feedback: Feedback | None, corner: Point) -> Ele
     return cell
 
 
-def _supply_text(board: Board) -> str:
+def _supply_text(design: SensorDesign) -> str:
     """Supply of the emitters and, if it differs, of the amplifiers."""
-    emitters = f"{board.emitter_v:g} V"
-    if board.pin_v == board.emitter_v:
+    emitters, amplifiers = f"{board_of(design).emitter_v:g} V", f"{amplifier_v(design):g} V"
+    if emitters == amplifiers:
         return emitters
-    return f"{emitters} for the emitters, {board.pin_v:g} V for the amplifiers"
+    return f"{emitters} for the emitters, {amplifiers} for the amplifiers"
 
 
 @dataclass(frozen=True, kw_only=True)
 class _Block:
-    """One integrated circuit of the schematic: names of its pins, and the connection of each."""
+    """One integrated circuit of the schematic: names of its pins, the connection of each, parts at its pins."""
 
     name: str
     title: str
     left: Sequence[tuple[str, str]]
     right: Sequence[tuple[str, str]]
+    below: Sequence[str] = ()
+
+    @property
+    def height(self) -> float:
+        """Height of the cell of the circuit."""
+        return 26 + BLOCK_LINE * (max(len(self.left), len(self.right)) + len(self.below)) + 40
 
     def drawn(self, corner: Point) -> Element:
         """The cell of the circuit."""
@@ -211,7 +268,7 @@ class _Block:
         bottom = y + BLOCK_LINE * max(len(self.left), len(self.right)) + 8
         cell = svg.group(f"{self.name}: {self.title}")
         cell.append(svg.text((x, y - 8), f"{self.name} {self.title}", TEXT_PX, font_weight="bold"))
-        cell.append(svg.rectangle((x, y), (x + 84, bottom), fill="none", stroke="#000000"))
+        cell.append(svg.rectangle((x, y), (x + BLOCK_X, bottom), fill="none", stroke="#000000"))
         for k, (inner, outer) in enumerate(self.left):
             level = y + 14 + k * BLOCK_LINE
             cell.append(svg.wire((x - 14, level - 4), (x, level - 4)))
@@ -219,10 +276,37 @@ class _Block:
             cell.append(svg.text((x - 18, level), outer, VALUE_PX, anchor="end"))
         for k, (inner, outer) in enumerate(self.right):
             level = y + 14 + k * BLOCK_LINE
-            cell.append(svg.wire((x + 84, level - 4), (x + 98, level - 4)))
-            cell.append(svg.text((x + 80, level), inner, VALUE_PX, anchor="end"))
-            cell.append(svg.text((x + 102, level), outer, VALUE_PX, font_weight="bold"))
+            cell.append(svg.wire((x + BLOCK_X, level - 4), (x + BLOCK_X + 14, level - 4)))
+            cell.append(svg.text((x + BLOCK_X - 4, level), inner, VALUE_PX, anchor="end"))
+            cell.append(svg.text((x + BLOCK_X + 18, level), outer, VALUE_PX, font_weight="bold"))
+        for k, line in enumerate(self.below):
+            cell.append(svg.text((x, bottom + 14 + k * BLOCK_LINE), line, VALUE_PX))
         return cell
+
+
+_BUS = {"mcp3208": ("CLK", "DIN", "DOUT", "CS"), "ads8688": ("SCLK", "SDI", "SDO", "CS")}
+"""A converter's names of clock, data in, data out and chip select, by its commands."""
+_INPUTS = {"mcp3208": "CH{}", "ads8688": "AIN_{}P"}
+_SUPPLIES = {
+    "mcp3208": (("VDD", "analog"), ("VREF", "analog"), ("AGND", "ground"), ("DGND", "ground")),
+    "ads8688": (
+        ("AVDD", "analog"),
+        ("DVDD", "level"),
+        ("DAISY", "ground"),
+        ("ALARM", "open"),
+        ("RST/PD", "level"),
+        ("REFSEL", "ground"),
+        ("REFIO", "CR"),
+        ("REFCAP", "CB"),
+        ("AUX_IN", "ground"),
+        ("AUX_GND", "ground"),
+        ("AIN_nGND", "ground"),
+        ("REFGND", "ground"),
+        ("AGND", "ground"),
+        ("DGND", "ground"),
+    ),
+}
+"""Other pins of a converter and their nets: the analogue supply, the level of the board's pins, a part, or a text."""
 
 
 def _multiplexers(design: SensorDesign) -> list[_Block]:
@@ -279,6 +363,71 @@ def _shift_registers(design: SensorDesign) -> list[_Block]:
     ]
 
 
+def _converters(design: SensorDesign) -> list[_Block]:
+    entry, board = converter_of(design), board_of(design)
+    if entry is None:
+        return []
+    paths, read, selects = receiver_paths(design), connections_of(design).receivers, select_pins(design)
+    clock, out, into = (f"D{pin}" for pin in spi_pins(design, board))
+    bus, inputs = _BUS[entry.commands], _INPUTS[entry.commands]
+    nets = {"analog": f"+{entry.analog_v(board):g} V", "level": _pin_supply(design)}
+    caps = [(pin, net) for pin, net in _SUPPLIES[entry.commands] if net in ("CR", "CB")]
+    blocks = []
+    for number, select in enumerate(selects):
+        mine = {
+            path.address: f"{one.part.name}-A"
+            for one, path in zip(read, paths, strict=True)
+            if path.converter == number
+        }
+        nets |= {mark: f"U{number + 1}-{mark}" for _, mark in caps}
+        lines = zip(bus, (clock, out, into, f"D{select}"), strict=True)
+        blocks.append(
+            _Block(
+                name=f"U{number + 1}",
+                title=entry.name,
+                left=[(inputs.format(k), mine.get(k, "ground")) for k in range(entry.channels)],
+                right=[*lines, *((pin, nets.get(net, net)) for pin, net in _SUPPLIES[entry.commands])],
+                below=[f"{nets[mark]}: 10 uF from {pin} to ground" for pin, mark in caps],
+            )
+        )
+    return blocks
+
+
+def _led_drivers(design: SensorDesign) -> list[_Block]:
+    entry, sink, lit = driver_of(design), current_sink(design), connections_of(design).emitters
+    if entry is None or sink is None:
+        return []
+    board, supply = board_of(design), _pin_supply(design)
+    clock, out, _ = (f"D{pin}" for pin in spi_pins(design, board))
+    latch, blank = (f"D{pin}" for pin in switch_pins(design, board, len(lit)))
+    names = {one.pin_number: one.part.name for one in lit}
+    count = entry.needed(len(lit))
+    return [
+        _Block(
+            name=f"L{number + 1}",
+            title=entry.name,
+            left=[
+                ("SIN", out if number == 0 else f"L{number} SOUT"),
+                ("SCLK", clock),
+                ("XLAT", latch),
+                ("BLANK", blank),
+                ("VCC", supply),
+                ("GND", "ground"),
+                ("IREF", f"L{number + 1}-RI"),
+            ],
+            below=[
+                f"L{number + 1}-RI: {ohm_text(sink.reference_ohm)} from IREF to ground",
+                *([f"L1-RP: 10 kohm from BLANK to {supply}"] if number == 0 else []),
+            ],
+            right=[
+                *((f"OUT{k}", names.get(number * entry.outputs + k, "open")) for k in range(entry.outputs)),
+                ("SOUT", f"L{number + 2} SIN" if number + 1 < count else "open"),
+            ],
+        )
+        for number in range(count)
+    ]
+
+
 def _pin_supply(design: SensorDesign) -> str:
     return f"+{board_of(design).pin_v:g} V"
 
@@ -290,11 +439,13 @@ def _labels(at: Point, name: str, value: str) -> Iterator[Element]:
 
 def _notes(design: SensorDesign) -> Sequence[str]:
     current, board = supply_current(design), board_of(design)
+    lit = "emitter and base" if driver_of(design) is None else "the emitter"
+    more = f", {current.circuits_ma:.0f} for converters and LED drivers" if current.circuits_ma else ""
     return (
-        f"Supply {_supply_text(board)}, ground common with the {board.title}. One emitter is lit at a time.",
+        f"Supply {_supply_text(design)}, ground common with the {board.title}. One emitter is lit at a time.",
         f"At full power {current.full_power_ma:.0f} mA: "
-        f"{current.emitter_ma:.0f} mA for emitter and base, {current.amplifiers_ma:.0f} for the amplifiers (assumed), "
-        f"{current.board_ma:.0f} for the board (assumed);",
+        f"{current.emitter_ma:.0f} mA for {lit}, {current.amplifiers_ma:.0f} for the amplifiers (assumed), "
+        f"{current.board_ma:.0f} for the board (assumed){more};",
         f"{current.fault_ma:.0f} mA if a fault lit all emitters.",
         f"{pin_words(design)}.",
         "Amplifiers: single supply, inputs and outputs down to ground; 100 nF at each package, supply to ground.",

@@ -235,6 +235,6 @@ def _require_in_the_cavity(location_mm: FloatArray, design: SensorDesign | None)
 
 def _counts_per_volt(design: SensorDesign) -> float:
     """Counts per volt of the board's converter [counts/V]."""
-    from design.circuit.pins import board_of, full_scale_v
+    from design.circuit.pins import adc_bits, full_scale_v
 
-    return float(2 ** board_of(design).adc_bits / full_scale_v(design))
+    return float(2 ** adc_bits(design) / full_scale_v(design))

@@ -17,6 +17,7 @@ Signals as an xarray data set with units and provenance, and as a netCDF file.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -25,13 +26,12 @@ import numpy as np
 import xarray as xr
 
 from design.arrays import BoolArray, FloatArray
+from design.circuit.pins import adc_bits, amplifier_v, full_scale_v
 from design.circuit.transimpedance import fitted_counts_per_flux
 from design.errors import ModelScopeError
 from design.files import whole_file
-from design.parts.catalog import find_board
 from design.shape.cavity import CavityGeometry
 from design.spec import SensorDesign
-from design.spec.properties import entries_of
 from sims.optics.light_signals import LightSignals
 
 HEADROOM = 0.75
@@ -129,8 +129,9 @@ def _gain_to_target(design: SensorDesign, flux: FloatArray, subject: str) -> flo
 
 
 def full_scale_counts(design: SensorDesign) -> float:
-    """Largest reading of the board's converter [counts]."""
-    return float(2 ** find_board(entries_of(design), design.board.kind).adc_bits - 1)
+    """Largest reading: full scale of the converter, or less where the amplifiers' supply is below it [counts]."""
+    steps = 2 ** adc_bits(design)
+    return float(min(steps - 1, math.floor(steps * amplifier_v(design) / full_scale_v(design))))
 
 
 COMPRESSION = {"zlib": True, "complevel": 4}

@@ -61,14 +61,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from design.arrays import BoolArray, FloatArray
+from design.circuit.emitter_switch import current_sink
 from design.circuit.pins import (
     MS_PER_S,
     US_PER_S,
+    adc_bits,
     board_of,
-    conversion_time_ms,
+    converter_of,
+    driver_of,
     full_scale_v,
     multiplexer_of,
+    reading_time_ms,
     receiver_paths,
+    switch_time_ms,
 )
 from design.circuit.transimpedance import emitted_mw, feedbacks_of, responsivity_at
 from design.errors import ModelScopeError
@@ -172,7 +177,7 @@ def shot_variance_per_count(design: SensorDesign, readout: Readout) -> FloatArra
     capacitors = (
         [UNKNOWN_FEEDBACK_PF] * count if feedbacks is None else [one.capacitor_pf for one in feedbacks]
     )
-    step_v = full_scale_v(design) / 2 ** board_of(design).adc_bits
+    step_v = full_scale_v(design) / 2 ** adc_bits(design)
     of_reading = ELECTRON_C / (2.0 * np.array(capacitors) * F_PER_PF * step_v)
     return np.asarray(of_reading / design.board.averages)
 
@@ -184,7 +189,8 @@ def relative_power(design: SensorDesign) -> FloatArray:
     the mean emitter.
     """
     cavity = cavity_of(design)
-    powers = [emitted_mw(one.part, board_of(design)) for one in cavity.emitters]
+    board, sink = board_of(design), current_sink(design)
+    powers = [emitted_mw(one.part, board, sink) for one in cavity.emitters]
     colours = [one.part.wavelength_nm for one in cavity.emitters]
     shape = (len(cavity.emitters), len(cavity.receivers))
     if len({one.part_id for one in cavity.emitters}) == 1 or any(one is None for one in (*powers, *colours)):
@@ -357,16 +363,17 @@ def chain_of(design: SensorDesign, readout: Readout) -> SignalChain:
 def reading_times_s(design: SensorDesign) -> FloatArray:
     """(state, receiver) start of each value's first reading, from the frame's start: every emitter alone, then off [s].
 
-    The multiplexers settle before the first reading at an address.
+    The multiplexers settle before the first reading at an address. LED drivers take their data before they light.
     """
-    states = len(cavity_of(design).emitters) + 1
+    emitters = len(cavity_of(design).emitters)
+    states = emitters + 1
     addresses = np.array([path.address or 0 for path in receiver_paths(design)])
     multiplexer = multiplexer_of(design)
     wait_s = 0.0 if multiplexer is None else multiplexer.settle_us.value / US_PER_S
-    conversion_ms = conversion_time_ms(board_of(design), design.board.adc_prescaler)
+    conversion_ms = reading_time_ms(board_of(design), design.board, converter_of(design))
     value_s = design.board.averages * conversion_ms / MS_PER_S
     within_s = np.arange(len(addresses)) * value_s + (addresses + 1) * wait_s
-    settle_s = design.board.settle_us / US_PER_S
+    settle_s = design.board.settle_us / US_PER_S + switch_time_ms(driver_of(design), emitters) / MS_PER_S
     state_s = settle_s + len(addresses) * value_s + (addresses.max() + 1) * wait_s
     return np.asarray((np.arange(states) * state_s + settle_s)[:, None] + within_s)
 

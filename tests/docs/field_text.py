@@ -18,6 +18,8 @@ UNITS = {
     "_nm": "nm",
     "_um": "µm",
     "_mpa": "MPa",
+    "_mhz": "MHz",
+    "_khz": "kHz",
     "_hz": "Hz",
     "_ohm": "ohm",
     "_counts": "counts",

@@ -163,8 +163,8 @@ def prepare(page: Path, *, with_data: bool = False) -> None:
         Path("presses.csv").write_text(f"{heading}\n14,14,-1\n14,14,1\n20,18,-1\n20,18,1\n", encoding="utf-8")
         save_model("pad.optomodel", replace(made_up_model(), header=header(design_digest=None)))
     if page.name == "own-parts.md":
-        part, use, _, price, gel, shine, epoxy, walls, *_ = toml_blocks_of(page)
-        Path("my-parts.toml").write_text("\n".join([part, price, shine, gel]), encoding="utf-8")
+        part, use, _, price, gel, shine, epoxy, walls, _, converter, *_ = toml_blocks_of(page)
+        Path("my-parts.toml").write_text("\n".join([part, price, shine, gel, converter]), encoding="utf-8")
         assert main(["new", "my-pad.toml"]) == 0
         text = Path("my-pad.toml").read_text(encoding="utf-8")
         top, emitters = use.split("\n\n")

@@ -160,6 +160,8 @@ def not_by_the_simulator(settings: FirmwareSettings) -> str:
 def input_of(settings: FirmwareSettings, receiver: ReceiverInput) -> int:
     """An input as the simulated board knows it: the multiplexer's setting, or the pin's number."""
     chip = settings.chip
+    if settings.converter is not None:
+        return receiver.number
     if isinstance(chip, BoardFirmware):
         return chip.channel_mux[receiver.channel]
     return FIRST_ANALOG_PIN + int(chip.analog_pins[receiver.channel].removeprefix("A"))
@@ -169,9 +171,9 @@ FIRST_ANALOG_PIN = 54
 """A0 of the simulated Arduino core."""
 
 
-def quantised(table_mv: IntArray, bits: int = 10) -> IntArray:
+def quantised(table_mv: IntArray, bits: int = 10, full_scale_mv: int = SUPPLY_MV) -> IntArray:
     """Counts of whole millivolts, as the simulated converter makes them."""
-    return table_mv * ((1 << bits) - 1) // SUPPLY_MV
+    return table_mv * ((1 << bits) - 1) // full_scale_mv
 
 
 def portable_pad(design: SensorDesign, bits: int = 12) -> SensorDesign:
@@ -191,6 +193,7 @@ def portable_pad(design: SensorDesign, bits: int = 12) -> SensorDesign:
             "core_macro": "ARDUINO_OPTOPAD_TEST",
             "serial": "usb",
             "analog_pins": {name: name for name in mega["analog_channels"]},
+            "spi_pins": [52, 51, 50],
             "flash_bytes": 1_000_000,
             "ram_bytes": 100_000,
         },
@@ -254,8 +257,12 @@ def scene_text(
         *(f"address {ports[pin][0]} {ports[pin][1:]}" for pin in settings.address_pins),
         "dark " + " ".join(map(str, dark)),
     ]
+    if settings.converter is not None:
+        lines += [f"converter {settings.converter.commands} {pin}" for pin in settings.converter.pins]
+    if settings.driver is not None:
+        lines.append(f"driver {settings.driver.pins[0]} {settings.driver.pins[1]} {settings.driver.outputs}")
     for pin, row in zip(settings.emitters, lit, strict=True):
-        port = f"Q{pin.number}" if settings.shift_pins else ports[pin.number]
+        port = f"Q{pin.number}" if settings.shift_pins or settings.driver else ports[pin.number]
         lines.append(f"emitter {port[0]} {port[1:]} " + " ".join(map(str, row)))
     return "\n".join([*lines, *(f"say {at_us} {what.hex()}" for at_us, what in said)]) + "\n"
 

@@ -183,13 +183,24 @@ OF_THE_CORE = {
     *("micros", "pinMode", "digitalWrite", "analogRead", "analogReadResolution", "Serial"),
     *("SerialLine::begin", "SerialLine::available", "SerialLine::read", "SerialLine::write"),
     *("SerialLine::availableForWrite", "delayMicroseconds", "memcpy", "memset"),
+    *("SPI", "SpiBus::begin", "SpiBus::beginTransaction", "SpiBus::transfer", "SpiBus::endTransaction"),
 }
 """All that the program may need: no memory of a heap, no exceptions, no numbers with a point."""
 
 
-def compiled(folder: Path, core: str, *changes: str) -> Path:
+WITH_CIRCUITS = {
+    "own": PAD,
+    "mcp3208": PAD.with_(**{"board.receivers": {"converter": "mcp3208"}}),
+    "ads8688": PAD.with_(
+        **{"board.receivers": {"converter": "ads8688"}, "board.emitters": {"driver": "tlc5947"}}
+    ),
+}
+"""The pad with the board's own converter and transistors, and with circuits on the SPI bus."""
+
+
+def compiled(folder: Path, core: str, *changes: str, design: SensorDesign = PAD) -> Path:
     """The program's object for a chip."""
-    sketch, target = write_sketch(PAD, folder), folder / "core.o"
+    sketch, target = write_sketch(design, folder), folder / "core.o"
     command = [
         COMPILER,
         f"-mcpu={core}",
@@ -215,9 +226,10 @@ needs_arm = pytest.mark.skipif(shutil.which(COMPILER) is None, reason=f"{COMPILE
 
 
 @needs_arm
+@pytest.mark.parametrize("circuits", WITH_CIRCUITS)
 @pytest.mark.parametrize("core", CORES)
-def test_it_compiles_for_the_chip_without_a_warning_and_needs_the_core_alone(core, tmp_path):
-    found = compiled(tmp_path, core, "ARDUINO_OPTOPAD_TEST")
+def test_it_compiles_for_the_chip_without_a_warning_and_needs_the_core_alone(core, circuits, tmp_path):
+    found = compiled(tmp_path, core, "ARDUINO_OPTOPAD_TEST", design=WITH_CIRCUITS[circuits])
     needed = {
         line.split(maxsplit=1)[1].partition("(")[0] for line in said_of("nm", "-uC", str(found)).splitlines()
     }

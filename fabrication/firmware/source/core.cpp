@@ -1,6 +1,6 @@
 /* Firmware of an optopad sensor on a board with an Arduino core other than the AVR's: the same frames and messages as
-   core.c, by micros, analogRead, digitalWrite and Serial only. All settings of a design are in config.h, the messages
-   are in session.h.
+   core.c, by micros, analogRead, digitalWrite, Serial and, where a design has converters or LED drivers, SPI only. All
+   settings of a design are in config.h, the messages are in session.h.
 
    A state is read no sooner than SETTLE_US after its emitter was switched; a value is the mean of AVERAGES readings. A
    message without room in Serial waits in its buffer, and is passed on while emitters settle. While both buffers
@@ -13,6 +13,9 @@
 #include "core.h"
 #include "session.h"
 
+#if CONVERTERS || DRIVER_OUTPUTS
+#include <SPI.h>
+#endif
 #if ADC_BITS < 8 || ADC_BITS > 16
 #error "readings are packed for a converter of 8 to 16 bits"
 #endif
@@ -21,12 +24,24 @@
 #if SHIFT_BITS
 static const uint8_t shift_pins[] = {SHIFT_PINS};
 enum shift_line { DATA, CLOCK, LATCH };
+#elif DRIVER_OUTPUTS
+static const uint8_t driver_pins[] = {DRIVER_PINS};
+enum driver_line { LATCH, BLANK };
+#define DRIVER_BITS (1UL * DRIVER_OUTPUTS * GRAYSCALE_BITS)
+#define DRIVER_BYTES ((DRIVER_BITS + 7) / 8)
 #else
 static const uint8_t emitter_pins[N_EMITTERS] = {EMITTER_PINS};
 #endif
+#if CONVERTERS
+static const uint8_t select_pins[CONVERTERS] = {SELECT_PINS};
+static const uint8_t channel_chips[N_RECEIVERS] = {CHANNEL_NUMBERS};
+#else
 static const uint16_t channel_pins[N_RECEIVERS] = {CHANNEL_PINS};
+#endif
 #if ADDRESS_BITS
 static const uint8_t address_pins[ADDRESS_BITS] = {ADDRESS_PINS};
+#endif
+#if ADDRESS_BITS || CONVERTERS
 static const uint8_t channel_addresses[N_RECEIVERS] = {CHANNEL_ADDRESSES};
 #endif
 
@@ -92,6 +107,28 @@ static void light(uint8_t state) {
     pulse(CLOCK);
     pulse(LATCH);
 }
+#elif DRIVER_OUTPUTS
+static void put(driver_line line, bool is_high) {
+    digitalWrite(driver_pins[line], is_high ? HIGH : LOW);
+    delayMicroseconds(1);
+}
+
+/* Sends the data of all outputs, the last output first: full grayscale for the emitter of a state, 0 for the others. The
+   new data are latched while the outputs are blank, and the end of blanking begins a PWM period, so that the emitter is
+   on from DRIVER_ON_US later until the end of the period. */
+static void light(uint8_t state) {
+    uint8_t bytes[DRIVER_BYTES] = {}; /* what comes back replaces them */
+    uint16_t at = DRIVER_BYTES * 8 - (state + 1) * GRAYSCALE_BITS;
+    for (uint16_t bit = at; state < N_EMITTERS && bit < at + GRAYSCALE_BITS; bit++) bytes[bit / 8] |= 0x80 >> bit % 8;
+    SPI.beginTransaction(SPISettings(DRIVER_HZ, MSBFIRST, SPI_MODE0));
+    SPI.transfer(bytes, sizeof bytes);
+    SPI.endTransaction();
+    put(BLANK, true);
+    put(LATCH, true);
+    put(LATCH, false);
+    put(BLANK, false);
+    delayMicroseconds(DRIVER_ON_US);
+}
 #else
 static void light(uint8_t state) {
     if (state) digitalWrite(emitter_pins[state - 1], LOW);
@@ -118,10 +155,60 @@ static void select(uint8_t receiver) {
 #endif
 }
 
+#if CONVERTERS
+/* One frame of a converter: its chip select is low, and the bytes that come back replace those that are sent. */
+static void exchange(uint8_t chip, uint8_t *bytes, uint8_t count) {
+    SPI.beginTransaction(SPISettings(CONVERTER_HZ, MSBFIRST, CONVERTER_MODE));
+    digitalWrite(select_pins[chip], LOW);
+    SPI.transfer(bytes, count);
+    digitalWrite(select_pins[chip], HIGH);
+    SPI.endTransaction();
+    delayMicroseconds(CONVERTER_GAP_US);
+}
+#endif
+
+#if CONVERTER_IS_MCP3208
+/* Start bit, single-ended, three bits of the input; the reading follows in the same frame. */
+static uint16_t reading_of(uint8_t receiver, bool) {
+    uint8_t address = channel_addresses[receiver];
+    uint8_t bytes[] = {(uint8_t)(6 | address >> 2), (uint8_t)(address << 6), 0};
+    exchange(channel_chips[receiver], bytes, sizeof bytes);
+    return (bytes[1] & 15) << 8 | bytes[2];
+}
+
+static void start_converters(void) {}
+#elif CONVERTER_IS_ADS8688
+/* A frame converts the channel that the frame before it has selected, so each one selects the next receiver's. */
+static uint16_t selecting(uint8_t chip, uint8_t next_address) {
+    uint8_t bytes[] = {(uint8_t)(0xc0 | next_address << 2), 0, 0, 0};
+    exchange(chip, bytes, sizeof bytes);
+    return bytes[2] << 8 | bytes[3];
+}
+
+/* Receivers of a converter are consecutive, and its last one selects its first one for the next state. */
+static uint16_t reading_of(uint8_t receiver, bool is_last) {
+    uint8_t chip = channel_chips[receiver], next = receiver + is_last;
+    bool has_next = next < N_RECEIVERS && channel_chips[next] == chip;
+    return selecting(chip, has_next ? channel_addresses[next] : 0);
+}
+
+static void start_converters(void) {
+    for (uint8_t chip = 0; chip < CONVERTERS; chip++) {
+        for (uint8_t channel = 0; channel < CONVERTER_CHANNELS; channel++) {
+            uint8_t bytes[] = {(uint8_t)((5 + channel) << 1 | 1), CONVERTER_RANGE, 0}; /* writes its range register */
+            exchange(chip, bytes, sizeof bytes);
+        }
+        selecting(chip, 0);
+    }
+}
+#else
 /* A core's error, -1, becomes a reading at full scale. */
-static uint16_t value_of(uint16_t pin) {
+static uint16_t reading_of(uint8_t receiver, bool) { return analogRead(channel_pins[receiver]) & FULL_SCALE; }
+#endif
+
+static uint16_t value_of(uint8_t receiver) {
     uint32_t sum = AVERAGES / 2;
-    for (uint16_t i = 0; i < AVERAGES; i++) sum += analogRead(pin) & FULL_SCALE;
+    for (uint16_t i = 1; i <= AVERAGES; i++) sum += reading_of(receiver, i == AVERAGES);
     return sum / AVERAGES;
 }
 
@@ -135,7 +222,7 @@ static void read_frame(void) {
         if (!state) open_frame(&frame, clock_us());
         for (uint8_t j = 0; j < N_RECEIVERS; j++) {
             select(j);
-            held |= (uint32_t)value_of(channel_pins[j]) << held_bits;
+            held |= (uint32_t)value_of(j) << held_bits;
             for (held_bits += ADC_BITS; held_bits >= 8; held_bits -= 8, held >>= 8) pack_byte(&frame, held);
         }
     }
@@ -157,6 +244,11 @@ void core_init(void) {
     }
     for (uint16_t i = 0; i < SHIFT_BITS; i++) pulse(CLOCK);
     pulse(LATCH);
+#elif DRIVER_OUTPUTS
+    for (uint8_t pin : driver_pins) {
+        pinMode(pin, OUTPUT);
+        digitalWrite(pin, pin == driver_pins[BLANK] ? HIGH : LOW);
+    }
 #else
     for (uint8_t pin : emitter_pins) {
         pinMode(pin, OUTPUT);
@@ -167,11 +259,27 @@ void core_init(void) {
     for (uint8_t pin : address_pins) pinMode(pin, OUTPUT);
 #endif
     Serial.begin(BAUD);
+#if CONVERTERS
+    for (uint8_t pin : select_pins) {
+        pinMode(pin, OUTPUT);
+        digitalWrite(pin, HIGH);
+    }
+#endif
+#if CONVERTERS || DRIVER_OUTPUTS
+    SPI.begin();
+#endif
+#if DRIVER_OUTPUTS
+    light(N_EMITTERS);
+#endif
+#if CONVERTERS
+    start_converters();
+#else
     analogReadResolution(ADC_BITS);
 #ifdef CORE_TEENSY
     analogReadAveraging(1); /* its core takes the mean of four readings otherwise */
 #endif
     analogRead(channel_pins[0]); /* the first one may be longer than the others */
+#endif
     say_hello();
 }
 

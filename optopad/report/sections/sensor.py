@@ -155,7 +155,7 @@ def schematic_figure(pictures: Pictures) -> Html:
     """The schematic; empty if the bundle has none."""
     if pictures.schematic is None:
         return Html("")
-    words = "Schematic: a transistor switch for each emitter, an amplifier for each receiver"
+    words = "Schematic: the switch of each emitter, and the amplifier of each receiver"
     return _picture(pictures.schematic, words, "Schematic", SCHEMATIC_SVG)
 
 

@@ -7,7 +7,9 @@
    Scene, one item a line: mcu NAME | clock HZ | supply MV | baud N | light_tau_us T | amplifier_tau_us T |
    edges 0|1 | hold_adc_clocks N | emitter PORT BIT MV ... (one a receiver) | dark MV ... | receiver INPUT ADDRESS |
    address PORT BIT (of the multiplexers, lowest first) |
-   shift PORT BIT (data, clock, latch of shift registers; an emitter on their output N has PORT Q and BIT N) | say AT_US HEX
+   shift PORT BIT (data, clock, latch of shift registers; an emitter on their output N has PORT Q and BIT N) |
+   converter NAME PIN (mcp3208 or ads8688, chip select; a receiver's INPUT is its number, and ADDRESS its channel) |
+   driver LATCH BLANK OUTPUTS (pins of TLC5947, and how many outputs the chain has; emitters as of shift registers) | say AT_US HEX
    Log: 16-byte records, little-endian: cycle u64, kind u16 (0 byte sent, 1 input held, 2 emitter switched), number u16
    (byte; INPUT + 256 x lowest lit emitter, or their count if none is; 2 x emitter + on), millivolts i32.
 
@@ -53,6 +55,8 @@ static int address_bit[8], address_count, selected_address;
 static char address_port[8], shift_port[3];
 static int shift_bit[3], shift_count, shift_level[3];
 static uint64_t shifted;
+static int converter_pin[MOST], converter_is_ads[MOST], converter_count;
+static int driver_latch, driver_blank, driver_outputs;
 static double selected_us;
 static double dark_mv[MOST], light_tau_us, amplifier_tau_us, hold_adc_clocks = 1.5, followed_us;
 static double clock_hz, supply_mv, baud;
@@ -92,19 +96,22 @@ static int lit_emitter(void) {
     return i;
 }
 
-/* Whole millivolts at an input. */
-static int voltage_of(int input, double now_us) {
+/* Whole millivolts of the receiver at an input and an address of the multiplexers, or at a channel of a converter. */
+static int voltage_at(int input, int address, double now_us) {
     int found = 0;
     follow(now_us);
     for (int r = 0; r < receiver_count; r++) {
         double sum = dark_mv[r];
-        if (receiver_input[r] != input || receiver_address[r] != selected_address) continue;
+        if (receiver_input[r] != input || receiver_address[r] != address) continue;
         if (address_count && now_us - selected_us < ADDRESS_SETTLES_US) continue;
         for (int i = 0; i < emitter_count; i++) sum += emitters[i].amplified * (emitters[i].millivolts[r] - dark_mv[r]);
         found = (int)lround(fmax(sum, 0.0));
     }
     return found;
 }
+
+/* Whole millivolts at an input. */
+static int voltage_of(int input, double now_us) { return voltage_at(input, selected_address, now_us); }
 
 /* One line of the multiplexers' address has another level. */
 static void select_address(int line, int level, double now_us) {
@@ -146,6 +153,14 @@ static void take_emitter(char *text) {
     numbers(text + end, e->millivolts);
 }
 
+static void take_converter(char *text) {
+    char name[32];
+    int i = converter_count++;
+    if (converter_count > MOST || sscanf(text, "%31s %d", name, &converter_pin[i]) != 2) refuse("no converter", text);
+    converter_is_ads[i] = !strcmp(name, "ads8688");
+    if (!converter_is_ads[i] && strcmp(name, "mcp3208")) refuse("unknown converter", name);
+}
+
 static void take_line(char *line) {
     char *rest = strchr(line, ' ');
     if (!rest) refuse("no value", line);
@@ -165,6 +180,8 @@ static void take_line(char *line) {
         sscanf(rest, "%c %d", &shift_port[shift_count], &shift_bit[shift_count]), shift_count++;
     else if (!strcmp(line, "address") && address_count < 8)
         sscanf(rest, "%c %d", &address_port[address_count], &address_bit[address_count]), address_count++;
+    else if (!strcmp(line, "converter")) take_converter(rest);
+    else if (!strcmp(line, "driver")) sscanf(rest, "%d %d %d", &driver_latch, &driver_blank, &driver_outputs);
     else if (!strcmp(line, "say")) take_speech(rest);
     else if (!strcmp(line, "emitter") && emitter_count < MOST) take_emitter(rest);
     else refuse("unknown line", line);

@@ -12,6 +12,7 @@
 #include "Arduino.h"
 
 #include "../scene.h"
+#include "spi_chips.h"
 
 #ifndef CONVERSION_US
 #define CONVERSION_US 2
@@ -52,11 +53,23 @@ void delayMicroseconds(unsigned int us) { now_ns += us * 1000u; }
 
 void pinMode(uint8_t pin, PinMode mode) { is_output[pin] = mode == OUTPUT; }
 
-static void set_emitter(emitter *e, int on) {
+static void set_emitter_at(emitter *e, int on, uint64_t at_ns) {
     if (e->on == on) return;
-    follow(now_ns / 1e3);
+    follow(at_ns / 1e3);
     e->on = on;
-    record(now_ns, EMITTER_SWITCHED, 2 * (int)(e - emitters) + on, 0);
+    record(at_ns, EMITTER_SWITCHED, 2 * (int)(e - emitters) + on, 0);
+}
+
+static void set_emitter(emitter *e, int on) { set_emitter_at(e, on, now_ns); }
+
+static uint64_t core_now_ns() { return now_ns; }
+
+/* The clock is in whole nanoseconds; what is left of one is passed on. */
+static void core_pass_ns(double ns) {
+    static double left_ns;
+    left_ns += ns;
+    now_ns += (uint64_t)left_ns;
+    left_ns -= (uint64_t)left_ns;
 }
 
 void digitalWrite(uint8_t pin, PinStatus level) {
@@ -66,6 +79,8 @@ void digitalWrite(uint8_t pin, PinStatus level) {
         if (address_bit[i] == pin) select_address(i, level, now_ns / 1e3);
     for (int i = 0; i < shift_count; i++)
         if (shift_bit[i] == pin) shift_line(i, level);
+    select_chip(pin, level, now_ns);
+    driver_line(pin, level, now_ns);
     for (int i = 0; i < emitter_count; i++)
         if (emitters[i].port != 'Q' && emitters[i].bit == pin) set_emitter(&emitters[i], level);
 }

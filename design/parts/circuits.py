@@ -1,0 +1,256 @@
+"""Circuits between a board and the sensor's parts: entries of the catalogue's `circuits.toml`.
+
+Multiplexers and shift registers extend the board's inputs and pins. Converters and LED drivers are on the board's SPI
+bus; converters replace the board's own, and LED drivers replace the emitters' transistors and resistors.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, Literal, Protocol, Self
+
+from pydantic import Field, model_validator
+
+from design.fields.base import Model
+from design.fields.quantity import (
+    Confidence,
+    CurrentMa,
+    FrequencyKhz,
+    FrequencyMhz,
+    ResistanceOhm,
+    Text,
+    TimeUs,
+    VoltageV,
+)
+
+HZ_PER_MHZ = 1e6
+KHZ_PER_MHZ = 1e3
+
+
+class Voltages(Protocol):
+    """The two supplies of a board."""
+
+    @property
+    def pin_v(self) -> float:
+        """Level of the pins [V]."""
+
+    @property
+    def emitter_v(self) -> float:
+        """Supply of the emitters [V]."""
+
+
+class Chip(Model):
+    """A circuit between the board and the sensor's parts, supplied at the level of the board's pins."""
+
+    title: Text
+    source: Annotated[Text, Field(description="where the plain numbers of this entry come from")]
+    confidence: Confidence
+    supply_low_v: Annotated[float, Field(gt=0.0, le=30.0, description="least supply [V]")]
+    supply_high_v: Annotated[float, Field(gt=0.0, le=30.0, description="most supply [V]")]
+    notes: tuple[Text, ...] = ()
+
+    @property
+    def name(self) -> str:
+        """The title up to its first comma, as 74HC4067."""
+        return self.title.split(",")[0]
+
+    def works_on(self, board: Voltages) -> bool:
+        """Whether the level of the board's pins is a supply that it permits."""
+        return self.supply_low_v <= board.pin_v <= self.supply_high_v
+
+
+class Multiplexer(Chip):
+    """Analogue switches that connect one of several amplifiers to one input of the board, by an address of bits."""
+
+    channels: Annotated[int, Field(ge=2, le=64, description="amplifiers that it chooses from")]
+    enable: Annotated[
+        Literal["ground", "supply"], Field(description="what its enable pin is wired to, so that it stays on")
+    ]
+    on_resistance_ohm: Annotated[ResistanceOhm, Field(description="of a closed switch")]
+    settle_us: Annotated[TimeUs, Field(description="wait from a new address to the next reading")]
+
+    @property
+    def address_bits(self) -> int:
+        """Lines of the address."""
+        return (self.channels - 1).bit_length()
+
+    def needed(self, receiver_count: int) -> int:
+        """Number of multiplexers, and of the board's inputs, for that many receivers."""
+        return math.ceil(receiver_count / self.channels)
+
+
+class ShiftRegister(Chip):
+    """Outputs in a chain, set by three pins: data, clock and latch; one output switches one emitter's transistor."""
+
+    outputs: Annotated[int, Field(ge=2, le=64, description="outputs of one of them")]
+    max_output_ma: Annotated[CurrentMa, Field(description="of one output")]
+
+    def needed(self, emitter_count: int) -> int:
+        """Number of shift registers in the chain for that many emitters."""
+        return math.ceil(emitter_count / self.outputs)
+
+
+COMMAND_CLOCKS = {"mcp3208": 24, "ads8688": 32}
+"""Clocks of the SPI bus for one reading, by the converter's commands."""
+
+COMMAND_BITS = {"mcp3208": 12, "ads8688": 16}
+"""Bits of a reading in a frame, by the converter's commands."""
+
+FIVE_V = 4.75
+"""Least supply that counts as 5 V, which is 5 V less its usual tolerance [V]."""
+
+
+class Converter(Chip):
+    """Converter on the board's SPI bus, which reads the receivers in place of the board's own; one chip select each.
+
+    The chip's supply is at the level of the board's pins. If it has a separate digital supply, that one is at the
+    pins' level, and the other is the emitters' supply. The amplifiers have the supply of the analogue part.
+    """
+
+    unsaid = ("logic_low_v", "logic_high_v", "full_scale_v", "range_code", "clock_5v_mhz", "input_filter_khz")
+
+    channels: Annotated[int, Field(ge=1, le=8, description="inputs, as many as its commands can name")]
+    bits: Annotated[int, Field(ge=8, le=16, description="of one reading")]
+    commands: Annotated[
+        Literal["mcp3208", "ads8688"], Field(description="chip whose commands and frames the firmware sends")
+    ]
+    spi_mode: Annotated[int, Field(ge=0, le=3, description="polarity and phase of the bus's clock")]
+    clock_mhz: Annotated[
+        FrequencyMhz, Field(description="fastest clock of the bus at every permitted supply")
+    ]
+    clock_5v_mhz: Annotated[
+        FrequencyMhz | None, Field(description="fastest clock at a supply of 5 V; absent: clock_mhz")
+    ] = None
+    supply_ma: Annotated[CurrentMa, Field(description="its own current, while it converts")]
+    gap_us: Annotated[TimeUs, Field(description="chip select high between two readings")]
+    call_us: Annotated[TimeUs, Field(description="calls in the board's core for one reading")]
+    logic_low_v: Annotated[
+        float | None,
+        Field(
+            gt=0.0, le=30.0, description="least digital supply, if that is separate; absent: one supply [V]"
+        ),
+    ] = None
+    logic_high_v: Annotated[float | None, Field(gt=0.0, le=30.0, description="most digital supply [V]")] = (
+        None
+    )
+    full_scale_v: Annotated[
+        float | None, Field(gt=0.0, le=30.0, description="full scale; absent: the analogue supply [V]")
+    ] = None
+    range_code: Annotated[
+        int | None, Field(ge=0, le=15, description="ads8688: code of the range from 0 to full_scale_v")
+    ] = None
+    input_filter_khz: Annotated[
+        FrequencyKhz | None, Field(description="second-order low-pass filter of its inputs; absent: none")
+    ] = None
+
+    @model_validator(mode="after")
+    def _is_complete(self) -> Self:
+        if (self.logic_low_v is None) != (self.logic_high_v is None):
+            raise ValueError("logic_low_v and logic_high_v: give both, or neither for a chip of one supply")
+        given = COMMAND_BITS[self.commands]
+        if self.bits != given:
+            raise ValueError(
+                f"bits = {self.bits}: the frames of {self.commands} have {given} bits; set bits = {given}"
+            )
+        if self.commands == "ads8688" and None in (self.range_code, self.full_scale_v):
+            raise ValueError(
+                "commands = 'ads8688' needs range_code and full_scale_v; give both, as 6 and 5.12 for 0 to 5.12 V"
+            )
+        return self
+
+    @property
+    def has_own_logic(self) -> bool:
+        """Whether the digital supply is separate from the analogue one."""
+        return self.logic_low_v is not None
+
+    def works_on(self, board: Voltages) -> bool:
+        """Whether the board has the supplies that it permits."""
+        if self.logic_low_v is None or self.logic_high_v is None:
+            return super().works_on(board)
+        logic = self.logic_low_v <= board.pin_v <= self.logic_high_v
+        return logic and self.supply_low_v <= board.emitter_v <= self.supply_high_v
+
+    def analog_v(self, board: Voltages) -> float:
+        """Supply of its analogue part, and of the amplifiers [V]."""
+        return board.emitter_v if self.has_own_logic else board.pin_v
+
+    def full_scale_on(self, board: Voltages) -> float:
+        """Voltage that reads full scale [V]."""
+        return self.analog_v(board) if self.full_scale_v is None else self.full_scale_v
+
+    def clock_hz(self, board: Voltages) -> int:
+        """Clock of the bus [Hz]."""
+        fast = self.clock_5v_mhz if self.analog_v(board) >= FIVE_V else None
+        return round((fast or self.clock_mhz).value * HZ_PER_MHZ)
+
+    def reading_us(self, board: Voltages) -> float:
+        """Time of one reading: clocks, the gap in whole microseconds, calls [us]."""
+        clocks_us = COMMAND_CLOCKS[self.commands] / self.clock_hz(board) * HZ_PER_MHZ
+        return clocks_us + math.ceil(self.gap_us.value) + self.call_us.value
+
+    @property
+    def filter_settles_us(self) -> float:
+        """Time in which a Butterworth filter of its inputs settles to half a count of full scale [us].
+
+        Notes
+        -----
+        Its step decays with the envelope exp(-w t / sqrt 2), w = 2 pi f.
+        """
+        if self.input_filter_khz is None:
+            return 0.0
+        per_us = 2 * math.pi * self.input_filter_khz.value / KHZ_PER_MHZ
+        return math.sqrt(2.0) * math.log(2 ** (self.bits + 1)) / per_us
+
+    def needed(self, receiver_count: int) -> int:
+        """Number of converters, and of chip selects, for that many receivers."""
+        return math.ceil(receiver_count / self.channels)
+
+
+class LedDriver(Chip):
+    """Constant-current outputs in a chain on the board's SPI bus; they replace the emitters' transistors and resistors.
+
+    A resistor at its reference pin sets one current for all of its outputs. The data of an output are its grayscale:
+    the share of a PWM period in which it is on.
+    """
+
+    outputs: Annotated[int, Field(ge=1, le=64, description="outputs of one of them")]
+    grayscale_bits: Annotated[int, Field(ge=1, le=16, description="data of one output")]
+    least_output_ma: Annotated[CurrentMa, Field(description="least current of one output")]
+    max_output_ma: Annotated[CurrentMa, Field(description="most current of one output")]
+    supply_ma: Annotated[CurrentMa, Field(description="its own current, without the emitters'")]
+    current_ratio: Annotated[
+        float,
+        Field(gt=0.0, le=1e4, description="output's current over the current through the reference resistor"),
+    ]
+    reference_v: Annotated[float, Field(gt=0.0, le=5.0, description="at the reference resistor [V]")]
+    dropout_v: Annotated[VoltageV, Field(description="least voltage at an output that is on")]
+    max_led_v: Annotated[float, Field(gt=0.0, le=100.0, description="most supply of the emitters [V]")]
+    clock_mhz: Annotated[FrequencyMhz, Field(description="fastest clock of the bus to one of them")]
+    chain_clock_mhz: Annotated[FrequencyMhz, Field(description="fastest clock of the bus to a chain")]
+    turn_on_us: Annotated[TimeUs, Field(description="from the end of blanking until the outputs are on")]
+    pwm_period_us: Annotated[
+        TimeUs, Field(description="period of the grayscale, at whose end every output is off for one step")
+    ]
+
+    def needed(self, emitter_count: int) -> int:
+        """Number of drivers in the chain for that many emitters."""
+        return math.ceil(emitter_count / self.outputs)
+
+    def bits(self, emitter_count: int) -> int:
+        """Bits that each change of light sends through the chain."""
+        return self.needed(emitter_count) * self.outputs * self.grayscale_bits
+
+    def clock_hz(self, emitter_count: int) -> int:
+        """Clock of the bus [Hz]."""
+        clock = self.clock_mhz if self.needed(emitter_count) == 1 else self.chain_clock_mhz
+        return round(clock.value * HZ_PER_MHZ)
+
+    @property
+    def turn_on_wait_us(self) -> int:
+        """Wait of the firmware after blanking, the longest time until the outputs are on [us]."""
+        return math.ceil(self.turn_on_us.value if self.turn_on_us.high is None else self.turn_on_us.high)
+
+    @property
+    def least_period_us(self) -> float:
+        """Shortest PWM period [us]."""
+        return self.pwm_period_us.value if self.pwm_period_us.low is None else self.pwm_period_us.low
