@@ -1,7 +1,8 @@
-"""Parts, elastomers, mold materials and boards: the entries, the packaged files, and look-up.
+"""Catalogue of parts, elastomers, mold materials, boards and chips: the entries, the packaged files, and look-up.
 
-Every file, packaged or the user's own, has the tables `parts`, `elastomers`, `mold_materials` and `boards`,
-each by identifier. The drawing shows a part from the cavity, with its active face flush with the wall:
+Every file, packaged or the user's own, has tables such as `parts`, `elastomers`, `mold_materials` and `boards`, each
+with its entries by identifier. A part is an emitter or a receiver. The drawing shows a part seen from the cavity, with
+its active face flush with the wall:
 
           body_width_mm                     wall
         +---------------+            |  body_depth_mm |
@@ -13,12 +14,12 @@ each by identifier. The drawing shows a part from the cavity, with its active fa
                 x above the base:       |  |   surface: wires leave through the back)
                 active_height_in_body_mm
 
-An emitter's intensity is a power of the cosine with its half angle, or its `angular_pattern`. Its light has one
-effective wavelength, or a `spectrum`, over which the index is averaged. A receiver counts all light on its active area,
-unless `epoxy_index` gives the medium on the chip. Then light refracts into this medium, and the angular response
-follows from the half angle or `angular_response`.
+An emitter's intensity is a power of the cosine that matches its half angle, or its `angular_pattern`. Its light has one
+effective wavelength, or a `spectrum`, over which the elastomer's refractive index is averaged. A receiver detects all
+light on its active area with equal weight, unless `epoxy_index` gives the medium on the chip. Then light refracts into
+this medium, and the angular response follows from the half angle or from `angular_response`.
 
-The model leaves out drift with temperature.
+The catalogue does not include drift with temperature.
 """
 
 from __future__ import annotations
@@ -109,14 +110,14 @@ _RECEIVER_OPTIONS = ("epoxy_index", "angular_response")
 Entry = TypeVar("Entry")
 
 UsbId = Annotated[str, Field(pattern=r"^[0-9a-f]{4}:[0-9a-f]{4}$")]
-"""Vendor and product of a USB device in hexadecimal digits, as 2341:0042."""
+"""Vendor and product identifier of a USB device in hexadecimal digits, such as 2341:0042."""
 
 DEFAULT_BOOT_S = 2.5
-"""Default boot time of boards: the longest of the packaged ones."""
+"""Default boot time of boards [s]: the longest of the packaged boards."""
 
 
 class Part(Model):
-    """An emitter or a receiver: its optical properties, and its space in the wall."""
+    """An emitter or a receiver: its optical properties, and the dimensions of its body and leads."""
 
     unsaid = (*_EMITTER_OPTIONS, *_RECEIVER_OPTIONS)
 
@@ -259,10 +260,11 @@ class MoldMaterial(Model):
 
 
 class Board(Model):
-    """A microcontroller board: voltages, converter, pins, link to the host.
+    """A microcontroller board: voltages, analogue-to-digital converter, pins, and link to the host.
 
-    On AVRs converter and serial line divide the processor's clock: `adc_clocks_per_conversion`, `adc_prescalers` and
-    `exact_bauds` apply to AVRs only. Every other board gives `conversion_us`.
+    On boards with AVR chips, converter and serial line divide the processor's clock. The fields
+    `adc_clocks_per_conversion`, `adc_prescalers` and `exact_bauds` apply to these only. Every other board has
+    `conversion_us`.
     """
 
     unsaid = (
@@ -371,17 +373,17 @@ class Board(Model):
 
     @property
     def emitter_v(self) -> float:
-        """Supply of the emitters [V]."""
+        """Supply voltage of the emitters [V]."""
         return _assumed_v() if self.supply_v is None else self.supply_v
 
     @property
     def pin_v(self) -> float:
-        """Level of the pins, supply of the amplifiers [V]."""
+        """High level of the pins, which is also the supply voltage of the amplifiers [V]."""
         return _assumed_v() if self.logic_v is None else self.logic_v
 
     @property
     def full_scale_v(self) -> float:
-        """Voltage that reads full scale [V]."""
+        """Voltage at an analogue input that gives the largest reading [V]."""
         return self.pin_v if self.adc_reference_v is None else self.adc_reference_v
 
     @model_validator(mode="after")
@@ -436,7 +438,7 @@ class Board(Model):
 
 
 class Chip(Model):
-    """A circuit between the board and the sensor's parts, supplied at the level of the board's pins."""
+    """A chip between the board and the sensor's parts; its supply voltage is the high level of the board's pins."""
 
     title: Text
     source: Annotated[Text, Field(description="where the plain numbers of this entry come from")]
@@ -447,16 +449,16 @@ class Chip(Model):
 
     @property
     def name(self) -> str:
-        """The title up to its first comma, as 74HC4067."""
+        """Short name of the chip, such as 74HC4067: its title up to the first comma."""
         return self.title.split(",")[0]
 
     def works_on(self, board: Board) -> bool:
-        """Whether the level of the board's pins is a supply that it permits."""
+        """Whether the high level of the board's pins is a permitted supply voltage of the chip."""
         return self.supply_low_v <= board.pin_v <= self.supply_high_v
 
 
 class Multiplexer(Chip):
-    """Analogue switches that connect one of several amplifiers to one input of the board, by an address of bits."""
+    """Analogue switches that connect one of several amplifiers to one input of the board, selected by an address."""
 
     channels: Annotated[int, Field(ge=2, le=64, description="amplifiers that it chooses from")]
     enable: Annotated[
@@ -467,32 +469,35 @@ class Multiplexer(Chip):
 
     @property
     def address_bits(self) -> int:
-        """Lines of the address."""
+        """Number of address lines."""
         return (self.channels - 1).bit_length()
 
     def needed(self, receiver_count: int) -> int:
-        """Number of multiplexers, and of the board's inputs, for that many receivers."""
+        """Number of multiplexers that a number of receivers needs; each uses one input of the board."""
         return math.ceil(receiver_count / self.channels)
 
 
 class ShiftRegister(Chip):
-    """Outputs in a chain, set by three pins: data, clock and latch; one output switches one emitter's transistor."""
+    """A chip with several outputs, each of which switches the transistor of one emitter.
+
+    Several can be connected in a chain. The board sets all outputs through three pins: data, clock and latch.
+    """
 
     outputs: Annotated[int, Field(ge=2, le=64, description="outputs of one of them")]
     max_output_ma: Annotated[CurrentMa, Field(description="of one output")]
 
     def needed(self, emitter_count: int) -> int:
-        """Number of shift registers in the chain for that many emitters."""
+        """Number of shift registers in the chain that a number of emitters needs."""
         return math.ceil(emitter_count / self.outputs)
 
 
 def _assumed_v() -> float:
-    """Default supply of a board [V]."""
+    """Supply voltage that is assumed for a board whose entry does not state it [V]."""
     return assumption("supply_v").value
 
 
 class CatalogEntries(Model):
-    """Entries by identifier; a user's file and the packaged files have the same form."""
+    """Catalogue entries by identifier, in the same form for the packaged files and a user's file."""
 
     unsaid = ("multiplexers", "shift_registers")
 
@@ -506,7 +511,7 @@ class CatalogEntries(Model):
 
 @cache
 def packaged() -> CatalogEntries:
-    """The entries of the packaged catalogue."""
+    """All entries of the packaged catalogue."""
     entries = CatalogEntries()
     for name in PACKAGED_FILES:
         entries = merged(entries, parse_entries(data_table(f"{name}.toml"), f"{name}.toml"))
@@ -514,17 +519,17 @@ def packaged() -> CatalogEntries:
 
 
 def parse_entries(mapping: Mapping[str, Any], where: str) -> CatalogEntries:
-    """Validate nested plain data, as read from a catalogue file.
+    """Make catalogue entries from the nested plain data of a catalogue file.
 
     Parameters
     ----------
-    mapping : tables `parts`, `elastomers`, `mold_materials`, `boards`, `multiplexers`, `shift_registers`,
-        each {identifier: fields}
-    where : name of the file, for messages
+    mapping : tables `parts`, `elastomers`, `mold_materials`, `boards`, `multiplexers`, `shift_registers`, each
+        {identifier: fields}
+    where : name of the file, for error messages
 
     Raises
     ------
-    DesignError : every refused field with its value and the limit.
+    DesignError : fields are invalid; the message lists each with its value and limit.
     """
     try:
         return CatalogEntries.model_validate_json(json.dumps(mapping, default=str), strict=True)
@@ -537,7 +542,7 @@ def parse_entries(mapping: Mapping[str, Any], where: str) -> CatalogEntries:
 
 
 def identifiers(document: Mapping[str, Any]) -> tuple[str, ...]:
-    """Names of all packaged entries and of a design document's own, for messages."""
+    """Identifiers of all packaged entries and of a design document's own entries, for suggestions in messages."""
     own = document.get("catalog")
     tables = [*dict(packaged()).values(), *(own.values() if isinstance(own, dict) else ())]
     return tuple(name for table in tables if isinstance(table, dict) for name in table)
@@ -558,11 +563,11 @@ def merged(base: CatalogEntries, extra: CatalogEntries) -> CatalogEntries:
 
 
 def find_part(entries: CatalogEntries, part_id: str, kind: Literal["emitter", "receiver"]) -> Part:
-    """The part of that identifier and kind.
+    """Find the part with an identifier and a kind.
 
     Raises
     ------
-    DesignError : no such part, or one of the other kind; the nearest of the right kind are named.
+    DesignError : there is no such part, or it has the other kind; the message suggests similar ones of this kind.
     """
     of_kind = {name: part for name, part in entries.parts.items() if part.kind == kind}
     if part_id in entries.parts and part_id not in of_kind:
@@ -575,27 +580,27 @@ def find_part(entries: CatalogEntries, part_id: str, kind: Literal["emitter", "r
 
 
 def find_elastomer(entries: CatalogEntries, elastomer_id: str) -> Elastomer:
-    """The elastomer of that identifier; DesignError with the nearest names when there is none."""
+    """Find the elastomer with an identifier; DesignError with similar names if there is none."""
     return _find(entries.elastomers, elastomer_id, "elastomer", "elastomers")
 
 
 def find_mold_material(entries: CatalogEntries, material_id: str) -> MoldMaterial:
-    """The mold material of that identifier; DesignError with the nearest names when there is none."""
+    """Find the mold material with an identifier; DesignError with similar names if there is none."""
     return _find(entries.mold_materials, material_id, "mold material", "mold_materials")
 
 
 def find_board(entries: CatalogEntries, board_id: str) -> Board:
-    """The board of that identifier; DesignError with the nearest names when there is none."""
+    """Find the board with an identifier; DesignError with similar names if there is none."""
     return _find(entries.boards, board_id, "board", "boards")
 
 
 def find_multiplexer(entries: CatalogEntries, multiplexer_id: str) -> Multiplexer:
-    """The multiplexer of that identifier; DesignError with the nearest names when there is none."""
+    """Find the multiplexer with an identifier; DesignError with similar names if there is none."""
     return _find(entries.multiplexers, multiplexer_id, "multiplexer", "multiplexers")
 
 
 def find_shift_register(entries: CatalogEntries, register_id: str) -> ShiftRegister:
-    """The shift register of that identifier; DesignError with the nearest names when there is none."""
+    """Find the shift register with an identifier; DesignError with similar names if there is none."""
     return _find(entries.shift_registers, register_id, "shift register", "shift_registers")
 
 
