@@ -1,19 +1,21 @@
 """Assignment of the board's pins to emitters, and of its analogue inputs to receivers.
 
-Wiring, driver config, firmware and rules share this assignment. A list in the design has exactly
-one entry per part, in the order of E1, E2, ... and R1, R2, ... Without a list, pins and inputs are
-assigned in the board's recommended order. With multiplexers each input serves one multiplexer. They take
-receivers in turn and share the address, so that each new address precedes one reading per multiplexer.
+Wiring, driver configuration, firmware and rules use the same assignment. If the design has a list, it has exactly one
+entry per part, in the order of E1, E2, ... and R1, R2, ... Without a list, pins and inputs are assigned in the board's
+recommended order. With multiplexers each input is connected to one multiplexer. Consecutive receivers are on different
+multiplexers, and all multiplexers have the same address. After each change of the address, every multiplexer therefore
+gives one reading.
 
-The module also computes the time of a full frame on the board, and the serial rates of an AVR's clock.
+The module also computes the time of a full frame on the board, and the serial rates that an AVR's clock permits.
 
-The frame time is a plain sum. Every state (each emitter alone, then all off) waits for the light to settle and
-converts every receiver once; then the packed frame is sent over the line. The firmware sends one frame while
-it converts the next, so it is faster: 4.1 ms on a simulated ATmega2560 against 5.0 ms by this sum, at 9 states,
-8 receivers, prescaler 64, 1 Mbaud (docs/validation/firmware.md). The sum is conservative.
+A frame has one state for each emitter lit alone, and then one with all emitters off. The frame time is a sum. In every
+state it includes the settling time of the light and the conversions of every receiver. Then comes the time to send the
+packed frame. The sum is conservative, because the firmware sends one frame while it converts the next. For 9 states, 8
+receivers, prescaler 64 and 1 Mbaud the sum is 5.0 ms, and a simulated ATmega2560 needs 4.1 ms
+(docs/validation/firmware.md).
 
-The sum leaves out the processor's own time for packing, which runs during the conversions, and the longer
-first conversion after a reset.
+The sum does not include the processor's time for packing, which overlaps with the conversions, and the longer first
+conversion after a reset.
 """
 
 from __future__ import annotations
@@ -33,16 +35,16 @@ from design.spec.properties import entries_of
 
 Name = TypeVar("Name", int, str)
 SHIFT_PINS = 3
-"""Pins of a chain of shift registers: data, clock and latch."""
+"""Number of board pins that a chain of shift registers needs: data, clock and latch."""
 
 
 def board_of(design: SensorDesign) -> Board:
-    """The catalogue entry of the design's board."""
+    """Catalogue entry of a design's board."""
     return catalog.find_board(entries_of(design), design.board.kind)
 
 
 def full_scale_v(design: SensorDesign) -> float:
-    """Voltage at an input that reads full scale [V]."""
+    """Voltage at an analogue input that gives the largest reading [V]."""
     board = board_of(design)
     if design.board.reference == "internal" and board.internal_reference_v is not None:
         return board.internal_reference_v
@@ -55,9 +57,9 @@ class ReceiverPath:
 
     Attributes
     ----------
-    channel : the board's analogue input
-    multiplexer : number of the multiplexer before it, from 0; None: none
-    address : address at which the multiplexer selects this receiver
+    channel : name of the board's analogue input
+    multiplexer : index of the multiplexer before the input, from 0; None without multiplexers
+    address : address at which the multiplexer selects this receiver; None without multiplexers
     """
 
     channel: str
@@ -66,24 +68,29 @@ class ReceiverPath:
 
     @property
     def label(self) -> str:
-        """Terminal of the amplifier's output, as A0, or M1-C3: channel 3 of multiplexer M1."""
+        """Terminal of the amplifier's output, such as A0, or M1-C3 for channel 3 of multiplexer M1."""
         return self.channel if self.multiplexer is None else f"M{self.multiplexer + 1}-C{self.address}"
 
 
 def multiplexer_of(design: SensorDesign) -> Multiplexer | None:
-    """The catalogue entry of the design's multiplexers; None where each receiver has its own input."""
+    """Catalogue entry of a design's multiplexers; None if each receiver has its own analogue input."""
     given = design.board.receivers
     return None if given is None else catalog.find_multiplexer(entries_of(design), given.multiplexer)
 
 
 def shift_register_of(design: SensorDesign) -> ShiftRegister | None:
-    """The catalogue entry of the design's shift registers; None where each emitter has its own pin."""
+    """Catalogue entry of a design's shift registers; None if each emitter has its own pin."""
     given = design.board.emitters
     return None if given is None else catalog.find_shift_register(entries_of(design), given.shift_register)
 
 
 def emitter_label(design: SensorDesign, number: int) -> str:
-    """Terminal of an emitter's base resistor, as D22, or S1-Q3: output 3 of shift register S1."""
+    """Terminal of an emitter's base resistor, such as D22, or S1-Q3 for output 3 of shift register S1.
+
+    Parameters
+    ----------
+    number : pin of the emitter, or with shift registers the index of its output in the chain
+    """
     register = shift_register_of(design)
     if register is None:
         return f"D{number}"
@@ -104,11 +111,11 @@ def _switch_count(design: SensorDesign, emitter_count: int) -> int:
 
 
 def address_pins(design: SensorDesign) -> tuple[int, ...]:
-    """Digital pins of the multiplexers' address, lowest bit first; none without multiplexers.
+    """Digital pins for the address of the multiplexers, lowest bit first; empty without multiplexers.
 
     Raises
     ------
-    DesignError : as `assigned_pins`.
+    DesignError : the board or the multiplexer is not in the catalogue.
     """
     multiplexer, given = multiplexer_of(design), design.board.receivers
     if multiplexer is None or given is None:
@@ -124,7 +131,7 @@ def receiver_paths(design: SensorDesign) -> tuple[ReceiverPath, ...]:
 
     Raises
     ------
-    DesignError : as `assigned_pins`.
+    DesignError : pins or inputs are too few, too many, duplicate, or not available on the board.
     """
     multiplexer, (_, channels) = multiplexer_of(design), assigned_pins(design)
     if multiplexer is None:
@@ -134,13 +141,14 @@ def receiver_paths(design: SensorDesign) -> tuple[ReceiverPath, ...]:
 
 
 def assigned_pins(design: SensorDesign) -> tuple[tuple[int, ...], tuple[str, ...]]:
-    """Emitter pins in the order of the cavity's emitters, and inputs in the order of its receivers or multiplexers.
+    """Pins in the order of the emitters, and analogue inputs in the order of the receivers or multiplexers.
 
-    With shift registers an emitter's number is the number of its output in the chain, from 0.
+    With shift registers there are no pins per emitter; the first result then has the index of each emitter's output in
+    the chain, from 0.
 
     Raises
     ------
-    DesignError : too few, too many, a duplicate, or one that the board lacks or needs itself.
+    DesignError : pins or inputs are too few, too many, duplicate, or not available on the board.
     """
     cavity, board = cavity_of(design), board_of(design)
     findings = pin_findings(design, board, len(cavity.emitters), len(cavity.receivers))
@@ -157,7 +165,7 @@ def assigned_pins(design: SensorDesign) -> tuple[tuple[int, ...], tuple[str, ...
 def pin_findings(
     design: SensorDesign, board: Board, emitter_count: int, receiver_count: int
 ) -> list[Finding]:
-    """All findings about the pins and channels of a design."""
+    """All errors about the pins and analogue inputs of a design."""
     use, multiplexer = design.board, multiplexer_of(design)
     return [
         *_emitter_findings(design, board, emitter_count),
@@ -216,7 +224,10 @@ def _emitter_findings(design: SensorDesign, board: Board, emitter_count: int) ->
 
 
 def _registers_needed(design: SensorDesign, board: Board, emitter_count: int) -> str | None:
-    """The way out of too few pins for the emitters."""
+    """Remedy for too few pins: a packaged shift register that works on the board, with the number that is needed.
+
+    None if no packaged shift register works on the board.
+    """
     for name, one in entries_of(design).shift_registers.items():
         if one.works_on(board):
             number = (
@@ -237,7 +248,7 @@ def _supply_error(field: str, entry: Chip, board: Board) -> Finding:
 
 
 def input_count(design: SensorDesign, receiver_count: int) -> int:
-    """Number of the board's inputs that the receivers need."""
+    """Number of analogue inputs that the receivers need, directly or through multiplexers."""
     multiplexer = multiplexer_of(design)
     return receiver_count if multiplexer is None else multiplexer.needed(receiver_count)
 
@@ -245,7 +256,10 @@ def input_count(design: SensorDesign, receiver_count: int) -> int:
 def _multiplexers_needed(
     design: SensorDesign, board: Board, emitter_count: int, receiver_count: int
 ) -> str | None:
-    """The way out of too few inputs: the packaged multiplexer with the fewest inputs, if the board has pins for it."""
+    """Remedy for too few analogue inputs: the multiplexer that needs the fewest inputs; None if none can be used.
+
+    The board must have enough pins for its address.
+    """
     if design.board.receivers is not None:
         return None
     spare = len(board.digital_pins) - _switch_count(design, emitter_count)
@@ -261,7 +275,7 @@ def _multiplexers_needed(
 
 
 def _address_findings(design: SensorDesign, board: Board, emitter_count: int) -> list[Finding]:
-    """Findings about the multiplexers' supply and the pins of their address."""
+    """Errors about the multiplexers' supply voltage and about the pins of their address."""
     multiplexer, given = multiplexer_of(design), design.board.receivers
     if multiplexer is None or given is None:
         return []
@@ -368,7 +382,7 @@ def _unknown_findings(field: str, noun: str, given: Sequence[Name], known: Seque
 
 
 def _unknown_pin_findings(pins: Sequence[int], board: Board) -> list[Finding]:
-    busy = {*board.reserved_pins, *(board.uart_pins or ())}  # another finding covers these
+    busy = {*board.reserved_pins, *(board.uart_pins or ())}  # another finding covers these pins
     return _unknown_findings(
         "board.emitter_pins", "pin", [pin for pin in pins if pin not in busy], board.digital_pins
     )
@@ -394,16 +408,16 @@ VERSION_BYTES = 1
 SEQUENCE_BYTES = 4
 TIME_BYTES = 4
 CHECK_BYTES = 4
-"""CRC-32 over all preceding bytes."""
+"""Length of a frame's check value, the CRC-32 over all preceding bytes."""
 
 LINE_BITS_PER_BYTE = 10
-"""Start bit, 8 data bits, stop bit."""
+"""Bits on the serial line for each byte: start bit, 8 data bits, stop bit."""
 
 UART_CLOCKS_PER_BIT = 8
-"""An AVR UART at double speed (U2X) divides its clock by 8 times a whole number."""
+"""Smallest number of clock cycles per bit of an AVR's UART at double speed (U2X); others are multiples of it."""
 
 UART_MAX_DIVISOR = 4096
-"""The divisor register has 12 bits."""
+"""Largest divisor of an AVR's UART, whose register has 12 bits."""
 
 MS_PER_S = 1e3
 US_PER_MS = 1e3
@@ -411,19 +425,19 @@ US_PER_S = 1e6
 
 
 def state_count(emitter_count: int) -> int:
-    """States of a frame: each emitter alone, then all off."""
+    """Number of states of a frame: each emitter lit alone, then all off."""
     return emitter_count + 1
 
 
 def frame_bytes(emitter_count: int, receiver_count: int, adc_bits: int) -> int:
-    """Length of a packed frame: head, readings packed bit by bit, check."""
+    """Length of a packed frame [bytes]: header, readings packed bit by bit, check value."""
     readings = state_count(emitter_count) * receiver_count
     packed = math.ceil(readings * adc_bits / 8)
     return MAGIC_BYTES + VERSION_BYTES + SEQUENCE_BYTES + TIME_BYTES + packed + CHECK_BYTES
 
 
 def conversion_time_ms(board: Board, adc_prescaler: int) -> float:
-    """Time of one reading [ms]; only AVRs use the prescaler."""
+    """Time of one analogue-to-digital conversion [ms]; the prescaler matters for AVR chips only."""
     if board.conversion_us is not None:
         return board.conversion_us.value / US_PER_MS
     assert board.adc_clocks_per_conversion is not None, "the entry gives one of the two"
@@ -431,12 +445,12 @@ def conversion_time_ms(board: Board, adc_prescaler: int) -> float:
 
 
 def link_time_ms(byte_count: int, baud: int) -> float:
-    """Time that bytes take on the serial line [ms]."""
+    """Time to send a number of bytes on the serial line [ms]."""
     return byte_count * LINE_BITS_PER_BYTE / baud * MS_PER_S
 
 
 def sending_time_ms(board: Board, use: BoardUse, byte_count: int) -> float:
-    """Time that bytes take to the host, by native USB or by the serial line [ms]."""
+    """Time to send a number of bytes to the host, by native USB or by the serial line [ms]."""
     if board.usb_bytes_per_s is not None:
         return byte_count / board.usb_bytes_per_s * MS_PER_S
     return link_time_ms(byte_count, use.baud)
@@ -449,7 +463,10 @@ def frame_time_ms(
     receiver_count: int,
     multiplexer: Multiplexer | None = None,
 ) -> float:
-    """Time of one full frame: all states, then the line [ms]; with multiplexers each new address also settles."""
+    """Time of one full frame [ms]: settling and conversions in all states, and then sending.
+
+    With multiplexers the sum includes their settling time after each new address.
+    """
     conversions = receiver_count * use.averages * conversion_time_ms(board, use.adc_prescaler)
     if multiplexer is not None:
         addresses = math.ceil(receiver_count / multiplexer.needed(receiver_count))
@@ -462,7 +479,13 @@ def frame_time_ms(
 def frame_rate_hz(
     design: SensorDesign, board: Board | None = None, adc_prescaler: int | None = None
 ) -> float:
-    """Frames per second of a board by the plain sum; the design's own board and prescaler are the defaults."""
+    """Frames per second on a board, as the reciprocal of `frame_time_ms`.
+
+    Parameters
+    ----------
+    board : None for the board of the design
+    adc_prescaler : divider of the converter's clock; None for that of the design
+    """
     cavity, use = cavity_of(design), design.board
     if adc_prescaler is not None:
         use = use.model_copy(update={"adc_prescaler": adc_prescaler})
@@ -471,7 +494,7 @@ def frame_rate_hz(
 
 
 def faster_boards(design: SensorDesign) -> list[tuple[str, float]]:
-    """Boards of the catalogue with enough pins and inputs and a higher frame rate, the fastest first."""
+    """Identifiers and frame rates [Hz] of faster boards in the catalogue that fit the design, the fastest first."""
     now, found = frame_rate_hz(design), []
     for name, board in entries_of(design).boards.items():
         rate = frame_rate_hz(design, board)
@@ -481,7 +504,7 @@ def faster_boards(design: SensorDesign) -> list[tuple[str, float]]:
 
 
 def _fits_on(design: SensorDesign, name: str, board: Board) -> bool:
-    """Whether a board has the pins, inputs, levels and reference that a design uses."""
+    """Whether a board has the pins, inputs, voltage levels and reference that a design uses."""
     if design.board.reference == "internal" and board.internal_reference_v is None:
         return False
     cavity, use = cavity_of(design), design.board.model_copy(update={"kind": name})
@@ -490,15 +513,15 @@ def _fits_on(design: SensorDesign, name: str, board: Board) -> bool:
 
 
 def baud_divisor(clock_hz: int, baud: int) -> int:
-    """Divisor of an eighth of the UART's clock, for the rate nearest to the requested one."""
+    """Divisor of an eighth of an AVR's clock that gives the serial rate nearest to `baud`."""
     return min(max(round(clock_hz / (UART_CLOCKS_PER_BIT * baud)), 1), UART_MAX_DIVISOR)
 
 
 def made_baud(clock_hz: int, baud: int) -> float:
-    """The UART's rate nearest to the requested one [baud]."""
+    """Serial rate of an AVR's UART that is nearest to the requested one [baud]."""
     return clock_hz / (UART_CLOCKS_PER_BIT * baud_divisor(clock_hz, baud))
 
 
 def baud_error(clock_hz: int, baud: int) -> float:
-    """Signed relative error of the UART's rate [-]."""
+    """Relative error of the serial rate that an AVR's UART can produce [-]; positive if it is too fast."""
     return made_baud(clock_hz, baud) / baud - 1.0
