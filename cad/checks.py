@@ -101,8 +101,7 @@ def first_hits_mm(mesh: Mesh, origins_mm: Floats, directions: Floats) -> Floats:
 
     Parameters
     ----------
-    mesh : closed surface of a part
-    origins_mm : (n, 3) start points in the frame of the mesh
+    origins_mm : (n, 3) start points
     directions : (n, 3) unit vectors
 
     Returns
@@ -202,7 +201,7 @@ def dish_agreement(design: SensorDesign, mesh: Mesh, *, rays: int = 1000, seed: 
     Parameters
     ----------
     mesh : the lid as in its file, with its back on the print bed
-    rays : number of vertical rays, from random points of the cavity's bounding rectangle
+    rays : number of vertical rays, from random points of the bounding rectangle
     """
     outline, size = outline_of(design), lid_size(design)
     assert size is not None, f"{design.name}: a flat top has no lid"
@@ -338,11 +337,11 @@ def _behind_wall_mm(outline: MoldOutline, points: Floats) -> Floats:
 State = Literal["ok", "warning", "error"]
 
 VOLUME_LIMIT = 1e-3
-"""Limit of the relative volume difference between file and formula; the chords of round faces need this tolerance."""
+"""Limit of the relative volume difference between file and formula, mainly from chords of round faces."""
 SOLID_LIMIT = 1e-6
 """Limit of the relative volume difference between solid and formula, which differ only by rounding."""
 WALL_LIMIT_MM = 1e-4
-"""Limit for flat walls. Rounding to single precision in a file is 3e-5 mm at sizes up to 400 mm."""
+"""Limit for flat walls; rounding to single precision is at most 3e-5 mm at sizes up to 400 mm."""
 OVERHANG_DEG = 45.0
 """Faces that overhang by more than this angle from the vertical need support."""
 THIN_LAYER_MM = 0.1
@@ -353,7 +352,7 @@ OVERHANG_LIMIT_MM2 = 0.5
 
 @dataclass(frozen=True, kw_only=True)
 class PartFile:
-    """A printed part: the content of its STL file, and its volume by the CAD kernel and by the formula [mm3]."""
+    """A printed part: its STL content, and its volume by the CAD kernel and by formula [mm3]."""
 
     name: str
     stl: bytes
@@ -369,8 +368,8 @@ class Finding:
     ----------
     name : name of the part and of the measured value
     value, limit, unit : the measured value and its limit
-    state : `ok`, `warning` (outside the limit, but the part can be made) or `error`
-    note : position of the worst value, or advice for the user; may be empty
+    state : `ok`, `warning` (the part can still be made) or `error`
+    note : position of the worst value, or advice; may be empty
     """
 
     name: str
@@ -390,7 +389,7 @@ class Checks:
     digest : hash of the design's content
     findings : findings in the order of the parts
     volumes_mm3 : for each part its volumes `stl`, `solid` and `formula`
-    prints : for each sliced part its print time `minutes` and filament mass `filament_g`; empty without slicing
+    prints : for each sliced part `minutes` and `filament_g`; empty without slicing
     """
 
     digest: str
@@ -404,7 +403,7 @@ class Checks:
         return all(finding.state != "error" for finding in self.findings)
 
     def as_dict(self) -> dict[str, Any]:
-        """The checks as plain dictionaries and lists, for a JSON file."""
+        """The checks as plain data for a JSON file."""
         return {
             "ok": self.is_ok,
             "digest": self.digest,

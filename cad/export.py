@@ -98,7 +98,7 @@ def export_parts(
 def part_files(
     design: SensorDesign, *, bed_mm: Bed | None = None, slice_parts: bool = False
 ) -> dict[str, bytes]:
-    """Content of every file by its name; the parameters are those of `export_parts`."""
+    """Content of every file by its name."""
     lift, mold = bed_lift_mm(design), build_mold(design)
     mold_mesh = mesh_of(mold, lift, chord_mm=_chord_mm(design))
     title = f"{design.name} mold {design.digest[:8]}"
@@ -123,7 +123,7 @@ def part_files(
 class _Part:
     """A solid to print and its volume by formula; `lift_mm` raises it onto the print bed.
 
-    If `mesh` is given, it is already on the bed and is written in place of the solid.
+    If `mesh` is given, it is already on the bed and is written instead.
     """
 
     name: str

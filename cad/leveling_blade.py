@@ -83,7 +83,7 @@ def _tongue_mm(design: SensorDesign) -> float:
 
 
 def leveling_blade(design: SensorDesign) -> cq.Workplane | None:
-    """CAD solid of the blade, flat on the print bed with its edge along x at y = 0; None if a design needs no blade."""
+    """CAD solid of the blade, flat on the print bed, edge along x at y = 0; None without a blade."""
     size = blade_size(design)
     if size is None:
         return None

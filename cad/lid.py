@@ -100,7 +100,7 @@ class Plug:
 
 @dataclass(frozen=True, kw_only=True)
 class Notch:
-    """A notch for a screwdriver in the underside of the flange, in the coordinates of the mold's wall below it."""
+    """A notch for a screwdriver in the flange's underside, in the coordinates of the mold's wall below."""
 
     frame: WallFrame
     cut: Cut
@@ -112,8 +112,7 @@ class LidSize:
 
     Attributes
     ----------
-    seat_mm : height z of the flange's underside, which is on the rim
-    back_mm : height z of the flange's back
+    seat_mm, back_mm : height z of the flange's underside, on the rim, and of its back
     plug : part of the lid in the cavity; None if the dish is completely in the flange
     has_dish : whether the lid has a concave face, in the flange or at the end of the plug
     pins : cylinders from the ends of the pins up to the seat
@@ -223,7 +222,7 @@ def pin_chamfer_mm(hole: Hole) -> float:
 
 
 def _notches(outline: MoldOutline, seat_mm: float, back_mm: float, web_mm: float) -> Iterator[Notch]:
-    """The two notches, opposite to each other and at least `web_mm` away from the holes of the pins."""
+    """Two opposite notches, at least `web_mm` away from the holes of the pins."""
     depth = min(NOTCH_DEPTH_MM, min(outline.wall_x_mm, outline.wall_y_mm) / 3)
     top = seat_mm + min(NOTCH_HEIGHT_MM, (back_mm - seat_mm) / 2)
     for frame in _notched_walls(outline, depth):
@@ -282,7 +281,7 @@ def _notch_half_mm(frame: WallFrame, outline: MoldOutline, depth_mm: float, web_
 
 
 def _to_pins_mm(frame: WallFrame, outline: MoldOutline, depth_mm: float) -> float:
-    """Distance from the middle of a notch at the outer face to the nearest pin's hole, less the notch's depth [mm]."""
+    """Distance from a notch's middle to the nearest pin's hole, less the notch's depth [mm]."""
     x, y = frame.point(frame.length_mm / 2, frame.thickness_mm)
     holes = outline.fixing_holes
     apart = min((math.hypot(hole.x - x, hole.y - y) - hole.radius for hole in holes), default=math.inf)
@@ -290,7 +289,7 @@ def _to_pins_mm(frame: WallFrame, outline: MoldOutline, depth_mm: float) -> floa
 
 
 def lid(design: SensorDesign) -> cq.Workplane | None:
-    """CAD solid of the lid in its position on the mold, in the cavity frame; None for a flat top."""
+    """The lid in position on the mold, in the cavity frame; None for a flat top."""
     outline, size = outline_of(design), lid_size(design)
     if size is None:
         return None
@@ -340,7 +339,7 @@ def crown_body(plan: Plan) -> cq.Solid:
 
 
 def _pin(hole: Hole) -> tuple[cq.Solid, cq.Solid]:
-    """A pin as two solids: the chamfered end and the cylinder."""
+    """Cylinder and chamfered end of a pin."""
     up, chamfer = cq.Vector(0, 0, 1), pin_chamfer_mm(hole)
     foot = cq.Vector(hole.x, hole.y, hole.z0)
     end = cq.Solid.makeCone(hole.radius - chamfer, hole.radius, chamfer, foot, up)

@@ -107,7 +107,7 @@ def read_stl(content: bytes) -> Mesh:
 
 
 def stl_bytes(mesh: Mesh) -> bytes:
-    """Content of a binary STL; equal meshes give equal bytes."""
+    """Binary STL; equal meshes give equal bytes."""
     rows = np.zeros(len(mesh.triangles), dtype=_STL_ROW)
     rows["corners"] = mesh.vertices[mesh.triangles]
     rows["normal"] = unit_normals(mesh)
@@ -159,7 +159,7 @@ Floats = FloatArray
 
 AZIMUTH_DEG, ELEVATION_DEG = 245.0, 42.0
 CUT_ELEVATION_DEG = 16.0
-"""Elevation of the viewer for cut parts [deg], lower than usual so that the cut faces are visible."""
+"""Elevation of the viewer for cut parts [deg], low so that the cut faces are visible."""
 OVERSAMPLING = 2
 MARGIN = 0.04
 CREASE_DEG = 25.0
@@ -182,7 +182,6 @@ def mold_picture(
     Parameters
     ----------
     part : a mesh, or the path of a binary STL
-    width_px, height_px : size of the picture
     elevation_deg : elevation of the viewer above the horizon
     """
     mesh = part if isinstance(part, Mesh) else read_stl(Path(part).read_bytes())
@@ -220,7 +219,7 @@ def northern_half(mesh: Mesh, y_mm: float) -> Mesh:
 
 
 def _turn(elevation_deg: float) -> Floats:
-    """Rotation matrix from the part's frame to the viewer's: right, up, towards the viewer."""
+    """Rotation to the viewer's frame: right, up, towards the viewer."""
     a, e = np.radians(AZIMUTH_DEG), np.radians(elevation_deg)
     towards = np.array([np.cos(e) * np.cos(a), np.cos(e) * np.sin(a), np.sin(e)])
     right = np.array([-np.sin(a), np.cos(a), 0.0])
@@ -286,7 +285,7 @@ def creases(mesh: Mesh) -> IntArray:
 
 
 def _draw_edges(image: Floats, depth: Floats, points: Floats, edges: IntArray) -> None:
-    """Draw edges as lines two pixels wide where no face in the depth buffer is in front of them."""
+    """Draw lines two pixels wide where they are not behind the faces drawn so far."""
     for a, b in points[edges]:
         steps = int(np.abs(b - a)[:2].max()) + 2
         line = a + np.linspace(0.0, 1.0, steps)[:, None] * (b - a)
@@ -297,7 +296,7 @@ def _draw_edges(image: Floats, depth: Floats, points: Floats, edges: IntArray) -
 
 
 def _reduced(image: Floats) -> NDArray[np.uint8]:
-    """Reduce the image to its final size by the mean over blocks of pixels, with colour weighted by opacity."""
+    """Mean over blocks of pixels, with colour weighted by opacity."""
     rows, columns = image.shape[0] // OVERSAMPLING, image.shape[1] // OVERSAMPLING
     blocks = image.reshape(rows, OVERSAMPLING, columns, OVERSAMPLING, 4).mean(axis=(1, 3))
     alpha = blocks[..., 3:]

@@ -30,7 +30,7 @@ THICKNESS_MM = 3.0
 TOOTH_MM = 2.0
 """Width of a tooth, narrow so that it draws up little silicone."""
 STEP_MM = 0.3
-"""Length by which the outer teeth differ from the middle one: about the accuracy of pouring, less for a low rim."""
+"""Difference of the outer teeth from the middle one: about the accuracy of pouring, less for a low rim."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -69,7 +69,7 @@ def gauge_size(design: SensorDesign) -> GaugeSize | None:
 
 
 def pour_gauge(design: SensorDesign) -> cq.Workplane | None:
-    """CAD solid of the gauge, flat on the print bed with its teeth towards low y; None if a design has no gauge."""
+    """CAD solid of the gauge, flat on the print bed, teeth towards low y; None without a gauge."""
     size = gauge_size(design)
     if size is None:
         return None

@@ -105,7 +105,7 @@ def minutes_of(duration: str) -> float:
 
 
 def _gcode(program: str, part: Path, fill: float, density: float, bed_mm: Bed) -> tuple[str, str]:
-    """Slice a part once, with infill share `fill`; return the end of its G-code, and the slicer's output."""
+    """Slice a part with infill share `fill`; return the end of its G-code, and the slicer's output."""
     target, settings = part.with_suffix(".gcode"), part.with_suffix(".ini")
     x, y, z = bed_mm
     usual = (files("cad") / "data" / "slicer.ini").read_text(encoding="utf-8")

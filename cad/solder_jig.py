@@ -148,6 +148,6 @@ def _groove_spans(part: Part, wire_mm: float, web_mm: float) -> list[tuple[float
 
 
 def _filled(box: Box, top: float, edge: float) -> cq.Solid:
-    """Cutting solid of a recess or groove, extended up past the plate, and past the edge at high y if it ends there."""
+    """A cut's solid, extended up past the plate, and past the edge at high y if it ends there."""
     y1 = box.y1 + (BEYOND_MM if box.y1 >= edge else 0.0)
     return cq.Solid.makeBox(box.x1 - box.x0, y1 - box.y0, top - box.z0, cq.Vector(box.x0, box.y0, box.z0))

@@ -46,12 +46,12 @@ class CsvTable:
     error: type[OptopadError] = InputError
 
     def column(self, name: str) -> list[str]:
-        """The cells of a column from top to bottom; ValueError if there is no such column."""
+        """The cells of a column, from top to bottom."""
         at = self.heading.index(name)
         return [row[at] for row in self.rows]
 
     def records(self) -> list[dict[str, str]]:
-        """The cells of each row as a dictionary with the column names as keys."""
+        """The cells of each row as a dictionary by column name."""
         return [dict(zip(self.heading, row, strict=True)) for row in self.rows]
 
     def where(self, row: int) -> str:
@@ -73,7 +73,7 @@ class CsvTable:
         Parameters
         ----------
         parse : converts the text of a cell, or raises ValueError
-        needed : description of permitted values, for the error message
+        needed : description of permitted values, for messages
 
         Raises
         ------
@@ -107,7 +107,7 @@ def read_csv(
 
     Parameters
     ----------
-    needed : required content of the table, for error messages
+    needed : required content of the table, for messages
     fewest_rows : least number of rows below the heading
     lower : whether column names are converted to lower case
     most_bytes : size above which the file is refused without reading it

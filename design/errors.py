@@ -18,10 +18,10 @@ _MORE = "  ... and {} more lines"
 
 
 def readable(message: str) -> str:
-    """A message in printable form: control characters except line feeds are replaced, and long texts are shortened.
+    """A message in printable form: without control characters, and shortened if it is too long.
 
-    Messages quote files and arguments, which may contain any characters. A long line keeps its start and its end,
-    because they name the field and the remedy. Lines beyond the limit are replaced by their number.
+    Messages quote files and arguments, which may contain any characters. Long lines keep their start and end, which
+    name the field and the remedy.
     """
     lines = [_cut(_printable(_cut(line))) for line in message.split("\n")]
     if len("\n".join(lines).encode()) <= LONGEST_MESSAGE_BYTES:

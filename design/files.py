@@ -45,7 +45,7 @@ def name_fault(name: str) -> str | None:
 
 
 def require_file_name(file: Path, option: str = "") -> None:
-    """Raise an error for a file name that is not valid on every operating system.
+    """Refuse a file name that is not valid on every operating system.
 
     Parameters
     ----------
@@ -60,7 +60,7 @@ def require_file_name(file: Path, option: str = "") -> None:
 
 
 def require_suffix(file: Path, suffixes: tuple[str, ...], option: str = "") -> None:
-    """Raise an error for a file name whose suffix does not match the written content.
+    """Refuse a file name whose suffix does not match the written content.
 
     Parameters
     ----------
@@ -78,7 +78,7 @@ def require_suffix(file: Path, suffixes: tuple[str, ...], option: str = "") -> N
 
 
 def has_file_suffix(path: Path) -> bool:
-    """Whether a path ends in the suffix of a file format, so that it is not a folder's name."""
+    """Whether a name has the suffix of a file, not a folder."""
     return _FILE_SUFFIX.fullmatch(path.suffix) is not None
 
 
@@ -97,8 +97,6 @@ def require_folder_name(folder: Path, option: str = "") -> None:
 @contextmanager
 def whole_file(file: Path, way_out: str = "choose another folder") -> Iterator[Path]:
     """Context manager of a new file to write: it replaces `file` if the block succeeds, and is removed otherwise.
-
-    The context value is the path of an empty temporary file in the same folder.
 
     Parameters
     ----------
@@ -142,7 +140,7 @@ def made_folder(folder: Path, way_out: str = "choose another folder") -> Path:
 
     Parameters
     ----------
-    way_out : remedy at the end of the error message
+    way_out : remedy at the end of the message
     """
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -156,7 +154,7 @@ def own_folder(folder: Path, way_out: str = "choose another folder") -> Path:
 
     Parameters
     ----------
-    way_out : remedy at the end of the error message
+    way_out : remedy at the end of the message
     """
     if folder.is_symlink():
         raise OutputError(
@@ -224,7 +222,7 @@ def _reason(existing: Path, err: OSError | ValueError) -> str:
 
 
 BYTES_FOR_KIND = 16_384
-"""Number of bytes read from a file's start to detect its kind; an Excel workbook names its sheets within them."""
+"""Bytes read from a file's start to detect its kind; an Excel workbook names its sheets within them."""
 
 _UTF16 = "text in UTF-16"
 _STARTS = (
@@ -299,7 +297,7 @@ def read_bytes(file: Path, *, needed: str, most_bytes: int, error: type[OptopadE
 
     Parameters
     ----------
-    needed : required kind of file and how to make it, for the error message
+    needed : required kind of file and how to make it, for messages
     most_bytes : size above which the file is refused without reading it
     error : class of the error that is raised
 

@@ -320,7 +320,7 @@ def load_protocol_file(where: str | Path) -> PressProtocol:
 
     Raises
     ------
-    DesignError : the protocol does not exist or has invalid fields; the message lists each with its limit and a remedy.
+    DesignError : the protocol does not exist or has invalid fields; the message lists them with a remedy.
     """
     file = packaged_or_own(where, "design.protocols", PROTOCOLS, kind="protocol", listed_as="packaged")
     return protocol_from(read_toml(file), where=str(file))
@@ -331,7 +331,7 @@ def protocol_from(document: dict[str, Any], *, where: str) -> PressProtocol:
 
     Raises
     ------
-    DesignError : fields are invalid; the message lists each with its limit and a remedy.
+    DesignError : invalid fields; the message lists each with its limit and a remedy.
     """
     try:
         return PressProtocol.model_validate_json(json.dumps(document, default=str), strict=True)

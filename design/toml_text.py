@@ -133,7 +133,7 @@ def parsed_toml(text: str) -> dict[str, Any]:
 
 
 def require_plain(document: Any) -> None:
-    """Raise an error for values that are not permitted in any file of optopad.
+    """Refuse values that are not permitted in any file of optopad.
 
     Raises
     ------

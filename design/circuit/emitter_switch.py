@@ -41,12 +41,11 @@ class EmitterSwitch:
 
     Attributes
     ----------
-    series_ohm : standard value of the resistor in series with the emitter; None if the supply voltage is too low to
-        light the emitter
-    base_ohm : standard value of the resistor before the transistor's base
-    forward_v : forward voltage that the calculation uses, the lower end of its band if there is one
-    current_ma : largest current through the emitter, at this forward voltage
-    usual_current_ma : current through the emitter at its typical forward voltage, from which the emitted light follows
+    series_ohm : resistor in series with the emitter; None if the supply voltage is too low to light it
+    base_ohm : resistor before the transistor's base
+    forward_v : forward voltage of the calculation, the lower end of its band if there is one
+    current_ma : largest current, at this forward voltage
+    usual_current_ma : current at the typical forward voltage, which determines the emitted light
     base_current_ma : current from the pin into the transistor's base
     series_mw : power dissipated in the series resistor while the emitter is lit
     """

@@ -35,7 +35,7 @@ from design.spec.properties import entries_of
 
 Name = TypeVar("Name", int, str)
 SHIFT_PINS = 3
-"""Number of board pins that a chain of shift registers needs: data, clock and latch."""
+"""Pins of a chain of shift registers: data, clock and latch."""
 
 
 def board_of(design: SensorDesign) -> Board:
@@ -224,10 +224,7 @@ def _emitter_findings(design: SensorDesign, board: Board, emitter_count: int) ->
 
 
 def _registers_needed(design: SensorDesign, board: Board, emitter_count: int) -> str | None:
-    """Remedy for too few pins: a packaged shift register that works on the board, with the number that is needed.
-
-    None if no packaged shift register works on the board.
-    """
+    """Remedy for too few pins: a packaged shift register that works on the board; None if there is none."""
     for name, one in entries_of(design).shift_registers.items():
         if one.works_on(board):
             number = (
@@ -256,10 +253,7 @@ def input_count(design: SensorDesign, receiver_count: int) -> int:
 def _multiplexers_needed(
     design: SensorDesign, board: Board, emitter_count: int, receiver_count: int
 ) -> str | None:
-    """Remedy for too few analogue inputs: the multiplexer that needs the fewest inputs; None if none can be used.
-
-    The board must have enough pins for its address.
-    """
+    """Remedy for too few analogue inputs: the packaged multiplexer that needs the fewest; None if none fits."""
     if design.board.receivers is not None:
         return None
     spare = len(board.digital_pins) - _switch_count(design, emitter_count)
@@ -414,7 +408,7 @@ LINE_BITS_PER_BYTE = 10
 """Bits on the serial line for each byte: start bit, 8 data bits, stop bit."""
 
 UART_CLOCKS_PER_BIT = 8
-"""Smallest number of clock cycles per bit of an AVR's UART at double speed (U2X); others are multiples of it."""
+"""Least clock cycles per bit of an AVR's UART at double speed (U2X); others are multiples."""
 
 UART_MAX_DIVISOR = 4096
 """Largest divisor of an AVR's UART, whose register has 12 bits."""
@@ -523,5 +517,5 @@ def made_baud(clock_hz: int, baud: int) -> float:
 
 
 def baud_error(clock_hz: int, baud: int) -> float:
-    """Relative error of the serial rate that an AVR's UART can produce [-]; positive if it is too fast."""
+    """Relative error of an AVR's serial rate [-]; positive if it is too fast."""
     return made_baud(clock_hz, baud) / baud - 1.0

@@ -27,7 +27,7 @@ from design.files import name_fault
 
 @cache
 def known_paths(model: type[BaseModel], prefix: str = "") -> tuple[str, ...]:
-    """Dotted paths of all fields of a model and of the models nested in it, each starting with `prefix`."""
+    """Dotted paths of all fields of a model and of the models nested in it."""
     found: list[str] = []
     for name, field in model.model_fields.items():
         path = f"{prefix}{name}"
@@ -62,7 +62,7 @@ def is_value(document: Any, path: str) -> bool:
 
 
 def set_at(document: dict[str, Any], path: str, value: Any, *, known: tuple[str, ...]) -> None:
-    """Set the value at a dotted path of a document, in place; list items are addressed by index (``layout.0.count``).
+    """Set the value at a dotted path in place, such as ``layout.0.count``.
 
     Raises
     ------
@@ -84,7 +84,7 @@ def set_at(document: dict[str, Any], path: str, value: Any, *, known: tuple[str,
 
 
 def leaves(document: Any, path: str = "") -> Iterator[tuple[str, Any]]:
-    """Dotted path and value of every value in nested dicts and lists; `path` is the prefix of all paths."""
+    """Dotted path and value of every value in nested dicts and lists."""
     if isinstance(document, dict | list):
         items = document.items() if isinstance(document, dict) else enumerate(document)
         for key, value in items:
@@ -115,7 +115,7 @@ def _step_into(target: dict[str, Any], key: str, path: str, known: tuple[str, ..
 
 
 def _free_keys(path: str) -> bool:
-    """Whether the last key of a path is not fixed by the schema: in a measurement of a part, or in a layout pattern."""
+    """Whether a path's last key may be new: in the measurements of a part, or in a layout pattern."""
     return path.startswith(("part_measurements.", "layout.")) and path.count(".") == 2
 
 
@@ -145,10 +145,7 @@ class Model(BaseModel):
     )
 
     unsaid: ClassVar[tuple[str, ...]] = ()
-    """Names of fields that are left out of a dump if they have their default value.
-
-    Designs that were made before a field existed then keep their digest.
-    """
+    """Fields that a dump leaves out at their default, so that designs older than the field keep their digest."""
 
     @model_serializer(mode="wrap")
     def _as_said(self, plain: SerializerFunctionWrapHandler) -> dict[str, Any]:

@@ -33,8 +33,8 @@ def packaged_or_own(
     ----------
     package : Python package that has the packaged files
     names : names of the packaged files
-    kind : kind of file, for the error message
-    listed_as : term for the packaged files, for the error message
+    kind : kind of file, for messages
+    listed_as : term for the packaged files, for messages
 
     Raises
     ------

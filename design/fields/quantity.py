@@ -85,7 +85,7 @@ class Cost(Model):
 
 
 def check_band(value: float, low: float | None, high: float | None) -> None:
-    """Raise an error if a band does not contain its value; None for `low` or `high` means no limit.
+    """Refuse a band that does not contain its value; None for `low` or `high` means no limit.
 
     Raises
     ------

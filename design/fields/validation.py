@@ -92,7 +92,7 @@ def field_path(detail: ErrorDetails) -> str:
 def _of_the_branch_meant(details: list[ErrorDetails]) -> list[ErrorDetails]:
     """Remove findings about the other type where a field accepts a single value or a list.
 
-    For such a field pydantic reports both alternatives. The findings about the type that the user gave are kept.
+    Pydantic reports both alternatives; those about the user's type are kept.
     """
     takes_a_list = {detail["loc"][:at] for detail in details if (at := _list_branch(detail)) is not None}
     takes_a_value = {detail["loc"][:-1] for detail in details if _list_branch(detail) is None}
@@ -164,7 +164,7 @@ def _near(field: str, known: tuple[str, ...]) -> str:
 
 
 def _near_identifier(detail: ErrorDetails, identifiers: tuple[str, ...]) -> str:
-    """Suggestion of the catalogue identifier that is most similar to an invalid one; empty if there is none."""
+    """The catalogue identifier most similar to an invalid one, as a suggestion; may be empty."""
     if detail["ctx"]["pattern"] != IDENTIFIER_PATTERN:
         return ""
     near = nearest(re.sub(r"[^a-z0-9]+", "-", str(detail["input"]).lower()).strip("-"), identifiers)

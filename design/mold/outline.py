@@ -32,7 +32,7 @@ from design.spec import Mold, SensorDesign
 LIP_MAX_MM = 1.5
 """Widest pour lip: enough to guide the silicone and to show the fill line."""
 LIP_SHARE_OF_WALL = 0.25
-"""Greatest width of the lip as a share of the wall; the leveling blade rests on the other, flat part of the rim."""
+"""Greatest width of the lip as a share of the wall; the blade rests on the rest of the rim."""
 CORNER_RADIUS_MM = 1.0
 """Radius of the mold's outer vertical edges, comfortable to hold."""
 ORIGIN_CUT_MM = 2.0
@@ -48,18 +48,16 @@ class MoldOutline:
     Attributes
     ----------
     plan : outline of the cavity, and the pad's top
-    wall_x_mm : thickness of the walls at low and high x; of a round wall the least thickness there
-    wall_y_mm : thickness of the walls at low and high y; of a round wall the least thickness there
-    bottom_mm : height z of the underside
-    cavity_bottom_mm : height z of the cavity's floor
+    wall_x_mm : (least) thickness of the walls at low and high x
+    wall_y_mm : (least) thickness of the walls at low and high y
+    bottom_mm, cavity_bottom_mm, top_mm : height z of the underside, the cavity's floor and the rim
     fill_mm : height z of the highest point of the undisturbed top's edge
-    top_mm : height z of the rim
     filling : holes through the floor for filling a crowned pad, the sprue first; empty for a flat top
     lip_mm : leg of the 45-degree pour lip, which is above the fill level; 0 for none
     corner_radius_mm : radius of the outer vertical edges
-    origin_cut_mm : size of the cut of the outer edge at the cavity's origin
+    origin_cut_mm : cut of the outer edge at the origin
     ledge_mm : width of the seat for a glass cover at the fill level, in place of the lip; 0 for none
-    fixing_holes : vertical holes through the mold for screws or pins
+    fixing_holes : vertical holes for screws or pins
     sockets : cuts for the optical parts
     collars : walls above the rim around taller bodies of parts
     numbers : names of the parts, engraved in the outer faces
@@ -96,7 +94,7 @@ class MoldOutline:
 
     @property
     def outer(self) -> Outline:
-        """Outline of the outer faces seen from above, without rounded edges and without the cut at the origin."""
+        """Outline of the outer faces seen from above, without rounded edges and cut."""
         return _outer(self.plan, self.wall_x_mm, self.wall_y_mm)
 
     @property
@@ -246,7 +244,7 @@ def _fixing_holes(
 def _between_parts_mm(cavity: CavityGeometry, within: Outline) -> list[Point]:
     """Up to four points on an outline for fixing holes, in directions halfway between neighbouring optical parts.
 
-    For each diagonal of the bounding box the nearest such direction is used.
+    They are nearest to the diagonals of the bounding box.
     """
     (x, y), (x0, y0, x1, y1) = within.centre_mm, within.box_mm
     at = sorted({_direction_deg(part.position_mm[0] - x, part.position_mm[1] - y) for part in cavity.parts})

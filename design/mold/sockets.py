@@ -53,7 +53,7 @@ from design.spec.fits import clearance_mm, fit
 from design.spec.pad import WALLS
 
 NECK_MM = 1.5
-"""Length of the neck at the end of a wire slot, if slot and neck together are at least twice as long."""
+"""Length of the neck of a wire slot, if the slot is at least twice as long."""
 CHANNEL_DEPTH_MM = 1.5
 """Depth of the channel for leads where the floor is thick enough: it holds a bent lead with its sleeve."""
 CHANNEL_MARGIN_MM = 0.1
@@ -222,7 +222,7 @@ class Socket:
         return (self.pocket, *self.slots, *self.necks)
 
     def without_channel(self) -> Socket:
-        """The socket without its lead channel, and with lead holes down to the underside of the mold."""
+        """The socket without its lead channel, with lead holes down to the underside."""
         if self.channel is None:
             return self
         holes = tuple(replace(hole, z0=self.channel.floor) for hole in self.holes)
@@ -335,7 +335,7 @@ def _wire_ways(
 def _wire_spans(part: Part, mold: Mold, half_pocket_mm: float) -> list[tuple[float, float]]:
     """Ranges along the wall where wires leave, relative to the middle of the pocket [mm].
 
-    There is one range per wire if a printable web remains between them, else one range for all.
+    One range per wire if printable webs remain between them, else one for all.
     """
     width = 2 * _lead_radius_mm(part, mold)
     offsets = lead_offsets_mm(part)
@@ -347,7 +347,7 @@ def _wire_spans(part: Part, mold: Mold, half_pocket_mm: float) -> list[tuple[flo
 OWN_COLLAR_WEBS = 3
 """Distance between neighbouring pockets, in webs, from which each has its own collar.
 
-A web is the least printable wall thickness. At this distance one web of air remains between the collars.
+A web is the least printable wall thickness.
 """
 
 
@@ -380,7 +380,7 @@ class Collar:
 def raised(
     sockets: tuple[Socket, ...], rim_mm: float, start_mm: float, fixing_holes: tuple[Hole, ...], mold: Mold
 ) -> tuple[tuple[Collar, ...], tuple[Socket, ...]]:
-    """The collars that a mold needs for tall bodies, and the mold's sockets with their cuts extended up through them.
+    """The collars for tall bodies, and the mold's sockets with their cuts extended up through them.
 
     Parameters
     ----------

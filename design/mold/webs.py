@@ -266,7 +266,7 @@ def _apart_mm(one: Hole, other: Hole) -> float:
 
 
 def _to_outside_mm(hole: Hole, outline: MoldOutline) -> float:
-    """Distance from a fixing hole to the nearest outer face [mm], including rounded edges and the cut at the origin."""
+    """Distance from a fixing hole to the nearest outer face, including rounded edges and cut [mm]."""
     inset, radius = float(outline.outer.gap_mm(hole.x, hole.y)), outline.corner_radius_mm
     rounding = radius - math.sqrt(2) * (radius - inset) if inset < radius else inset
     cut = (2 * inset - outline.origin_cut_mm) / math.sqrt(2)

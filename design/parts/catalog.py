@@ -480,7 +480,7 @@ class Multiplexer(Chip):
 class ShiftRegister(Chip):
     """A chip with several outputs, each of which switches the transistor of one emitter.
 
-    Several can be connected in a chain. The board sets all outputs through three pins: data, clock and latch.
+    Several form a chain, which the board sets through three pins: data, clock and latch.
     """
 
     outputs: Annotated[int, Field(ge=2, le=64, description="outputs of one of them")]
@@ -525,11 +525,11 @@ def parse_entries(mapping: Mapping[str, Any], where: str) -> CatalogEntries:
     ----------
     mapping : tables `parts`, `elastomers`, `mold_materials`, `boards`, `multiplexers`, `shift_registers`, each
         {identifier: fields}
-    where : name of the file, for error messages
+    where : name of the file, for messages
 
     Raises
     ------
-    DesignError : fields are invalid; the message lists each with its value and limit.
+    DesignError : invalid fields; the message lists each with its limit.
     """
     try:
         return CatalogEntries.model_validate_json(json.dumps(mapping, default=str), strict=True)

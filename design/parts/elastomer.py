@@ -63,7 +63,7 @@ class IndexTable(Model):
 class IndexFormula(Model):
     """Formula of the refractive index from another source, n^2 = 1 + b wavelength^2 / (wavelength^2 - c_um2).
 
-    It only widens the band of uncertainty around the tables.
+    It only widens the band.
     """
 
     b: Annotated[float, Field(gt=0.0, le=10.0)]
@@ -179,8 +179,8 @@ def refractive_index(elastomer: Elastomer, mixing_ratio: float, wavelength_um: f
     -------
     The index [-]. A formula of another source widens the band by its difference from the table; outside its wavelength
     range the difference at the nearest end is used. A mixing ratio beyond the tables that the material permits has the
-    index of the nearest table, with a band over all tables. This is done because the tables show no trend with the
-    ratio, only scatter between samples.
+    index of the nearest table, with a band over all tables. The tables show no trend with the ratio, only scatter
+    between samples.
 
     Raises
     ------

@@ -106,7 +106,7 @@ def _folded(
 ) -> tuple[FloatArray, FloatArray]:
     """Angles of 0 to 90 degrees, and the mean of the values on both sides of the axis.
 
-    A description of each change is appended to `changes`.
+    Changes are appended to `changes` in words.
     """
     farthest = np.abs(angles).max()
     if farthest > 90.0 + FARTHEST_BEYOND_DEG:
@@ -136,7 +136,7 @@ def _folded(
 def _sorted(where: FloatArray, values: FloatArray, changes: list[str]) -> tuple[FloatArray, FloatArray]:
     """Points in rising order, with the mean of points at the same angle or wavelength.
 
-    A description of each change is appended to `changes`.
+    Changes are appended to `changes` in words.
     """
     found, place, counts = np.unique(where, return_inverse=True, return_counts=True)
     if (np.diff(where) < 0.0).any():

@@ -40,9 +40,9 @@ PORTABLE_ADC_BITS = range(8, 17)
 """Numbers of bits per reading that the portable firmware can pack; it is for boards other than AVR chips."""
 
 TICK_HZ = 8_000_000
-"""Frequency of which the processor's clock must be a multiple for the firmware on AVR chips.
+"""Frequency of which an AVR's clock must be a multiple.
 
-The firmware's timer counts at an eighth of this clock, which must be a whole number of counts per microsecond.
+The firmware's timer, at an eighth of the clock, then has whole counts per microsecond.
 """
 
 HELLO_BYTES = 56

@@ -72,7 +72,7 @@ def notes(design: SensorDesign) -> tuple[Finding, ...]:
 
 
 def require_valid(design: SensorDesign) -> None:
-    """Raise an error for a design that has errors; warnings are allowed.
+    """Refuse a design that has errors; warnings are allowed.
 
     Raises
     ------

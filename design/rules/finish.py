@@ -14,10 +14,9 @@ from design.spec import SensorDesign
 from design.spec.properties import entries_of, wall_index
 
 SHORT_TABLE_DEG = 80.0
-"""Angle at which an angular table should end or exceed [deg].
+"""Least last angle of an angular table without a warning [deg].
 
-Beyond the last angle values are assumed. For a Lambertian source a table up to 80 degrees leaves 3 % of its power to
-this assumption.
+Beyond it, 3 % of a Lambertian source's power would depend on assumed values.
 """
 
 

@@ -117,10 +117,7 @@ def path_findings(cavity: CavityGeometry) -> Iterator[Finding]:
 
 
 def workspace_findings(design: SensorDesign, cavity: CavityGeometry) -> Iterator[Finding]:
-    """Findings about a workspace that is empty, too near to the walls, or away from the judged pairs.
-
-    The workspace is the area of permitted press locations.
-    """
+    """Findings about a workspace that is empty, too near to the walls, or away from the judged pairs."""
     space, radius = cavity.workspace, design.indenter.tip_radius_mm
     side = min(space.x1_mm - space.x0_mm, space.y1_mm - space.y0_mm)
     margin = design.operating.workspace_margin_mm
@@ -302,10 +299,7 @@ def _area_of(part: PlacedPart, *, is_crowned: bool) -> Iterator[Finding]:
 
 
 def _off_chord_findings(cavity: CavityGeometry) -> Iterator[Finding]:
-    """Warning about facing pairs whose press is not on the straight line between emitter and receiver.
-
-    Presses are limited to the workspace, which may not include the middle of this line.
-    """
+    """Warning about facing pairs whose press is not on the straight line between emitter and receiver."""
     beside = []
     for e, r in facing_pairs(cavity):
         x, y = _chord_middle_mm(cavity.emitters[e], cavity.receivers[r])
@@ -325,10 +319,7 @@ def _off_chord_findings(cavity: CavityGeometry) -> Iterator[Finding]:
 
 
 def _middle_findings(cavity: CavityGeometry) -> Iterator[Finding]:
-    """Warning about a pad where no line from an emitter to a receiver passes near the middle.
-
-    An example is an alternating ring of an even number of pairs, in which emitters face emitters.
-    """
+    """Warning about a pad where no line from an emitter to a receiver passes near the middle."""
     pairs = [(int(e), int(r)) for e, r in np.argwhere(direct_path_pairs(cavity))]
     if not pairs or is_facing_rows(cavity):
         return

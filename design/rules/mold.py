@@ -143,7 +143,7 @@ def web_findings(design: SensorDesign) -> Iterator[Finding]:
 def _groups(found: list[Clearance]) -> list[list[Clearance]]:
     """Groups of distances that the same change of the design would correct.
 
-    They have the same remedy and the same field. Distances that depend on the layout have the same remedy and wall.
+    They have the same remedy, and the same field or, for fields of the layout, the same wall.
     """
     groups: dict[tuple[str, str | None], list[Clearance]] = {}
     for one in found:

@@ -36,7 +36,7 @@ LIBRARY_LAYER_RANGE = (1.3, 6.0)
 CROWNED_LAYER_RANGE = (DEEPEST_PRESS / LARGEST_SHARE_OF_LAYER, 6.0)
 """Elastic depths (clear and black layer together) that the contact model covers under a crown [tip radii].
 
-They apply to every press location.
+They apply to every location.
 """
 LAYER_DEPTH_RANGE = (1.0, 10.0)
 """Elastic depths (clear and black layer together) that the contact model covers [tip radii]."""

@@ -50,7 +50,7 @@ CONNECT_TIMEOUT_S = 10
 LOCK_TIMEOUT_S = 120
 CREATE_ATTEMPTS = 8
 GRACE_BEATS = 3
-"""Number of heartbeats that a worker may miss before its unfinished designs are given to other workers."""
+"""Number of heartbeats that a worker may miss before other workers get its unfinished designs."""
 MAX_GRID = 100_000
 POPULATION = 32
 """Designs per generation of the sampler NSGA-II.
@@ -135,7 +135,7 @@ def shown_url(url: str) -> str:
 def _storage_with_tables(url: str, heartbeat_s: int | None) -> RDBStorage:
     """Open the storage of a study in a database, with several attempts.
 
-    If workers create the tables at the same time, all but one fail, and find the tables at the next attempt.
+    If workers create tables at the same time, all but one fail at first.
     """
     for _ in range(CREATE_ATTEMPTS - 1):
         try:
@@ -195,7 +195,7 @@ def _distribution(space: SearchSpace, field: SpaceField) -> BaseDistribution:
 
 
 def require_sampler(space: SearchSpace) -> None:
-    """Raise an error for a sampler whose library is missing, or for a grid with too many points.
+    """Refuse a sampler whose library is missing, or for a grid with too many points.
 
     Raises
     ------
@@ -214,7 +214,7 @@ def require_sampler(space: SearchSpace) -> None:
 
 
 def grid_size(space: SearchSpace) -> int:
-    """Number of points in the complete grid of a search space."""
+    """Number of points of the complete grid."""
     return math.prod(len(space.values_of(field) or ()) for field in space.fields)
 
 
@@ -365,7 +365,7 @@ OnTried = Callable[[Findings, Tried | None], None]
 Refine = Callable[[Findings, int], Sequence[dict[str, Value]]]
 """Function that returns more points to judge when the sampler's designs are judged.
 
-It receives the results so far and the number of the round, and is called until it returns no points.
+It receives the results and the number of the round, and is called until it returns none.
 """
 
 
@@ -395,7 +395,7 @@ def explore(
     ----------
     objective : function that judges one design
     url : address of the study's database
-    trials : total number of designs, including those of earlier runs; None for the number in the search space
+    trials : total number of designs, with those of earlier runs; None for the number in the space
     is_shared : whether other processes may work on the study at the same time
     fan_out : function that judges a batch of designs, for example in several processes
     on_tried : callback at the start and after every design
@@ -497,10 +497,7 @@ class _Run:
         return _judged_from(known)
 
     def _next_size(self) -> int:
-        """Number of designs in the next batch; 0 if none remain.
-
-        In a shared study the function first waits for designs that other workers are still judging.
-        """
+        """Number of designs in the next batch; 0 if none remain and other workers have finished theirs."""
         waited, seen = 0.0, -1
         while True:
             finished = len(trials_in(self.study, *FINISHED))

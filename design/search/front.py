@@ -14,7 +14,7 @@ from design.search.space import SearchSpace
 def not_dominated(losses: FloatArray) -> BoolArray:
     """Whether each row is not dominated, (n,).
 
-    A row is dominated if another row is at most as large in every column and smaller in at least one.
+    Another row dominates if it is at most as large in every column and smaller in one.
 
     Parameters
     ----------

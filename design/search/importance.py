@@ -20,7 +20,7 @@ LEAST_DESIGNS = 20
 
 
 def importances(space: SearchSpace, url: str) -> dict[str, dict[str, float]]:
-    """Importance of each field for each objective, as {objective: {path: share}}; the shares of an objective sum to 1.
+    """Importance of each field as {objective: {path: share}}; the shares of an objective sum to 1.
 
     Empty if fewer than `LEAST_DESIGNS` designs were judged completely.
     """

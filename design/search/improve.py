@@ -8,8 +8,7 @@ depth down to which there is no deadband. The margin is the signal change betwee
 (sigma) where it is smallest; below 3 sigma there is a deadband. Designs are compared by these criteria, in this order:
 no deadband, usable depth, margin, accuracy, few changes.
 
-The module also defines the limits of a search and the result of its objective, which are the interface between search
-and physics. The search space is an ordinary one (`design.search.space`).
+The module also defines the limits of a search and the result of its objective.
 """
 
 from __future__ import annotations
@@ -91,7 +90,7 @@ class Judged:
     def violations(self, limits: Sequence[Limit]) -> dict[str, float]:
         """Violation of every limit whose figure is known, by the limit's text.
 
-        An entry `usable` with the value `UNUSABLE` is added if the judgement stopped early for another reason.
+        The entry `usable` is added if the judgement stopped early for another reason.
         """
         found = {str(limit): value for limit in limits if (value := limit.violation(self)) is not None}
         if self.reason and all(value <= 0.0 for value in found.values()):
@@ -106,7 +105,7 @@ class Tried:
     Attributes
     ----------
     number : number of the design in the study
-    parameters : value of each field by dotted path; choices are represented by their labels
+    parameters : value of each field by dotted path; choices as labels
     digest : digest of the design; empty if its values are not compatible
     judged : result of the objective
     is_feasible : whether the design was judged completely and satisfies all limits
@@ -217,9 +216,7 @@ def improvement_space(
     vary : range (low, high) of additional fields to vary, by dotted path; None for the default range
     keep : dotted paths of fields that must not change
     more_parts : whether layouts may have more parts per side
-    trials : number of designs to judge
-    seed : seed of the sampler
-    figures : names of the objectives, the most important first
+    figures : objectives, the most important first
 
     Raises
     ------
@@ -383,12 +380,11 @@ def is_sound(judged: Judged, safe: float = SAFE_MARGIN) -> bool:
 def betters(base: Judged, judged: Judged, accuracy: str, safe: float = SAFE_MARGIN) -> bool:
     """Whether a design is enough of an improvement on the base design to be recommended.
 
-    If the base design has a deadband, it is sufficient that the other may have none. Otherwise the usable depth must
-    increase, or accuracy or margin must improve at about the same usable depth.
+    If the base design has a deadband, the other must not have one. Otherwise its usable depth must be larger, or its
+    accuracy or margin better at about the same depth.
 
     Parameters
     ----------
-    accuracy : figure that measures accuracy
     safe : margin from which the base design counts as free of deadbands [sigma]
     """
     if not is_sound(base, safe):

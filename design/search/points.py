@@ -52,8 +52,7 @@ def first_points(
     ----------
     sides : direction of change by dotted path, 1 to increase and -1 to decrease, the most promising field first; other
         part heights and the layer thickness change in both directions
-    short_mm : height by which emitters and receivers are too low, which sets the size of the changes [mm]; None if none
-        is missing
+    short_mm : height by which emitters and receivers are too low, which sets the size of changes [mm]; None for none
     """
     base = start_of(space)
     order = [*sides, *(path for path in (*HEIGHTS, CLEAR) if path not in sides)]
@@ -118,7 +117,7 @@ def _at(space: SearchSpace, field: SpaceField, share: float, highest: float) -> 
 
 
 def _moved(space: SearchSpace, field: SpaceField, base: dict[str, Value], by: float) -> Value:
-    """The permitted value of a field nearest to its value in `base` plus `by`, but different from it if possible."""
+    """The permitted value of a field nearest to its value in `base` plus `by`, at least a step away."""
     start = float(base[field.path])
     assert field.low is not None
     assert field.high is not None

@@ -70,7 +70,7 @@ _FIXED = frozenset({"schema_version", "name", "description", "measured", "catalo
 
 
 class SpaceField(Model):
-    """A field that varies, over a range or a list of choices."""
+    """One field that varies: a range, or choices."""
 
     path: Annotated[str, Field(min_length=1, description="dotted path of a field of the design")]
     low: Annotated[float | None, Field(description="smallest value")] = None
@@ -308,7 +308,7 @@ def load_space(path: str | Path) -> SearchSpace:
 
     Raises
     ------
-    DesignError : the file is missing or has invalid fields; the message lists each with its value, limit and a remedy.
+    DesignError : the file is missing or has invalid fields; the message lists them with a remedy.
     """
     file = packaged_or_own(
         path, "design.search.spaces", SPACES, kind="search space", listed_as="packaged spaces"
@@ -327,11 +327,11 @@ def space_from(document: dict[str, Any], *, where: str) -> SearchSpace:
 
     Parameters
     ----------
-    where : origin of the data, for error messages
+    where : origin of the data, for messages
 
     Raises
     ------
-    DesignError : fields are invalid; the message lists each with its value, limit and a remedy.
+    DesignError : invalid fields; the message lists each with its limit and a remedy.
     """
     try:
         return SearchSpace.model_validate_json(json.dumps(document, default=str))

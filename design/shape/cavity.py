@@ -203,8 +203,7 @@ def outline_mm(plan: Plan) -> FloatArray:
 def edge_mm(plan: Plan) -> FloatArray:
     """Edge of the untouched top as a polygon (n, 3), counter-clockwise: x, y, z in the cavity frame [mm].
 
-    Straight walls have more points under a crown, where their edge is curved. Heights are NaN where the crown's radius
-    is too small for the pad.
+    Heights are NaN where the crown's radius is too small for the pad.
     """
     corners = plan.outline.points(TURN_RAD, 1 if plan.top.is_flat else PIECES)
     return np.column_stack([corners, plan.top.height_mm(*corners.T)])
@@ -473,8 +472,7 @@ def beside_chord(
 ) -> tuple[float, float]:
     """Distance of a location from a pair's chord [mm], and the nearest point's position on the chord.
 
-    The chord is the straight line between the parts, seen from above. The position is 0 at the emitter and 1 at the
-    receiver.
+    The chord is the straight line between the parts. The position is 0 at the emitter and 1 at the receiver.
     """
     ends = (cavity.emitters[pair[0]], cavity.receivers[pair[1]])
     start, end = (np.array(part.position_mm[:2]) for part in ends)
@@ -497,7 +495,7 @@ def mask_of(pairs: tuple[tuple[int, int], ...], cavity: CavityGeometry) -> BoolA
 
 
 def chord_midpoint_mm(cavity: CavityGeometry, pair: tuple[int, int]) -> tuple[float, float]:
-    """Location x, y of the press for a pair [mm]: the midpoint between its parts, clamped to the workspace."""
+    """Location x, y of a pair's press [mm]: the midpoint between its parts, clamped to the workspace."""
     ex, ey, _ = cavity.emitters[pair[0]].position_mm
     rx, ry, _ = cavity.receivers[pair[1]].position_mm
     return cavity.workspace.clamped((ex + rx) / 2, (ey + ry) / 2)

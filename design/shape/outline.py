@@ -36,7 +36,7 @@ Box = tuple[float, float, float, float]
 Kind = Literal["rectangle", "disc", "stadium"]
 
 SPREAD_STEPS = 256
-"""Number of steps along each wall for the computation of evenly distributed locations."""
+"""Number of steps along each wall in the computation of evenly distributed locations."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -185,8 +185,8 @@ class Placement:
     wall : name of the wall; in a round wall the direction, such as `45-degree`
     along_mm : distance of the part's centre from the wall's end at low x or y [mm]; not used in a round wall
     angle_deg : direction of the part from a round wall's centre; None in a straight wall
-    height_mm : height above the clear layer's bottom; None for the default of all emitters or receivers
-    part : catalogue identifier; None for the default of all emitters or receivers
+    height_mm : height above the clear layer's bottom; None for the default
+    part : catalogue identifier; None for the default
     origin : dotted path of the pattern that defines the part, for messages
     """
 
@@ -334,7 +334,7 @@ def _even_ring(pattern: Ring, origin: str, cavity: Cavity) -> list[Placement]:
 def _shared(count: int, cavity: Cavity) -> list[int]:
     """Number of parts in each wall of the outline, in proportion to its length.
 
-    The method of largest remainders distributes parts that are left after rounding down.
+    Remaining parts are distributed by the method of largest remainders.
     """
     lengths = [stretch.length_mm for stretch in cavity.border]
     exact = [count * length / sum(lengths) for length in lengths]

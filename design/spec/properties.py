@@ -85,8 +85,7 @@ def wavelength_um(design: SensorDesign) -> float:
 def refractive_index(design: SensorDesign) -> Quantity:
     """Refractive index of the clear elastomer for the default emitter's light [-].
 
-    It is the measured value if the design has one. Otherwise it is averaged over the emitter's spectrum, or taken at
-    its effective wavelength if the emitter has no spectrum.
+    It is the measured value if there is one, else the mean over the emitter's spectrum or the value at its wavelength.
     """
     own = design.elastomer.refractive_index
     if own is not None:
@@ -159,7 +158,7 @@ def modulus(design: SensorDesign) -> Quantity:
 
 
 def youngs_modulus_mpa(design: SensorDesign) -> float:
-    """Young's modulus of the elastomer as a number [MPa]."""
+    """Young's modulus of the elastomer [MPa]."""
     return modulus(design).value
 
 

@@ -612,7 +612,7 @@ class SensorDesign(Model):
 
         Raises
         ------
-        DesignError : fields are invalid; the message lists each with its value, limit and a remedy.
+        DesignError : invalid fields; the message lists each with its limit and a remedy.
         """
         try:
             require_plain(document)
