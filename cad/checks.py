@@ -149,7 +149,8 @@ def _planes(mesh: Mesh) -> _Planes:
 def _nearest(planes: _Planes, origins: Floats, directions: Floats) -> Floats:
     """Distance (n,) along each ray to its nearest triangle; infinite without a hit.
 
-    A point of the ray is o + t d = a + u e1 + v e2. With m = o x d all solutions are matrix products:
+    A point on the ray from o along d is o + t d = a + u e1 + v e2, with a corner a and edges e1, e2 of the triangle.
+    With n = e1 x e2 and m = o x d all solutions are matrix products:
 
     t = (n.a - n.o) / n.d,   u = (d.(e2 x a) - m.e2) / n.d,   v = (m.e1 - d.(e1 x a)) / n.d
     """

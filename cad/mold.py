@@ -4,21 +4,14 @@ View from above (L-shaped marks: sockets open to the cavity and upward), and sec
 
       y ^  o---------------------------o  outer_width_mm
         |  | (o)   _  _     _  _   (o) |
-        |  |    __|
-|___| |__    |          top  ___               ____ _  rim_mm
+        |  |    __| || |___| || |__    |          top  ___               ____ _  rim_mm
         |  |   |                   |   |              |   \             |    | |
         |  |   |_     cavity      _|   |              |    |~~ fill ~~~~|pkt | |  z = clear
         |  |   |_  length x width _|   |              |    |            |    | |
         |  |   |__   __   __   ____|   |              |    |            |____|_|  body base - clearance
-        |  |      |_
-_| |_ _|        |              |    |__ black ___|
-  |  z = 0
-        |  | (o)  
-
-      (o) |              |                  
-  |  z = -black
-        |  /----
------ -------------o               |___________________ ___|  z = -black - floor
+        |  |      |_||_| |_||_|        |              |    |__ black ___| ||   |  z = 0
+        |  | (o)   ||     ||       (o) |              |                   ||   |  z = -black
+        |  /----||-----||-------------o               |___________________||___|  z = -black - floor
         +--> x  origin corner cut at 45 deg              wall        lead holes
 
 The pour lip is a bevel at the cavity's upper edge. It starts at the silicone's undisturbed top, if the rim is no higher

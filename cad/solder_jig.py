@@ -31,7 +31,7 @@ THICKNESS_MM = 5.0
 MARGIN_MM = 3.0
 """Distance between cuts in the plate, and from the cuts to its edge."""
 RECESS_SHARE = 0.5
-"""Depth of a recess as a share of the body's depth: pads and half of the body protrude."""
+"""Depth of a recess as a share of the body's depth: solder pads and half of the body protrude."""
 DEEPEST_MM = 3.0
 """Greatest depth of recesses and grooves, which leaves two millimetres of plate."""
 GROOVE_MM = 8.0

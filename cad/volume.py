@@ -16,8 +16,8 @@ b x min(s, t1) x rim with it. Collars are on the rim behind the lip or seat, and
 
 In a round mold a cut may end in the round outer face. Let d be the distance of the wall's flat facet from the centre, R
 the outer radius, and b the distance along the facet from its middle. The outer face is then at T = sqrt(R2 - b2) - d
-behind the facet. The area of a cut up to a depth t is the integral of min(T, t) over b: t where |b| < sqrt(R2 - (d +
-t)2), T elsewhere. The antiderivative of T is that of a circle.
+behind the facet. The area of a cut up to a depth t is the integral of min(T, t) over b: t where
+|b| < sqrt(R2 - (d + t)2), T elsewhere. The antiderivative of T is that of a circle.
 
 The lid (`cad.lid`) is its flange, pins and plug, less notches and less the part of the crown above the seat. This part
 is a spherical cap for a dome and nothing for a cylinder. The plug is integrated over horizontal sections. At a depth h

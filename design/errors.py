@@ -1,9 +1,11 @@
 """The errors that a user can cause; each has one message and ends a command with exit code 2.
 
-OptopadError ├── DesignError       a design or catalogue file: the message names field, value, limit and a remedy ├──
-InputError        an argument of a command or call ├── OutputError       a file or folder that cannot be written ├──
-ModelScopeError   a request outside the range of the physics models └── DeviceError       the sensor or its serial line:
-missing, another device, no response, or wrong wiring
+OptopadError
+├── DesignError       a design or catalogue file: the message names field, value, limit and a remedy
+├── InputError        an argument of a command or call
+├── OutputError       a file or folder that cannot be written
+├── ModelScopeError   a request outside the range of the physics models
+└── DeviceError       the sensor or its serial line: missing, another device, no response, or wrong wiring
 """
 
 LONGEST_LINE = 900

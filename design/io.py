@@ -38,7 +38,7 @@ STEPS: Mapping[int, Step] = {}
 def migrated(
     document: Document, *, steps: Mapping[int, Step] = STEPS, target: int = SCHEMA_VERSION
 ) -> Document:
-    """Migrate the plain data of a design file to the schema version `target`; such data are returned unchanged.
+    """Migrate the plain data of a design file to the schema version `target`, if they have an older version.
 
     Parameters
     ----------
@@ -100,7 +100,7 @@ def read_toml(file: Path) -> dict[str, Any]:
 
     Raises
     ------
-    DesignError : the file is missing, a folder, too large, not UTF-8 text, or not TOML; the message names the line.
+    DesignError : the file is missing, a folder, too large, not UTF-8 text, or not TOML.
     """
     text = read_design_text(file)
     try:

@@ -37,7 +37,7 @@ from design.shape.cavity import cavity_of
 from design.spec import SensorDesign
 
 NEAR_NM = 25.0
-"""Distance from its stated wavelength within which a responsivity is used unchanged.
+"""Largest distance from a responsivity's stated wavelength at which the value is used unchanged.
 
 It is half the spectral width of a usual LED.
 """

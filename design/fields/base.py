@@ -62,7 +62,7 @@ def is_value(document: Any, path: str) -> bool:
 
 
 def set_at(document: dict[str, Any], path: str, value: Any, *, known: tuple[str, ...]) -> None:
-    """Set the value at a dotted path in place, such as ``layout.0.count``.
+    """Set the value at a dotted path such as ``layout.0.count``, in place.
 
     Raises
     ------
@@ -84,7 +84,7 @@ def set_at(document: dict[str, Any], path: str, value: Any, *, known: tuple[str,
 
 
 def leaves(document: Any, path: str = "") -> Iterator[tuple[str, Any]]:
-    """Dotted path and value of every value in nested dicts and lists."""
+    """Dotted path and value of everything in nested dicts and lists that is not itself a dict or list."""
     if isinstance(document, dict | list):
         items = document.items() if isinstance(document, dict) else enumerate(document)
         for key, value in items:

@@ -13,7 +13,7 @@ from design.fields.base import IDENTIFIER_PATTERN, NAME_PATTERN, nearest
 
 LISTED_FINDINGS = 20
 WORDED_FINDINGS = 100
-"""Largest number of findings that are worded, because the search for similar names takes a millisecond each."""
+"""Largest number of findings that are described in words; searching similar names takes a millisecond for each."""
 
 _WAY_OUT = {
     "missing": "is missing; add it (see `optopad schema`, or start from `optopad new`)",
@@ -47,7 +47,7 @@ PATTERN_WORDS = {
     r"^[A-Z]{3}$": "an ISO 4217 code in capital letters, as EUR",
     r"^\d{4}-(0[1-9]|1[0-2])(-(0[1-9]|[12]\d|3[01]))?$": "a date as 2026-05 or 2026-05-04",
 }
-"""Description of the permitted texts, by the pattern in the schema."""
+"""Description of the permitted texts, by their regular expression."""
 
 _WANTED = {
     "finite_number": "must be a finite number",

@@ -48,8 +48,7 @@ class MoldOutline:
     Attributes
     ----------
     plan : outline of the cavity, and the pad's top
-    wall_x_mm : (least) thickness of the walls at low and high x
-    wall_y_mm : (least) thickness of the walls at low and high y
+    wall_x_mm, wall_y_mm : least thickness of the mold's walls along x and along y
     bottom_mm, cavity_bottom_mm, top_mm : height z of the underside, the cavity's floor and the rim
     fill_mm : height z of the highest point of the undisturbed top's edge
     filling : holes through the floor for filling a crowned pad, the sprue first; empty for a flat top

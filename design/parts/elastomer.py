@@ -177,10 +177,9 @@ def refractive_index(elastomer: Elastomer, mixing_ratio: float, wavelength_um: f
 
     Returns
     -------
-    The index [-]. A formula of another source widens the band by its difference from the table; outside its wavelength
-    range the difference at the nearest end is used. A mixing ratio beyond the tables that the material permits has the
-    index of the nearest table, with a band over all tables. The tables show no trend with the ratio, only scatter
-    between samples.
+    The index [-]. Its band includes the formulas of other sources; outside a formula's range its difference from the
+    table at the nearest end is used. For a permitted mixing ratio outside the tables the nearest table is used, and the
+    band includes all tables. The tables show no trend with the ratio, only scatter between samples.
 
     Raises
     ------
@@ -267,7 +266,7 @@ def _bracket(knots: Sequence[float], at: float, what: str, way_out: str) -> tupl
 
 
 def _ratio_with_table(elastomer: Elastomer, mixing_ratio: float) -> float:
-    """The mixing ratio, or the nearest ratio that has a table if the material permits ratios beyond its tables."""
+    """The mixing ratio itself, or for a permitted ratio outside the tables the ratio of the nearest table."""
     ratios = [table.mixing_ratio for table in elastomer.index]
     if len(ratios) == 1 or not elastomer.mixing_ratio_low <= mixing_ratio <= elastomer.mixing_ratio_high:
         return mixing_ratio

@@ -14,9 +14,9 @@ from design.spec import SensorDesign
 from design.spec.properties import entries_of, wall_index
 
 SHORT_TABLE_DEG = 80.0
-"""Least last angle of an angular table without a warning [deg].
+"""Angle up to which an angular table should extend; a shorter one causes a warning [deg].
 
-Beyond it, 3 % of a Lambertian source's power would depend on assumed values.
+Beyond it a Lambertian source emits 3 % of its power.
 """
 
 

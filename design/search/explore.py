@@ -195,7 +195,7 @@ def _distribution(space: SearchSpace, field: SpaceField) -> BaseDistribution:
 
 
 def require_sampler(space: SearchSpace) -> None:
-    """Refuse a sampler whose library is missing, or for a grid with too many points.
+    """Refuse a sampler whose library is missing, or a grid with too many points.
 
     Raises
     ------

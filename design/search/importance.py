@@ -16,7 +16,7 @@ from design.search.explore import opened_study, trials_in
 from design.search.space import SearchSpace
 
 LEAST_DESIGNS = 20
-"""Least number of designs, because the best tenth of fewer designs is not meaningful."""
+"""Least number of designs, because the best tenth of fewer designs does not mean anything."""
 
 
 def importances(space: SearchSpace, url: str) -> dict[str, dict[str, float]]:

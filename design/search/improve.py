@@ -4,9 +4,9 @@
         ──► of the designs without a deadband: fewest changes, most robust, most depth, best accuracy
 
 A deadband is a range of depth in which the signals change too little to resolve the depth. The usable depth is the
-depth down to which there is no deadband. The margin is the signal change between two depths in units of its noise
-(sigma) where it is smallest; below 3 sigma there is a deadband. Designs are compared by these criteria, in this order:
-no deadband, usable depth, margin, accuracy, few changes.
+depth down to which there is no deadband. The margin is the smallest signal change between two depths 0.3 mm apart, in
+units of its noise (sigma); below 3 sigma there is a deadband. Designs are compared by these criteria, in this order: no
+deadband, usable depth, margin, accuracy, few changes.
 
 The module also defines the limits of a search and the result of its objective.
 """
@@ -380,8 +380,8 @@ def is_sound(judged: Judged, safe: float = SAFE_MARGIN) -> bool:
 def betters(base: Judged, judged: Judged, accuracy: str, safe: float = SAFE_MARGIN) -> bool:
     """Whether a design is enough of an improvement on the base design to be recommended.
 
-    If the base design has a deadband, the other must not have one. Otherwise its usable depth must be larger, or its
-    accuracy or margin better at about the same depth.
+    If the base design has a deadband, a design without one is sufficient. Otherwise its usable depth must be larger, or
+    its accuracy or margin better at about the same depth.
 
     Parameters
     ----------
@@ -398,12 +398,12 @@ def betters(base: Judged, judged: Judged, accuracy: str, safe: float = SAFE_MARG
 
 
 def _is_stronger(judged: Judged, other: Judged) -> bool:
-    """Whether the margin is larger by at least `WORTH_MARGIN`; margins above `AMPLE_MARGIN` count as equal."""
+    """Whether the margin, at most `AMPLE_MARGIN`, is larger by more than the share `WORTH_MARGIN`."""
     return min(margin_of(judged), AMPLE_MARGIN) > (1.0 + WORTH_MARGIN) * margin_of(other)
 
 
 def _is_finer(judged: Judged, other: Judged, accuracy: str) -> bool:
-    """Whether the accuracy is better by more than `WORTH_ACCURACY`."""
+    """Whether the accuracy is better by more than the share `WORTH_ACCURACY`."""
     was = _accuracy(other, accuracy)
     if math.isinf(was):
         return math.isfinite(_accuracy(judged, accuracy))

@@ -21,7 +21,7 @@ WIDE_SHARES = (0.5, 1.0)
 """Sizes of the first single changes if no height is missing, as shares of `WIDE_MM`."""
 WIDE_MM = 1.0
 LEAST_SPREAD, TOP_MM = 3, 1.0
-"""Least number of values per field in a grid over the ranges, and least distance of its heights below the top [mm]."""
+"""Least number of values per field in a grid, and least distance of its part heights below the pad's top [mm]."""
 MOVES = (4.0, 2.0, 2.0, 1.0)
 """Size of the changes around the best design in each round [steps of a field]."""
 MOST_A_ROUND = 10
@@ -52,7 +52,8 @@ def first_points(
     ----------
     sides : direction of change by dotted path, 1 to increase and -1 to decrease, the most promising field first; other
         part heights and the layer thickness change in both directions
-    short_mm : height by which emitters and receivers are too low, which sets the size of changes [mm]; None for none
+    short_mm : height by which emitters and receivers are too low, which sets the size of changes [mm]; None if they are
+        high enough
     """
     base = start_of(space)
     order = [*sides, *(path for path in (*HEIGHTS, CLEAR) if path not in sides)]

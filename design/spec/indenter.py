@@ -18,11 +18,12 @@ The contact solver, the printed tip and the report use the same outline of the t
         --       apex; heights are above it
 
 | shape      | outline                                                                                |
-|------------|----------------------------------------------------------------------------------------| | hemisphere | a
-quarter of a circle                                                                  | | flat_punch | a flat face, and
-an edge of edge_radius_mm                                             | | cone       | an apex of apex_radius_mm, a
-flank, an edge of edge_radius_mm; cone_half_angle_deg is  | |            | between axis and flank
-| | profile    | straight lines through the user's points                                               |
+|------------|----------------------------------------------------------------------------------------|
+| hemisphere | a quarter of a circle                                                                  |
+| flat_punch | a flat face, and an edge of edge_radius_mm                                             |
+| cone       | an apex of apex_radius_mm, a flank, an edge of edge_radius_mm; cone_half_angle_deg is  |
+|            | between axis and flank                                                                 |
+| profile    | straight lines through the user's points                                               |
 
 This module has geometry only. Whether the contact model resolves a small radius is checked there.
 """
