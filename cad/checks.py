@@ -346,7 +346,7 @@ WALL_LIMIT_MM = 1e-4
 OVERHANG_DEG = 45.0
 """Faces that overhang by more than this angle from the vertical need support."""
 THIN_LAYER_MM = 0.1
-"""Thickness of a layer in a fine print, and thus the height of the steps in an unsmoothed dish."""
+"""Thickness of a layer in a fine print, and thus the height of the steps in a lid's unsmoothed concave face."""
 OVERHANG_LIMIT_MM2 = 0.5
 """Overhanging area up to which no support is recommended, because support leaves a mark."""
 
@@ -415,7 +415,8 @@ class Checks:
 
 
 def check_parts(design: SensorDesign, parts: tuple[PartFile, ...], *, bed_mm: Bed | None = None) -> Checks:
-    """Check every printed part of a design; of the part `mold` also the cavity, of the part `lid` also the dish.
+    """Check every printed part of a design; of the part `mold` also the cavity, of the part `lid` also its concave
+    face.
 
     Parameters
     ----------
@@ -517,7 +518,7 @@ def design_findings(design: SensorDesign) -> tuple[Finding, ...]:
 
 
 def _lid(design: SensorDesign) -> Iterator[Finding]:
-    """Findings about the thinnest sections of a lid, and about the optical smoothness of its dish."""
+    """Findings about the thinnest sections of a lid, and about the optical smoothness of its concave face."""
     for one in lid_clearances(design):
         state: State = "ok" if one.is_kept else "warning"
         note = "" if one.is_kept else f"raise {one.field}; dowels in the fixing holes replace the pins"

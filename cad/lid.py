@@ -44,13 +44,13 @@ FLANGE_MM = 3.0
 OVER_CROWN_MM = 2.5
 """Least thickness of the lid over the crown's highest point."""
 BELOW_MM = 0.5
-"""Extra depth of the plug before the dish is cut, which removes the excess."""
+"""Extra depth of the plug before its concave face is cut, which removes the excess."""
 LEAST_PLUG_MM = 0.05
 """Least depth of a plug: half of a thin printed layer. A shallower one is left out."""
 CLEAR_OF_TANGENT_MM = 0.005
 """Distance that separates the flange from a cylinder whose highest line would touch it, since CAD booleans fail there.
 
-The seat is then higher, and the lid is lower on the mold by this length: a twentieth of a thin layer.
+The flange then starts higher, and the lid is lower on the mold by this length: a twentieth of a thin layer.
 """
 PIN_MM, PIN_CHAMFER_MM = 3.0, 0.5
 """Length of the pins, limited to half of the mold's height, and length of the chamfer at their ends."""
@@ -71,9 +71,9 @@ class Plug:
 
     Attributes
     ----------
-    half_mm : half length and half width of the plug at the seat; its radius, twice, if it is round
+    half_mm : half length and half width of the plug at the flange; (radius, radius) if it is round
     is_round : whether the plug is round
-    floor_mm : height z of the plug's end before the dish is cut, below the lowest point of the top
+    floor_mm : height z of the plug's end before the concave face is cut
     """
 
     half_mm: tuple[float, float]
@@ -81,7 +81,7 @@ class Plug:
     floor_mm: float
 
     def inset_mm(self, depth_mm: float) -> float:
-        """Inset of the plug's drafted sides at a depth below the seat [mm]."""
+        """Inset of the plug's drafted sides at a depth below the flange [mm]."""
         return depth_mm * math.tan(math.radians(DRAFT_DEG))
 
     def reaches(self, x_mm: float, y_mm: float, depth_mm: float, margin_mm: float) -> bool:
@@ -90,7 +90,7 @@ class Plug:
         Parameters
         ----------
         x_mm, y_mm : position relative to the middle of the cavity
-        depth_mm : depth of the point below the seat
+        depth_mm : depth of the point below the flange
         """
         across, deep = (half - self.inset_mm(depth_mm) - margin_mm for half in self.half_mm)
         if self.is_round:
@@ -113,9 +113,9 @@ class LidSize:
     Attributes
     ----------
     seat_mm, back_mm : height z of the flange's underside, on the rim, and of its back
-    plug : part of the lid in the cavity; None if the dish is completely in the flange
+    plug : part of the lid in the cavity; None if the concave face is completely in the flange
     has_dish : whether the lid has a concave face, in the flange or at the end of the plug
-    pins : cylinders from the ends of the pins up to the seat
+    pins : pins below the flange, which fit into the fixing holes
     notches : notches at opposite sides
     """
 
@@ -132,13 +132,13 @@ class LidSize:
         return self.back_mm - self.seat_mm
 
     def forms_top(self, plan: Plan, x_mm: float, y_mm: float, *, margin_mm: float = 0.0) -> bool:
-        """Whether the dish shapes the top of the pad at a point, rather than the gap around the plug.
+        """Whether the lid's concave face shapes the top of the pad at a point, rather than the gap around the plug.
 
         Parameters
         ----------
         plan : outline and top of the pad
         x_mm, y_mm : position in the cavity frame
-        margin_mm : required distance from the edge of the dish
+        margin_mm : required distance from the edge of this face
         """
         (x, y), depth = plan.centre_mm, self.seat_mm - plan.top_mm(x_mm, y_mm)
         if depth <= 0.0:
@@ -200,7 +200,7 @@ def lid_clearances(design: SensorDesign) -> Iterator[Clearance]:
 
 
 def _plug(plan: Plan, seat_mm: float) -> Plug | None:
-    """The plug within the cavity; None where the lowest point of the top is level with the seat."""
+    """The plug within the cavity; None where the lowest point of the top is level with the flange."""
     is_round = not plan.has_origin_corner
     if is_round:
         radius = float(plan.outline.gap_mm(*plan.centre_mm)) - PLAY_MM
@@ -308,7 +308,7 @@ def lid(design: SensorDesign) -> cq.Workplane | None:
 
 
 def _frustum(plug: Plug, centre_mm: tuple[float, float], seat_mm: float) -> cq.Solid:
-    """The plug before the dish is cut: a frustum of a cone or a pyramid, widest at the seat."""
+    """The plug before its concave face is cut: a frustum of a cone or a pyramid, widest at the flange."""
     (x, y), depth = centre_mm, seat_mm - plug.floor_mm
     inset = plug.inset_mm(depth)
     if plug.is_round:

@@ -212,13 +212,13 @@ def _cap_mm3(radius: float, height: float) -> float:
 
 
 def plug_volume_mm3(plug: Plug, top: Top, over_mm: float) -> float:
-    """Volume of a lid's plug below the seat, without the crown that is cut from it [mm3].
+    """Volume of a lid's plug below the flange, without the crown that is cut from it [mm3].
 
     Parameters
     ----------
     plug : the plug before it is cut
     top : radius and kind of the crown
-    over_mm : height of the crown's highest point over the seat
+    over_mm : height of the crown's highest point over the flange's underside
     """
     radius = top.radius_mm
     above = max(-over_mm, 0.0)
@@ -237,7 +237,7 @@ def plug_volume_mm3(plug: Plug, top: Top, over_mm: float) -> float:
 
 
 def _outside_mm2(plug: Plug, top: Top, depth: float, level: float) -> float:
-    """Area of the plug's section at a depth below the seat, without the crown's section [mm2].
+    """Area of the plug's section at a depth below the flange, without the crown's section [mm2].
 
     Parameters
     ----------
@@ -268,7 +268,7 @@ def _quarter_mm2(radius: float, a: float, b: float) -> float:
 def _meetings(plug: Plug, top: Top) -> list[tuple[float, ...]]:
     """Points of the plug's section that the growing crown's section meets, in this order.
 
-    Each is a tuple of half widths at the seat: one for a side or a round plug, two for a corner.
+    Each is a tuple of half widths at the flange: one for a side or a round plug, two for a corner.
     """
     a, b = plug.half_mm
     if plug.is_round:
@@ -279,7 +279,8 @@ def _meetings(plug: Plug, top: Top) -> list[tuple[float, ...]]:
 
 
 def _meets(plug: Plug, sides: tuple[float, ...], radius: float, over: float) -> float | None:
-    """Angle q at which the growing crown's section meets a side or corner of the plug; None if above the seat.
+    """Angle q at which the growing crown's section meets a side or corner of the plug; None if above the flange's
+    underside.
 
     With slope t of the draft, half widths w and s = over + h, the depth h solves s (2 C - s) = sum of (w - h t)^2.
     """
