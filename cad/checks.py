@@ -415,8 +415,7 @@ class Checks:
 
 
 def check_parts(design: SensorDesign, parts: tuple[PartFile, ...], *, bed_mm: Bed | None = None) -> Checks:
-    """Check every printed part of a design; of the part `mold` also the cavity, of the part `lid` also its concave
-    face.
+    """Check every printed part of a design, and also the cavity of the `mold` and the concave face of the `lid`.
 
     Parameters
     ----------

@@ -16,7 +16,7 @@ b x min(s, t1) x rim with it. Collars are on the rim behind the lip or seat, and
 
 In a round mold a cut may end in the round outer face. Let d be the distance of the wall's flat facet from the centre, R
 the outer radius, and b the distance along the facet from its middle. The outer face is then at T = sqrt(R2 - b2) - d
-behind the facet. The area of a cut up to a depth t is the integral of min(T, t) over b: t where
+behind the facet. The area of a cut up to a depth t is the integral of min(T, t) over b, which is t where
 |b| < sqrt(R2 - (d + t)2), T elsewhere. The antiderivative of T is that of a circle.
 
 The lid (`cad.lid`) is its flange, pins and plug, less notches and less the part of the crown above the seat. This part
@@ -279,8 +279,7 @@ def _meetings(plug: Plug, top: Top) -> list[tuple[float, ...]]:
 
 
 def _meets(plug: Plug, sides: tuple[float, ...], radius: float, over: float) -> float | None:
-    """Angle q at which the growing crown's section meets a side or corner of the plug; None if above the flange's
-    underside.
+    """Angle q at which the growing crown's section meets a side or corner of the plug; None if above the plug.
 
     With slope t of the draft, half widths w and s = over + h, the depth h solves s (2 C - s) = sum of (w - h t)^2.
     """

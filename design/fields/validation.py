@@ -107,7 +107,7 @@ def _of_the_branch_meant(details: list[ErrorDetails]) -> list[ErrorDetails]:
 
 
 def _list_branch(detail: ErrorDetails) -> int | None:
-    """Index in a finding's path where the list alternative of a field begins; None without such an alternative."""
+    """Index in a validation error's path at which the list type of a field begins; None if it has no list type."""
     return next((at for at, key in enumerate(detail["loc"]) if str(key).startswith("tuple[")), None)
 
 
