@@ -10,10 +10,10 @@ Positions are in the cavity frame (`design.shape.cavity`), and the mold is centr
            |_______________________________|   -black - floor
            <wall>
 
-A lid casts a crowned top (`cad.lid`). There is no pour lip, the rim is measured from the highest point of the top's
-edge, and the mold is filled upside down through holes in its floor. A mold with round walls follows the cavity's
-outline, with a facet for each part in the walls. It has neither lip nor collars, and its fixing holes are between
-parts.
+The lip is a bevel of the cavity's upper edge. A lid casts a crowned top (`cad.lid`). The mold of a crowned pad has no
+lip, and its rim is measured from the highest point of the top's edge. It is filled upside down through holes in the
+floor. A mold with round walls follows the cavity's outline, with a flat facet for each optical part. It has neither a
+lip nor collars (walls around tall bodies), and its fixing holes are between parts.
 """
 
 from __future__ import annotations
