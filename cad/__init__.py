@@ -1,1 +1,1 @@
-"""Printable solids of a design: mold, checks, export."""
+"""Printable parts of a design: CAD solids, volume formulas, checks and export as files."""

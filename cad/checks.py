@@ -1,20 +1,22 @@
 r"""Checks of printed files: each file is the intended part, and the part can be printed.
 
-The checks read the STL as written, not the solid: one closed body with consistent winding (trimesh
-finds open seams that CAD kernels pass), a manifold by manifold3d, volume against the formula and
-against the solid, size, overhanging faces, the cavity and a lid's dish against the optical model. Walls and webs
-come from the parameters (`design.mold.webs`, `cad.lid`).
-The checks leave out slicing, warping, and the quality of thin walls on a given printer.
+The checks read the STL file as written, not the CAD solid. They cover:
 
-The printed cavity is compared with the cavity of the light model.
+- one closed body with consistent winding (trimesh finds open seams that CAD kernels miss), and a manifold (manifold3d)
+- the volume, against a formula (`cad.volume`) and against the solid
+- the size, and the area of overhanging faces
+- the mold's cavity and the lid's concave face, the dish, against the shapes in the optical model
 
-The optical model has a plan (`design.shape.cavity`): flat walls with active areas flush with their face, round
-walls between their facets, the bottom at -black thickness, and the top. Rays from inside are traced to
-the printed mold's triangles and compared with that plan wherever no socket opens the wall and no hole the floor. A
-round wall is compared by the distance of the printed point from it, since chords are slightly inside.
+Widths of walls and webs are computed from the parameters (`design.mold.webs`, `cad.lid`), not from the mesh. The checks
+do not cover warping or the quality of thin walls on a given printer. Slicing is optional (`with_slices`).
 
-The lid casts a crowned top. Vertical rays are traced up from the bottom of the clear layer to the lid's triangles, in
-the mold's frame, wherever the lid forms the top: over the whole plan except the play around its plug.
+The cavity check traces rays from points inside the cavity to the triangles of the mold. The optical model has flat
+walls, round walls between flat facets, the bottom and the top (`design.shape.cavity`). The ends of the rays are
+compared with these surfaces wherever no socket opens the wall and no filling hole opens the floor. On a round wall the
+distance of the printed point from the wall is compared, because its chords are slightly inside the circle.
+
+A lid casts the crowned top of a pad. The dish check traces vertical rays upward from the bottom of the clear layer to
+the triangles of the lid. It covers the whole plan except the gap around the lid's plug.
 
 Intersections use the barycentric form of Moeller and Trumbore, "Fast, minimum storage ray-triangle intersection", 1997.
 """
@@ -53,23 +55,24 @@ Floats = FloatArray
 
 CHUNK_RAYS = 64
 EDGE_MM = 1e-6
-"""Rays that end within this distance of a window's edge or the fill level are ambiguous, and are left out."""
+"""Rays that end this close to the edge of a socket's opening or to the fill level are ambiguous and left out."""
 CHORD_EDGE_MM = 0.02
-"""The same distance for a round edge, which is printed as chords."""
+"""The same limit as `EDGE_MM` for a round edge, which is printed as chords."""
 FAR_MM = 1000.0
-"""Length of a ray without a hit: it left through a slot, or through a hole in the mesh."""
+"""Length given to a ray that hits nothing because it left through a slot or through a hole in the mesh."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class CavityAgreement:
-    """Comparison of the printed cavity with the plan of the optical model.
+    """Differences between the printed cavity and the cavity of the optical model, measured by rays from inside.
 
     Attributes
     ----------
-    compared, windows : number of rays that end on a wall or the bottom; number that leave through a socket
-    worst_mm : largest distance between the printed and the modelled end of a ray to a flat wall or the bottom
-    worst_round_mm : largest distance of a printed end from the round wall; 0 without one
-    shallowest_window_mm : least depth behind the wall at which a ray through a socket ends; None without one
+    compared : number of rays that end on a wall or on the bottom
+    windows : number of rays that leave through the opening of a socket
+    worst_mm : largest distance between the printed and the modelled end of a ray, for flat walls and the bottom
+    worst_round_mm : largest distance of a printed end from the round wall; 0 for a cavity without a round wall
+    shallowest_window_mm : least depth behind the wall at which a ray through a socket ends; None if no ray did
     """
 
     compared: int
@@ -81,12 +84,12 @@ class CavityAgreement:
 
 @dataclass(frozen=True, kw_only=True)
 class DishAgreement:
-    """Comparison of the printed lid with the pad's top.
+    """Differences between the printed lid and the top of the pad in the optical model.
 
     Attributes
     ----------
-    compared : number of rays that end in the dish
-    worst_mm : largest distance of a printed point from the top, along its normal
+    compared : number of rays that end in the dish, the lid's concave face
+    worst_mm : largest distance of a printed point from the modelled top, along the normal of the top
     """
 
     compared: int
@@ -94,11 +97,11 @@ class DishAgreement:
 
 
 def first_hits_mm(mesh: Mesh, origins_mm: Floats, directions: Floats) -> Floats:
-    """Distance to the first triangle in front of each ray.
+    """Distance from the origin of each ray to the first triangle in front of it.
 
     Parameters
     ----------
-    origins_mm : (n, 3)
+    origins_mm : (n, 3) start points
     directions : (n, 3) unit vectors
 
     Returns
@@ -115,7 +118,11 @@ def first_hits_mm(mesh: Mesh, origins_mm: Floats, directions: Floats) -> Floats:
 
 @dataclass(frozen=True, kw_only=True)
 class _Planes:
-    """Triangles as (3, m) arrays: two edges from the corner a, their cross product n, and edges x a; n . a as (m,)."""
+    """Triangles of a mesh with precomputed products for ray intersection.
+
+    Each triangle has a corner a and edges e1, e2 from it. Arrays are (3, m): `edge1`, `edge2`, `normal` = e1 x e2,
+    `moment1` = e1 x a, `moment2` = e2 x a. `level` = n . a is (m,).
+    """
 
     edge1: Floats
     edge2: Floats
@@ -140,7 +147,10 @@ def _planes(mesh: Mesh) -> _Planes:
 
 
 def _nearest(planes: _Planes, origins: Floats, directions: Floats) -> Floats:
-    """Nearest hits from triple products as matrix products: with o + t d = a + u e1 + v e2 and m = o x d,
+    """Distance (n,) along each ray to its nearest triangle; infinite without a hit.
+
+    A point on the ray from o along d is o + t d = a + u e1 + v e2, with a corner a and edges e1, e2 of the triangle.
+    With n = e1 x e2 and m = o x d all solutions are matrix products:
 
     t = (n.a - n.o) / n.d,   u = (d.(e2 x a) - m.e2) / n.d,   v = (m.e1 - d.(e1 x a)) / n.d
     """
@@ -156,11 +166,11 @@ def _nearest(planes: _Planes, origins: Floats, directions: Floats) -> Floats:
 
 
 def cavity_agreement(design: SensorDesign, mesh: Mesh, *, rays: int = 400, seed: int = 0) -> CavityAgreement:
-    """Compare a printed mold with the optical model's plan.
+    """Compare the cavity of a printed mold with the optical model.
 
     Parameters
     ----------
-    mesh : the mold as in its file, print bed at z = 0
+    mesh : the mold as in its file, with the print bed at z = 0
     rays : number of rays, from random points in the clear layer in random directions
     """
     outline = outline_of(design)
@@ -187,12 +197,12 @@ def cavity_agreement(design: SensorDesign, mesh: Mesh, *, rays: int = 400, seed:
 
 
 def dish_agreement(design: SensorDesign, mesh: Mesh, *, rays: int = 1000, seed: int = 0) -> DishAgreement:
-    """Compare a printed lid with the top that it casts.
+    """Compare a printed lid with the crowned top in the optical model.
 
     Parameters
     ----------
-    mesh : the lid as in its file, back on the bed
-    rays : number of vertical rays, from random points
+    mesh : the lid as in its file, with its back on the print bed
+    rays : number of vertical rays, from random points of the bounding rectangle
     """
     outline, size = outline_of(design), lid_size(design)
     assert size is not None, f"{design.name}: a flat top has no lid"
@@ -213,7 +223,7 @@ def dish_agreement(design: SensorDesign, mesh: Mesh, *, rays: int = 1000, seed: 
 
 
 def _random_rays(outline: MoldOutline, count: int, seed: int) -> tuple[Floats, Floats]:
-    """Rays from within the clear layer; on a disc and below a crown from points of the box inside the layer."""
+    """Origins and unit directions, each (n, 3), of random rays inside the clear layer; n <= `count`."""
     random = np.random.default_rng(seed)
     plan = outline.plan
     size = np.array([outline.length_mm, outline.width_mm, plan.rim_mm[0]])
@@ -225,7 +235,7 @@ def _random_rays(outline: MoldOutline, count: int, seed: int) -> tuple[Floats, F
 
 
 def _exits(outline: MoldOutline, origins: Floats, directions: Floats) -> tuple[Floats, Floats, BoolArray]:
-    """Distance to the modelled cavity, up to the rim; the end point; and whether it is on the round wall."""
+    """Where rays meet the modelled cavity: distance (n,), end point (n, 3) and whether the wall there is round (n,)."""
     plan = outline.plan
     to_flat = [_to_level(directions[:, 2], origins[:, 2], outline.cavity_bottom_mm, outline.top_mm)]
     for wall in plan.walls:
@@ -246,7 +256,7 @@ def _to_level(speed: Floats, height: Floats, low: float, high: float) -> Floats:
 
 
 def _where_positive(gap: Floats, speed: Floats) -> Floats:
-    """Gap over speed where a ray approaches, else infinite."""
+    """Gap divided by speed where the speed is positive, else infinite."""
     steps: Floats = np.divide(gap, speed, out=np.full(len(gap), np.inf), where=speed > 0)
     return steps
 
@@ -264,7 +274,7 @@ def _to_arc(arc: Arc, origins: Floats, directions: Floats) -> Floats:
 
 
 def _off_round_wall_mm(outline: MoldOutline, places: Floats) -> Floats:
-    """Distance of points from the nearest round wall in front of or behind them; infinite without one [mm]."""
+    """Distance of points (n, 3) from the round wall along its radius [mm]; infinite in directions without an arc."""
     off = np.full(len(places), np.inf)
     for arc in outline.plan.outline.bare.arcs:
         x, y = (places[:, :2] - np.array(arc.centre_mm)).T
@@ -275,7 +285,7 @@ def _off_round_wall_mm(outline: MoldOutline, places: Floats) -> Floats:
 
 
 def _in_filling_holes(outline: MoldOutline, ends: Floats) -> BoolArray:
-    """(n,) whether a ray's end is on the floor in a filling hole, or so near its edge that this is ambiguous."""
+    """Whether each end point of a ray (n, 3) is on the floor in a filling hole, or ambiguously near the hole's edge."""
     found = np.zeros(len(ends), dtype=bool)
     on_floor = ends[:, 2] < outline.cavity_bottom_mm + EDGE_MM
     for hole in outline.filling:
@@ -285,7 +295,7 @@ def _in_filling_holes(outline: MoldOutline, ends: Floats) -> BoolArray:
 
 
 def _beside_facets(outline: MoldOutline, ends: Floats) -> BoolArray:
-    """(n,) whether a ray's end is so near an end of a facet that the wall that it hits is ambiguous."""
+    """Whether each end point of a ray (n, 3) is so near an end of a facet that its wall is ambiguous."""
     corners = [wall.point(along) for wall in outline.plan.walls for along in (0.0, wall.length_mm)]
     found = np.zeros(len(ends), dtype=bool)
     for x, y in corners:
@@ -294,7 +304,7 @@ def _beside_facets(outline: MoldOutline, ends: Floats) -> BoolArray:
 
 
 def _windows(outline: MoldOutline, ends: Floats) -> tuple[BoolArray, BoolArray]:
-    """(n,) whether a ray's end is in a socket's opening; (n,) whether it is so near an edge that this is ambiguous."""
+    """Whether each end of a ray is in a socket's opening, and whether it is ambiguously near the edge; both (n,)."""
     inside = np.zeros(len(ends), dtype=bool)
     near = np.zeros(len(ends), dtype=bool)
     for socket in outline.sockets:
@@ -305,7 +315,7 @@ def _windows(outline: MoldOutline, ends: Floats) -> tuple[BoolArray, BoolArray]:
 
 
 def _inside_window_mm(socket: Socket, ends: Floats) -> Floats:
-    """Distance of each end inside a socket's opening; negative outside of it or on another wall."""
+    """Distance [mm] of each end point from the edge of a socket's opening; negative outside it or on another wall."""
     line, pocket = socket.frame.line, socket.pocket
     across, along = _outward_mm(line, ends), (ends[:, :2] - np.array(line.origin)) @ np.array(line.tangent)
     inward = np.minimum.reduce([along - pocket.along0, pocket.along1 - along, ends[:, 2] - pocket.floor])
@@ -315,12 +325,12 @@ def _inside_window_mm(socket: Socket, ends: Floats) -> Floats:
 
 
 def _outward_mm(line: Line, points: Floats) -> Floats:
-    """Distance of points outside a flat wall; negative inside."""
+    """Distance of points outside a flat wall [mm]; negative inside the cavity."""
     return np.asarray((points[:, :2] - np.array(line.origin)) @ np.array(line.outward))
 
 
 def _behind_wall_mm(outline: MoldOutline, points: Floats) -> Floats:
-    """Largest distance of points outside of the cavity's flat walls."""
+    """Distance of points behind the flat wall that they exceed the most [mm]; negative inside the cavity."""
     depth: Floats = np.maximum.reduce([_outward_mm(wall, points) for wall in outline.plan.walls])
     return depth
 
@@ -328,22 +338,22 @@ def _behind_wall_mm(outline: MoldOutline, points: Floats) -> Floats:
 State = Literal["ok", "warning", "error"]
 
 VOLUME_LIMIT = 1e-3
-"""Share of the volume that chords of round faces may remove."""
+"""Limit of the relative volume difference between file and formula, mainly from chords of round faces."""
 SOLID_LIMIT = 1e-6
-"""The solid and the formula describe the same shape; only rounding remains."""
+"""Limit of the relative volume difference between solid and formula, which differ only by rounding."""
 WALL_LIMIT_MM = 1e-4
-"""Single-precision coordinates of a file, at sizes up to 400 mm: 3e-5 mm."""
+"""Limit for flat walls; rounding to single precision is at most 3e-5 mm at sizes up to 400 mm."""
 OVERHANG_DEG = 45.0
 """Faces that overhang by more than this angle from the vertical need support."""
 THIN_LAYER_MM = 0.1
-"""Layer of a finely printed lid: height of the steps in the dish if they are not smoothed."""
+"""Thickness of a layer in a fine print, and thus the height of the steps in a lid's unsmoothed concave face."""
 OVERHANG_LIMIT_MM2 = 0.5
-"""Area of overhang below which support is not justified, because it leaves a mark."""
+"""Overhanging area up to which no support is recommended, because support leaves a mark."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class PartFile:
-    """A printed part: its file's content and the two volumes for comparison [mm3]."""
+    """A printed part: its STL content, and its volume by the CAD kernel and by formula [mm3]."""
 
     name: str
     stl: bytes
@@ -357,10 +367,10 @@ class Finding:
 
     Attributes
     ----------
-    name : name of the measured value, preceded by the part's name
+    name : name of the part and of the measured value
     value, limit, unit : the measured value and its limit
-    state : ok, warning (the part can be made) or error
-    note : the location, or the way out
+    state : `ok`, `warning` (the part can still be made) or `error`
+    note : position of the worst value, or advice; may be empty
     """
 
     name: str
@@ -377,10 +387,10 @@ class Checks:
 
     Attributes
     ----------
-    digest : digest of the design
+    digest : hash of the design's content
     findings : findings in the order of the parts
-    volumes_mm3 : volumes of each part: `stl`, `solid` and `formula`
-    prints : print of each sliced part: `minutes` and `filament_g`
+    volumes_mm3 : for each part its volumes `stl`, `solid` and `formula`
+    prints : for each sliced part `minutes` and `filament_g`; empty without slicing
     """
 
     digest: str
@@ -390,11 +400,11 @@ class Checks:
 
     @property
     def is_ok(self) -> bool:
-        """Whether no finding is an error; warnings are permitted."""
+        """Whether no finding is an error; warnings are allowed."""
         return all(finding.state != "error" for finding in self.findings)
 
     def as_dict(self) -> dict[str, Any]:
-        """Plain data for a file."""
+        """The checks as plain data for a JSON file."""
         return {
             "ok": self.is_ok,
             "digest": self.digest,
@@ -405,11 +415,12 @@ class Checks:
 
 
 def check_parts(design: SensorDesign, parts: tuple[PartFile, ...], *, bed_mm: Bed | None = None) -> Checks:
-    """Check every printed part of a design; the part named `mold` also as the optical cavity.
+    """Check every printed part of a design, and also the cavity of the `mold` and the concave face of the `lid`.
 
     Parameters
     ----------
-    bed_mm : build volume of the printer, x, y and height; None for the usual one
+    parts : the parts as written to their files
+    bed_mm : build volume of the printer (x, y, height) for the size check; None for a usual printer
     """
     bed, bridged = bed_mm or usual_bed_mm(), bridged_mm2(design)
     findings: list[Finding] = []
@@ -433,11 +444,11 @@ def check_parts(design: SensorDesign, parts: tuple[PartFile, ...], *, bed_mm: Be
 def with_slices(
     checks: Checks, design: SensorDesign, parts: tuple[PartFile, ...], bed_mm: Bed | None
 ) -> Checks:
-    """The checks with the slicer's findings about every printed part.
+    """Extend the checks by the slicer's findings about every printed part.
 
     Raises
     ------
-    InputError : no slicer on this machine.
+    InputError : no slicer is installed on this machine.
     """
     density = find_mold_material(entries_of(design), design.mold.material).density_g_per_cm3.value
     room, program = bed_mm or usual_bed_mm(), require_slicer()
@@ -452,7 +463,7 @@ def with_slices(
 
 
 def _slicing(part: PartFile, one: Sliced) -> list[Finding]:
-    """Comparison of the slicer's volumes with the computed ones, and the slicer's warnings."""
+    """Findings that compare the slicer's volumes with the formula, and the slicer's own warnings."""
     ratio = one.extruded_mm3 / part.formula_mm3
     is_whole = EXTRUDED_LOW <= ratio <= EXTRUDED_HIGH
     return [
@@ -483,7 +494,7 @@ def _slicing(part: PartFile, one: Sliced) -> list[Finding]:
 
 
 def design_findings(design: SensorDesign) -> tuple[Finding, ...]:
-    """Findings that need no solid: the tightest clearance of each kind, and notes on tall bodies."""
+    """Findings from the design's numbers alone: tightest webs, lid, lettering, and bodies outside the clear layer."""
     webs = [
         Finding(
             name=f"mold: {one.name}",
@@ -506,7 +517,7 @@ def design_findings(design: SensorDesign) -> tuple[Finding, ...]:
 
 
 def _lid(design: SensorDesign) -> Iterator[Finding]:
-    """Findings about the thinnest sections of a lid, and about the optical smoothness of its dish."""
+    """Findings about the thinnest sections of a lid, and about the optical smoothness of its concave face."""
     for one in lid_clearances(design):
         state: State = "ok" if one.is_kept else "warning"
         note = "" if one.is_kept else f"raise {one.field}; dowels in the fixing holes replace the pins"
@@ -541,7 +552,7 @@ def _lid(design: SensorDesign) -> Iterator[Finding]:
 
 
 def _lettering(design: SensorDesign) -> Iterator[Finding]:
-    """Findings about the narrowest strokes and gaps of texts, the widest bridge, and names without room."""
+    """Findings about the lettering: narrowest strokes and gaps, parts without a name, and lead channels to bridge."""
     outline, narrowest = outline_of(design), printer("narrowest_stroke").value
     widths = {"numbers": [one.stroke_mm for one in outline.numbers]}
     widths["label"] = [outline.label.stroke_mm] if outline.label.strokes else []
@@ -633,7 +644,7 @@ def _volumes(part: PartFile, stl_mm3: float) -> list[Finding]:
 
 
 def bridged_mm2(design: SensorDesign) -> dict[str, float]:
-    """Area of bridging ceilings, by part: strokes of label and numbers, the leads' channels [mm2]."""
+    """Area of ceilings that the printer bridges, by part [mm2]: over engraved strokes and over lead channels."""
     outline = outline_of(design)
     channels = [(s.channel, s.holes) for s in outline.sockets if s.channel is not None]
     below = outline.label.area_mm2 + sum(
@@ -645,7 +656,7 @@ def bridged_mm2(design: SensorDesign) -> dict[str, float]:
 
 
 def _printing(name: str, mesh: Mesh, bed_mm: Bed, bridged: float) -> list[Finding]:
-    """Findings about printing; the ceilings of strokes and channels bridge, so their area is not overhang."""
+    """Findings about overhanging area and print bed; `bridged` [mm2] is the area of ceilings that need no support."""
     size = np.ptp(mesh.vertices, axis=0)
     fits = max(size[:2]) <= max(bed_mm[:2]) and min(size[:2]) <= min(bed_mm[:2]) and size[2] <= bed_mm[2]
     return [

@@ -1,10 +1,11 @@
-"""The files of the printed parts: STL, STEP and 3MF of the mold, STL of its pieces, lid and tools, the checks.
+"""Export of the printed parts: STL, STEP and 3MF of the mold, STL of the other parts, and the report `checks.json`.
 
-In every file the print bed is z = 0 and x, y are those of the cavity frame; the lid is turned over, and the tools have
-their own frames (see their modules). Equal designs give equal bytes: STEP is written without time and counters.
+In every file the print bed is z = 0. The coordinates x and y of mold and pieces are those of the cavity frame
+(`design.shape.cavity`). The lid is turned over, and the tools have their own frames (see their modules). Equal designs
+give equal bytes: STEP is written without time and counters.
 
-A folder receives either all new files or none: they are written next to it and then moved in. A tool or piece
-that remains from another design of the same name is removed if the present design has none.
+A folder receives either all new files or none, because they are written to a temporary folder and then moved. A tool or
+piece of an earlier design of the same name is removed if the present design has none.
 """
 
 from __future__ import annotations
@@ -49,8 +50,11 @@ FILES = (
 )
 
 ADAPTIVE_SHARE = 1e-7
-"""Required relative accuracy of a lid's volume. Over a face between a cone and a cylinder the error of the kernel's
-plain rule is 3e-6, and that of its adaptive rule 1e-9."""
+"""Required relative accuracy of a lid's volume by the CAD kernel.
+
+Over a face between a cone and a cylinder the kernel's default integration has an error of 3e-6. Its adaptive
+integration has an error of 1e-9.
+"""
 _STEP_TIME = "1970-01-01T00:00:00"
 
 
@@ -71,9 +75,9 @@ def export_parts(
 
     Returns
     -------
-    path of each written file by its name; `leveling_blade.stl` only with a black layer below a flat top,
-    `pour_gauge.stl` only with a rim around one, `lid.stl` only for a crowned pad, `mold_frame.stl` and `mold_base.stl`
-    only for a parted mold
+    Path of each written file by its name. `leveling_blade.stl` is written for a flat top with a black layer, and
+    `pour_gauge.stl` for a flat top with a rim around it. `lid.stl` is written for a crowned pad, and `mold_frame.stl`
+    and `mold_base.stl` for a parted mold.
 
     Raises
     ------
@@ -117,7 +121,10 @@ def part_files(
 
 @dataclass(frozen=True, kw_only=True)
 class _Part:
-    """A solid to print, its lift onto the bed or its mesh on the bed, and its volume by formula."""
+    """A solid to print and its volume by formula; `lift_mm` raises it onto the print bed.
+
+    If `mesh` is given, it is already on the bed and is written instead.
+    """
 
     name: str
     solid: cq.Workplane
@@ -127,7 +134,7 @@ class _Part:
 
 
 def _chord_mm(design: SensorDesign) -> float | None:
-    """Chord height of the mold's faces: fine for round walls, the default for the few round faces of other molds."""
+    """Largest chord height of the mold's faces [mm]: `CHORD_MM` if walls are round, else None for the default."""
     return CHORD_MM if plan_of(design).outline.arcs else None
 
 
@@ -160,12 +167,12 @@ def _tools(design: SensorDesign) -> Iterator[_Part]:
 
 
 def checks_bytes(checks: Checks) -> bytes:
-    """Text of checks.json."""
+    """Content of `checks.json`."""
     return (json.dumps(checks.as_dict(), indent=2, allow_nan=False) + "\n").encode()
 
 
 def step_bytes(part: cq.Workplane, name: str) -> bytes:
-    """STEP text of a solid, without the time of writing and the process's counters."""
+    """STEP text of a solid, without the time of writing and without the kernel's counters."""
     with temporary_folder() as folder:
         path = Path(folder) / "part.step"
         part.val().exportStep(str(path))  # type: ignore[union-attr]

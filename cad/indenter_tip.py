@@ -1,4 +1,4 @@
-r"""The indenter's tip: the outline of the design's tip on a plain shank, for a collet or chuck.
+r"""The indenter's tip as a printed part: the tip of the design on a cylindrical shank, for a collet or chuck.
 
          ___
        /     \     ^ outline (`design.spec.indenter`): hemisphere, flat punch, cone or profile
@@ -8,8 +8,8 @@ r"""The indenter's tip: the outline of the design's tip on a plain shank, for a 
       +-------+    bed
       <  2 R  >
 
-A tip printed upright has layer steps: sand it, or use it as a gauge for a turned tip.
-The pole tessellates with one degenerate triangle, which `cad.mesh` drops.
+A tip printed upright has layer steps: sand it, or use it as a gauge for a tip made on a lathe. At the apex the CAD
+kernel makes one degenerate triangle, which `cad.mesh` drops.
 """
 
 from __future__ import annotations
@@ -22,22 +22,22 @@ from design.spec import SensorDesign
 from design.spec.indenter import tip_outline, tip_volume_mm3
 
 SHANK_MM = 20.0
-"""Held length of the shank, beyond the deepest press."""
+"""Length of the shank that the chuck can hold, beyond the deepest press."""
 
 
 def shank_mm(design: SensorDesign) -> float:
-    """Length of the cylinder below the outline [mm]."""
+    """Length of the cylinder below the shaped tip [mm]."""
     return SHANK_MM + design.operating.max_depth_mm
 
 
 def indenter_tip_volume_mm3(design: SensorDesign) -> float:
-    """Volume by formula [mm3]: the outline's body of revolution and the cylinder."""
+    """Volume by formula [mm3]: the body of revolution of the tip's outline, and the cylinder."""
     radius = design.indenter.tip_radius_mm
     return math.pi * radius**2 * shank_mm(design) + tip_volume_mm3(design.indenter)
 
 
 def indenter_tip(design: SensorDesign) -> cq.Workplane:
-    """The tip upright on the print bed, apex up, axis at x = y = 0."""
+    """CAD solid of the tip, upright on the print bed: apex up, axis at x = y = 0."""
     radius, shank = design.indenter.tip_radius_mm, shank_mm(design)
     pieces = tip_outline(design.indenter)
     apex = shank + pieces[-1].end[1]

@@ -1,4 +1,4 @@
-"""The leveling blade: drawn over the wet black layer, it leaves exactly that layer's thickness.
+"""The leveling blade: a printed tool that is drawn over the wet black layer to level it to the design's thickness.
 
 Its shoulders rest on the rim and its tongue extends down into the cavity. It is printed flat, bevel up:
 
@@ -11,9 +11,10 @@ Its shoulders rest on the rim and its tongue extends down into the cavity. It is
          +------------------------+     v  edge at the black layer's top, bevelled
           play                play
 
-It spans the shorter side of the cavity and is drawn along the longer one. In a round wall it spans the diameter between
-the facets and is turned about the middle. Parts with a body above the rim are in its way
-(`design.mold.webs.bodies_above_rim`). A crowned pad has no blade: its black layer is poured last, upside down.
+The blade spans the shorter side of the cavity and is drawn along the longer one. In a round cavity it spans the
+diameter between opposite facets and is turned about the middle. Optical parts whose bodies extend above the rim are in
+its way (`design.mold.webs.bodies_above_rim`). A crowned pad has no blade: its mold is filled upside down, and the black
+layer is poured last.
 """
 
 from __future__ import annotations
@@ -28,22 +29,23 @@ from design.shape.cavity import cavity_of, plan_of
 from design.spec import SensorDesign
 
 PLAY_MM = 0.3
-"""Gap between the tongue's ends and the cavity's walls: prints are too large by up to this length."""
+"""Gap between each end of the tongue and the cavity's wall: prints are too large by up to this length."""
 GRIP_MM = 12.0
-"""Height of the shoulders' bar, for two fingers."""
+"""Height of the bar above the shoulders, held by two fingers."""
 THICKNESS_MM = 3.0
-"""Thickness that is stiff enough not to bow over the cavity."""
+"""Thickness of the blade, stiff enough not to bow over the cavity."""
 EDGE_MM = 1.0
 """Thickness of the bevelled edge that touches the silicone."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class BladeSize:
-    """Lengths of a blade [mm].
+    """Dimensions of a leveling blade [mm].
 
     Attributes
     ----------
-    span_mm, tongue_mm : length of the bar and of the tongue
+    span_mm : length of the bar
+    tongue_mm : length of the tongue
     reach_mm : height from the shoulders down to the edge
     """
 
@@ -60,7 +62,7 @@ class BladeSize:
 
 
 def blade_size(design: SensorDesign) -> BladeSize | None:
-    """Lengths of a design's blade; None without a black layer, or if it is poured last."""
+    """Dimensions of a design's blade; None without a black layer or for a crowned pad."""
     if design.cavity.black_thickness_mm == 0 or is_cast_under_lid(plan_of(design)):
         return None
     spans_y = design.cavity.width_mm <= design.cavity.length_mm
@@ -72,7 +74,7 @@ def blade_size(design: SensorDesign) -> BladeSize | None:
 
 
 def _tongue_mm(design: SensorDesign) -> float:
-    """Length of the tongue: in a round wall its corners turn within the facets [mm]."""
+    """Length of the tongue [mm]: in a round cavity, the length whose corners turn freely inside the facets."""
     plan = cavity_of(design).plan
     turns = [float(plan.outline.gap_mm(*arc.centre_mm)) for arc in plan.outline.bare.arcs]
     if not turns:
@@ -81,7 +83,7 @@ def _tongue_mm(design: SensorDesign) -> float:
 
 
 def leveling_blade(design: SensorDesign) -> cq.Workplane | None:
-    """The blade flat on the print bed, edge along x at y = 0; None where no blade levels the black layer."""
+    """CAD solid of the blade, flat on the print bed, edge along x at y = 0; None without a blade."""
     size = blade_size(design)
     if size is None:
         return None

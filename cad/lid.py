@@ -1,6 +1,6 @@
-r"""The lid that casts a crowned top: it is on the rim while the mold is filled upside down through its floor.
+r"""The lid that casts a crowned top: it closes the mold, which is then filled upside down through holes in its floor.
 
-The sections show it on the mold, for a dome and for a cylinder whose middle line is level with the rim:
+The sections show the lid on the mold, left for a dome, right for a cylinder whose highest line is level with the rim:
 
       ______________________________         ______________________________  back
      |            _____             |       |                              |
@@ -8,13 +8,13 @@ The sections show it on the mold, for a dome and for a cylinder whose middle lin
      notch | |    dish        | |             | | \     ''----''     / | |    plug, sides drafted
            |_|                |_|             |_|  '                '  |_|    pins, in the fixing holes
 
-The dish is the pad's top. Above the rim it is sunk into the flange. Below the rim it is the end of a plug that fills
-the cavity's plan; on a disc the plug is a circle within its facets. Around the plug silicone rises to the rim, as a
-ridge as wide as the play and the draft, and on a disc up to the round wall. A plug shallower than `LEAST_PLUG_MM` is
-left out.
+The dish is the concave face that shapes the top of the pad. The flange is the plate over the rim. Where the top is
+above the rim, the dish is cut into the flange. Where the top is below the rim, the dish is the end of a plug that fills
+the cavity. On a round pad the plug is a circle within the flat facets of the wall. Around the plug silicone rises to
+the rim as a ridge, as wide as the gap around the plug. A plug shallower than `LEAST_PLUG_MM` is left out.
 
-The lid is printed on its back, dish up, without support: the file is turned over about the middle line along x.
-A lid's numbers (`LidSize`) serve the solid, and volume, checks and pictures without a CAD kernel.
+The lid is printed on its back, dish up, without support. Its file is turned over about the middle line along x. Volume,
+checks and pictures use the lid's dimensions (`LidSize`) without a CAD kernel.
 """
 
 from __future__ import annotations
@@ -36,28 +36,33 @@ from design.shape.cavity import Plan, facet
 from design.spec import SensorDesign
 
 PLAY_MM = 0.15
-"""Gap all around between plug and cavity at the rim, and between pins and their holes."""
+"""Gap all around the plug at the rim, and around the pins in their holes."""
 DRAFT_DEG = 2.0
 """Draft angle of the plug's sides, so that it leaves the cured pad."""
 FLANGE_MM = 3.0
-"""Least thickness over the rim."""
+"""Least thickness of the lid over the rim."""
 OVER_CROWN_MM = 2.5
-"""Least thickness over the crown's highest point."""
+"""Least thickness of the lid over the crown's highest point."""
 BELOW_MM = 0.5
-"""Extra depth of a plug below its lowest point; the dish removes the excess."""
+"""Extra depth of the plug before its concave face is cut, which removes the excess."""
 LEAST_PLUG_MM = 0.05
-"""Half of a thin layer: a shallower plug does not print, and the top's edge is level within this length."""
+"""Least depth of a plug: half of a thin printed layer. A shallower one is left out."""
 CLEAR_OF_TANGENT_MM = 0.005
-"""A cylinder's middle line level with the rim touches the flange along a line, where booleans fail. The flange then
-starts higher by this length, and the lid is lower on the mold by it: a twentieth of a thin layer."""
+"""Distance that separates the flange from a cylinder whose highest line would touch it, since CAD booleans fail there.
+
+The flange then starts higher, and the lid is lower on the mold by this length: a twentieth of a thin layer.
+"""
 PIN_MM, PIN_CHAMFER_MM = 3.0, 0.5
-"""Length of the pins, at most half of the mold's height, and the chamfer at their ends."""
+"""Length of the pins, limited to half of the mold's height, and length of the chamfer at their ends."""
 NOTCH_WIDTH_MM, NOTCH_DEPTH_MM, NOTCH_HEIGHT_MM = 6.0, 1.5, 1.5
-"""Largest size of the two notches for a screwdriver: inward a third of the wall, upward half of the flange."""
+"""Largest width, depth and height of the two notches for a screwdriver.
+
+The depth is limited to a third of the mold's wall, and the height to half of the flange.
+"""
 LEAST_NOTCH_MM = 1.0
-"""Narrower notches are left out."""
+"""Notches narrower than this are left out."""
 NOTCH_TURNS_DEG = range(0, 180, 5)
-"""Candidate directions for the notches of a round lid under a sphere. Under a cylinder they mark its orientation."""
+"""Candidate directions for the notches of a round lid with a dome. With a cylinder they mark the cylinder's axis."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -66,9 +71,9 @@ class Plug:
 
     Attributes
     ----------
-    half_mm : half of its length and width at the seat, or twice its radius there
-    is_round : whether it is round
-    floor_mm : level below its lowest point
+    half_mm : half length and half width of the plug at the flange; (radius, radius) if it is round
+    is_round : whether the plug is round
+    floor_mm : height z of the plug's end before the concave face is cut
     """
 
     half_mm: tuple[float, float]
@@ -76,11 +81,17 @@ class Plug:
     floor_mm: float
 
     def inset_mm(self, depth_mm: float) -> float:
-        """Inset of its sides at a depth below the seat [mm]."""
+        """Inset of the plug's drafted sides at a depth below the flange [mm]."""
         return depth_mm * math.tan(math.radians(DRAFT_DEG))
 
     def reaches(self, x_mm: float, y_mm: float, depth_mm: float, margin_mm: float) -> bool:
-        """Whether a point, relative to the middle, is a margin within its sides at a depth below the seat."""
+        """Whether a point is inside the plug, at least `margin_mm` from its sides.
+
+        Parameters
+        ----------
+        x_mm, y_mm : position relative to the middle of the cavity
+        depth_mm : depth of the point below the flange
+        """
         across, deep = (half - self.inset_mm(depth_mm) - margin_mm for half in self.half_mm)
         if self.is_round:
             return math.hypot(x_mm, y_mm) <= across
@@ -89,7 +100,7 @@ class Plug:
 
 @dataclass(frozen=True, kw_only=True)
 class Notch:
-    """A notch in the flange's underside, in the coordinates of the mold's wall below it."""
+    """A notch for a screwdriver in the flange's underside, in the coordinates of the mold's wall below."""
 
     frame: WallFrame
     cut: Cut
@@ -97,14 +108,14 @@ class Notch:
 
 @dataclass(frozen=True, kw_only=True)
 class LidSize:
-    """A lid in numbers, in the cavity frame [mm].
+    """Dimensions of a lid, in the cavity frame [mm].
 
     Attributes
     ----------
-    seat_mm, back_mm : underside and back of the flange
-    plug : None if the dish is completely in the flange
-    has_dish : whether the crown rises above the seat or a plug ends in it
-    pins : pins from their ends up to the seat
+    seat_mm, back_mm : height z of the flange's underside, on the rim, and of its back
+    plug : part of the lid in the cavity; None if the concave face is completely in the flange
+    has_dish : whether the lid has a concave face, in the flange or at the end of the plug
+    pins : pins below the flange, which fit into the fixing holes
     notches : notches at opposite sides
     """
 
@@ -121,7 +132,14 @@ class LidSize:
         return self.back_mm - self.seat_mm
 
     def forms_top(self, plan: Plan, x_mm: float, y_mm: float, *, margin_mm: float = 0.0) -> bool:
-        """Whether a point of the plan is under the dish, a margin from its edge, not in the play around the plug."""
+        """Whether the lid's concave face shapes the top of the pad at a point, rather than the gap around the plug.
+
+        Parameters
+        ----------
+        plan : outline and top of the pad
+        x_mm, y_mm : position in the cavity frame
+        margin_mm : required distance from the edge of this face
+        """
         (x, y), depth = plan.centre_mm, self.seat_mm - plan.top_mm(x_mm, y_mm)
         if depth <= 0.0:
             return self.has_dish
@@ -129,7 +147,7 @@ class LidSize:
 
 
 def lid_size(design: SensorDesign) -> LidSize | None:
-    """A design's lid in numbers; None for a flat top, which is poured from above."""
+    """Dimensions of a design's lid; None for a flat top, which is poured without a lid."""
     outline = outline_of(design)
     plan = outline.plan
     if plan.top.is_flat:
@@ -155,7 +173,10 @@ def lid_size(design: SensorDesign) -> LidSize | None:
 
 
 def turned_over(mesh: Mesh, design: SensorDesign, size: LidSize) -> Mesh:
-    """A lid moved between the cavity frame and its file, on its back at z = 0; the function is its own inverse."""
+    """Move a lid from the cavity frame to its file, or back: the same half turn does both.
+
+    In the file the lid is on its back at z = 0.
+    """
     flip = np.array([1.0, -1.0, -1.0])
     move = np.array([0.0, design.cavity.width_mm, float(np.float32(size.back_mm))])
     turned = mesh.vertices.astype(np.float64) * flip + move
@@ -163,7 +184,7 @@ def turned_over(mesh: Mesh, design: SensorDesign, size: LidSize) -> Mesh:
 
 
 def lid_clearances(design: SensorDesign) -> Iterator[Clearance]:
-    """Clearances of a lid's thinnest sections; there are none for a flat top."""
+    """Clearances of the thinnest sections of a lid; none for a flat top."""
     size, web = lid_size(design), design.mold.min_web_mm
     if size is None:
         return
@@ -179,7 +200,7 @@ def lid_clearances(design: SensorDesign) -> Iterator[Clearance]:
 
 
 def _plug(plan: Plan, seat_mm: float) -> Plug | None:
-    """The plug within the cavity; None where the top's edge is level with the seat."""
+    """The plug within the cavity; None where the lowest point of the top is level with the flange."""
     is_round = not plan.has_origin_corner
     if is_round:
         radius = float(plan.outline.gap_mm(*plan.centre_mm)) - PLAY_MM
@@ -196,12 +217,12 @@ def _plug(plan: Plan, seat_mm: float) -> Plug | None:
 
 
 def pin_chamfer_mm(hole: Hole) -> float:
-    """Chamfer at a pin's end [mm]."""
+    """Length of the chamfer at a pin's end [mm]."""
     return min(PIN_CHAMFER_MM, hole.radius / 2, (hole.z1 - hole.z0) / 2)
 
 
 def _notches(outline: MoldOutline, seat_mm: float, back_mm: float, web_mm: float) -> Iterator[Notch]:
-    """Two notches, opposite to each other and a web away from the pins."""
+    """Two opposite notches, at least `web_mm` away from the holes of the pins."""
     depth = min(NOTCH_DEPTH_MM, min(outline.wall_x_mm, outline.wall_y_mm) / 3)
     top = seat_mm + min(NOTCH_HEIGHT_MM, (back_mm - seat_mm) / 2)
     for frame in _notched_walls(outline, depth):
@@ -221,7 +242,11 @@ def _notches(outline: MoldOutline, seat_mm: float, back_mm: float, web_mm: float
 
 
 def _notched_walls(outline: MoldOutline, depth_mm: float) -> list[WallFrame]:
-    """The two long walls of a rectangle; opposite positions on a disc, furthest from the pins or along a cylinder."""
+    """The two opposite walls that get the notches.
+
+    On a rectangular mold these are the long walls. On a round one they are along the cylinder's axis, or for a dome as
+    far as possible from the pins.
+    """
     plan = outline.plan
     if plan.has_origin_corner:
         along_x = plan.length_mm >= plan.width_mm
@@ -249,14 +274,14 @@ def _round_wall(outline: MoldOutline, turn_deg: float) -> WallFrame:
 
 
 def _notch_half_mm(frame: WallFrame, outline: MoldOutline, depth_mm: float, web_mm: float) -> float:
-    """Half a notch's width: clear of the pins, and open to a round face over its full width."""
+    """Half width of a notch [mm], limited by the pins and, on a round wall, by the depth of the notch."""
     half = min(NOTCH_WIDTH_MM / 2, frame.length_mm / 2, _to_pins_mm(frame, outline, depth_mm) - web_mm)
     radius = frame.outer_radius_mm
     return min(half, math.sqrt(radius * depth_mm - depth_mm**2 / 4)) if frame.is_facet else half
 
 
 def _to_pins_mm(frame: WallFrame, outline: MoldOutline, depth_mm: float) -> float:
-    """Distance from the notch's middle to the edge of a pin's hole, less the notch's depth [mm]."""
+    """Distance from a notch's middle to the nearest pin's hole, less the notch's depth [mm]."""
     x, y = frame.point(frame.length_mm / 2, frame.thickness_mm)
     holes = outline.fixing_holes
     apart = min((math.hypot(hole.x - x, hole.y - y) - hole.radius for hole in holes), default=math.inf)
@@ -276,14 +301,14 @@ def lid(design: SensorDesign) -> cq.Workplane | None:
         cutters.append(crown_body(outline.plan))
     if cutters:
         body = body.cut(*cutters)
-    pins = [solid for hole in size.pins for solid in _pin(hole)]  # last: the crown's body extends to them
+    pins = [solid for hole in size.pins for solid in _pin(hole)]  # fused last: the crown's body overlaps them
     pieces = body.fuse(*pins).Solids() if pins else body.Solids()
     assert len(pieces) == 1, f"{design.name}: the lid falls into {len(pieces)} pieces"
     return cq.Workplane(obj=pieces[0])
 
 
 def _frustum(plug: Plug, centre_mm: tuple[float, float], seat_mm: float) -> cq.Solid:
-    """The plug before the dish is cut: a cone's or a pyramid's frustum, widest at the seat."""
+    """The plug before its concave face is cut: a frustum of a cone or a pyramid, widest at the flange."""
     (x, y), depth = centre_mm, seat_mm - plug.floor_mm
     inset = plug.inset_mm(depth)
     if plug.is_round:
@@ -302,7 +327,7 @@ def _frustum(plug: Plug, centre_mm: tuple[float, float], seat_mm: float) -> cq.S
 
 
 def crown_body(plan: Plan) -> cq.Solid:
-    """The crown's sphere or cylinder, wider than the pad and deeper than any plug; its seam is below."""
+    """Sphere or cylinder under the crown, extended beyond pad and plug, with the kernel's seam line below."""
     radius, (x, y) = plan.top.radius_mm, plan.centre_mm
     centre = plan.clear_mm - radius
     if plan.top.straight is None:

@@ -1,19 +1,17 @@
-"""Solids as triangles: one mesh for every file, so that STL and 3MF cannot disagree.
+"""Solids as triangle meshes, their STL and 3MF files, and shaded pictures of them.
 
-Faces of a solid are triangulated one by one. Vertices that are equal in single precision, as in a
-binary STL, are joined. Triangles with two equal corners (at the pole of a dome) are dropped, which
-leaves no opening.
+One mesh serves every file of a part, so that STL and 3MF cannot disagree. The faces of a solid are triangulated one by
+one. Vertices that are equal in single precision, as in a binary STL, are joined. Triangles with two equal corners (at
+the apex of a dome) are dropped, which leaves no opening.
 
 By default the height of chords is a share of their face's size, fine enough for printing. The optical surfaces, round
-walls and dishes, are meshed with chords of a given height instead.
+walls and concave lids, are meshed with chords of a given height instead.
 
-The module also draws shaded pictures of printed parts without a display.
-
-The parallel projection is from above and the south-west, so that the origin corner is in front. Triangles are drawn
-into a depth buffer at twice the final size, and edges between faces that meet at an angle are drawn over it.
-Shading is a cosine to two fixed lights: the picture identifies the part and is not a measurement.
-
-Parts that belong together, as a lid on its mold, are shown cut along x without their south half.
+Pictures are drawn without a display. The parallel projection is from above and from the south-west, so that the
+cavity's origin corner is in front. Triangles are drawn into a depth buffer at twice the final size. Edges between faces
+that meet at an angle are drawn over them. Shading is the cosine to two fixed lights, so that the picture identifies the
+part but is not a measurement. Parts that belong together, such as a lid on its mold, are shown cut along x without the
+southern half.
 """
 
 from __future__ import annotations
@@ -40,11 +38,11 @@ if TYPE_CHECKING:
 
 TOLERANCE_MM = 0.05
 CHORD_MM = 0.003
-"""Height of the chords of round walls and dishes: a twentieth of a print's usual error."""
+"""Height of the chords of round walls and concave lids: a twentieth of a usual print's error."""
 CHORD_LIMIT_MM = 0.005
-"""Largest actual chord height of the kernel's mesher, including single precision."""
+"""Largest chord height that the kernel's mesher actually produces for `CHORD_MM`, including single precision."""
 ANGULAR_TOLERANCE_RAD = 0.1
-"""Largest angle between chords of a circle, which sets the number of triangles."""
+"""Largest angle between neighbouring chords of a circle."""
 
 _STL_HEADER = b"optopad, binary STL, millimetres".ljust(80)
 _STL_ROW = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
@@ -54,12 +52,12 @@ _CORE = "http://schemas.microsoft.com/3dmanufacturing/core/2015/02"
 
 @dataclass(frozen=True, kw_only=True)
 class Mesh:
-    """A closed surface.
+    """A closed surface of triangles.
 
     Attributes
     ----------
     vertices : (n, 3) positions, single precision [mm]
-    triangles : (m, 3) vertex indices, counter-clockwise from outside
+    triangles : (m, 3) vertex indices, counter-clockwise seen from outside
     """
 
     vertices: NDArray[np.float32]
@@ -67,13 +65,18 @@ class Mesh:
 
     @property
     def corners(self) -> FloatArray:
-        """(m, 3, 3) triangle, corner, coordinate [mm]."""
+        """Corner positions [mm] as (m, 3, 3): triangle, corner, coordinate."""
         corners: FloatArray = self.vertices.astype(np.float64)[self.triangles]
         return corners
 
 
 def mesh_of(part: cq.Workplane, lift_mm: float = 0.0, *, chord_mm: float | None = None) -> Mesh:
-    """Triangles of a solid, raised by `lift_mm`; chords are no higher than `chord_mm`, if it is given."""
+    """Mesh of a solid, raised by `lift_mm`.
+
+    Parameters
+    ----------
+    chord_mm : largest height of the chords [mm]; None for a share of each face's size
+    """
     if chord_mm is not None:
         _mesh_finely(part, chord_mm)
     points, triples = part.val().tessellate(TOLERANCE_MM, ANGULAR_TOLERANCE_RAD)  # type: ignore[union-attr]
@@ -86,7 +89,7 @@ def mesh_of(part: cq.Workplane, lift_mm: float = 0.0, *, chord_mm: float | None 
 
 
 def _mesh_finely(part: cq.Workplane, chord_mm: float) -> None:
-    """Mesh a solid with chords of an absolute height; those of cadquery are relative to the size of each face."""
+    """Triangulate a solid with chords of an absolute height; cadquery's own are relative to the size of each face."""
     from OCP.BRepMesh import BRepMesh_IncrementalMesh
     from OCP.BRepTools import BRepTools
 
@@ -112,7 +115,7 @@ def stl_bytes(mesh: Mesh) -> bytes:
 
 
 def unit_normals(mesh: Mesh) -> FloatArray:
-    """(m, 3) outward unit normals; zero for a triangle without area."""
+    """Outward unit normal (m, 3) of each triangle; zero for a triangle without area."""
     corners = mesh.corners
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     lengths = np.linalg.norm(normals, axis=1, keepdims=True)
@@ -121,7 +124,7 @@ def unit_normals(mesh: Mesh) -> FloatArray:
 
 
 def threemf_bytes(mesh: Mesh, title: str) -> bytes:
-    """3MF package with one object in millimetres; equal meshes and titles give equal bytes."""
+    """Content of a 3MF file with one object in millimetres; equal meshes and titles give equal bytes."""
     members = {
         "[Content_Types].xml": '<Types xmlns="http://schemas.openxmlformats.org/package/2006/content-types">'
         '<Default Extension="rels" ContentType="application/vnd.openxmlformats-package.relationships+xml"/>'
@@ -156,14 +159,14 @@ Floats = FloatArray
 
 AZIMUTH_DEG, ELEVATION_DEG = 245.0, 42.0
 CUT_ELEVATION_DEG = 16.0
-"""Lower elevation, so that the cut faces are visible."""
+"""Elevation of the viewer for cut parts [deg], low so that the cut faces are visible."""
 OVERSAMPLING = 2
 MARGIN = 0.04
 CREASE_DEG = 25.0
 BODY_RGB = (0.56, 0.62, 0.70)
 EDGE_RGB = (0.13, 0.16, 0.21)
 LIGHTS = (((0.35, 0.25, 0.90), 0.62), ((-0.80, 0.45, 0.40), 0.30))
-"""Directions of the lights in the viewer's frame (right, up, towards the viewer) and their strengths."""
+"""Direction of each light in the viewer's frame (right, up, towards the viewer), and its strength."""
 AMBIENT = 0.22
 
 
@@ -174,7 +177,7 @@ def mold_picture(
     height_px: int = 640,
     elevation_deg: float = ELEVATION_DEG,
 ) -> bytes:
-    """PNG of a part, on a transparent background.
+    """Shaded picture of a part as a PNG on a transparent background.
 
     Parameters
     ----------
@@ -194,7 +197,7 @@ def mold_picture(
 def section_picture(
     parts: Sequence[Mesh], y_mm: float, *, width_px: int = 900, height_px: int = 640
 ) -> bytes:
-    """PNG of the northern halves of parts in one frame, cut at a level y."""
+    """Shaded PNG of parts in one frame, cut at y = `y_mm`, without the half at lower y."""
     halves = [northern_half(part, y_mm) for part in parts]
     starts = np.cumsum([0, *(len(half.vertices) for half in halves)])
     whole = Mesh(
@@ -207,7 +210,7 @@ def section_picture(
 
 
 def northern_half(mesh: Mesh, y_mm: float) -> Mesh:
-    """The part of a closed mesh north of a level y, closed again."""
+    """The half of a closed mesh at y above `y_mm`, closed again."""
     triangles = np.asarray(mesh.triangles, dtype=np.uint32)
     whole = manifold3d.Manifold(manifold3d.Mesh(mesh.vertices, triangles))
     half = whole.trim_by_plane((0.0, 1.0, 0.0), y_mm).to_mesh()
@@ -224,7 +227,10 @@ def _turn(elevation_deg: float) -> Floats:
 
 
 def _fitted(points: Floats, size: tuple[int, int]) -> Floats:
-    """Column, row and depth in pixels; depth grows towards the viewer."""
+    """Scale points in the viewer's frame to the picture: column, row and depth in pixels.
+
+    Depth grows towards the viewer.
+    """
     low, high = points.min(axis=0), points.max(axis=0)
     room = np.array([size[1], size[0]]) * (1 - 2 * MARGIN)
     scale = float((room / (high - low)[:2]).min())
@@ -235,7 +241,7 @@ def _fitted(points: Floats, size: tuple[int, int]) -> Floats:
 
 
 def _shaded(corners: Floats, normals: Floats, size: tuple[int, int]) -> tuple[Floats, Floats]:
-    """Image (rows, columns, rgba) and depth buffer of all faces towards the viewer."""
+    """Draw all faces that are towards the viewer; return the image (rows, columns, rgba) and the depth buffer."""
     image, depth = np.zeros((*size, 4)), np.full(size, -np.inf)
     light = AMBIENT + sum(
         strength * np.clip(normals @ (np.array(way) / np.linalg.norm(way)), 0.0, 1.0)
@@ -248,7 +254,7 @@ def _shaded(corners: Floats, normals: Floats, size: tuple[int, int]) -> tuple[Fl
 
 
 def _fill(image: Floats, depth: Floats, corners: Floats, normal: Floats, colour: Floats) -> None:
-    """Draw a triangle: pixels inside its three edges that are nearer than the depth buffer."""
+    """Draw a triangle into the image: the pixels inside it that are nearer than the depth buffer."""
     low = np.maximum(np.floor(corners[:, :2].min(axis=0)).astype(int), 0)
     high = np.ceil(corners[:, :2].max(axis=0)).astype(int) + 1
     x, y = np.arange(low[0], high[0]) + 0.5, (np.arange(low[1], high[1]) + 0.5)[:, None]
@@ -264,7 +270,7 @@ def _fill(image: Floats, depth: Floats, corners: Floats, normal: Floats, colour:
 
 
 def creases(mesh: Mesh) -> IntArray:
-    """(n, 2) vertices of the edges where two faces meet at more than `CREASE_DEG`."""
+    """Vertex indices (n, 2) of the edges where two faces meet at more than `CREASE_DEG`."""
     triangles, normals = mesh.triangles, unit_normals(mesh)
     edges = np.sort(
         np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]]), axis=1
@@ -300,7 +306,7 @@ def _reduced(image: Floats) -> NDArray[np.uint8]:
 
 
 def png_bytes(pixels: NDArray[np.uint8]) -> bytes:
-    """RGBA pixels as a PNG file."""
+    """Encode RGBA pixels (rows, columns, 4) as a PNG file."""
     height, width = pixels.shape[:2]
     rows = np.concatenate([np.zeros((height, 1), np.uint8), pixels.reshape(height, -1)], axis=1)
     header = struct.pack(">IIBBBBB", width, height, 8, 6, 0, 0, 0)

@@ -1,4 +1,4 @@
-r"""The mold: one printed part with the cavity, the sockets, the pour lip and the fixing holes.
+r"""The mold as a CAD solid: a printed part with the cavity, the sockets, the pour lip and the fixing holes.
 
 View from above (L-shaped marks: sockets open to the cavity and upward), and section through a receiver:
 
@@ -14,13 +14,14 @@ View from above (L-shaped marks: sockets open to the cavity and upward), and sec
         |  /----||-----||-------------o               |___________________||___|  z = -black - floor
         +--> x  origin corner cut at 45 deg              wall        lead holes
 
-The lip starts at the silicone's undisturbed top, if the rim is no higher than the lip: pour to that
-line. A seat for a glass cover at that level replaces the lip. Names of the parts are sunk into the outer faces
-(`design.mold.part_numbers`), a label into the underside (`design.mold.label`), bodies taller than the
-rim get collars (`design.mold.sockets`), and the mold may be parted at the cavity's floor.
+The pour lip is a bevel at the cavity's upper edge. It starts at the silicone's undisturbed top, if the rim is no higher
+than the lip, so that the user pours to that line. For a design with a glass cover, a seat at that level replaces the
+lip. Names of the optical parts are engraved in the outer faces (`design.mold.part_numbers`), and a label in the
+underside (`design.mold.label`). Bodies taller than the rim get collars (`design.mold.sockets`). The mold may be parted
+at the cavity's floor.
 
-A mold with round walls follows the cavity's outline. A round wall has a facet for each part. Sockets are perpendicular
-to their facets, and wire slots, lead channels and names end in the round outer face:
+A mold with round walls follows the cavity's outline. A round wall has a flat facet for each optical part. Sockets are
+perpendicular to their facets, and wire slots, lead channels and names end in the round outer face:
 
            ____----____            arcs between facets, chords at facets: one exact outline, moved up past the rim
         .-'   _|  |_   '-.
@@ -28,9 +29,9 @@ to their facets, and wire slots, lead channels and names end in the round outer 
       |   /            \   |
      _|__/              \__|_
 
-The mold of a crowned pad has no lip: its lid (`cad.lid`) shapes the top, and it is filled through holes in the floor.
-All numbers come from `design.mold.outline`; the frame is that of `design.shape.cavity` (files are lifted
-onto the bed by `cad.export`).
+The mold of a crowned pad has no lip: a lid (`cad.lid`) shapes the top, and silicone enters through holes in the floor.
+All dimensions come from `design.mold.outline`. The frame is the cavity frame of `design.shape.cavity`; `cad.export`
+lifts the solid onto the print bed.
 """
 
 from __future__ import annotations
@@ -53,11 +54,11 @@ from design.shape.outline import Line, Outline
 from design.spec import SensorDesign
 
 BEYOND_MM = 1.0
-"""Length of cutters beyond the faces that they open, so that no two faces coincide there."""
+"""Length by which cutting solids extend beyond the faces that they open, so that no two faces coincide there."""
 
 
 def build_mold(design: SensorDesign) -> cq.Workplane:
-    """The mold as one solid in the cavity frame [mm].
+    """Build the mold as one CAD solid in the cavity frame [mm].
 
     Raises
     ------
@@ -77,7 +78,7 @@ def build_mold(design: SensorDesign) -> cq.Workplane:
 
 
 def part_mold(mold: cq.Workplane, outline: MoldOutline) -> tuple[cq.Workplane, cq.Workplane]:
-    """Frame and base of a parted mold: the mold above and below the cavity's floor."""
+    """Cut a mold at the cavity's floor; return the frame above it and the base below it."""
     low, high = outline.bottom_mm - BEYOND_MM, outline.highest_mm + BEYOND_MM
     found = []
     for z0, z1 in ((outline.cavity_bottom_mm, high), (low, outline.cavity_bottom_mm)):
@@ -92,14 +93,20 @@ def part_mold(mold: cq.Workplane, outline: MoldOutline) -> tuple[cq.Workplane, c
 
 
 def _block(outline: MoldOutline) -> cq.Solid:
-    """Outer prism and collars."""
+    """The mold before it is cut: the extruded outline and the collars for tall bodies."""
     solid = outer_prism(outline, outline.bottom_mm, outline.height_mm)
     collars = [_filled(collar.box) for collar in outline.collars]
     return cast(cq.Solid, solid.fuse(*collars).clean()) if collars else solid
 
 
 def outer_prism(outline: MoldOutline, foot_mm: float, height_mm: float) -> cq.Solid:
-    """The extruded outer outline: round on a disc, else with rounded edges and the cut at the origin's corner."""
+    """Extrude the outer outline: round for a round pad, else with rounded edges and the cut at the origin's corner.
+
+    Parameters
+    ----------
+    foot_mm : height z of the underside
+    height_mm : height of the prism
+    """
     block = cq.Workplane(obj=prism(outline.outer, foot_mm, height_mm))
     if outline.corner_radius_mm > 0:
         block = block.edges("|Z and (>X or >Y)").fillet(outline.corner_radius_mm)
@@ -115,7 +122,7 @@ def _filled(box: Box) -> cq.Solid:
 
 
 def _mouth(outline: MoldOutline) -> list[cq.Solid]:
-    """Cavity and lip, or cavity and the cover's seat, extended past the rim."""
+    """Cutting solids of the cavity with its lip or with the cover's seat, extended past the rim."""
     if outline.lip_mm:
         return [_flared(outline)]
     inside, foot = outline.plan.outline, outline.cavity_bottom_mm
@@ -126,7 +133,7 @@ def _mouth(outline: MoldOutline) -> list[cq.Solid]:
 
 
 def prism(outline: Outline, foot_mm: float, height_mm: float) -> cq.Solid:
-    """An outline extruded upward from a level."""
+    """Extrude an outline upward from z = `foot_mm`."""
     edges, up = [], cq.Vector(0, 0, 1)
     for one in outline.loop:
         if isinstance(one, Line):
@@ -140,12 +147,12 @@ def prism(outline: Outline, foot_mm: float, height_mm: float) -> cq.Solid:
 
 
 def _flared(outline: MoldOutline) -> cq.Solid:
-    """Cavity and flared lip as one polyhedron."""
+    """Cutting solid of the cavity and its bevelled lip as one polyhedron."""
     foot, knee = outline.cavity_bottom_mm, outline.top_mm - outline.lip_mm
     rings = [_ring(outline, 0.0, foot), _ring(outline, 0.0, knee)]
     if not outline.collars:
         rings.append(_ring(outline, outline.lip_mm + BEYOND_MM, outline.top_mm + BEYOND_MM))
-    else:  # straight up past the rim: collars are right behind the lip
+    else:  # straight up past the rim, because collars are right behind the lip
         rings += [_ring(outline, outline.lip_mm, z) for z in (outline.top_mm, outline.top_mm + BEYOND_MM)]
     faces = [_polygon(rings[0][::-1]), _polygon(rings[-1])]
     for low, high in pairwise(rings):
@@ -182,7 +189,7 @@ def _slab(socket: Socket, cut: Cut, out0: float, out1: float) -> cq.Solid:
 
 
 def cut_solid(frame: WallFrame, cut: Cut) -> cq.Solid:
-    """A cut of a wall as a solid: a box, rotated if the wall is a facet."""
+    """A cut in a wall as a solid: a box, rotated if the wall is a facet of a round wall."""
     if frame.runs_along_axes:
         return _filled(frame.box(cut))
     corners = [cq.Vector(x, y, cut.floor) for x, y in reversed(frame.corners(cut))]
@@ -191,7 +198,7 @@ def cut_solid(frame: WallFrame, cut: Cut) -> cq.Solid:
 
 
 def _engraved(number: PartNumber) -> list[cq.Solid]:
-    """Cutters of a part's name, from beyond the outer face into the wall."""
+    """Cutting solids of a part's engraved name, from beyond the outer face into the wall."""
     frame = number.frame
     x0, y0 = frame.point(0.0, frame.thickness_mm + BEYOND_MM)
     x1, y1 = frame.point(0.0, frame.thickness_mm - part_numbers.DEPTH_MM)
@@ -204,7 +211,7 @@ def _engraved(number: PartNumber) -> list[cq.Solid]:
 
 
 def _label(outline: MoldOutline) -> list[cq.Solid]:
-    """Cutters of the label, from below the bed up into the floor."""
+    """Cutting solids of the label, from below the mold up into its floor."""
     foot = outline.bottom_mm - BEYOND_MM
 
     def place(loop: Loop) -> cq.Wire:
@@ -215,7 +222,7 @@ def _label(outline: MoldOutline) -> list[cq.Solid]:
 
 
 def _prism(shape: Shape, place: Callable[[Loop], cq.Wire], way: cq.Vector) -> cq.Solid:
-    """A shape extruded along a vector; `place` positions its loops in space."""
+    """A flat shape extruded along the vector `way`; `place` converts the shape's loops to wires in space."""
     return cq.Solid.extrudeLinear(place(shape.outline), [place(hole) for hole in shape.holes], way)
 
 

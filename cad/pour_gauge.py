@@ -1,7 +1,8 @@
-r"""The pour gauge: laid across the rim, it shows when the clear layer is thick enough.
+r"""The pour gauge: a printed tool on the mold's rim that shows when the clear layer is thick enough.
 
-Three teeth extend from a bar into the cavity. The middle one ends at the undisturbed top: pour until the silicone wets
-it. The longer one is wetted slightly earlier; the shorter one must stay dry. The gauge is printed flat:
+Three teeth extend from a bar into the cavity. The middle tooth ends at the silicone's undisturbed top: pour until the
+silicone wets it. The longer tooth is wetted slightly earlier. The shorter tooth must stay dry. The gauge is printed
+flat:
 
       +--------------------------------------+  ^ grip
       |                                      |  |
@@ -10,7 +11,7 @@ it. The longer one is wetted slightly earlier; the shorter one must stay dry. Th
              |_|         | |         |_|           short: rim - step
             long         |_|        short          middle: rim; long: rim + step
 
-On a disc it is along a diameter. A crowned pad is filled by weight, upside down, and has no gauge.
+On a round mold the gauge is along a diameter. A crowned pad has no gauge: its mold is filled by weight, upside down.
 """
 
 from __future__ import annotations
@@ -24,17 +25,17 @@ from design.shape.cavity import plan_of
 from design.spec import SensorDesign
 
 GRIP_MM = 8.0
-"""Height of the bar."""
+"""Height of the bar above the teeth."""
 THICKNESS_MM = 3.0
 TOOTH_MM = 2.0
-"""Width of a tooth: narrow, so that it draws up little silicone."""
+"""Width of a tooth, narrow so that it draws up little silicone."""
 STEP_MM = 0.3
-"""Difference of the outer teeth, about the accuracy of pouring; less where the rim is low."""
+"""Difference of the outer teeth from the middle one: about the accuracy of pouring, less for a low rim."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class GaugeSize:
-    """Lengths of a gauge [mm].
+    """Dimensions of a pour gauge [mm].
 
     Attributes
     ----------
@@ -54,7 +55,7 @@ class GaugeSize:
 
 
 def gauge_size(design: SensorDesign) -> GaugeSize | None:
-    """Lengths of a design's gauge; None for a mold without a rim, filled to the brim, and for a crowned pad."""
+    """Dimensions of a design's gauge; None for a mold without a rim and for a crowned pad."""
     rim, cavity, mold = design.mold.rim_mm, design.cavity, design.mold
     if rim == 0 or is_cast_under_lid(plan_of(design)):
         return None
@@ -68,7 +69,7 @@ def gauge_size(design: SensorDesign) -> GaugeSize | None:
 
 
 def pour_gauge(design: SensorDesign) -> cq.Workplane | None:
-    """The gauge flat on the print bed, teeth towards low y; None where nothing is poured to a level."""
+    """CAD solid of the gauge, flat on the print bed, teeth towards low y; None without a gauge."""
     size = gauge_size(design)
     if size is None:
         return None

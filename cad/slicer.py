@@ -1,9 +1,9 @@
-"""PrusaSlicer as an independent check: result of slicing, print time, filament and warnings.
+"""PrusaSlicer as an independent check of printed parts: extruded volume, print time, filament and warnings.
 
-Its exit code is not a check: missing triangles, dropped thin walls and floating bodies end with 0. So the module also
-reads `print warning` lines, and from ``--info`` whether the mesh is manifold and its volume after the silent repair.
-It reads the volume that a solid print extrudes, which is too small where thin walls are dropped. Times and
-grams are those of a print with a fifth of the inside filled.
+The slicer's exit code is not a check: it is 0 even with missing triangles, dropped thin walls or floating bodies. The
+module therefore also parses the `print warning` lines. From ``--info`` it takes whether the mesh is manifold, and the
+mesh's volume after the slicer's silent repair. It also takes the volume that a print with full infill extrudes, which
+is too small where thin walls are dropped. Time and filament mass are those of a print with 20 % infill.
 """
 
 from __future__ import annotations
@@ -22,9 +22,12 @@ from design.parts.assumptions import Bed
 COMMANDS = ("prusa-slicer", "PrusaSlicer", "prusa-slicer-console")
 USUAL_FILL = 0.2
 EXTRUDED_LOW, EXTRUDED_HIGH = 0.95, 1.08
-"""Range of extruded over solid volume of a solid print: 1.01 to 1.03 for good parts; overlaps of short lines add."""
+"""Range of extruded volume over volume of the part, for full infill.
+
+Good parts have 1.01 to 1.03, because overlaps of short lines add volume.
+"""
 VOLUME_LIMIT = 1e-3
-"""Relative tolerance between the volumes of file and formula; a repaired mesh exceeds it."""
+"""Tolerance of the relative difference between the slicer's volume and the formula; a repaired mesh exceeds it."""
 TIMEOUT_S = 300
 MM3_PER_CM3 = 1e3
 
@@ -35,11 +38,11 @@ class Sliced:
 
     Attributes
     ----------
-    minutes, filament_g : time and filament of a print with the usual fill
-    volume_mm3 : volume of the mesh as the slicer reads it
-    extruded_mm3 : extruded volume of a solid print
+    minutes, filament_g : print time and filament mass with the usual infill
+    volume_mm3 : volume of the mesh after the slicer's repair
+    extruded_mm3 : extruded volume with full infill
     is_manifold : whether the slicer finds the mesh closed
-    warnings : its own warnings, in its words
+    warnings : texts of the slicer's warnings
     """
 
     minutes: float
@@ -51,16 +54,16 @@ class Sliced:
 
 
 def slicer_command() -> str | None:
-    """The slicer's command on this machine; None where it is not installed."""
+    """Path of the PrusaSlicer program on this machine; None where it is not installed."""
     return next((path for name in COMMANDS if (path := shutil.which(name))), None)
 
 
 def require_slicer() -> str:
-    """The slicer's command.
+    """Path of the PrusaSlicer program on this machine.
 
     Raises
     ------
-    InputError : it is not installed.
+    InputError : the slicer is not installed.
     """
     command = slicer_command()
     if command is None:
@@ -72,11 +75,11 @@ def require_slicer() -> str:
 
 
 def sliced(stl: bytes, *, density_g_per_cm3: float, bed_mm: Bed, command: str | None = None) -> Sliced:
-    """Slice a part twice, with the usual fill and solid, and read the slicer's data of its mesh.
+    """Slice a part twice, with the usual and with full infill, and read the slicer's data about its mesh.
 
     Raises
     ------
-    InputError : no slicer, or it gave no result within `TIMEOUT_S` seconds.
+    InputError : no slicer is installed, or the slicer gave no result within `TIMEOUT_S` seconds.
     """
     program = command or require_slicer()
     with temporary_folder() as folder:
@@ -96,13 +99,13 @@ def sliced(stl: bytes, *, density_g_per_cm3: float, bed_mm: Bed, command: str | 
 
 
 def minutes_of(duration: str) -> float:
-    """Minutes of a duration as the slicer writes it: 1d 2h 3m 4s."""
+    """Minutes of a duration in the slicer's notation, such as "1d 2h 3m 4s"."""
     per_unit = {"d": 1440.0, "h": 60.0, "m": 1.0, "s": 1 / 60}
     return sum(float(count) * per_unit[unit] for count, unit in re.findall(r"(\d+)([dhms])", duration))
 
 
 def _gcode(program: str, part: Path, fill: float, density: float, bed_mm: Bed) -> tuple[str, str]:
-    """The end of a part's G-code, and the slicer's output."""
+    """Slice a part with infill share `fill`; return the end of its G-code, and the slicer's output."""
     target, settings = part.with_suffix(".gcode"), part.with_suffix(".ini")
     x, y, z = bed_mm
     usual = (files("cad") / "data" / "slicer.ini").read_text(encoding="utf-8")

@@ -1,6 +1,6 @@
-r"""The solder jig: a plate that holds one part of each kind while its wires are soldered at the sockets' pitch.
+r"""The solder jig: a printed plate that holds optical parts while wires are soldered to them at the sockets' pitch.
 
-The view from above shows a surface part and a radial one:
+The jig has space for one part of each kind. This view from above shows a surface-mount part and a part with leads:
 
       +----------------------------+
       |   | |  | |                 |   grooves: wires at the pitch of the slots, open to the edge
@@ -10,7 +10,7 @@ The view from above shows a surface part and a radial one:
       |  +--------+                |   holes: drilled with the mold's lead drill they check the pitch, and hold
       +----------------------------+   the leads of a radial part upright
 
-The volume is computed by formula: recess, grooves and holes touch and do not overlap.
+The volume is computed by formula, because recess, grooves and holes touch but do not overlap.
 """
 
 from __future__ import annotations
@@ -29,26 +29,26 @@ from design.spec.fits import fit
 
 THICKNESS_MM = 5.0
 MARGIN_MM = 3.0
-"""Margin of the plate around its cuts."""
+"""Distance between cuts in the plate, and from the cuts to its edge."""
 RECESS_SHARE = 0.5
-"""Depth of a recess over the body's: pads and half of the body protrude."""
+"""Depth of a recess as a share of the body's depth: solder pads and half of the body protrude."""
 DEEPEST_MM = 3.0
-"""Greatest depth of recesses and grooves; it leaves two millimetres of plate."""
+"""Greatest depth of recesses and grooves, which leaves two millimetres of plate."""
 GROOVE_MM = 8.0
-"""Length of the wires' grooves."""
+"""Length of the grooves for wires."""
 BEYOND_MM = 1.0
 
 
 @dataclass(frozen=True, kw_only=True)
 class JigSize:
-    """A jig in numbers, its low corner at the origin.
+    """Dimensions of a solder jig whose corner at low x and y is at the origin.
 
     Attributes
     ----------
-    length_mm, width_mm : size of the plate
+    length_mm, width_mm : size of the plate along x and y
     boxes : recesses and grooves, open upward
     holes : holes through the plate
-    part_ids : catalogue names of the parts, from low to high x
+    part_ids : catalogue names of the kinds of parts, from low to high x
     """
 
     length_mm: float
@@ -59,14 +59,14 @@ class JigSize:
 
     @property
     def volume_mm3(self) -> float:
-        """Volume by formula [mm3]."""
+        """Volume by formula [mm3]: the plate less its cuts."""
         cut = sum((box.x1 - box.x0) * (box.y1 - box.y0) * (box.z1 - box.z0) for box in self.boxes)
         drilled = sum(math.pi * hole.radius**2 * (hole.z1 - hole.z0) for hole in self.holes)
         return self.length_mm * self.width_mm * THICKNESS_MM - cut - drilled
 
 
 def jig_size(design: SensorDesign) -> JigSize:
-    """A design's jig: a cell for each kind of part, in the order of the layout."""
+    """Dimensions of a design's jig, with space for each kind of part in the order of the layout."""
     kinds = {part.part_id: part.part for part in cavity_of(design).parts}
     cells = {part_id: _cell_mm(part) for part_id, part in kinds.items()}
     boxes: list[Box] = []
@@ -99,7 +99,7 @@ def jig_size(design: SensorDesign) -> JigSize:
 
 
 def solder_jig(design: SensorDesign) -> cq.Workplane:
-    """The jig flat on the print bed."""
+    """CAD solid of the jig, flat on the print bed."""
     size = jig_size(design)
     plate = cq.Solid.makeBox(size.length_mm, size.width_mm, THICKNESS_MM)
     top = THICKNESS_MM + BEYOND_MM
@@ -112,7 +112,7 @@ def solder_jig(design: SensorDesign) -> cq.Workplane:
 
 
 def _cell_mm(part: Part) -> tuple[float, float]:
-    """Space of a part on the plate, along x and y [mm]."""
+    """Length that a kind of part needs on the plate, along x and y [mm]."""
     leads = lead_offsets_mm(part)
     across = max(
         part.body_width_mm.value + 2 * fit("slip").value,
@@ -148,6 +148,6 @@ def _groove_spans(part: Part, wire_mm: float, web_mm: float) -> list[tuple[float
 
 
 def _filled(box: Box, top: float, edge: float) -> cq.Solid:
-    """A cut, extended up past the plate, and out past its edge if it ends there."""
+    """A cut's solid, extended up past the plate, and past the edge at high y if it ends there."""
     y1 = box.y1 + (BEYOND_MM if box.y1 >= edge else 0.0)
     return cq.Solid.makeBox(box.x1 - box.x0, y1 - box.y0, top - box.z0, cq.Vector(box.x0, box.y0, box.z0))

@@ -1,29 +1,30 @@
-"""Volumes of the printed parts by formula, for comparison with the solids and the files.
+"""Volumes of the printed parts by formula, for comparison with the CAD solids and the files.
 
-The mold is its outer prism less cuts that do not overlap, except that pockets and slots share the
-pour lip's wedge. With the wedge removing max(0, c - t) of height at distance t behind the inner
-face (c: leg of the lip), a cut of width b from t0 to t1 shares
+The mold is its extruded outline less its cuts. The cuts do not overlap, except that pockets and slots share volume with
+the pour lip, a bevel at the cavity's upper edge. At distance t behind the inner face the bevel removes the height
+max(0, c - t), where c is the leg of the bevel. A cut of width b from t0 to t1 shares with it
 
     b * integral of max(0, c - t) dt = b / 2 * ((c - t0)+^2 - (c - t1)+^2)
 
-with it. That is exact if every cut is within its wall's inner length and its floor is
-below the lip, which `design.mold.webs` ensures. The lip itself is a frustum with mitred corners:
+This is exact if every cut is within its wall's inner length and its floor is below the lip; `design.mold.webs` ensures
+both. The lip itself is a frustum with mitred corners:
 
     integral over 0..c of (L + 2s)(W + 2s) - L W ds = (L + W) c^2 + 4/3 c^3
 
-A cover's seat takes ((L + 2s)(W + 2s) - L W) x rim instead. It shares the volume before s with a cut of width b:
-b x min(s, t1) x rim from the wall on. Collars are on the rim behind lip or seat, and cuts extend up through them.
+For a glass cover, a seat of width s replaces the lip and takes ((L + 2s)(W + 2s) - L W) x rim. A cut of width b shares
+b x min(s, t1) x rim with it. Collars are on the rim behind the lip or seat, and cuts extend up through them.
 
-In a round mold a cut of facet coordinates (a, t) may end in the round outer face, t = T(a). With the facet d from the
-centre, b = a - the facet's middle, and the outer radius R, T = sqrt(R2 - b2) - d. The area before a level t is then
-the integral of min(T, t): t where |b| < sqrt(R2 - (d + t)2), T elsewhere. T's antiderivative is that of the circle.
+In a round mold a cut may end in the round outer face. Let d be the distance of the wall's flat facet from the centre, R
+the outer radius, and b the distance along the facet from its middle. The outer face is then at T = sqrt(R2 - b2) - d
+behind the facet. The area of a cut up to a depth t is the integral of min(T, t) over b, which is t where
+|b| < sqrt(R2 - (d + t)2), T elsewhere. The antiderivative of T is that of a circle.
 
-The lid is its flange, pins and plug, less notches and the part of the crown above the seat: the whole cap of a sphere,
-nothing of a cylinder. The plug is integrated over horizontal sections. At a depth h below the seat its outline is inset
-by the draft, and the crown covers |r| < rho of it, rho = C sin(q) at s = C (1 - cos(q)) below the highest point. The
-area outside has a closed form for circle and rectangle, disc and strip. Gauss' rule integrates it over depth in q,
-piece by piece between the depths where the crown's level meets a side or a corner. The integrand has no square root at
-the highest point, and a power of 3/2 at the pieces' ends, so the error falls as nodes^-5: 1e-9 at 48.
+The lid (`cad.lid`) is its flange, pins and plug, less notches and less the part of the crown above the seat. This part
+is a spherical cap for a dome and nothing for a cylinder. The plug is integrated over horizontal sections. At a depth h
+below the seat the draft reduces the plug's section. The crown covers the middle of the section to a half width rho = C
+sin(q) at s = C (1 - cos(q)) below the highest point, for a crown of radius C. The area that remains has a closed form
+for a circular or rectangular plug under a dome or cylinder. Gauss' rule integrates this area over the depth in q, in
+pieces between the depths where the crown's edge meets a side or a corner of the plug. The error is 1e-9 at 48 nodes.
 """
 
 from __future__ import annotations
@@ -42,7 +43,7 @@ from design.shape.top import Top
 from design.spec import SensorDesign
 
 NODES = 48
-"""Nodes of Gauss' rule in each piece of a plug."""
+"""Number of nodes of Gauss' rule in each piece of the integral over a plug."""
 
 
 def mold_volume_mm3(design: SensorDesign) -> float:
@@ -63,7 +64,7 @@ def mold_volume_mm3(design: SensorDesign) -> float:
 
 
 def _socket_cuts_mm3(outline: MoldOutline) -> float:
-    """Volume of pockets, slots, necks and channels, less their share of the lip or seat."""
+    """Volume of the sockets' pockets, slots, necks and lead channels, less the volume shared with lip or seat."""
     channels = [(s.frame, s.channel) for s in outline.sockets if s.channel is not None]
     below = [(s.frame, _below_rim(cut, outline)) for s in outline.sockets for cut in s.cuts]
     return (
@@ -82,7 +83,7 @@ def cut_in_frame_mm3(frame: WallFrame, cut: Cut) -> float:
 
 
 def _before_mm2(frame: WallFrame, cut: Cut, level_mm: float) -> float:
-    """Area of a round wall over a cut's width, outward up to a level or to the outer face [mm2]."""
+    """Area of a cut in a round wall, from the facet outward to `level_mm` or to the outer face [mm2]."""
     radius, middle = frame.outer_radius_mm, frame.length_mm / 2
     stands = radius - frame.thickness_mm
     full = math.sqrt(max(radius**2 - (stands + level_mm) ** 2, 0.0))
@@ -100,13 +101,13 @@ def _before_mm2(frame: WallFrame, cut: Cut, level_mm: float) -> float:
 
 
 def _circle_mm2(x: float, radius: float) -> float:
-    """Integral from 0 to x of sqrt(radius2 - x2)."""
+    """Integral from 0 to x of sqrt(radius^2 - x^2), with x limited to +-radius."""
     share = max(-1.0, min(1.0, x / radius))
     return radius**2 / 2 * (share * math.sqrt(1 - share * share) + math.asin(share))
 
 
 def base_volume_mm3(design: SensorDesign) -> float:
-    """Volume of the mold below the cavity's floor: the base of a parted mold [mm3]."""
+    """Volume of the mold below the cavity's floor, which is the base of a parted mold [mm3]."""
     outline = outline_of(design)
     joint, height = outline.cavity_bottom_mm, outline.cavity_bottom_mm - outline.bottom_mm
     cuts = [cut for socket in outline.sockets for cut in socket.cuts if cut.floor < joint]
@@ -128,7 +129,12 @@ def lip_volume_mm3(outline: MoldOutline) -> float:
 
 
 def shared_with_lip_mm3(cut: Cut, lip_mm: float) -> float:
-    """Volume that a pocket or slot shares with the pour lip [mm3]."""
+    """Volume that a pocket or slot shares with the pour lip [mm3].
+
+    Parameters
+    ----------
+    lip_mm : leg of the lip's bevel
+    """
     near, far = max(lip_mm - cut.out0, 0.0), max(lip_mm - cut.out1, 0.0)
     return (cut.along1 - cut.along0) * (near**2 - far**2) / 2
 
@@ -206,7 +212,14 @@ def _cap_mm3(radius: float, height: float) -> float:
 
 
 def plug_volume_mm3(plug: Plug, top: Top, over_mm: float) -> float:
-    """Volume of a plug below the seat and above the crown, whose highest point is `over_mm` over the seat [mm3]."""
+    """Volume of a lid's plug below the flange, without the crown that is cut from it [mm3].
+
+    Parameters
+    ----------
+    plug : the plug before it is cut
+    top : radius and kind of the crown
+    over_mm : height of the crown's highest point over the flange's underside
+    """
     radius = top.radius_mm
     above = max(-over_mm, 0.0)
     whole = _gauss(lambda depth: _outside_mm2(plug, top, depth, 0.0), 0.0, above)
@@ -224,7 +237,12 @@ def plug_volume_mm3(plug: Plug, top: Top, over_mm: float) -> float:
 
 
 def _outside_mm2(plug: Plug, top: Top, depth: float, level: float) -> float:
-    """Area of a plug's section at a depth, outside of the crown's half width or radius there [mm2]."""
+    """Area of the plug's section at a depth below the flange, without the crown's section [mm2].
+
+    Parameters
+    ----------
+    level : radius or half width of the crown's section at that depth
+    """
     a, b = (half - plug.inset_mm(depth) for half in plug.half_mm)
     if plug.is_round:
         if level >= a:
@@ -238,7 +256,7 @@ def _outside_mm2(plug: Plug, top: Top, depth: float, level: float) -> float:
 
 
 def _quarter_mm2(radius: float, a: float, b: float) -> float:
-    """Area of a quarter disc within a rectangle at its middle [mm2]."""
+    """Area inside both a quarter disc and the rectangle a x b from its centre [mm2]."""
     if radius >= math.hypot(a, b):
         return a * b
     if radius == 0.0:
@@ -248,7 +266,10 @@ def _quarter_mm2(radius: float, a: float, b: float) -> float:
 
 
 def _meetings(plug: Plug, top: Top) -> list[tuple[float, ...]]:
-    """Half widths at the seat of the plug's sides, then of its corner, which the crown's level meets in this order."""
+    """Points of the plug's section that the growing crown's section meets, in this order.
+
+    Each is a tuple of half widths at the flange: one for a side or a round plug, two for a corner.
+    """
     a, b = plug.half_mm
     if plug.is_round:
         return [(a,)]
@@ -258,9 +279,9 @@ def _meetings(plug: Plug, top: Top) -> list[tuple[float, ...]]:
 
 
 def _meets(plug: Plug, sides: tuple[float, ...], radius: float, over: float) -> float | None:
-    """The angle q where the growing crown's level meets the inset sides; None if that is above the seat.
+    """Angle q at which the growing crown's section meets a side or corner of the plug; None if above the plug.
 
-    With s = over + h: s (2 C - s) = sum of (w - h t)2, a quadratic in h.
+    With slope t of the draft, half widths w and s = over + h, the depth h solves s (2 C - s) = sum of (w - h t)^2.
     """
     slope = plug.inset_mm(1.0)
     square = -1 - len(sides) * slope**2
@@ -272,7 +293,7 @@ def _meets(plug: Plug, sides: tuple[float, ...], radius: float, over: float) -> 
 
 
 def _gauss(rate: Callable[[float], float], low: float, high: float) -> float:
-    """Integral by Gauss' rule from low to high."""
+    """Integral of `rate` from low to high by Gauss' rule."""
     nodes, weights = np.polynomial.legendre.leggauss(NODES)
     middle, half = (low + high) / 2, (high - low) / 2
     return sum(float(w) * half * rate(middle + half * float(x)) for x, w in zip(nodes, weights, strict=True))

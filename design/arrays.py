@@ -1,4 +1,4 @@
-"""Names of the arrays that all rooms share; the docstrings of functions give shapes and units."""
+"""Type aliases of NumPy arrays for the whole project; the docstrings of functions give shapes and units."""
 
 from __future__ import annotations
 

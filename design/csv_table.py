@@ -1,8 +1,8 @@
-"""Tables in CSV: the reader of every table that optopad takes.
+"""Reader of all CSV tables that optopad accepts.
 
-The first line that is not a remark is the heading. Commas separate values, and decimals have a point. Lines that
-begin with # are remarks; empty lines and empty cells at the end of a line do not count. A row with another number of
-cells is refused, because a decimal comma shifts all later cells. The module needs the standard library only.
+Lines that begin with # are remarks. The first other line is the heading. Commas separate values, and numbers have a
+decimal point. Empty lines are skipped, and so are empty cells at the end of a line. A row with more or fewer cells than
+the heading is refused, because a decimal comma would shift all later cells. The module needs the standard library only.
 """
 
 from __future__ import annotations
@@ -26,15 +26,16 @@ _OTHER_SEPARATORS = {";": "semicolons", "\t": "tabs"}
 
 @dataclass(frozen=True, kw_only=True)
 class CsvTable:
-    """A table as text.
+    """A CSV table whose cells are still text.
 
     Attributes
     ----------
-    file : its source
+    file : path of the file
     heading : names of the columns, without blanks around them
-    rows : the cells of each row, as many as in the heading
-    lines : (row,) number of each row in the file, from 1, as editors and spreadsheets count
-    remarks : the lines that begin with #
+    rows : cells of each row below the heading, one per column
+    lines : line number of each row in the file, counted from 1
+    remarks : lines that begin with #
+    error : class of the errors about the table's cells
     """
 
     file: Path
@@ -45,16 +46,16 @@ class CsvTable:
     error: type[OptopadError] = InputError
 
     def column(self, name: str) -> list[str]:
-        """The cells of a column."""
+        """The cells of a column, from top to bottom."""
         at = self.heading.index(name)
         return [row[at] for row in self.rows]
 
     def records(self) -> list[dict[str, str]]:
-        """The cells of each row by column."""
+        """The cells of each row as a dictionary by column name."""
         return [dict(zip(self.heading, row, strict=True)) for row in self.rows]
 
     def where(self, row: int) -> str:
-        """The start of a message about a row: the file and the row's number in it."""
+        """Start of an error message about a row: the file and the row's line number in the file."""
         return f"{self.file}: row {self.lines[row]}"
 
     def numbers(self, name: str) -> list[float]:
@@ -62,12 +63,22 @@ class CsvTable:
 
         Raises
         ------
-        OptopadError : a cell that is not a number; the message names row, column and value.
+        OptopadError : a cell is not a finite number; the message names row, column and value.
         """
         return self.parsed(name, float, "a finite number")
 
     def parsed(self, name: str, parse: Callable[[str], float], needed: str) -> list[float]:
-        """As `numbers`, with another parser, which raises ValueError, and a description of the required values."""
+        """The cells of a column as finite numbers, converted by `parse`.
+
+        Parameters
+        ----------
+        parse : converts the text of a cell, or raises ValueError
+        needed : description of permitted values, for messages
+
+        Raises
+        ------
+        OptopadError : a cell is not a finite number; the message names row, column and value.
+        """
         found = []
         for row, text in enumerate(self.column(name)):
             try:
@@ -92,19 +103,20 @@ def read_csv(
     most_bytes: int = MOST_BYTES,
     error: type[OptopadError] = InputError,
 ) -> CsvTable:
-    """Read a table.
+    """Read a CSV table with a heading.
 
     Parameters
     ----------
-    needed : required content of the table, in words for messages
+    needed : required content of the table, for messages
     fewest_rows : least number of rows below the heading
-    lower : whether to convert names of columns to lower case
-    most_bytes : size above which the file is refused unread
+    lower : whether column names are converted to lower case
+    most_bytes : size above which the file is refused without reading it
     error : class of the error that is raised
 
     Raises
     ------
-    OptopadError : no text, another separator, too few rows, a row of another length, or a duplicate column.
+    OptopadError : the file has no text, another separator than commas, too few rows, a row of another length than the
+        heading, or a duplicate column.
     """
     text = read_text(file, needed=needed, most_bytes=most_bytes, error=error)
     remarks: list[str] = []
@@ -147,11 +159,18 @@ def read_csv(
 def numbered_points(
     file: Path, *, needed: str, most_bytes: int = 1_000_000, error: type[OptopadError] = InputError
 ) -> list[tuple[int, tuple[float, float]]]:
-    """The points of a curve, two numbers per row, each with its row's number in the file; a heading is optional.
+    """Read the points of a curve from a file with two numbers per row; a heading is optional.
 
-    A comma, a semicolon or blanks separate numbers, and decimals have a point.
+    A comma, a semicolon or blanks separate the two numbers, which have a decimal point. Parameters are as in
+    `read_csv`.
 
-    As `read_csv`; fewer than two points, or a row without two finite numbers, are refused.
+    Returns
+    -------
+    Line number in the file, and the two numbers, of each point.
+
+    Raises
+    ------
+    OptopadError : the file has fewer than two points, or a row without two finite numbers.
     """
     found: list[tuple[int, tuple[float, float]]] = []
     text = read_text(file, needed=needed, most_bytes=most_bytes, error=error)
@@ -172,7 +191,7 @@ def numbered_points(
 
 
 def is_number(text: str) -> bool:
-    """Whether a text is a number, finite or not."""
+    """Whether a text is a number; infinite and NaN count as numbers."""
     try:
         float(text)
     except ValueError:
@@ -193,7 +212,7 @@ def _without_last_empty(cells: list[str]) -> list[str]:
 def _fitted(
     cells: list[str], heading: Sequence[str], where: str, error: type[OptopadError]
 ) -> tuple[str, ...]:
-    """The cells of a row, without empty ones beyond the heading."""
+    """The cells of a row without empty ones beyond the heading; an error if their number does not match the heading."""
     found = cells if len(cells) <= len(heading) else _without_last_empty(cells)
     found += [""] * (len(heading) - len(found)) if len(cells) >= len(heading) else []
     if len(found) == len(heading):

@@ -1,26 +1,29 @@
-"""The errors that a user can cause; each carries one message and ends a command with exit code 2.
+"""The errors that a user can cause; each has one message and ends a command with exit code 2.
 
 OptopadError
-├── DesignError       a design or catalogue file: the field, its value, the limit, the way out
+├── DesignError       a design or catalogue file: the message names field, value, limit and a remedy
 ├── InputError        an argument of a command or call
 ├── OutputError       a file or folder that cannot be written
-├── ModelScopeError   a question outside what the physics models cover
-└── DeviceError       the built sensor or its serial line: not there, not ours, silent, or wired wrong
+├── ModelScopeError   a request outside the range of the physics models
+└── DeviceError       the sensor or its serial line: missing, another device, no response, or wrong wiring
 """
 
 LONGEST_LINE = 900
-"""Longest line of a message [characters]: a screen holds about ten; 4 bytes each stay below the next limit."""
+"""Longest line of a message [characters], about ten lines on a screen.
+
+With 4 bytes per character a line stays below `LONGEST_MESSAGE_BYTES`.
+"""
 LONGEST_MESSAGE_BYTES = 3_800
-"""Longest message in UTF-8: a screen or a line of a log holds 4 kB, less room for the command's name."""
+"""Longest message in UTF-8 [bytes]: a log line often holds 4 kB, which includes the command's name."""
 _CUT = " ... "
 _MORE = "  ... and {} more lines"
 
 
 def readable(message: str) -> str:
-    """A message in printable form: no control characters but line feeds, long lines cut, surplus lines counted.
+    """A message in printable form: without control characters, and shortened if it is too long.
 
-    Messages quote files and arguments, which may contain anything. The start and end of a line are kept, because they
-    name the field and the way out.
+    Messages quote files and arguments, which may contain any characters. Long lines keep their start and end, which
+    name the field and the remedy.
     """
     lines = [_cut(_printable(_cut(line))) for line in message.split("\n")]
     if len("\n".join(lines).encode()) <= LONGEST_MESSAGE_BYTES:
@@ -45,7 +48,7 @@ def _cut(line: str) -> str:
 
 
 class OptopadError(Exception):
-    """Base of every error with a message for the user; the message is made readable whatever it quotes."""
+    """Base class of every error with a message for the user, which `readable` makes printable."""
 
     def __init__(self, message: object = "") -> None:
         super().__init__(readable(str(message)))
@@ -56,25 +59,25 @@ class DesignError(OptopadError):
 
 
 class InputError(OptopadError):
-    """An argument of a command or a call cannot be used."""
+    """An argument of a command or a call is not valid."""
 
 
 class OutputError(OptopadError):
-    """A file or folder cannot be written; its previous content is intact."""
+    """A file or folder cannot be written; its previous content is unchanged."""
 
 
 class ModelScopeError(OptopadError):
-    """The physics models do not cover the request; nothing is extrapolated."""
+    """The request is outside the range of the physics models, which do not extrapolate."""
 
 
 class DeviceError(OptopadError):
-    """The manufactured unit, or the line to it, does not respond as required; nothing recorded so far is lost."""
+    """The sensor or its serial line does not respond as required; data recorded so far are kept."""
 
 
 SHOWN_CHARACTERS = 60
 
 
 def shown(value: object) -> str:
-    """A value in the form for messages: long values are shortened."""
+    """A value as text for an error message; long values are shortened."""
     text = repr(value)
     return text if len(text) <= SHOWN_CHARACTERS else text[: SHOWN_CHARACTERS - 3] + "..."

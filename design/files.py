@@ -1,12 +1,11 @@
-"""Files and folders that are written: names valid on every system, complete contents, true reasons for a refusal.
+"""Files of users: valid names, writing a file completely or not at all, and reading text with clear errors.
 
-A file is written next to its target under a unique name, and replaces the target in one step. With several writers the
-last one's file remains, complete. A link at the target is replaced and not followed.
+A file is written next to its target under a unique name, and then replaces the target in one step. If several programs
+write the same file, it is complete and that of the last one. A link at the target is replaced and not followed.
 
-Files of users: one way to read text, and the kind of a file by its first bytes.
-
-Text is UTF-8, with or without a byte order mark. Line ends of any system become line feeds. The message names the kind
-of any other file, and says what to do with it. The module needs the standard library only.
+Text is UTF-8, with or without a byte order mark. Line ends of any system become line feeds. For a file that is not
+text, the error message names its kind, detected from its first bytes, and a remedy. The module needs the standard
+library only.
 """
 
 from __future__ import annotations
@@ -28,7 +27,7 @@ _DEVICES = frozenset(
     {"con", "prn", "aux", "nul", "conin$", "conout$"}
     | {port + number for port in ("com", "lpt") for number in "123456789¹²³"}
 )
-"""Names that Windows reserves for devices, in every folder and with every extension."""
+"""Names that Windows reserves for devices, in every folder and with every suffix."""
 
 _FILE_SUFFIX = re.compile(
     r"\.(csv|tsv|txt|md|jsonl?|ndjson|toml|ya?ml|xml|html?|pdf|png|svg|jpe?g|gif|webp|nc|h5|hdf5|np[yz]|mat|pkl|pickle|"
@@ -38,7 +37,7 @@ _FILE_SUFFIX = re.compile(
 
 
 def name_fault(name: str) -> str | None:
-    """Why a name is not valid for files and folders on every system, in words; None if it is."""
+    """Reason why a name is not valid for files and folders on every operating system; None if it is valid."""
     stem = name.partition(".")[0].rstrip(" ")
     if stem.lower() in _DEVICES:
         return f"{stem} is the name of a device on Windows"
@@ -46,31 +45,31 @@ def name_fault(name: str) -> str | None:
 
 
 def require_file_name(file: Path, option: str = "") -> None:
-    """Refuse a name that is not valid on every system.
+    """Refuse a file name that is not valid on every operating system.
 
     Parameters
     ----------
-    option : start of the message, as "--out: "
+    option : start of the message, such as "--out: "
 
     Raises
     ------
-    InputError : the name and why.
+    InputError : the name is not valid; the message gives the reason.
     """
     if fault := name_fault(file.name):
         raise InputError(f"{option}{file}: is refused as a name: {fault}; choose another name")
 
 
 def require_suffix(file: Path, suffixes: tuple[str, ...], option: str = "") -> None:
-    """Refuse a name whose suffix does not match the written content.
+    """Refuse a file name whose suffix does not match the written content.
 
     Parameters
     ----------
-    suffixes : suffixes of the written formats, as ".nc"
-    option : start of the message, as "--out: "
+    suffixes : permitted suffixes, such as ".nc"
+    option : start of the message, such as "--out: "
 
     Raises
     ------
-    InputError : the name, and which suffixes are written.
+    InputError : the suffix is another one; the message lists the permitted suffixes.
     """
     require_file_name(file, option)
     if file.suffix.lower() not in suffixes:
@@ -84,7 +83,7 @@ def has_file_suffix(path: Path) -> bool:
 
 
 def require_folder_name(folder: Path, option: str = "") -> None:
-    """Refuse the name of a new folder that has a file's suffix or is a device's; InputError with the way out."""
+    """Raise InputError for the name of a new folder that has a file's suffix or is reserved for a device."""
     if folder.is_dir():
         return
     require_file_name(folder, option)
@@ -97,16 +96,16 @@ def require_folder_name(folder: Path, option: str = "") -> None:
 
 @contextmanager
 def whole_file(file: Path, way_out: str = "choose another folder") -> Iterator[Path]:
-    """An empty file to write into: it replaces ``file`` when the block succeeds, and is removed otherwise.
+    """Context manager of a new file to write: it replaces `file` if the block succeeds, and is removed otherwise.
 
     Parameters
     ----------
-    way_out : end of the message where the disk does not take it
+    way_out : remedy at the end of the message if the file cannot be written
 
     Raises
     ------
-    InputError : the name is a device's on Windows.
-    OutputError : the folder is missing, read-only or full; the old file is intact.
+    InputError : the name is reserved for a device on Windows.
+    OutputError : the folder is missing, read-only or full; the old file is unchanged.
     """
     require_file_name(file)
     hidden = None
@@ -131,13 +130,18 @@ def whole_file(file: Path, way_out: str = "choose another folder") -> Iterator[P
 
 
 def write_whole(file: Path, content: bytes) -> None:
-    """Write a file at once or not at all; raises as `whole_file`."""
+    """Write a file completely or not at all; errors are as in `whole_file`."""
     with whole_file(file) as hidden:
         hidden.write_bytes(content)
 
 
 def made_folder(folder: Path, way_out: str = "choose another folder") -> Path:
-    """Make a folder and its parents unless it exists; OutputError where it cannot be made."""
+    """Make a folder and its parents if they do not exist; OutputError if this fails.
+
+    Parameters
+    ----------
+    way_out : remedy at the end of the message
+    """
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as err:
@@ -146,7 +150,12 @@ def made_folder(folder: Path, way_out: str = "choose another folder") -> Path:
 
 
 def own_folder(folder: Path, way_out: str = "choose another folder") -> Path:
-    """As `made_folder`, of a folder whose files are replaced and removed; OutputError where it is a link."""
+    """Make a folder whose files may be replaced or removed; OutputError if this fails or the path is a link.
+
+    Parameters
+    ----------
+    way_out : remedy at the end of the message
+    """
     if folder.is_symlink():
         raise OutputError(
             f"{folder}: is a link, and files are not written through links; replace it by a folder, or {way_out}"
@@ -155,11 +164,11 @@ def own_folder(folder: Path, way_out: str = "choose another folder") -> Path:
 
 
 def temporary_folder() -> tempfile.TemporaryDirectory[str]:
-    """A folder for temporary files; it is removed when its block ends.
+    """Context manager of a folder for temporary files, which is removed at the end of the block.
 
     Raises
     ------
-    OutputError : no folder of this system takes temporary files.
+    OutputError : no folder of this system accepts temporary files.
     """
     try:
         return tempfile.TemporaryDirectory(prefix="optopad-")
@@ -170,22 +179,22 @@ def temporary_folder() -> tempfile.TemporaryDirectory[str]:
 
 
 def unwritable(file: Path, err: OSError, way_out: str = "choose another folder") -> OutputError:
-    """The error about a file or folder that the system refused, with its reason."""
+    """Make an error about a file or folder that could not be written, with the system's reason and a remedy."""
     room = "free some room on its disk, or " if err.errno in FULL else ""
     return OutputError(f"{file}: cannot be written: {err.strerror or err}; {room}{way_out}")
 
 
 def nearest_existing(folder: Path) -> Path:
-    """The folder itself, or its nearest existing ancestor."""
+    """The folder itself if it exists, else its nearest existing ancestor."""
     path = folder.absolute()
     return next((place for place in (path, *path.parents) if os.path.lexists(place)), Path(path.anchor))
 
 
 def folder_fault(folder: Path) -> str | None:
-    """Why a folder cannot be made or written into; None if it can.
+    """Reason why a folder cannot be made or written into; None if this is possible.
 
-    The function makes a trial folder and removes it again. The system's access rights are not enough, because they
-    allow an administrator everything, even where nothing can be written.
+    The function makes a trial folder and removes it. Access rights are not a sufficient test, because an administrator
+    has them even on a read-only disk.
     """
     if "\0" in str(folder):
         return "a null byte is in its name"
@@ -213,7 +222,7 @@ def _reason(existing: Path, err: OSError | ValueError) -> str:
 
 
 BYTES_FOR_KIND = 16_384
-"""Bytes read from a file's start: a workbook names its sheets within them."""
+"""Bytes read from a file's start to detect its kind; an Excel workbook names its sheets within them."""
 
 _UTF16 = "text in UTF-16"
 _STARTS = (
@@ -254,7 +263,7 @@ _TOML = re.compile(r"\s*(?:#[^\n]*\n\s*)*(?:\[|[\w.\"'-]+\s*=)")
 
 
 def kind_of(content: bytes) -> str:
-    """The kind of a file by its first bytes, in words, as "an Excel workbook (.xlsx)"."""
+    """Kind of a file in words, detected from its first bytes, such as "an Excel workbook (.xlsx)"."""
     for start, kind in _STARTS:
         if content.startswith(start):
             return kind
@@ -275,7 +284,7 @@ def kind_of(content: bytes) -> str:
 
 
 def kind_of_file(file: Path) -> str:
-    """The kind of a file that can be opened; "a file that cannot be opened" for any other."""
+    """Kind of a file in words, as in `kind_of`; "a file that cannot be opened" if opening fails."""
     try:
         with file.open("rb") as stream:
             return kind_of(stream.read(BYTES_FOR_KIND))
@@ -284,17 +293,17 @@ def kind_of_file(file: Path) -> str:
 
 
 def read_bytes(file: Path, *, needed: str, most_bytes: int, error: type[OptopadError] = InputError) -> bytes:
-    """The content of a file.
+    """Read the content of a file.
 
     Parameters
     ----------
-    needed : required kind of file and how to make it, in words for the message
-    most_bytes : size above which the file is refused unread
+    needed : required kind of file and how to make it, for messages
+    most_bytes : size above which the file is refused without reading it
     error : class of the error that is raised
 
     Raises
     ------
-    OptopadError : missing, a folder, unreadable or too large; of the class `error`.
+    OptopadError : the file is missing, a folder, unreadable or too large; the class is `error`.
     """
     try:
         with file.open("rb") as stream:
@@ -315,16 +324,17 @@ def read_bytes(file: Path, *, needed: str, most_bytes: int, error: type[OptopadE
 
 
 def read_text(file: Path, *, needed: str, most_bytes: int, error: type[OptopadError] = InputError) -> str:
-    """The text of a file, without a byte order mark, its lines ended by line feeds.
+    """Read a text file in UTF-8, without its byte order mark and with line feeds as line ends.
 
-    Parameters and errors are as in `read_bytes`; a file without UTF-8 text is refused, and the message names its kind.
+    Parameters and errors are as in `read_bytes`. Other content than UTF-8 text is refused, and the message names its
+    kind.
     """
     content = read_bytes(file, needed=needed, most_bytes=most_bytes, error=error)
     return text_of(content, str(file), needed=needed, error=error)
 
 
 def text_of(content: bytes, where: str, *, needed: str, error: type[OptopadError] = InputError) -> str:
-    """As `read_text`, from bytes that were read already; `where` names the file in messages."""
+    """Decode the content of a text file as `read_text` does; `where` names the file in error messages."""
     kind = kind_of(content[:BYTES_FOR_KIND])
     if kind == _UTF16:
         raise error(f"{where}: not UTF-8 but {kind}; save it as UTF-8")

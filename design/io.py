@@ -1,13 +1,13 @@
-"""Reading and writing design files; no file is half-written, and every refusal has its reason.
+"""Reading and writing design files, and their migration from older schema versions.
 
-A file is TOML in UTF-8. `catalog_files` at its top names files with the user's own parts and materials.
-`profile_csv` under `[indenter]` names a file with the tip's points, and `curve_csv` in a part's table a
-digitised curve. They are read into the design, so that a saved design needs no other file.
+A design file is TOML in UTF-8. The key `catalog_files` lists files with the user's own parts and materials.
+`profile_csv` under `[indenter]` names a file with points of the tip's outline. `curve_csv` in a part's table names a
+digitised curve. The content of all these files becomes part of the design, so that a saved design needs no other file.
 
-Design files of older schema versions are migrated to the present one, step by step.
+Files are written completely or not at all.
 
-Version 1 is the first, so no step exists yet. A step is a function from one version's plain data to
-the next one's, registered under the version that it starts from.
+A migration step is a function from the plain data of one schema version to those of the next one. It is registered
+under the version that it starts from. Version 1 is the first, so no step exists yet.
 """
 
 from __future__ import annotations
@@ -38,11 +38,15 @@ STEPS: Mapping[int, Step] = {}
 def migrated(
     document: Document, *, steps: Mapping[int, Step] = STEPS, target: int = SCHEMA_VERSION
 ) -> Document:
-    """Plain data of an older version, migrated to ``target``; data of that version is returned unchanged.
+    """Migrate the plain data of a design file to the schema version `target`, if they have an older version.
+
+    Parameters
+    ----------
+    steps : migration step by the version that it starts from
 
     Raises
     ------
-    DesignError : no version, a newer one, or a version without a step.
+    DesignError : the data have no version, a newer one than `target`, or one without a migration step.
     """
     version = document.get("schema_version")
     if not isinstance(version, int) or isinstance(version, bool):
@@ -70,7 +74,7 @@ def load_design(path: str | os.PathLike[str]) -> SensorDesign:
 
     Raises
     ------
-    DesignError : not a readable TOML file of this schema version, or invalid fields.
+    DesignError : the file is not readable as TOML, has another schema version, or has invalid fields.
     """
     file = Path(path)
     document = read_toml(file)
@@ -80,12 +84,12 @@ def load_design(path: str | os.PathLike[str]) -> SensorDesign:
 
 
 def save_design(design: SensorDesign, path: str | os.PathLike[str]) -> None:
-    """Write a design at once or not at all; loading the file gives the same digest."""
+    """Write a design file completely or not at all; loading the file gives the same digest."""
     write_text_atomically(Path(path), dump_design(design))
 
 
 def dump_design(design: SensorDesign) -> str:
-    """A design as TOML text with every effective value, without empty ones."""
+    """A design as TOML text with every effective value; fields that are None or empty are left out."""
     document = without_empty(design.model_dump(mode="json"))
     heading = f"# optopad design {design.name}, digest {design.digest}\n"
     return heading + tomlkit.dumps(document)
@@ -96,7 +100,7 @@ def read_toml(file: Path) -> dict[str, Any]:
 
     Raises
     ------
-    DesignError : missing, a folder, too large, of another kind, not UTF-8, or not TOML (with the line).
+    DesignError : the file is missing, a folder, too large, not UTF-8 text, or not TOML.
     """
     text = read_design_text(file)
     try:
@@ -108,16 +112,16 @@ def read_toml(file: Path) -> dict[str, Any]:
 
 
 def read_design_text(file: Path) -> str:
-    """The text of a TOML file; DesignError as in `read_toml`, except that nothing is parsed."""
+    """Text of a TOML file without parsing it; DesignError if the file is missing or is not UTF-8 text."""
     return read_text(file, needed=NEEDED, most_bytes=MAX_FILE_BYTES, error=DesignError)
 
 
 def check_version(document: Mapping[str, Any], file: Path) -> None:
-    """Refuse other schema versions, and say what to do.
+    """Raise an error with a remedy if a document does not have the present schema version.
 
     Raises
     ------
-    DesignError : no version, an older one (migrate it), or a newer one (update optopad).
+    DesignError : the version is missing, older (remedy: migrate the file) or newer (remedy: update optopad).
     """
     version = document.get("schema_version")
     if version is None:
@@ -136,17 +140,17 @@ def check_version(document: Mapping[str, Any], file: Path) -> None:
 
 
 def write_text_atomically(file: Path, text: str) -> None:
-    """Write UTF-8 text at once or not at all; raises as `design.files.whole_file`."""
+    """Write UTF-8 text completely or not at all; errors are as in `design.files.whole_file`."""
     write_whole(file, text.encode())
 
 
 @contextmanager
 def written_together(folder: Path) -> Iterator[Path]:
-    """A hidden folder to write files into: they move to ``folder`` if the block succeeds, and are removed otherwise.
+    """Context manager of a hidden folder: its files move to `folder` if the block succeeds, and are removed otherwise.
 
     Raises
     ------
-    OutputError : the folder cannot be made or written; the old files are intact.
+    OutputError : the folder cannot be made or written; the old files are unchanged.
     """
     made_folder(folder)
     try:
@@ -163,7 +167,7 @@ def written_together(folder: Path) -> Iterator[Path]:
 
 
 def without_empty(document: Any) -> Any:
-    """Nested data without None and empty tables, which TOML does not need."""
+    """Nested data without None and empty tables, which TOML cannot express or does not need."""
     if isinstance(document, dict):
         kept = {key: without_empty(value) for key, value in document.items()}
         return {key: value for key, value in kept.items() if value is not None and value != {}}
@@ -196,7 +200,7 @@ def _with_own_catalog(document: dict[str, Any], file: Path) -> dict[str, Any]:
 
 
 def _with_curves(document: dict[str, Any], name: str, file: Path) -> dict[str, Any]:
-    """A document whose catalogue ``name`` contains the points of the curve files that its parts name."""
+    """Replace the names of curve files in catalogue `name` by the points in these files; return the document."""
     entries = document.get(name)
     parts = entries.get("parts") if isinstance(entries, dict) else None
     for part_id, part in parts.items() if isinstance(parts, dict) else ():
@@ -230,9 +234,9 @@ def _beside(file: Path, name: str, key: str) -> Path:
     try:
         target = (folder / name).resolve()
         is_file = target.is_file()
-    except (ValueError, RuntimeError) as err:  # a null byte in the name, or links that lead to each other
+    except (ValueError, RuntimeError) as err:  # null byte in the name, or a loop of links
         raise DesignError(f"{file}: {key}: {shown(name)} is no name of a file: {err}") from None
-    except OSError as err:  # too long, or in a folder that may not be read
+    except OSError as err:  # name too long, or folder without access
         raise DesignError(f"{file}: {key}: {shown(name)}: {err.strerror}; correct the name") from None
     if not target.is_relative_to(folder):
         raise DesignError(
@@ -249,7 +253,7 @@ def _beside(file: Path, name: str, key: str) -> Path:
 
 
 def file_schema() -> dict[str, Any]:
-    """JSON Schema of a design file: the specification, and the keys that only a file may have."""
+    """JSON Schema of a design file: that of the specification, and the keys that refer to other files."""
     schema = SensorDesign.model_json_schema()
     schema["$schema"] = "https://json-schema.org/draft/2020-12/schema"
     schema["properties"][CATALOG_FILES] = {

@@ -1,8 +1,8 @@
 """Safe reader of NumPy archives (.npz): plain arrays only, with sizes checked before anything is allocated.
 
-A damaged or handmade file may state any shape, nest its headers, or contain members that are not arrays. NumPy's own
-reader trusts the header and allocates. Here every array's header must match the size that the archive states for it,
-and all sizes must be possible, before anything but headers is unpacked.
+A damaged or malicious file may state any shape, nest its headers, or contain members that are not arrays. NumPy's own
+reader trusts the header and allocates memory. Here only the headers are unpacked first. Every header must match the
+size that the archive states for the array, and all sizes must be plausible. Only then are the arrays unpacked.
 """
 
 from __future__ import annotations
@@ -22,12 +22,15 @@ from numpy.typing import NDArray
 
 MOST_MEMBERS = 10_000
 MOST_RATIO = 100
-"""Largest ratio of unpacked to packed size: numbers of models shrink to a tenth at most, zeros to a thousandth."""
+"""Largest accepted ratio of unpacked to packed size.
+
+Model data shrink to a tenth at most, arrays of zeros to a thousandth.
+"""
 FREE_BYTES = 1_000_000
-"""Unpacked size below which any ratio is accepted."""
+"""Total unpacked size up to which any ratio of unpacked to packed size is accepted."""
 CHUNK_BYTES = 1_000_000
 LONGEST_HEADER = 1_000
-"""Longest header with an array's type and shape [bytes]; those of optopad have 118."""
+"""Longest accepted header with an array's type and shape [bytes]; optopad's own headers have 118 bytes."""
 _SUFFIX = ".npy"
 _MAGIC = b"\x93NUMPY"
 _LENGTHS = {
@@ -35,9 +38,9 @@ _LENGTHS = {
     b"\x02\x00": struct.Struct("<I"),
     b"\x03\x00": struct.Struct("<I"),
 }
-"""Version of an array's header -> format of its length (numpy.lib.format)."""
+"""Format of the length field in an array's header, by the header's version (see numpy.lib.format)."""
 _KIND = re.compile(r"[<>|=]?[biufcSU]\d{1,4}")
-"""Types of numbers and of texts of fixed length; neither objects nor records."""
+"""Accepted array types: numbers and texts of fixed length, but neither objects nor records."""
 _UNREADABLE = (
     OSError,
     ValueError,
@@ -51,21 +54,24 @@ _UNREADABLE = (
     zipfile.BadZipFile,
     zlib.error,
 )
-"""Errors that a damaged file raises: unknown flags raise RuntimeError. A header that is not a Python literal, or deeply
-nested, raises SyntaxError, RecursionError (a RuntimeError) or MemoryError."""
+"""Errors that a damaged file raises.
+
+Unknown flags raise RuntimeError. A header that is not a Python literal, or is deeply nested, raises SyntaxError,
+RecursionError (a RuntimeError) or MemoryError.
+"""
 
 
 def plain_arrays(file: Path, *, most_bytes: int) -> dict[str, NDArray[Any]]:
-    """The arrays of an archive by name.
+    """Read all arrays of an archive, by name.
 
     Parameters
     ----------
-    most_bytes : limit of all arrays unpacked; `MOST_RATIO` times the file's size is a second limit
+    most_bytes : limit of the total unpacked size; a second limit is `MOST_RATIO` times the file's size
 
     Raises
     ------
     OSError : the file cannot be opened or read.
-    ValueError : not an archive of plain arrays, damaged, or too large; the message says which.
+    ValueError : the file is not an archive of plain arrays, damaged, or too large; the message says which.
     """
     with file.open("rb") as stream:
         most = min(most_bytes, max(FREE_BYTES, MOST_RATIO * os.fstat(stream.fileno()).st_size))
@@ -85,7 +91,7 @@ def plain_arrays(file: Path, *, most_bytes: int) -> dict[str, NDArray[Any]]:
 
 
 def _require_fitting(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> None:
-    """Refuse an array of another size than the archive states; only its header is unpacked."""
+    """Raise ValueError if an array's size differs from that stated by the archive; only its header is unpacked."""
     if member.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):  # others unpack without limit
         raise ValueError(f"{member.filename}: is packed in another way than NumPy packs arrays")
     with archive.open(member) as stream:
@@ -109,7 +115,7 @@ def _array(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> NDArray[Any]:
 
 
 def _header(stream: IO[bytes], name: str) -> tuple[np.dtype[Any], tuple[int, ...], bool]:
-    """Type, shape, and whether the array is in column-major order."""
+    """Read an array's header: its type, its shape, and whether it is in column-major order."""
     begin = stream.read(len(_MAGIC) + 2)
     packed = _LENGTHS.get(begin[len(_MAGIC) :])
     if not begin.startswith(_MAGIC) or packed is None:
@@ -121,7 +127,7 @@ def _header(stream: IO[bytes], name: str) -> tuple[np.dtype[Any], tuple[int, ...
         case {"descr": str(kind), "fortran_order": bool(order), "shape": tuple(shape)} if _KIND.fullmatch(
             kind
         ) and all(type(one) is int and 0 <= one < 2**40 for one in shape):
-            if (found := np.dtype(kind)).itemsize:  # texts of length 0 take no bytes at any shape
+            if (found := np.dtype(kind)).itemsize:  # texts of length 0 take no bytes for any shape
                 return found, shape, order
     raise ValueError(
         f"{name}: its header is not that of an array of numbers or texts; objects are not loaded"

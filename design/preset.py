@@ -1,4 +1,4 @@
-"""The packaged designs: the paper's pad and pair, two published discs, and six designs of optopad."""
+"""The packaged designs (presets): two pads from one publication, two published discs, and six designs of optopad."""
 
 from __future__ import annotations
 
@@ -14,20 +14,20 @@ if TYPE_CHECKING:
     from design.spec import SensorDesign
 
 FLAT_PRESETS = ("piacenza2017-pad", "piacenza2017-pair", "oblong-60x40", "fingertip-16")
-"""Flat rectangles."""
+"""Rectangular pads with a flat top."""
 SHAPED_PRESETS = ("levi2013-disc", "crowned-40x25", "fingertip-dome", "gripper-stadium")
-"""Discs, stadiums and crowned pads."""
+"""Disc, stadium and crowned pads."""
 BOARD_PRESETS = ("gripper-teensy", "roboy-lightskin")
-"""A rectangle and a disc with other electronics than one input per receiver, read once."""
+"""A rectangle and a disc with other electronics than one input per receiver that is measured once."""
 PRESETS = FLAT_PRESETS + SHAPED_PRESETS + BOARD_PRESETS
 
 
 def preset_text(name: str) -> str:
-    """The commented TOML text of a preset.
+    """Text of a preset's TOML file with its comments.
 
     Raises
     ------
-    InputError : no such preset; the nearest name is offered.
+    InputError : no preset has this name; the message names a similar one.
     """
     if name not in PRESETS:
         near = difflib.get_close_matches(name, PRESETS, n=1)
@@ -37,18 +37,18 @@ def preset_text(name: str) -> str:
 
 
 def preset(name: str) -> SensorDesign:
-    """A preset as a design."""
+    """Load a preset as a design; InputError if no preset has this name."""
     from design.spec import SensorDesign
 
     return SensorDesign.from_document(tomllib.loads(preset_text(name)), where=name)
 
 
 def new_text(name: str, preset_name: str) -> str:
-    """The text of a new design from a preset: comments are kept, except those that are true of the preset only.
+    """Text of a new design file from a preset, without the comment and the description of the preset itself.
 
     Raises
     ------
-    InputError : no such preset.
+    InputError : no preset has the name `preset_name`.
     """
     text = re.sub(r"\A#.*", f"# This design is based on the preset {preset_name}.", preset_text(preset_name))
     text = re.sub(r"(?m)^description = .*\n", "", text, count=1)
@@ -56,7 +56,7 @@ def new_text(name: str, preset_name: str) -> str:
 
 
 def true_description(design: SensorDesign) -> str:
-    """The description of a design; empty if it is a preset's description and the design differs from the preset."""
+    """Description of a design; empty if it is a preset's description but the design differs from that preset."""
     for name in PRESETS:
         packaged = preset(name)
         if design.description == packaged.description and design != packaged.with_(name=design.name):

@@ -1,14 +1,14 @@
-"""Press protocols for collecting data: patterns of locations, one schedule of depths, sets in ambient light or dark.
+"""Press protocols for data collection: sets of press locations and a schedule of depths, in ambient light or darkness.
 
-A file is TOML (docs/how-to/simulate-data-set.md); `piacenza2017` and `piacenza2017-quick` are packaged.
-Depth is positive into the pad; 0 or less means no contact. Locations are in the workspace of the design, or in a
-smaller `workspace_mm`. Grids are centred, and the order of locations is shuffled when data are drawn. `place_seed` of
-the protocol fixes random locations, so that its light does not depend on the seed of noise and order.
+A protocol file is TOML (docs/how-to/simulate-data-set.md). The protocols `piacenza2017` and `piacenza2017-quick` are
+packaged. Depth is positive into the pad; 0 or less means no contact. Locations are in the workspace of the design, or
+in a smaller `workspace_mm`. Grids are centred in it. The order of locations is shuffled when data are simulated. Random
+locations depend on `place_seed` of their set only. The light signals without noise are therefore independent of the
+seed for noise and order.
 
-Load protocols define the motion of a tip while its load is read: steps to a depth and back, with pauses.
+Load protocols define the motion of a tip while its load is measured: steps to a depth and back, with pauses.
 
-Their values and sources are data (`data/load_protocols.toml`). The contact model computes the load of a
-protocol.
+Their values and sources are in `data/load_protocols.toml`. The contact model computes the load.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ from design.spec import SensorDesign, canonical_json
 
 
 class LoadProtocol(Model):
-    """Steps of one size at one speed to the deepest press and back, and a pause after each."""
+    """Motion of a tip while its load is measured: equal steps to the deepest press and back, and a pause after each."""
 
     title: Text
     step_mm: Quantity
@@ -62,7 +62,7 @@ class LoadProtocol(Model):
 
     @property
     def steps(self) -> int:
-        """Steps from contact to the deepest press."""
+        """Number of steps from contact to the deepest press."""
         return round(self.deepest_mm.value / self.step_mm.value)
 
 
@@ -72,11 +72,11 @@ def _packaged() -> dict[str, LoadProtocol]:
 
 
 def load_protocol(name: str) -> LoadProtocol:
-    """A packaged protocol.
+    """A packaged load protocol by its name.
 
     Raises
     ------
-    InputError : there is none of that name; the message names the nearest, or all
+    InputError : no load protocol has this name; the message names a similar one, or all.
     """
     known = _packaged()
     if name not in known:
@@ -87,19 +87,19 @@ def load_protocol(name: str) -> LoadProtocol:
 
 
 PROTOCOLS = ("piacenza2017", "piacenza2017-quick")
-"""Packaged protocols."""
+"""Names of the packaged press protocols."""
 MOST_PLACES = 20_000
 MOST_DEPTHS = 20_000
 MOST_SAMPLES = 5_000_000
 SLACK_MM = 1e-9
 ROUND_DIGITS = 6
-"""Decimals of a depth or location [mm]."""
+"""Number of decimals to which a depth or location [mm] is rounded."""
 
 Length = Annotated[float, Field(ge=-100.0, le=100.0)]
 
 
 class DepthSegment(Model):
-    """Depths from one to another by equal steps, both ends measured."""
+    """Range of depths in equal steps, with a sample at both ends."""
 
     from_mm: Length
     to_mm: Length
@@ -118,13 +118,13 @@ class DepthSegment(Model):
 
     @property
     def depths_mm(self) -> tuple[float, ...]:
-        """All of its depths, rising [mm]."""
+        """All depths of the segment, rising [mm]."""
         count = round((self.to_mm - self.from_mm) / self.step_mm) + 1
         return tuple(round(self.from_mm + k * self.step_mm, ROUND_DIGITS) for k in range(count))
 
 
 class PressSet(Model):
-    """One session: a grid or random locations, in ambient light or dark, to train on or to test on."""
+    """A set of presses: grid or random locations, in ambient light or darkness, for training or test."""
 
     name: FileName
     role: Literal["train", "test"]
@@ -147,17 +147,17 @@ class PressSet(Model):
 
     @property
     def info(self) -> SetEntry:
-        """The set's entry in a recording."""
+        """The set's entry in a recording of presses."""
         return SetEntry(name=self.name, role=self.role, pattern=self.pattern, is_ambient=self.is_ambient)
 
     @property
     def pattern(self) -> str:
-        """``grid`` or ``random``."""
+        """Pattern of the locations: ``grid`` or ``random``."""
         return "random" if self.grid_mm is None else "grid"
 
 
 def _require_apart(sets: tuple[PressSet, ...]) -> None:
-    """Refuse random locations that are in both training and test sets: errors there would be too small."""
+    """Raise ValueError if a training and a test set share random locations: test errors would be too small."""
     trained = {one.place_seed: one.name for one in sets if one.random_places and one.role == "train"}
     for one in sets:
         if one.random_places and one.role == "test" and one.place_seed in trained:
@@ -168,7 +168,10 @@ def _require_apart(sets: tuple[PressSet, ...]) -> None:
 
 
 class PressProtocol(Model):
-    """A complete collection of data."""
+    """Plan of a data collection: the depths of one press, and the sets of locations.
+
+    A file has the same fields (docs/how-to/simulate-data-set.md).
+    """
 
     name: FileName
     description: str = ""
@@ -214,7 +217,7 @@ class PressProtocol(Model):
 
     @property
     def approach_mm(self) -> tuple[float, ...]:
-        """Depths of the way in, rising [mm]."""
+        """Depths of the approach, rising [mm]."""
         return tuple(depth for segment in self.approach for depth in segment.depths_mm)
 
     @property
@@ -224,14 +227,14 @@ class PressProtocol(Model):
 
     @cached_property
     def depth_mm(self) -> FloatArray:
-        """(sample,) depths of one press in their order, way in and way back [mm]."""
+        """Depth of every sample of one press [mm], (sample,): the approach and then the retraction."""
         down = self.approach_mm
         back = down[::-1][int(self.turn == "once") :] if self.retract == "mirrored" else ()
         return np.array([*down, *back])
 
     @cached_property
     def is_retracting(self) -> BoolArray:
-        """(sample,) whether a sample of a press is on the way back."""
+        """Whether each sample of one press belongs to the retraction, (sample,)."""
         return np.arange(len(self.depth_mm)) >= len(self.approach_mm)
 
     @property
@@ -241,16 +244,17 @@ class PressProtocol(Model):
 
     @cached_property
     def digest(self) -> str:
-        """SHA-256 over the content, as 64 hexadecimal digits."""
+        """SHA-256 of the content, as 64 hexadecimal digits."""
         return hashlib.sha256(canonical_json(self.model_dump(mode="json")).encode()).hexdigest()
 
     def places_mm(self, design: SensorDesign) -> tuple[FloatArray, ...]:
-        """Locations x, y of each set (place, 2) in the cavity frame, before any shuffling [mm].
+        """Press locations of each set in unshuffled order, (location, 2): x, y in the cavity frame [mm].
 
         Raises
         ------
-        ModelScopeError : the design is too small, the protocol too deep or its workspace outside the design's.
-        InputError : implausibly many locations or samples.
+        ModelScopeError : the design has no workspace, the protocol presses too deep, or its workspace exceeds the
+            design's.
+        InputError : the protocol has too many locations or samples.
         """
         space = self._workspace(design)
         found = tuple(_places_mm(one, number, space) for number, one in enumerate(self.sets))
@@ -262,7 +266,7 @@ class PressProtocol(Model):
         return found
 
     def summary(self, design: SensorDesign) -> dict[str, Any]:
-        """Size of the protocol on a design: counts of points per press, presses, samples."""
+        """Size of the protocol on a design: samples per press, presses per set, total samples and hours."""
         places = self.places_mm(design)
         return {
             "name": self.name,
@@ -275,7 +279,7 @@ class PressProtocol(Model):
         }
 
     def fitted_to(self, design: SensorDesign) -> PressProtocol:
-        """The protocol without depths beyond the design's range of use; the same object where there are none."""
+        """The protocol without depths beyond the design's `max_depth_mm`; the same object if there are none."""
         limit = design.operating.max_depth_mm
         if self.deepest_mm <= limit + SLACK_MM:
             return self
@@ -312,22 +316,22 @@ class PressProtocol(Model):
 
 
 def load_protocol_file(where: str | Path) -> PressProtocol:
-    """A packaged protocol by its name, or a file.
+    """Load a packaged press protocol by its name, or a protocol file by its path.
 
     Raises
     ------
-    DesignError : no such protocol, or every refused field with its value, limit and the way out.
+    DesignError : the protocol does not exist or has invalid fields; the message lists them with a remedy.
     """
     file = packaged_or_own(where, "design.protocols", PROTOCOLS, kind="protocol", listed_as="packaged")
     return protocol_from(read_toml(file), where=str(file))
 
 
 def protocol_from(document: dict[str, Any], *, where: str) -> PressProtocol:
-    """Validate nested plain data; ``where`` names its origin in the message.
+    """Make a press protocol from nested plain data; `where` names their origin in error messages.
 
     Raises
     ------
-    DesignError : see `load_protocol_file`.
+    DesignError : invalid fields; the message lists each with its limit and a remedy.
     """
     try:
         return PressProtocol.model_validate_json(json.dumps(document, default=str), strict=True)

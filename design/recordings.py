@@ -1,7 +1,7 @@
-"""The common content of recordings of presses, whichever program wrote them: sets, the dark state, signals.
+"""Content that all recordings of presses share: the sets of presses, the dark state, and signals from readings.
 
-The driver and the stage record a manufactured unit, the simulation makes data of the same form, and learners read both.
-The module needs numpy and the standard library only.
+The driver and the test stage record a manufactured unit. The simulation makes data in the same form. Learning programs
+read both. The module needs numpy and the standard library only.
 """
 
 from __future__ import annotations
@@ -20,25 +20,25 @@ OFF = "off"
 """Name of the dark state, in which no emitter is lit."""
 ROLES = ("train", "test")
 PATTERNS = ("grid", "random", "unknown", "measured")
-"""Older files have the last one in place of `unknown`."""
+"""Permitted patterns of locations; older files have `measured` in place of `unknown`."""
 
 Number = TypeVar("Number", bound=np.number[Any])
 
 
 @dataclass(frozen=True, kw_only=True)
 class SetEntry:
-    """One session of presses.
+    """Description of one set of presses in a recording.
 
     Attributes
     ----------
-    name : as ``grid-ambient-1``
-    role : its use by a learner, ``train`` or ``test``
-    pattern : ``grid``, ``random`` or ``unknown``
-    is_ambient : whether it was recorded in ambient light
+    name : name of the set, such as ``grid-ambient-1``
+    role : use in machine learning, ``train`` or ``test``
+    pattern : pattern of the press locations: ``grid``, ``random`` or ``unknown`` (``measured`` in older files)
+    is_ambient : whether the set was recorded in ambient light
 
     Raises
     ------
-    InputError : another role or pattern, or `is_ambient` is neither true nor false.
+    InputError : the role or the pattern is not permitted, or `is_ambient` is neither true nor false.
     """
 
     name: str
@@ -57,23 +57,23 @@ class SetEntry:
 
 
 UNNAMED = SetEntry(name="unnamed", role="train", pattern="unknown", is_ambient=True)
-"""The only set of a recording that names no sets."""
+"""Entry for all presses of a recording that names no sets."""
 
 
 def sets_json(sets: Iterable[SetEntry]) -> str:
-    """The sets as the attribute `sets` of a netCDF file."""
+    """The sets as JSON text for the attribute `sets` of a netCDF file."""
     return json.dumps([asdict(entry) for entry in sets])
 
 
 def signals_of(counts: NDArray[Number]) -> NDArray[Number]:
-    """Readings of every emitter less those of the dark state, which is the last state.
+    """Signals: the readings with each emitter lit, minus the readings in the dark state, which is the last state.
 
     Parameters
     ----------
-    counts : (..., state, receiver) readings, of a signed type [counts]
+    counts : (..., state, receiver) readings in a signed number type [counts]
 
     Returns
     -------
-    (..., emitter, receiver) of the same type [counts].
+    (..., emitter, receiver) signals in the same number type [counts].
     """
     return np.asarray(counts[..., :-1, :] - counts[..., -1:, :])

@@ -1,10 +1,10 @@
-"""TOML text to plain data; texts that would take too long to parse are refused.
+"""Parser of TOML text with limits on its size, so that no text takes too long.
 
-The parser's time grows with the square of a dotted key's parts, and is some microseconds per value. Files of optopad
-are a few parts deep and have some thousand values at most. Whole numbers of hundreds of digits convert neither to
-floats nor back to text. The module needs the standard library only.
+The parsing time grows with the square of the number of parts in a dotted key, and is some microseconds per value. Files
+of optopad are nested a few levels deep and have some thousand values at most. Integers of hundreds of digits are also
+refused, because they convert neither to floats nor back to text. The module needs the standard library only.
 
-A message about invalid TOML suggests the likely intention: the parser says where it stopped, not what to write.
+The parser's message about invalid TOML says only where it stopped. This module adds a remedy for common mistakes.
 """
 
 from __future__ import annotations
@@ -51,12 +51,12 @@ _MEANT = (
     ),
     (_KEY + r"\s+[^=\s]", "write = between name and value"),
 )
-"""Pattern of an invalid line, and the way out; the first match is used."""
+"""Patterns of common invalid lines with their remedies; the first match is used."""
 _PATTERNS = tuple((re.compile(pattern), way_out) for pattern, way_out in _MEANT)
 
 
 def explained(message: str, text: str) -> str:
-    """A parser's message with the line that it refers to, and a way out where one is known.
+    """Extend a parser's message by the line that it refers to, and by a remedy if one is known.
 
     Parameters
     ----------
@@ -78,13 +78,16 @@ def _way_out(message: str, line: str) -> str:
 
 
 MOST_PARTS = 20
-"""Greatest depth of a key or of nested lists and tables; designs are 6 deep at most."""
+"""Greatest nesting depth of keys, lists and tables; designs have 6 levels at most."""
 MOST_VALUES = 30_000
-"""Most keys, list entries and tables, counted by their signs; parsing takes 0.5 s. The packaged catalogue has 3,000."""
+"""Largest total number of keys, list entries and tables, estimated from punctuation marks.
+
+Parsing then takes 0.5 s. The packaged catalogue has 3,000.
+"""
 MOST_BITS = 333
-"""Most bits of a whole number, 100 digits: it still converts to float and text, so a field reports its own limit."""
+"""Most bits of an integer, about 100 digits: it still converts to float and text, so a field can report its limit."""
 LONGEST_DECIMAL_BITS = 2_000
-"""Longest decimal number [bits]: Python can be set to refuse more than 640 digits, and these have fewer."""
+"""Most bits of a decimal integer: Python can be configured to refuse more than 640 digits, and these have fewer."""
 
 _QUOTED = re.compile(
     r'"""(?:[^"\\]|\\.|"(?!""))*+(?:""")?|'
@@ -93,19 +96,19 @@ _QUOTED = re.compile(
     r"'[^'\n]*+'?|#[^\n]*+",
     re.DOTALL,
 )
-"""Texts and comments. One without an end extends to the end of the document, so that the search is linear."""
+"""Quoted texts and comments. A text without an end extends to the end of the document, so that search is linear."""
 _DEEP = re.compile(rf"(?<![\w-])[\w-]++(?:[ \t]*+\.[ \t]*+[\w-]++){{{MOST_PARTS},}}+")
 _SIGNS = re.compile(r"[=,\[{]")
 _STAND_IN = "q"
 
 
 def parsed_toml(text: str) -> dict[str, Any]:
-    """The data of a TOML text.
+    """Parse TOML text.
 
     Raises
     ------
-    tomllib.TOMLDecodeError : not TOML.
-    ValueError : too deep, too many values, or whole numbers that are too large; the message says which.
+    tomllib.TOMLDecodeError : the text is not TOML.
+    ValueError : the text is nested too deep, or has too many values or too large integers; the message says which.
     """
     bare = _QUOTED.sub(_STAND_IN, text)
     if deep := _DEEP.search(bare):
@@ -122,7 +125,7 @@ def parsed_toml(text: str) -> dict[str, Any]:
     except tomllib.TOMLDecodeError:
         raise
     except ValueError as err:
-        if "digits" not in str(err):  # an impossible date or time
+        if "digits" not in str(err):  # date or time that does not exist
             raise
         raise ValueError("not valid TOML: a whole number of thousands of digits") from None
     require_plain(found)
@@ -130,11 +133,11 @@ def parsed_toml(text: str) -> dict[str, Any]:
 
 
 def require_plain(document: Any) -> None:
-    """Refuse values that no file of optopad can contain.
+    """Refuse values that are not permitted in any file of optopad.
 
     Raises
     ------
-    ValueError : nested too deep, or a whole number of more than 100 digits; the message names the field.
+    ValueError : the data are nested too deep, or an integer has more than 100 digits; the message names the field.
     """
     for path, value in _nodes(document):
         if len(path) > MOST_PARTS:
@@ -151,7 +154,7 @@ def require_plain(document: Any) -> None:
 
 
 def _nodes(document: Any) -> Iterator[tuple[tuple[str | int, ...], Any]]:
-    """Everything in nested dicts and lists with its path; a value nested too deep is named, not entered."""
+    """All nodes of nested dicts and lists, each with its path; a node beyond the depth limit is not entered."""
     rest: list[tuple[tuple[str | int, ...], Any]] = [((), document)]
     while rest:
         path, value = rest.pop()

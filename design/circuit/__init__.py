@@ -1,4 +1,4 @@
-"""Pins, amplifiers, switches and frame times that follow from the parts and the board.
+"""Pins, amplifiers, switches and frame times, computed from the parts and the board of a design.
 
-Imports of ours: geometry and below.
+The package imports only `design.shape` and packages below it.
 """

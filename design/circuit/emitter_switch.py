@@ -1,4 +1,4 @@
-"""Resistors of the emitters' switches, from the catalogue and the board's voltages.
+"""Resistors of the transistor switches of the emitters, and the current of the supply.
 
                 supply                     Each emitter has its own NPN transistor; the pin drives the
                   |                        base. One emitter is lit at a time.
@@ -10,9 +10,9 @@
                   |
                 ground
 
-The choice is conservative: the forward voltage is the lower end of its band where there is one, and the transistor's
-own drop is neglected, so the emitter's current stays below its maximum. The model leaves out the supply's tolerance and
-heating. The receivers' amplifiers are in `design.circuit.transimpedance`.
+The choice is conservative. The calculation uses the lower end of the forward voltage's band, if there is one, and
+neglects the transistor's own voltage drop. The emitter's current is therefore below its maximum. The supply's tolerance
+and heating are not included. The receivers' amplifiers are in `design.circuit.transimpedance`.
 
 With LED drivers no emitter has a transistor or a series resistor. Each anode is at the supply, and each cathode at an
 output of constant current. One reference resistor on each driver sets the current of all outputs:
@@ -23,8 +23,8 @@ The current is the least `max_current_ma` of the design's emitters, and at most 
 
 The supply feeds the lit emitter and its base, the amplifiers and the board.
 
-One emitter is lit at a time, at full power; with all of them lit by a fault the supply sees their sum. Emitters take
-the largest current that their resistors permit; the other currents are assumed (`design/data/assumptions.toml`).
+One emitter is lit at a time. If a fault lights all emitters, their currents add up. Each is the largest current that
+the emitter's resistor permits. The other currents are assumed (`design/data/assumptions.toml`).
 """
 
 from __future__ import annotations
@@ -44,16 +44,17 @@ MW_PER_W = 1e3
 
 @dataclass(frozen=True, kw_only=True)
 class EmitterSwitch:
-    """Resistors of one kind of emitter.
+    """Resistors and currents of the transistor switch of one kind of emitter.
 
     Attributes
     ----------
-    series_ohm, base_ohm : standard values; series_ohm is None when the supply cannot light the emitter
-    forward_v : the forward voltage of the calculation, and its source
-    current_ma : largest current through the emitter at that voltage
-    usual_current_ma : current through the emitter at its usual forward voltage; it sets the emitted light
-    base_current_ma : current out of the pin
-    series_mw : heat in the series resistor while the emitter is lit
+    series_ohm : resistor in series with the emitter; None if the supply voltage is too low to light it
+    base_ohm : resistor before the transistor's base
+    forward_v : forward voltage of the calculation, the lower end of its band if there is one
+    current_ma : largest current, at this forward voltage
+    usual_current_ma : current at the typical forward voltage, which determines the emitted light
+    base_current_ma : current from the pin into the transistor's base
+    series_mw : power dissipated in the series resistor while the emitter is lit
     """
 
     series_ohm: float | None
@@ -66,7 +67,7 @@ class EmitterSwitch:
 
 
 def most_drive_ma(design: SensorDesign, board: Board) -> tuple[str, float]:
-    """What drives an emitter's base resistor, and the most that it should give [mA]."""
+    """Name and current limit [mA] of the output that drives an emitter's base resistor: a pin, or a shift register."""
     register = shift_register_of(design)
     if register is None:
         return "a pin", board.max_pin_current_ma.value
@@ -74,7 +75,7 @@ def most_drive_ma(design: SensorDesign, board: Board) -> tuple[str, float]:
 
 
 def emitter_switch(part: Part, board: Board) -> EmitterSwitch:
-    """Resistors for an emitter of the catalogue on a board."""
+    """Compute the resistors of the transistor switch for an emitter of the catalogue on a board."""
     assert part.forward_voltage_v is not None, "the catalogue gives every emitter a forward voltage"
     assert part.max_current_ma is not None, "the catalogue gives every emitter a current"
     supply = board.emitter_v
@@ -149,7 +150,7 @@ def _least_forward_v(forward: Quantity) -> Quantity:
 
 @dataclass(frozen=True, kw_only=True)
 class SupplyCurrent:
-    """Currents of the supply [mA].
+    """Currents from the supply [mA].
 
     Attributes
     ----------

@@ -1,23 +1,26 @@
 """Assignment of the board's pins to emitters, and of its analogue inputs to receivers.
 
-Wiring, driver config, firmware and rules share this assignment. A list in the design has exactly
-one entry per part, in the order of E1, E2, ... and R1, R2, ... Without a list, pins and inputs are
-assigned in the board's recommended order. With multiplexers each input serves one multiplexer. They take
-receivers in turn and share the address, so that each new address precedes one reading per multiplexer. Converters
-take receivers in blocks: with 8 inputs each, U1 has R1 to R8, and U2 has R9 to R16. They have separate chip selects and
-no shared address, so blocks cost no time, and the wires of one converter lead to neighbouring receivers.
+Wiring, driver configuration, firmware and rules use the same assignment. If the design has a list, it has exactly one
+entry per part, in the order of E1, E2, ... and R1, R2, ... Without a list, pins and inputs are assigned in the board's
+recommended order.
 
-The module also computes the time of a full frame on the board, and the serial rates of an AVR's clock.
+- Multiplexers: each is connected to one input. Consecutive receivers are on different multiplexers, and all
+  multiplexers have the same address. After each change of the address, every multiplexer therefore gives one reading.
+- Converters: receivers are assigned in blocks. With 8 inputs each, U1 has R1 to R8, and U2 has R9 to R16. Converters
+  have separate chip selects and no shared address, so blocks cost no time, and one converter is wired to neighbouring
+  receivers.
 
-The frame time is a plain sum. Every state (each emitter alone, then all off) waits for the light to settle and
-converts every receiver once; then the packed frame is sent over the line. The firmware sends one frame while
-it converts the next, so it is faster: 4.1 ms on a simulated ATmega2560 against 5.0 ms by this sum, at 9 states,
-8 receivers, prescaler 64, 1 Mbaud (docs/validation/firmware.md). The sum is conservative.
+The module also computes the time of a full frame on the board, and the serial rates that an AVR's clock permits.
 
-With LED drivers each state begins with their data on the SPI bus. With converters a conversion is a reading on the bus.
+A frame has one state for each emitter lit alone, and then one with all emitters off. The frame time is a sum. In
+every state it includes the settling time of the light and the conversions of every receiver. Then comes the time to
+send the packed frame. With LED drivers each state begins with their data on the SPI bus. With converters a conversion
+is a reading on the bus. The sum is conservative, because the firmware sends one frame while it converts the next. For
+9 states, 8 receivers, prescaler 64 and 1 Mbaud the sum is 5.0 ms, and a simulated ATmega2560 needs 4.1 ms
+(docs/validation/firmware.md).
 
-The sum leaves out the processor's own time for packing, which runs during the conversions, and the longer
-first conversion after a reset.
+The sum does not include the processor's time for packing, which overlaps with the conversions, and the longer first
+conversion after a reset.
 """
 
 from __future__ import annotations
@@ -46,7 +49,7 @@ DRIVER_EDGES = 4
 
 
 def board_of(design: SensorDesign) -> Board:
-    """The catalogue entry of the design's board."""
+    """Catalogue entry of a design's board."""
     return catalog.find_board(entries_of(design), design.board.kind)
 
 
@@ -78,10 +81,11 @@ class ReceiverPath:
 
     Attributes
     ----------
-    channel : the board's analogue input; "" with converters
-    multiplexer : number of the multiplexer before it, from 0; None: none
-    converter : number of the converter that reads it, from 0; None: the board's own
-    address : address at which the multiplexer selects this receiver, or its input of the converter
+    channel : name of the board's analogue input; "" with converters
+    multiplexer : index of the multiplexer before the input, from 0; None without multiplexers
+    converter : index of the converter that reads the receiver, from 0; None if the board's own converter does
+    address : address at which the multiplexer selects this receiver, or its input of the converter, from 0; None if the
+        receiver has an input of the board of its own
     """
 
     channel: str = ""
@@ -91,14 +95,14 @@ class ReceiverPath:
 
     @property
     def label(self) -> str:
-        """Terminal of the amplifier's output, as A0, or M1-C3: channel 3 of multiplexer M1, U1-C3: of converter U1."""
+        """Terminal of the amplifier's output: an input as A0, M1-C3 of multiplexer M1, or U1-C3 of converter U1."""
         if self.converter is not None:
             return f"U{self.converter + 1}-C{self.address}"
         return self.channel if self.multiplexer is None else f"M{self.multiplexer + 1}-C{self.address}"
 
 
 def multiplexer_of(design: SensorDesign) -> Multiplexer | None:
-    """The catalogue entry of the design's multiplexers; None where each receiver has its own input."""
+    """Catalogue entry of a design's multiplexers; None if each receiver has its own analogue input."""
     given = design.board.receivers
     if given is None or given.multiplexer is None:
         return None
@@ -106,7 +110,7 @@ def multiplexer_of(design: SensorDesign) -> Multiplexer | None:
 
 
 def converter_of(design: SensorDesign) -> Converter | None:
-    """The catalogue entry of the design's converters; None where the board's own reads the receivers."""
+    """Catalogue entry of a design's converters; None if the board's own converter reads the receivers."""
     given = design.board.receivers
     if given is None or given.converter is None:
         return None
@@ -114,7 +118,7 @@ def converter_of(design: SensorDesign) -> Converter | None:
 
 
 def shift_register_of(design: SensorDesign) -> ShiftRegister | None:
-    """The catalogue entry of the design's shift registers; None without them."""
+    """Catalogue entry of a design's shift registers; None without shift registers."""
     given = design.board.emitters
     if given is None or given.shift_register is None:
         return None
@@ -122,7 +126,7 @@ def shift_register_of(design: SensorDesign) -> ShiftRegister | None:
 
 
 def driver_of(design: SensorDesign) -> LedDriver | None:
-    """The catalogue entry of the design's LED drivers; None where each emitter has a transistor."""
+    """Catalogue entry of a design's LED drivers; None if each emitter has a transistor."""
     given = design.board.emitters
     if given is None or given.driver is None:
         return None
@@ -130,7 +134,12 @@ def driver_of(design: SensorDesign) -> LedDriver | None:
 
 
 def emitter_label(design: SensorDesign, number: int) -> str:
-    """Terminal of an emitter's base resistor, as D22 or S1-Q3 of a shift register, or of its cathode, as L1-Q3."""
+    """Terminal that switches an emitter: a pin as D22, S1-Q3 of shift register S1, or L1-Q3 of LED driver L1.
+
+    Parameters
+    ----------
+    number : pin of the emitter, or the index of its output in the chain of shift registers or LED drivers
+    """
     chain, letter = shift_register_of(design) or driver_of(design), "S"
     if chain is None:
         return f"D{number}"
@@ -170,11 +179,11 @@ def _switch_count(design: SensorDesign, emitter_count: int) -> int:
 
 
 def address_pins(design: SensorDesign) -> tuple[int, ...]:
-    """Digital pins of the multiplexers' address, lowest bit first; none without multiplexers.
+    """Digital pins for the address of the multiplexers, lowest bit first; empty without multiplexers.
 
     Raises
     ------
-    DesignError : as `assigned_pins`.
+    DesignError : the board or the multiplexer is not in the catalogue.
     """
     multiplexer, given = multiplexer_of(design), design.board.receivers
     if multiplexer is None or given is None:
@@ -207,7 +216,7 @@ def receiver_paths(design: SensorDesign) -> tuple[ReceiverPath, ...]:
 
     Raises
     ------
-    DesignError : as `assigned_pins`.
+    DesignError : pins or inputs are too few, too many, duplicate, or not available on the board.
     """
     multiplexer, (_, channels) = multiplexer_of(design), assigned_pins(design)
     converter, receivers = converter_of(design), range(len(cavity_of(design).receivers))
@@ -221,14 +230,14 @@ def receiver_paths(design: SensorDesign) -> tuple[ReceiverPath, ...]:
 
 
 def assigned_pins(design: SensorDesign) -> tuple[tuple[int, ...], tuple[str, ...]]:
-    """Emitter pins in the order of the cavity's emitters, and inputs in the order of its receivers or multiplexers.
+    """Pins in the order of the emitters, and analogue inputs in the order of the receivers or multiplexers.
 
     With shift registers or LED drivers an emitter's number is the number of its output in the chain, from 0. With
     converters there are no inputs of the board.
 
     Raises
     ------
-    DesignError : too few, too many, a duplicate, or one that the board lacks or needs itself.
+    DesignError : pins or inputs are too few, too many, duplicate, or not available on the board.
     """
     cavity, board = cavity_of(design), board_of(design)
     findings = pin_findings(design, board, len(cavity.emitters), len(cavity.receivers))
@@ -388,7 +397,7 @@ def _converter_supply_error(field: str, entry: Converter, board: Board) -> Findi
 
 
 def input_count(design: SensorDesign, receiver_count: int) -> int:
-    """Number of the board's inputs that the receivers need."""
+    """Number of analogue inputs that the receivers need, directly or through multiplexers."""
     multiplexer = multiplexer_of(design)
     if converter_of(design) is not None:
         return 0
@@ -438,7 +447,7 @@ def _multiplexer_way(
 
 
 def _address_findings(design: SensorDesign, board: Board, emitter_count: int) -> list[Finding]:
-    """Findings about the multiplexers' supply and the pins of their address."""
+    """Errors about the multiplexers' supply voltage and about the pins of their address."""
     multiplexer, given = multiplexer_of(design), design.board.receivers
     if multiplexer is None or given is None:
         return []
@@ -621,16 +630,16 @@ VERSION_BYTES = 1
 SEQUENCE_BYTES = 4
 TIME_BYTES = 4
 CHECK_BYTES = 4
-"""CRC-32 over all preceding bytes."""
+"""Length of a frame's check value, the CRC-32 over all preceding bytes."""
 
 LINE_BITS_PER_BYTE = 10
-"""Start bit, 8 data bits, stop bit."""
+"""Bits on the serial line for each byte: start bit, 8 data bits, stop bit."""
 
 UART_CLOCKS_PER_BIT = 8
-"""An AVR UART at double speed (U2X) divides its clock by 8 times a whole number."""
+"""Least clock cycles per bit of an AVR's UART at double speed (U2X); others are multiples."""
 
 UART_MAX_DIVISOR = 4096
-"""The divisor register has 12 bits."""
+"""Largest divisor of an AVR's UART, whose register has 12 bits."""
 
 MS_PER_S = 1e3
 US_PER_MS = 1e3
@@ -638,19 +647,19 @@ US_PER_S = 1e6
 
 
 def state_count(emitter_count: int) -> int:
-    """States of a frame: each emitter alone, then all off."""
+    """Number of states of a frame: each emitter lit alone, then all off."""
     return emitter_count + 1
 
 
 def frame_bytes(emitter_count: int, receiver_count: int, adc_bits: int) -> int:
-    """Length of a packed frame: head, readings packed bit by bit, check."""
+    """Length of a packed frame [bytes]: header, readings packed bit by bit, check value."""
     readings = state_count(emitter_count) * receiver_count
     packed = math.ceil(readings * adc_bits / 8)
     return MAGIC_BYTES + VERSION_BYTES + SEQUENCE_BYTES + TIME_BYTES + packed + CHECK_BYTES
 
 
 def conversion_time_ms(board: Board, adc_prescaler: int) -> float:
-    """Time of one reading [ms]; only AVRs use the prescaler."""
+    """Time of one analogue-to-digital conversion [ms]; the prescaler matters for AVR chips only."""
     if board.conversion_us is not None:
         return board.conversion_us.value / US_PER_MS
     assert board.adc_clocks_per_conversion is not None, "the entry gives one of the two"
@@ -658,12 +667,12 @@ def conversion_time_ms(board: Board, adc_prescaler: int) -> float:
 
 
 def link_time_ms(byte_count: int, baud: int) -> float:
-    """Time that bytes take on the serial line [ms]."""
+    """Time to send a number of bytes on the serial line [ms]."""
     return byte_count * LINE_BITS_PER_BYTE / baud * MS_PER_S
 
 
 def sending_time_ms(board: Board, use: BoardUse, byte_count: int) -> float:
-    """Time that bytes take to the host, by native USB or by the serial line [ms]."""
+    """Time to send a number of bytes to the host, by native USB or by the serial line [ms]."""
     if board.usb_bytes_per_s is not None:
         return byte_count / board.usb_bytes_per_s * MS_PER_S
     return link_time_ms(byte_count, use.baud)
@@ -743,7 +752,13 @@ def design_frame_time_ms(
 def frame_rate_hz(
     design: SensorDesign, board: Board | None = None, adc_prescaler: int | None = None
 ) -> float:
-    """Frames per second of a board by the plain sum; the design's own board and prescaler are the defaults."""
+    """Frames per second on a board, as the reciprocal of `frame_time_ms`.
+
+    Parameters
+    ----------
+    board : None for the board of the design
+    adc_prescaler : divider of the converter's clock; None for that of the design
+    """
     cavity, use = cavity_of(design), design.board
     if adc_prescaler is not None:
         use = use.model_copy(update={"adc_prescaler": adc_prescaler})
@@ -752,7 +767,7 @@ def frame_rate_hz(
 
 
 def faster_boards(design: SensorDesign) -> list[tuple[str, float]]:
-    """Boards of the catalogue with enough pins and inputs and a higher frame rate, the fastest first."""
+    """Identifiers and frame rates [Hz] of faster boards in the catalogue that fit the design, the fastest first."""
     now, found = frame_rate_hz(design), []
     for name, board in entries_of(design).boards.items():
         rate = frame_rate_hz(design, board)
@@ -762,7 +777,7 @@ def faster_boards(design: SensorDesign) -> list[tuple[str, float]]:
 
 
 def _fits_on(design: SensorDesign, name: str, board: Board) -> bool:
-    """Whether a board has the pins, inputs, levels and reference that a design uses."""
+    """Whether a board has the pins, inputs, voltage levels and reference that a design uses."""
     if design.board.reference == "internal" and board.internal_reference_v is None:
         return False
     cavity, use = cavity_of(design), design.board.model_copy(update={"kind": name})
@@ -771,15 +786,15 @@ def _fits_on(design: SensorDesign, name: str, board: Board) -> bool:
 
 
 def baud_divisor(clock_hz: int, baud: int) -> int:
-    """Divisor of an eighth of the UART's clock, for the rate nearest to the requested one."""
+    """Divisor of an eighth of an AVR's clock that gives the serial rate nearest to `baud`."""
     return min(max(round(clock_hz / (UART_CLOCKS_PER_BIT * baud)), 1), UART_MAX_DIVISOR)
 
 
 def made_baud(clock_hz: int, baud: int) -> float:
-    """The UART's rate nearest to the requested one [baud]."""
+    """Serial rate of an AVR's UART that is nearest to the requested one [baud]."""
     return clock_hz / (UART_CLOCKS_PER_BIT * baud_divisor(clock_hz, baud))
 
 
 def baud_error(clock_hz: int, baud: int) -> float:
-    """Signed relative error of the UART's rate [-]."""
+    """Relative error of an AVR's serial rate [-]; positive if it is too fast."""
     return made_baud(clock_hz, baud) / baud - 1.0

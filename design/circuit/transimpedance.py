@@ -1,4 +1,4 @@
-r"""The receivers' transimpedance amplifiers: conversion of light to counts, feedback resistor and capacitor.
+r"""The receivers' transimpedance amplifiers: gain from light to counts, feedback resistor and capacitor.
 
             +--[ RF ]--+        current  i = flux x power x responsivity
             +--| CF |--+        voltage  u = i x RF
@@ -6,14 +6,16 @@ r"""The receivers' transimpedance amplifiers: conversion of light to counts, fee
       |        |  >----+-- A0
     ground  ---|+/
 
-The power is the emitter's at its usual forward voltage behind its series resistor, in proportion to current.
-The responsivity is the data sheet's value if it was stated near the emitter's wavelength. Otherwise silicon's quantum
-efficiency is taken as constant, too high by `silicon_blue_loss` at worst. Several emitters enter by their mean.
+The flux is the share of an emitter's power that reaches the receiver. The power is proportional to the emitter's
+current, which follows from its typical forward voltage and its series resistor. The responsivity is the data sheet's
+value if this is stated near the emitter's wavelength. Otherwise silicon's quantum efficiency is assumed constant, which
+is too high by `silicon_blue_loss` at worst. For several kinds of emitters the mean product of power and responsivity is
+used.
 
-The capacitor keeps the amplifier from ringing if CF >= sqrt((C_diode + C_in) / (2 pi RF GBW)) (Graeme, "Photodiode
-Amplifiers", 1996, ch. 3: a phase margin of 45 degrees and more), and lets it settle to half a count in time if
-RF CF ln 2^(bits + 1) <= settle time. Dark current (2 nA, millivolts), the LED's fall time and stray
-capacitance of the resistor (about 0.2 pF, which adds to CF) are left out.
+The amplifier does not ring if CF >= sqrt((C_diode + C_in) / (2 pi RF GBW)), which gives a phase margin of at least 45
+degrees (Graeme, "Photodiode Amplifiers", 1996, ch. 3). It settles to half a count in time if RF CF ln 2^(bits + 1) <=
+settle time. The model does not include the dark current (2 nA, millivolts), the LED's fall time, and the stray
+capacitance of the resistor (about 0.2 pF in addition to CF).
 """
 
 from __future__ import annotations
@@ -35,7 +37,10 @@ from design.shape.cavity import cavity_of
 from design.spec import SensorDesign
 
 NEAR_NM = 25.0
-"""A responsivity is valid within this distance of its stated wavelength: half the width of a usual LED's spectrum."""
+"""Largest distance from a responsivity's stated wavelength at which the value is used unchanged.
+
+It is half the spectral width of a usual LED.
+"""
 W_PER_MW = 1e-3
 HZ_PER_MHZ = 1e6
 F_PER_PF = 1e-12
@@ -46,17 +51,17 @@ LEAST_SETTLE_US = 1e-3
 
 @dataclass(frozen=True, kw_only=True)
 class Feedback:
-    """Feedback of one receiver's amplifier.
+    """Feedback resistor and capacitor of one receiver's amplifier.
 
     Attributes
     ----------
-    exact_ohm : resistance of the required gain; the standard value itself where the design gives ohms
-    low_ohm, high_ohm : resistance at the ends of the bands of power and responsivity
-    standard_ohm : the nearest standard value
-    counts_per_flux : the required gain [counts]
-    capacitor_pf : standard value of the capacitor in parallel
+    exact_ohm : resistance that gives the required gain, or the resistance that the design states
+    low_ohm, high_ohm : range of this resistance from the bands of power and responsivity
+    standard_ohm : nearest standard value, or the resistance that the design states
+    counts_per_flux : required gain: counts if all emitted power reached the receiver
+    capacitor_pf : standard value of the feedback capacitor
     settles_us : time until the reading is within half a count of its final value
-    is_in_time : whether that is within the design's settle time
+    is_in_time : whether this is at most the design's settling time
     """
 
     exact_ohm: float
@@ -70,7 +75,7 @@ class Feedback:
 
     @property
     def gain_factor(self) -> float:
-        """Gain with the standard resistor over the required gain [-]."""
+        """Gain with the standard resistor divided by the required gain [-]."""
         return self.standard_ohm / self.exact_ohm
 
 
@@ -90,7 +95,7 @@ def emitted_mw(part: Part, board: Board, sink: CurrentSink | None = None) -> Qua
 
 
 def responsivity_at(part: Part, wavelength_nm: float) -> Quantity:
-    """Current over light of a receiver at a wavelength [A/W]."""
+    """Responsivity of a receiver at a wavelength: photocurrent per light power [A/W]."""
     stated, at = part.responsivity_a_per_w, part.responsivity_wavelength_nm
     assert stated is not None
     assert at is not None
@@ -106,9 +111,9 @@ def responsivity_at(part: Part, wavelength_nm: float) -> Quantity:
 
 
 def counts_per_flux_per_ohm(design: SensorDesign) -> tuple[Quantity, ...] | None:
-    """Counts per ohm of feedback if all of an emitter's power reached a receiver, for each receiver [counts/ohm].
+    """Counts of each receiver per ohm of feedback resistance if all emitted power reached it [counts/ohm].
 
-    None where an emitter's power is not known.
+    None if the power or the wavelength of an emitter is unknown.
     """
     cavity, board, sink = cavity_of(design), board_of(design), current_sink(design)
     powers = [(emitted_mw(one.part, board, sink), one.part.wavelength_nm) for one in cavity.emitters]
@@ -124,11 +129,12 @@ def counts_per_flux_per_ohm(design: SensorDesign) -> tuple[Quantity, ...] | None
 
 
 def fitted_counts_per_flux(design: SensorDesign) -> tuple[float, ...]:
-    """Gains by the resistors of `gain.feedback_ohm`, for each receiver [counts].
+    """Gain of each receiver with the resistances of `gain.feedback_ohm`: counts if all emitted power reached it.
 
     Raises
     ------
-    DesignError : a rule instead of ohms, a number of ohms other than of receivers, or an emitter of unknown power.
+    DesignError : the design has a rule instead of resistances, not one resistance per receiver, or an emitter of
+        unknown power.
     """
     findings = list(gain_findings(design))
     per_ohm, ohms = counts_per_flux_per_ohm(design), given_ohms(design)
@@ -138,7 +144,7 @@ def fitted_counts_per_flux(design: SensorDesign) -> tuple[float, ...]:
 
 
 def given_ohms(design: SensorDesign) -> tuple[float, ...] | None:
-    """The resistances that a design gives, one per receiver; None for a rule."""
+    """Feedback resistances that a design states, one per receiver; None if it has a rule instead."""
     given = design.gain.feedback_ohm
     if isinstance(given, str):
         return None
@@ -148,15 +154,16 @@ def given_ohms(design: SensorDesign) -> tuple[float, ...] | None:
 def feedbacks_of(
     design: SensorDesign, counts_per_flux: Sequence[float] | None
 ) -> tuple[Feedback, ...] | None:
-    """Resistor and capacitor of each receiver.
+    """Compute the feedback resistor and capacitor of each receiver's amplifier.
 
     Parameters
     ----------
-    counts_per_flux : simulated gain of each receiver [counts]; not needed where the design gives ohms
+    counts_per_flux : required gain of each receiver, from a simulation: counts if all emitted power reached it; None
+        without a simulation. It is ignored if the design states resistances.
 
     Returns
     -------
-    in the order of the receivers; None where an emitter's power is unknown or no gain has been simulated
+    One result per receiver. None if an emitter's power is unknown, or if neither gains nor resistances are known.
     """
     per_ohm, ohms = counts_per_flux_per_ohm(design), given_ohms(design)
     if per_ohm is None:
@@ -172,7 +179,7 @@ def feedbacks_of(
 
 
 def gain_findings(design: SensorDesign) -> Iterator[Finding]:
-    """Reasons why ohms do not define a gain: a wrong number of them, or an emitter of unknown power."""
+    """Errors that prevent resistances from defining a gain: their wrong number, or an emitter of unknown power."""
     given = design.gain.feedback_ohm
     if isinstance(given, str):
         return
@@ -199,7 +206,12 @@ def gain_findings(design: SensorDesign) -> Iterator[Finding]:
 def settling_findings(
     design: SensorDesign, counts_per_flux: Sequence[float] | None = None
 ) -> Iterator[Finding]:
-    """Amplifiers that do not settle within `board.settle_us`; nothing where no resistor is known (`feedbacks_of`)."""
+    """Warning about amplifiers that do not settle within `board.settle_us`; none if the resistors are unknown.
+
+    Parameters
+    ----------
+    counts_per_flux : required gain of each receiver, as in `feedbacks_of`
+    """
     feedbacks, settle_us = feedbacks_of(design, counts_per_flux) or (), design.board.settle_us
     converter, filter_us = converter_of(design), filter_settles_us(design)
     if converter is not None and settle_us <= filter_us:
@@ -277,7 +289,7 @@ def _feedback(design: SensorDesign, part: Part, per_ohm: Quantity, exact_ohm: fl
 
 
 def _least_pf(part: Part, ohm: float) -> float:
-    """Feedback capacitance below which the amplifier rings [pF]."""
+    """Smallest feedback capacitance at which the amplifier does not ring [pF]."""
     assert part.capacitance_pf is not None
     input_f = (part.capacitance_pf.value + assumption("amplifier_input_pf").value) * F_PER_PF
     bandwidth_hz = assumption("amplifier_bandwidth_mhz").value * HZ_PER_MHZ
@@ -285,7 +297,10 @@ def _least_pf(part: Part, ohm: float) -> float:
 
 
 def _capacitor_pf(least_pf: float, most_pf: float) -> float:
-    """The largest standard value that settles in time, for least noise, or else the least value for stability."""
+    """The largest standard value up to `most_pf`, which gives the least noise and still settles in time.
+
+    If it is below `least_pf`, the smallest standard value of at least `least_pf`, for stability.
+    """
     most = standard_at_most(most_pf, E12)
     return most if most >= least_pf else standard_at_least(least_pf, E12)
 

@@ -1,4 +1,4 @@
-"""Elements of every field of a specification: unit, source, range, dotted path, findings; and packaged tables.
+"""Elements of every field of a specification: unit, source, range, dotted path and findings; and packaged tables.
 
-Imports of ours: errors.
+The package imports only `design.errors` and other modules directly in `design`.
 """

@@ -1,6 +1,7 @@
-"""The base of every specification model, and the field types that several of them share.
+"""Base class of every specification model, field types that several models share, and dotted paths.
 
-The module also lists and sets dotted paths into a design, and names the nearest to an unknown one.
+A dotted path names a field of a design, such as `layout.0.count`; list items are addressed by their index. The module
+lists dotted paths, sets their values, and suggests known paths that are similar to an unknown one.
 """
 
 from __future__ import annotations
@@ -39,20 +40,20 @@ def known_paths(model: type[BaseModel], prefix: str = "") -> tuple[str, ...]:
 
 
 def known_values(model: type[BaseModel]) -> tuple[str, ...]:
-    """Dotted paths of the fields that hold a value, not further fields."""
+    """Dotted paths of the fields of a model that have a value and no further fields."""
     known = known_paths(model)
     return tuple(path for path in known if not any(other.startswith(f"{path}.") for other in known))
 
 
 def get_at(document: Any, path: str) -> Any:
-    """The value at a dotted path of nested dicts and lists; KeyError when there is none."""
+    """Value at a dotted path in nested dicts and lists; KeyError, IndexError or ValueError if there is none."""
     for key in path.split("."):
         document = document[int(key)] if isinstance(document, list) else document[key]
     return document
 
 
 def is_value(document: Any, path: str) -> bool:
-    """Whether a path leads to a value, and not to a table or list of values."""
+    """Whether a dotted path leads to a single value that is not None, and not to a table or a list."""
     try:
         found = get_at(document, path)
     except (KeyError, IndexError, ValueError, TypeError):
@@ -61,11 +62,11 @@ def is_value(document: Any, path: str) -> bool:
 
 
 def set_at(document: dict[str, Any], path: str, value: Any, *, known: tuple[str, ...]) -> None:
-    """Set one dotted path in place; list items are addressed by number (``layout.0.count``).
+    """Set the value at a dotted path such as ``layout.0.count``, in place.
 
     Raises
     ------
-    DesignError : the path does not exist; the nearest known names are offered.
+    DesignError : the path does not exist; the message suggests similar paths from `known`.
     """
     *parents, last = path.split(".")
     target: Any = document
@@ -83,7 +84,7 @@ def set_at(document: dict[str, Any], path: str, value: Any, *, known: tuple[str,
 
 
 def leaves(document: Any, path: str = "") -> Iterator[tuple[str, Any]]:
-    """Dotted path and value of every leaf of nested dicts and lists."""
+    """Dotted path and value of everything in nested dicts and lists that is not itself a dict or list."""
     if isinstance(document, dict | list):
         items = document.items() if isinstance(document, dict) else enumerate(document)
         for key, value in items:
@@ -93,12 +94,12 @@ def leaves(document: Any, path: str = "") -> Iterator[tuple[str, Any]]:
 
 
 def nearest(name: str, known: tuple[str, ...]) -> list[str]:
-    """Up to three known names that are most similar to a mistyped one."""
+    """Up to three known names that are most similar to a misspelt name, the most similar first."""
     return difflib.get_close_matches(name, known, n=3, cutoff=0.5)
 
 
 def unknown_path(path: str, known: tuple[str, ...]) -> DesignError:
-    """The error for a path that no design has, with the nearest names."""
+    """Make the error for a path that does not exist in a design; the message suggests similar known paths."""
     near = nearest(path, known)
     if not near:
         leaf = path.rsplit(".", 1)[-1]
@@ -109,17 +110,17 @@ def unknown_path(path: str, known: tuple[str, ...]) -> DesignError:
 
 def _step_into(target: dict[str, Any], key: str, path: str, known: tuple[str, ...]) -> Any:
     if target.get(key) is None and (path in known or path.startswith("part_measurements.")):
-        target[key] = {}  # an optional table, or the user's first measurement of this part
+        target[key] = {}  # create an optional table, or the first measurement of a part
     return target[key]
 
 
 def _free_keys(path: str) -> bool:
-    """Whether a path is in a table of the design whose keys the user chooses or may leave out."""
+    """Whether a path's last key may be new: in the measurements of a part, or in a layout pattern."""
     return path.startswith(("part_measurements.", "layout.")) and path.count(".") == 2
 
 
 NAME_PATTERN = r"^[A-Za-z0-9][A-Za-z0-9._-]{0,62}$"
-"""Names of designs, protocols and searches, which become names of files and folders."""
+"""Pattern of the names of designs, protocols and searches, which become names of files and folders."""
 
 
 def _usable(name: str) -> str:
@@ -129,7 +130,7 @@ def _usable(name: str) -> str:
 
 
 FileName = Annotated[str, Field(pattern=NAME_PATTERN), AfterValidator(_usable)]
-"""A name that becomes part of the names of files; device names of Windows are refused."""
+"""Name that becomes part of file names; names that Windows reserves for devices are refused."""
 
 IDENTIFIER_PATTERN = r"^[a-z0-9][a-z0-9-]{0,62}$"
 PartId = Annotated[str, Field(pattern=IDENTIFIER_PATTERN)]
@@ -137,14 +138,14 @@ PartId = Annotated[str, Field(pattern=IDENTIFIER_PATTERN)]
 
 
 class Model(BaseModel):
-    """Frozen base model that refuses unknown keys, NaN and infinity."""
+    """Frozen base class of specification models; it refuses unknown keys, NaN and infinity."""
 
     model_config = ConfigDict(
         frozen=True, extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True, strict=False
     )
 
     unsaid: ClassVar[tuple[str, ...]] = ()
-    """Fields that a dump leaves out at their default, so that older content keeps its digest."""
+    """Fields that a dump leaves out at their default, so that designs older than the field keep their digest."""
 
     @model_serializer(mode="wrap")
     def _as_said(self, plain: SerializerFunctionWrapHandler) -> dict[str, Any]:
@@ -156,5 +157,5 @@ class Model(BaseModel):
         return self._outlined(document)
 
     def _outlined(self, document: dict[str, Any]) -> dict[str, Any]:
-        """The final form of a dump; a disc has a diameter in place of length and width."""
+        """Final form of a dump, before it is returned; an outline may replace fields (a disc has a diameter)."""
         return document

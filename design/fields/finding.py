@@ -1,4 +1,4 @@
-"""A rule's finding about a design: field, message, limit and way out."""
+"""A rule's finding about a design: field, value, limit, message and remedy."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ Severity = Literal["error", "warning", "note"]
 class Finding:
     """An error, a warning or a note about a design.
 
-    A design with an error cannot be built or simulated. A design with a warning can, but the user should know of it.
-    A note states a limitation that all usual designs of the kind have, and its remedy.
+    A design with an error cannot be manufactured or simulated. A warning names a problem that does not prevent this. A
+    note states a limitation that all usual designs of the kind have.
 
     Attributes
     ----------
     severity : error, warning or note
-    field : dotted path in the design that the finding is about
+    field : dotted path of the field that the finding is about
     value : the design's value, with its unit
     limit : the limit of the value, with its unit
-    message : the fault, in one sentence
-    way_out : the change that removes it
+    message : description of the problem in one sentence
+    way_out : change of the design that solves the problem
     """
 
     severity: Severity
@@ -39,7 +39,7 @@ class Finding:
 
 
 def error(field: str, message: str, *, value: object, limit: object, way_out: str) -> Finding:
-    """A finding that stops the design."""
+    """Make a finding of severity `error`, which prevents manufacture and simulation of the design."""
     return Finding(
         severity="error",
         field=field,
@@ -51,7 +51,7 @@ def error(field: str, message: str, *, value: object, limit: object, way_out: st
 
 
 def warning(field: str, message: str, *, value: object, limit: object, way_out: str) -> Finding:
-    """A finding that lets the design through."""
+    """Make a finding of severity `warning`, which does not prevent manufacture and simulation of the design."""
     return Finding(
         severity="warning",
         field=field,
@@ -63,10 +63,10 @@ def warning(field: str, message: str, *, value: object, limit: object, way_out: 
 
 
 def note(field: str, message: str, *, value: object, limit: object, way_out: str) -> Finding:
-    """A finding that is true of every usual design of its kind."""
+    """Make a finding of severity `note`, about a limitation of every usual design of its kind."""
     return replace(warning(field, message, value=value, limit=limit, way_out=way_out), severity="note")
 
 
 def mm(length_mm: float) -> str:
-    """A length as text, to the hundredth of a millimetre [mm]."""
+    """A length as text, rounded to 0.01 mm, with its unit."""
     return f"{round(length_mm, 2) + 0.0:.2f} mm"  # adding 0 changes -0.00 to 0.00

@@ -1,4 +1,4 @@
-"""Packaged tables and files."""
+"""Reader of the tables and files that are packaged with optopad."""
 
 from __future__ import annotations
 
@@ -14,24 +14,31 @@ from design.fields.quantity import Quantity
 
 
 def data_table(file: str) -> dict[str, Any]:
-    """The rows of a file of `design/data`, by their names."""
+    """Read a TOML file of the folder `design/data` as a dictionary."""
     return tomllib.loads((files("design") / "data" / file).read_text(encoding="utf-8"))
 
 
 @cache
 def data_quantities(file: str) -> dict[str, Quantity]:
-    """The values of a file of `design/data` whose rows are quantities."""
+    """Read a TOML file of the folder `design/data` whose rows are quantities, by their names."""
     return {name: Quantity(**row) for name, row in data_table(file).items()}
 
 
 def packaged_or_own(
     where: str | Path, package: str, names: tuple[str, ...], *, kind: str, listed_as: str
 ) -> Path:
-    """A file of the user's, or else the packaged one of that name.
+    """Path of the user's file at `where`, or else of the packaged file with this name.
+
+    Parameters
+    ----------
+    package : Python package that has the packaged files
+    names : names of the packaged files
+    kind : kind of file, for messages
+    listed_as : term for the packaged files, for messages
 
     Raises
     ------
-    DesignError : neither exists; `kind` names the kind of file, `listed_as` the list of packaged ones.
+    DesignError : neither file exists.
     """
     file = Path(where)
     if file.exists():

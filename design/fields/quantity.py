@@ -1,10 +1,10 @@
-"""A catalogue value with its unit, source and confidence, and the field types that check the unit.
+"""A catalogue value with its unit, source and confidence, and the field types that check its unit.
 
-The confidence is *measured* on the manufactured unit, *read* at the named source, *inferred* (computed from
-read values), or *unverified* (recalled or assumed). The band `low` to `high` is believed to contain the true
-value.
+The confidence has four levels. A value is *measured* on the manufactured unit, *read* in the named source, *inferred*
+(computed from read values), or *unverified* (assumed, or quoted from memory). The band from `low` to `high` is believed
+to contain the true value.
 
-Units are converted at the edge of the specification; everywhere else there is one unit per quantity.
+Other units are converted when a specification is read; everywhere else there is one unit per quantity.
 
 Lengths are in mm, angles in degrees, forces in N, moduli in MPa.
 """
@@ -19,7 +19,7 @@ from pydantic import AfterValidator, Field, StringConstraints, model_validator
 from design.fields.base import Model
 
 ROUNDING_MM = 1e-9
-"""Rounding error of sums of decimal lengths; a length that equals its limit is within it."""
+"""Rounding error of sums of decimal lengths; lengths that differ by less count as equal."""
 
 MM_PER_CM = 10.0
 NM_PER_UM = 1000.0
@@ -28,20 +28,20 @@ ORDER_DIGITS = 12
 
 
 def absorption_per_mm(absorption_db_per_cm: float) -> float:
-    """Natural-log absorption coefficient [1/mm] of a loss given in dB/cm.
+    """Absorption coefficient a [1/mm] of the law exp(-a L), from a loss in dB/cm.
 
     Notes
     -----
-    10^(-dB/10) = exp(-a L), so a = ln(10)/10 per dB.
+    10^(-dB/10) = exp(-a L), so that a L = ln(10)/10 for each dB of loss.
     """
     return absorption_db_per_cm * math.log(10.0) / 10.0 / MM_PER_CM
 
 
 def lambertian_order(half_angle_deg: float) -> float:
-    """Order m of the intensity law cos^m that falls to one half at ``half_angle_deg`` [-].
+    """Order m of the intensity law cos^m that decreases to one half at `half_angle_deg` [-].
 
-    The order is rounded far below any sheet's precision, so that 60 degrees gives exactly 1, for which light kernels
-    have a special case.
+    The result is rounded, so that 60 degrees gives exactly 1, for which the light model has a special case. The
+    rounding is far below the precision of any data sheet.
     """
     return round(math.log(0.5) / math.log(math.cos(math.radians(half_angle_deg))), ORDER_DIGITS)
 
@@ -54,7 +54,7 @@ Text = Annotated[str, StringConstraints(strip_whitespace=True, min_length=1)]
 
 
 class Quantity(Model):
-    """One number, its source and its confidence."""
+    """A number with its unit, source, confidence and, if known, the band that contains the true value."""
 
     value: float
     unit: Text
@@ -85,7 +85,7 @@ class Cost(Model):
 
 
 def check_band(value: float, low: float | None, high: float | None) -> None:
-    """Refuse a band that does not contain its value.
+    """Refuse a band that does not contain its value; None for `low` or `high` means no limit.
 
     Raises
     ------

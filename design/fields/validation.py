@@ -1,4 +1,4 @@
-"""Pydantic's findings as one message in the user's words: field, value, limit, way out."""
+"""Conversion of pydantic's validation errors into one message for the user: field, value, limit and remedy."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from design.fields.base import IDENTIFIER_PATTERN, NAME_PATTERN, nearest
 
 LISTED_FINDINGS = 20
 WORDED_FINDINGS = 100
-"""Most findings in words: the search for a nearest name takes a millisecond, too long for thousands of findings."""
+"""Largest number of findings that are described in words; searching similar names takes a millisecond for each."""
 
 _WAY_OUT = {
     "missing": "is missing; add it (see `optopad schema`, or start from `optopad new`)",
@@ -47,7 +47,7 @@ PATTERN_WORDS = {
     r"^[A-Z]{3}$": "an ISO 4217 code in capital letters, as EUR",
     r"^\d{4}-(0[1-9]|1[0-2])(-(0[1-9]|[12]\d|3[01]))?$": "a date as 2026-05 or 2026-05-04",
 }
-"""Requirement on a text, by the pattern that it does not match."""
+"""Description of the permitted texts, by their regular expression."""
 
 _WANTED = {
     "finite_number": "must be a finite number",
@@ -65,14 +65,14 @@ _WANTED = {
 def design_error(
     err: ValidationError, where: str, known: tuple[str, ...] = (), identifiers: tuple[str, ...] = ()
 ) -> DesignError:
-    """All findings of a validation as one error.
+    """Convert all findings of a validation into one error with a line for each.
 
     Parameters
     ----------
-    err : pydantic's findings
-    where : file or design that was being read
-    known : dotted paths of all fields; the nearest are offered for an unknown one
-    identifiers : identifiers of catalogue entries; the nearest is offered for an invalid one
+    err : pydantic's error with all findings
+    where : name of the file or design, for the message
+    known : dotted paths of all fields; the message suggests similar ones for an unknown field
+    identifiers : identifiers of catalogue entries; the message suggests a similar one for an invalid identifier
     """
     details = err.errors(include_url=False)
     meant = [detail for detail in _of_the_branch_meant(details) if not _is_echo(detail)]
@@ -84,13 +84,16 @@ def design_error(
 
 
 def field_path(detail: ErrorDetails) -> str:
-    """Dotted path of a finding, without pydantic's own union and type markers."""
+    """Dotted path of the field in a finding, without the union and type markers that pydantic adds."""
     keys = [str(key) for key in detail["loc"] if isinstance(key, int) or not _is_marker(str(key))]
     return ".".join(keys) or "the file"
 
 
 def _of_the_branch_meant(details: list[ErrorDetails]) -> list[ErrorDetails]:
-    """Keep the findings of the given type where a field takes a value or a list, since pydantic reports both."""
+    """Remove findings about the other type where a field accepts a single value or a list.
+
+    Pydantic reports both alternatives; those about the user's type are kept.
+    """
     takes_a_list = {detail["loc"][:at] for detail in details if (at := _list_branch(detail)) is not None}
     takes_a_value = {detail["loc"][:-1] for detail in details if _list_branch(detail) is None}
 
@@ -104,12 +107,12 @@ def _of_the_branch_meant(details: list[ErrorDetails]) -> list[ErrorDetails]:
 
 
 def _list_branch(detail: ErrorDetails) -> int | None:
-    """Position in a finding's path of the list of a field that also takes a single value."""
+    """Index in a validation error's path at which the list type of a field begins; None if it has no list type."""
     return next((at for at, key in enumerate(detail["loc"]) if str(key).startswith("tuple[")), None)
 
 
 def _is_echo(detail: ErrorDetails) -> bool:
-    """Whether a list is reported as too short only because each of its entries was refused."""
+    """Whether pydantic reports a list as too short only because entries of the list were refused."""
     return detail["type"] == "too_short" and len(detail["input"]) >= detail["ctx"]["min_length"]
 
 
@@ -130,7 +133,7 @@ def _is_marker(key: str) -> bool:
 
 
 def _lines(details: list[ErrorDetails], known: tuple[str, ...], identifiers: tuple[str, ...]) -> list[str]:
-    """One line per finding; a value that may be of several kinds has one for all of them."""
+    """One line per finding; the limits of findings with equal text are joined by "or"."""
     limits: dict[str, list[str]] = {}
     for detail in details:
         said, limit = _finding(detail, known, identifiers)
@@ -141,19 +144,19 @@ def _lines(details: list[ErrorDetails], known: tuple[str, ...], identifiers: tup
 
 
 def _finding(detail: ErrorDetails, known: tuple[str, ...], identifiers: tuple[str, ...]) -> tuple[str, str]:
-    """The refusal, and the limit; the limit is empty where the refusal includes it."""
+    """Text of a finding, and the limit; the limit is empty if the text already includes it."""
     field, kind = field_path(detail), detail["type"]
     if kind == "extra_forbidden":
         return f"{field}: is not a field of a design; {_near(field, known)}", ""
     if kind in _WAY_OUT:
         return f"{field}: {_WAY_OUT[kind]}", ""
-    if kind == "value_error":  # raised by a rule of optopad, which names its values itself
+    if kind == "value_error":  # raised by a rule of optopad, whose text already has the values
         return f"{field}: {detail['msg'].removeprefix('Value error, ')}".removeprefix("the file: "), ""
     return f"{field}: {shown(detail['input'])} is refused: ", _limit(detail, field, identifiers)
 
 
 def _near(field: str, known: tuple[str, ...]) -> str:
-    """Names that are similar to a misspelt one."""
+    """Remedy for an unknown field: known names that are similar to it, or else to remove it."""
     parent = field.rpartition(".")[0]
     near = nearest(field, tuple(path for path in known if path.rpartition(".")[0] == parent))
     hint = f"did you mean {', '.join(near)}? Else " if near else ""
@@ -161,7 +164,7 @@ def _near(field: str, known: tuple[str, ...]) -> str:
 
 
 def _near_identifier(detail: ErrorDetails, identifiers: tuple[str, ...]) -> str:
-    """The catalogue entry that the user likely meant."""
+    """The catalogue identifier most similar to an invalid one, as a suggestion; may be empty."""
     if detail["ctx"]["pattern"] != IDENTIFIER_PATTERN:
         return ""
     near = nearest(re.sub(r"[^a-z0-9]+", "-", str(detail["input"]).lower()).strip("-"), identifiers)
@@ -194,7 +197,7 @@ def _limit(detail: ErrorDetails, field: str, identifiers: tuple[str, ...]) -> st
 
 
 def _bound(detail: ErrorDetails, field: str) -> str:
-    """The exceeded limit, and for lengths the unit that the user likely meant."""
+    """The exceeded limit as text; for lengths also a question whether they were given in another unit."""
     limit = next(iter(detail["ctx"].values()))
     said = f"{limit:.12g}" if isinstance(limit, int | float) else f"{limit}"
     if not field.endswith("_mm"):

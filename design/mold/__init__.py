@@ -1,4 +1,4 @@
-"""Numeric model of the mold before any solid is made: outline, sockets, webs, filling, letters.
+"""Numeric model of the mold before any CAD solid is made: outline, sockets, webs, filling and lettering.
 
-Imports of ours: shape and below.
+The package imports only `design.shape` and packages below it.
 """

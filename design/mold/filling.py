@@ -1,8 +1,9 @@
-"""Filling of a crowned pad: through holes in the floor, with the mold upside down on its lid.
+"""Filling holes of a crowned pad's mold: silicone enters through the floor, with the mold upside down on its lid.
 
-The lid shapes the crown (`cad.lid`). Upside down, the floor is highest, so air leaves there, and no sprue touches the
-optical surface. The clear layer is poured by weight up to the level of the black layer. Then the black layer is poured
-until it rises in the vents. The silicone left in the holes is black, below the black layer.
+The lid shapes the crown (`cad.lid`). In this position the floor is highest, so that air leaves there and no filling
+hole touches the optical surface. The sprue is the hole that receives the silicone. The clear layer is poured by weight
+up to the level of the black layer. Then the black layer is poured until it rises in the vents. The silicone that
+remains in the holes is black.
 
         sprue                      vents          turned over: floor up
        ___| |_______________________| |___
@@ -23,9 +24,9 @@ from design.mold.sockets import Hole
 from design.shape.cavity import Plan
 
 SPRUE_RADIUS_MM, VENT_RADIUS_MM = 2.0, 1.0
-"""A syringe's tip fits into the sprue; silicone rises in the vents when the mold is full."""
+"""Radii of sprue and vents. A syringe's tip fits into the sprue; silicone rises in the vents when the mold is full."""
 INSET_MM = 3.0
-"""Distance of the middle of sprue and vents from the walls."""
+"""Distance of the middle of each sprue or vent from the cavity's walls."""
 
 
 def is_cast_under_lid(plan: Plan) -> bool:
@@ -34,11 +35,12 @@ def is_cast_under_lid(plan: Plan) -> bool:
 
 
 def filling_holes(plan: Plan, bottom_mm: float, floor_mm: float) -> tuple[Hole, ...]:
-    """The sprue, then three vents, in the corners of the floor; none for a flat top, which is poured from above.
+    """The sprue and then three vents near the corners of the floor; none for a flat top, which is poured from above.
 
     Parameters
     ----------
-    bottom_mm, floor_mm : underside of the mold and floor of the cavity, in the cavity frame
+    bottom_mm : height z of the mold's underside
+    floor_mm : height z of the cavity's floor
     """
     if not is_cast_under_lid(plan):
         return ()
@@ -56,7 +58,7 @@ def filling_holes(plan: Plan, bottom_mm: float, floor_mm: float) -> tuple[Hole, 
 
 
 def filling_offsets_mm(plan: Plan) -> tuple[float, float]:
-    """Distance of the holes from the middle of the pad along x and y [mm]."""
+    """Distance of sprue and vents from the middle of the pad along x and y [mm]."""
     x, y = plan.centre_mm
     if plan.has_origin_corner:
         return x - INSET_MM, y - INSET_MM

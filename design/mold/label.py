@@ -1,4 +1,4 @@
-r"""The label of a mold: a text sunk into its underside, below the cavity, away from sockets and holes.
+r"""The label of a mold: a text engraved in its underside, below the cavity, away from sockets and holes.
 
     seen from below                     one letter: 5 x 7 points, each a square of 1.25 pitches,
     +---------------------------+       so that points which meet at a corner overlap: a cut that
@@ -9,9 +9,10 @@ r"""The label of a mold: a text sunk into its underside, below the cavity, away 
     | o                       o |
     +---------------------------+
 
-The text is sunk, not raised, because the underside is on the print bed, and raised letters would lift the mold. Strokes
-are at most two millimetres wide, so their ceilings bridge. Long texts are broken into lines. Letters are
-rectangles, not a font of the system: equal designs give equal molds everywhere. All are capitals.
+The underside is on the print bed, where raised letters would lift the mold. Strokes are at most two millimetres wide,
+so that the printer bridges them without support. Long texts are broken into lines. Letters are capitals made of
+rectangles and not a font of the system, so that equal designs give equal molds everywhere. The pitch is the distance
+between neighbouring points of the dot matrix.
 """
 
 from __future__ import annotations
@@ -29,13 +30,13 @@ from design.shape.cavity import plan_of
 from design.spec import SensorDesign
 
 DEPTH_MM = 0.6
-"""Three layers of 0.2 mm: deep enough to read, also where the first layer is squeezed."""
+"""Depth of the strokes: three layers of 0.2 mm, so that they are legible although the first layer is squeezed."""
 MARGIN_MM = 0.8
-"""Distance between the text and the outline of the cavity above it: the usual thinnest wall."""
+"""Distance between the text and the outline of the cavity above it."""
 SMALLEST_PITCH_MM = 0.6
-"""Strokes of 0.75 mm and gaps of 0.45 mm, which a 0.4 mm nozzle still separates."""
+"""Smallest pitch of points. It gives strokes of 0.75 mm and gaps of 0.45 mm, which a 0.4 mm nozzle still separates."""
 EASY_PITCH_MM = 0.75
-"""A text is broken into lines only if its letters would be smaller: strokes of 0.94 mm."""
+"""Pitch of points below which a text is broken into more lines; strokes are then 0.94 mm wide."""
 LARGEST_PITCH_MM = 1.5
 COLUMNS, ROWS = 5, 7
 LETTER_GAP, LINE_GAP = 1, 2
@@ -44,11 +45,11 @@ LETTER_GAP, LINE_GAP = 1, 2
 
 @dataclass(frozen=True, kw_only=True)
 class MoldLabel:
-    """A label as rectangles to cut.
+    """A label as rectangles to cut into the underside of the mold.
 
     Attributes
     ----------
-    strokes : rectangles, some of which overlap; empty without a text
+    strokes : rectangles, some of which overlap; empty if the design has no label
     depth_mm : depth of the strokes [mm]
     stroke_mm : width of a stroke [mm]
     """
@@ -64,7 +65,7 @@ class MoldLabel:
 
 
 def mold_label(design: SensorDesign) -> MoldLabel:
-    """The label of a design's mold, without strokes if there is no text. Rules check whether it is legible."""
+    """The label of a design's mold, without strokes if it has no text. `label_findings` checks its legibility."""
     text = design.mold.label.upper().strip()
     if not text:
         return MoldLabel(strokes=(), depth_mm=0.0, stroke_mm=0.0)
@@ -76,7 +77,7 @@ def mold_label(design: SensorDesign) -> MoldLabel:
 
 
 def label_findings(design: SensorDesign) -> Iterator[Finding]:
-    """Findings about a label: letters too small to print, or a floor too thin for their depth."""
+    """Errors about a design's label: letters too small to print, or a floor too thin for their depth."""
     text = design.mold.label.upper().strip()
     if not text:
         return
@@ -100,8 +101,9 @@ def label_findings(design: SensorDesign) -> Iterator[Finding]:
 
 
 def label_lines(text: str, design: SensorDesign) -> tuple[list[str], float]:
-    """A text in lines that fit below the cavity, and the pitch of its points [mm]: broken at blanks, and within words
-    only where no other break makes it printable.
+    """Break a text into lines that fit below the cavity; return them and the pitch of their points [mm].
+
+    Lines are broken at blanks. They are broken within words only if the text is otherwise too small to print.
     """
     room_mm = _room_mm(design)
     widths = range(len(text), 0, -1)
@@ -114,17 +116,20 @@ def label_lines(text: str, design: SensorDesign) -> tuple[list[str], float]:
 
 
 def _room_mm(design: SensorDesign) -> tuple[float, float]:
-    """Length and width of the rectangle that a label may cover: below the cavity, between sprue and vents."""
+    """Length and width of the rectangle below the cavity that a label may cover, between sprue and vents [mm]."""
     plan = plan_of(design)
     width = plan.width_mm
-    if is_cast_under_lid(plan):  # sprue and vents are in the corners
+    if is_cast_under_lid(plan):  # sprue and vents are near the corners
         width = 2 * (filling_offsets_mm(plan)[1] - SPRUE_RADIUS_MM)
     length, width = plan.outline.room_mm(width)
     return length - 2 * MARGIN_MM, max(width - 2 * MARGIN_MM, 1e-3)
 
 
 def _best(broken: list[list[str]], room_mm: tuple[float, float]) -> tuple[list[str], float]:
-    """The fewest lines with an easy pitch, or else the lines with the widest pitch; and that pitch [mm]."""
+    """The best of several ways to break a text, and the pitch of its points [mm].
+
+    It is the one with the fewest lines if its pitch is at least `EASY_PITCH_MM`, else the one with the widest pitch.
+    """
     pitches = [min(room_mm[0] / _width(lines), room_mm[1] / _height(lines)) for lines in broken]
 
     def rank(number: int) -> tuple[float, ...]:
@@ -145,13 +150,13 @@ def _height(lines: list[str]) -> float:
 
 
 def _strokes(lines: list[str], pitch_mm: float, centre_mm: tuple[float, float]) -> list[Stroke]:
-    """Rectangles of the text [mm], mirrored along x because it is read from below."""
+    """Rectangles of the text [mm], mirrored along x because the text is read from below."""
     place = centre_mm[0] + _width(lines) / 2 * pitch_mm, centre_mm[1] + _height(lines) / 2 * pitch_mm
     return strokes_of(_points(lines), place, pitch_mm, mirrored=True)
 
 
 def _points(lines: list[str]) -> set[tuple[int, int]]:
-    """Column and row, from the top left, of every point of a text."""
+    """Column and row of every point of a text, counted from the top left."""
     return {
         (place * (COLUMNS + LETTER_GAP) + column, number * (ROWS + LINE_GAP) + row)
         for number, line in enumerate(lines)
@@ -164,7 +169,7 @@ def _points(lines: list[str]) -> set[tuple[int, int]]:
 
 @cache
 def letters() -> dict[str, tuple[int, ...]]:
-    """Columns of points of every letter that a label may have."""
+    """Columns of every permitted letter as bit patterns; the lowest bit is the top row."""
     return {
         name: tuple(int(bits, 16) for bits in columns.split())
         for name, columns in data_table("letters.toml").items()

@@ -1,8 +1,9 @@
-"""Letters as rectangles: points of a dot matrix that overlap, the area that they cover, and its outline.
+"""Engraved letters made of rectangles: overlapping points of a dot matrix, the area that they cover, and its outline.
 
-A point is a square of 1.25 pitches, so that points which meet at a corner overlap: a cut that touches itself only
-along an edge is not a manifold. Runs of points are one rectangle. Letters are not a font of the system, so that equal
-designs give equal molds everywhere.
+The pitch is the distance between neighbouring points. A point is a square with a side of 1.25 pitches, so that diagonal
+neighbours overlap. Without overlap the cut would touch itself only along an edge and not be a manifold. A row of
+adjacent points becomes one rectangle, a stroke. Letters are not a font of the system, so that equal designs give equal
+molds everywhere.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ from dataclasses import dataclass
 from itertools import groupby
 
 OVERLAP = 1.25
-"""Side of a point over the pitch of points."""
+"""Side of a point divided by the pitch of points."""
 
 Point = tuple[int, int]
 Loop = tuple[tuple[float, float], ...]
@@ -20,7 +21,7 @@ Loop = tuple[tuple[float, float], ...]
 
 @dataclass(frozen=True, kw_only=True)
 class Stroke:
-    """A rectangle of a text in the plane that it is cut into [mm]."""
+    """A rectangle of an engraved text, in the plane of the face that it is cut into [mm]."""
 
     x0: float
     x1: float
@@ -30,7 +31,7 @@ class Stroke:
 
 @dataclass(frozen=True, kw_only=True)
 class Shape:
-    """A connected part of a text: its outline counter-clockwise and its holes clockwise [mm]."""
+    """A connected part of an engraved text: its outline counter-clockwise and its holes clockwise [mm]."""
 
     outline: Loop
     holes: tuple[Loop, ...]
@@ -39,13 +40,13 @@ class Shape:
 def strokes_of(
     points: set[Point], place: tuple[float, float], pitch_mm: float, *, mirrored: bool
 ) -> list[Stroke]:
-    """Rectangles over the runs of points.
+    """Rectangles that cover the points of a text; adjacent points in a row or column share one rectangle.
 
     Parameters
     ----------
-    points : column and row, from the top left
-    place : upper left corner of the point (0, 0) as the reader sees it, x to the right and y up [mm]
-    mirrored : whether the plane's x points to the reader's left; x then decreases from `place`
+    points : column and row of each point, counted from the top left
+    place : position of the upper left corner of the point (0, 0), as seen by the reader [mm]
+    mirrored : whether x of the plane increases to the reader's left instead of right; y increases upward
     """
     across, along = _runs(points, horizontal=True), _runs(points, horizontal=False)
     joined = {point for run in (*across, *along) for point in run}
@@ -68,7 +69,7 @@ def area_mm2(strokes: Iterable[Stroke]) -> float:
 
 
 def integral(strokes: Iterable[Stroke], antiderivative: Callable[[float], float]) -> float:
-    """Integral over the union of strokes of a function of x, given its antiderivative."""
+    """Integral over the area covered by strokes of a function of x, given its antiderivative."""
     grid = _Grid(tuple(strokes))
     return sum(
         (antiderivative(grid.xs[i + 1]) - antiderivative(grid.xs[i])) * grid.height(j)
@@ -77,13 +78,16 @@ def integral(strokes: Iterable[Stroke], antiderivative: Callable[[float], float]
 
 
 def upper_edges_mm(strokes: Iterable[Stroke]) -> float:
-    """Length of the upper edges of the union of strokes, which bridge where a text is cut into a wall [mm]."""
+    """Total length of the upper edges of the area covered by strokes [mm].
+
+    In a vertical wall these edges are ceilings that the printer must bridge.
+    """
     grid = _Grid(tuple(strokes))
     return sum(grid.width(i) for i, j in grid.covered if (i, j + 1) not in grid.covered)
 
 
 def shapes_of(strokes: Iterable[Stroke]) -> tuple[Shape, ...]:
-    """Connected shapes of the union of strokes, in the order of their leftmost corners (least x, then least y)."""
+    """Connected shapes of the area covered by strokes, in the order of their leftmost corners."""
     loops = _Grid(tuple(strokes)).loops()
     outer = [loop for loop in loops if _signed_area(loop) > 0]
     holes = [loop for loop in loops if _signed_area(loop) < 0]
@@ -94,7 +98,7 @@ def shapes_of(strokes: Iterable[Stroke]) -> tuple[Shape, ...]:
 
 
 class _Grid:
-    """The cells between all edges of some strokes, and whether each is covered."""
+    """Grid of cells between all edges of some strokes; `covered` has the indices of the cells inside strokes."""
 
     def __init__(self, strokes: tuple[Stroke, ...]) -> None:
         self.xs = sorted({edge for stroke in strokes for edge in (stroke.x0, stroke.x1)})
@@ -116,7 +120,7 @@ class _Grid:
         return self.ys[j + 1] - self.ys[j]
 
     def loops(self) -> list[Loop]:
-        """Closed outlines with the covered cells on their left, without points on straight edges."""
+        """Closed outlines of the covered cells, which are on the left of the outline, with corners only [mm]."""
         following = dict(edge for cell in sorted(self.covered) for edge in self._open_edges(*cell))
         loops = []
         while following:
@@ -130,7 +134,7 @@ class _Grid:
         return loops
 
     def _open_edges(self, i: int, j: int) -> list[tuple[Point, Point]]:
-        """Directed edges of a cell towards cells that are not covered."""
+        """Directed edges of a covered cell towards neighbours that are not covered, as pairs of grid corners."""
         sides = (
             ((i, j - 1), (i, j), (i + 1, j)),
             ((i + 1, j), (i + 1, j), (i + 1, j + 1)),
@@ -141,7 +145,7 @@ class _Grid:
 
 
 def _turns(corners: list[Point]) -> list[Point]:
-    """Corners where the outline changes direction."""
+    """The corners at which a closed outline changes direction."""
     around = zip(corners, corners[1:] + corners[:1], corners[-1:] + corners[:-1], strict=True)
     return [
         at
@@ -155,14 +159,14 @@ def _signed_area(loop: Loop) -> float:
 
 
 def _holds(loop: Loop, point: tuple[float, float]) -> bool:
-    """Whether a point is within an outline of axis-parallel edges, by crossings of a ray to the right."""
+    """Whether a point is inside an outline of axis-parallel edges; counts crossings of a ray to the right."""
     x, y = point[0] + 1e-7, point[1] + 1e-7
     edges = zip(loop, loop[1:] + loop[:1], strict=True)
     return sum(x0 > x and (y0 > y) != (y1 > y) for (x0, y0), (_, y1) in edges) % 2 == 1
 
 
 def _runs(points: set[Point], *, horizontal: bool) -> list[list[Point]]:
-    """Runs of two points or more along one direction."""
+    """Groups of at least two adjacent points in a row, or in a column."""
     ordered = sorted((point[::-1] if horizontal else point) for point in points)
     runs = []
     for _, group in groupby(enumerate(ordered), key=lambda item: (item[1][0], item[1][1] - item[0])):

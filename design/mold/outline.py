@@ -1,6 +1,6 @@
 r"""Numeric model of the printed mold, before any solid is made.
 
-The frame is that of `design.shape.cavity`; the mold is centred on the cavity.
+Positions are in the cavity frame (`design.shape.cavity`), and the mold is centred on the cavity.
 
       top   ____      lip, 45 deg      ____
            |    \                     /    |   rim
@@ -10,10 +10,10 @@ The frame is that of `design.shape.cavity`; the mold is centred on the cavity.
            |_______________________________|   -black - floor
            <wall>
 
-A lid casts a crowned top (`cad.lid`). There is no pour lip, the rim is measured from the highest point of the top's
-edge, and the mold is filled upside down through holes in its floor. A mold with round walls follows the cavity's
-outline, with a facet for each part in the walls. It has neither lip nor collars, and its fixing holes are between
-parts.
+The lip is a bevel of the cavity's upper edge. A lid casts a crowned top (`cad.lid`). The mold of a crowned pad has no
+lip, and its rim is measured from the highest point of the top's edge. It is filled upside down through holes in the
+floor. A mold with round walls follows the cavity's outline, with a flat facet for each optical part. It has neither a
+lip nor collars (walls around tall bodies), and its fixing holes are between parts.
 """
 
 from __future__ import annotations
@@ -30,35 +30,37 @@ from design.shape.outline import Outline, Point
 from design.spec import Mold, SensorDesign
 
 LIP_MAX_MM = 1.5
-"""Widest pour lip: enough to guide a pour and to show the fill line."""
+"""Widest pour lip: enough to guide the silicone and to show the fill line."""
 LIP_SHARE_OF_WALL = 0.25
-"""The lip leaves three quarters of the rim flat, for the leveling blade to rest on."""
+"""Greatest width of the lip as a share of the wall; the blade rests on the rest of the rim."""
 CORNER_RADIUS_MM = 1.0
-"""Rounding of the outer vertical edges: comfortable to hold."""
+"""Radius of the mold's outer vertical edges, comfortable to hold."""
 ORIGIN_CUT_MM = 2.0
-"""45-degree cut of the outer edge at the cavity's origin, which identifies the walls."""
+"""Size of the 45-degree cut of the outer edge at the cavity's origin, which identifies the walls."""
 CORNER_SHARE_OF_WALL = 1 / 3
-"""Rounding and cut stay within this share of the thinner wall."""
+"""Greatest radius or cut of the outer edges as a share of the thinner wall."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class MoldOutline:
-    """Numbers of the mold in the cavity frame [mm].
+    """Dimensions of the mold, in the cavity frame [mm].
 
     Attributes
     ----------
-    plan : the cavity in plan, and the pad's top
-    wall_x_mm, wall_y_mm : thickness of the east and west, and of the south and north walls; the least of a round mold
-    bottom_mm, cavity_bottom_mm, fill_mm, top_mm : levels: bed, cavity floor, highest point of the undisturbed top's
-        edge, rim
+    plan : outline of the cavity, and the pad's top
+    wall_x_mm, wall_y_mm : least thickness of the mold's walls along x and along y
+    bottom_mm, cavity_bottom_mm, top_mm : height z of the underside, the cavity's floor and the rim
+    fill_mm : height z of the highest point of the undisturbed top's edge
     filling : holes through the floor for filling a crowned pad, the sprue first; empty for a flat top
-    lip_mm : leg of the 45-degree pour lip; it never reaches below the fill level
-    corner_radius_mm, origin_cut_mm : outer vertical edges
-    ledge_mm : width of a glass cover's seat at the fill level, in place of the lip; 0 for none
-    fixing_holes, sockets : cuts through and into the walls
-    collars : walls above the rim around bodies that are taller
-    numbers : names sunk into the outer faces
-    label : text sunk into the underside
+    lip_mm : leg of the 45-degree pour lip, which is above the fill level; 0 for none
+    corner_radius_mm : radius of the outer vertical edges
+    origin_cut_mm : cut of the outer edge at the origin
+    ledge_mm : width of the seat for a glass cover at the fill level, in place of the lip; 0 for none
+    fixing_holes : vertical holes for screws or pins
+    sockets : cuts for the optical parts
+    collars : walls above the rim around taller bodies of parts
+    numbers : names of the parts, engraved in the outer faces
+    label : text engraved in the underside
     """
 
     plan: Plan
@@ -81,32 +83,32 @@ class MoldOutline:
 
     @property
     def length_mm(self) -> float:
-        """Inner size along x [mm]."""
+        """Inner size of the cavity along x [mm]."""
         return self.plan.length_mm
 
     @property
     def width_mm(self) -> float:
-        """Inner size along y [mm]."""
+        """Inner size of the cavity along y [mm]."""
         return self.plan.width_mm
 
     @property
     def outer(self) -> Outline:
-        """The outer faces in plan, without rounding and cut."""
+        """Outline of the outer faces seen from above, without rounded edges and cut."""
         return _outer(self.plan, self.wall_x_mm, self.wall_y_mm)
 
     @property
     def outer_length_mm(self) -> float:
-        """Outer size along x [mm]."""
+        """Outer size of the mold along x [mm]."""
         return self.length_mm + 2 * self.wall_x_mm
 
     @property
     def outer_width_mm(self) -> float:
-        """Outer size along y [mm]."""
+        """Outer size of the mold along y [mm]."""
         return self.width_mm + 2 * self.wall_y_mm
 
     @property
     def mouth(self) -> Box:
-        """The opening of the pour lip or the cover's seat, with the cavity below it."""
+        """Bounding box of the pour lip or of the cover's seat, across the whole cavity."""
         out = self.mouth_out_mm
         return Box(
             x0=-out,
@@ -119,22 +121,22 @@ class MoldOutline:
 
     @property
     def mouth_out_mm(self) -> float:
-        """Distance of the opening at the rim outward of the cavity [mm]."""
+        """Distance by which the lip or the cover's seat extends outward from the cavity at the rim [mm]."""
         return max(self.lip_mm, self.ledge_mm)
 
     @property
     def height_mm(self) -> float:
-        """Height from the bed to the rim [mm]."""
+        """Height from the underside to the rim [mm]."""
         return self.top_mm - self.bottom_mm
 
     @property
     def highest_mm(self) -> float:
-        """Level of the highest face: the rim, or the highest collar [mm]."""
+        """Height z of the highest face: the rim, or the highest collar [mm]."""
         return max([self.top_mm, *(collar.top_mm for collar in self.collars)])
 
 
 def outline_of(design: SensorDesign) -> MoldOutline:
-    """The numbers of a design's mold; `design.mold.webs` checks whether they can be printed."""
+    """Compute the dimensions of a design's mold; `design.mold.webs` checks whether they can be printed."""
     cavity, mold = cavity_of(design), design.mold
     plan = cavity.plan
     wall_x = (mold.outer_length_mm - plan.length_mm) / 2
@@ -178,7 +180,7 @@ def outline_of(design: SensorDesign) -> MoldOutline:
 
 
 def _with_room(socket: Socket, fixing_holes: tuple[Hole, ...], mold: Mold) -> Socket:
-    """The socket, without its channel where a fixing hole is in the way."""
+    """A socket as given, or without its lead channel if that is too near to a fixing hole."""
     channel = socket.channel
     if channel is None:
         return socket
@@ -200,7 +202,7 @@ def _numbers(
 
 
 def bed_lift_mm(design: SensorDesign) -> float:
-    """Offset added to z of the cavity frame in every file, so that the print bed is z = 0 [mm]."""
+    """Offset that is added to z of the cavity frame in every file of the mold, so that the print bed is z = 0 [mm]."""
     return design.cavity.black_thickness_mm + design.mold.floor_mm
 
 
@@ -228,7 +230,7 @@ def _frame(part: PlacedPart, outer: Outline, wall_x: float, wall_y: float) -> Wa
 def _fixing_holes(
     mold: Mold, cavity: CavityGeometry, outer: Outline, bottom: float, top: float
 ) -> tuple[Hole, ...]:
-    """Fixing holes in the corners, or between parts in a mold without corners."""
+    """Fixing holes: in the corners, or in a mold without corners between the optical parts."""
     if mold.fixing_hole_diameter_mm == 0:
         return ()
     inset, radius = mold.fixing_hole_inset_mm, mold.fixing_hole_diameter_mm / 2
@@ -239,7 +241,10 @@ def _fixing_holes(
 
 
 def _between_parts_mm(cavity: CavityGeometry, within: Outline) -> list[Point]:
-    """Points on an outline: the middles between neighbouring parts that are nearest to the diagonals of its box."""
+    """Up to four points on an outline for fixing holes, in directions halfway between neighbouring optical parts.
+
+    They are nearest to the diagonals of the bounding box.
+    """
     (x, y), (x0, y0, x1, y1) = within.centre_mm, within.box_mm
     at = sorted({_direction_deg(part.position_mm[0] - x, part.position_mm[1] - y) for part in cavity.parts})
     middles = [

@@ -1,4 +1,4 @@
-r"""The parts' names in the outer faces of the mold, below their sockets, as in the wiring table.
+r"""Names of the optical parts, such as E1, engraved in the outer faces of the mold below their sockets.
 
     outer face, seen from outside            small letters of 3 x 5 points; upright where a name is wider
       | | |   | |       | | |                than its space on the wall, read from below
@@ -6,10 +6,11 @@ r"""The parts' names in the outer faces of the mold, below their sockets, as in 
          E1      R1        E2   numbers
       ____________n_____________  channels, bed
 
-The space of a name extends halfway to its neighbours. It is above channels and the joint of a parted mold, below the
-lowest pocket of its wall, and within the inner length of the wall. On a round mold every part has its own wall. There
-the space is above all channels and below all pockets, and also ends where the outer face has receded by half of the
-name's depth. Names that do not fit are left out and reported (`cad.checks`).
+The space for a name extends halfway to the neighbouring parts, within the inner length of the wall. It is above the
+lead channels and above the joint of a parted mold, and below the lowest pocket of the wall. On a round wall every part
+has its own facet. There the space is above all channels and below all pockets of the mold. It also ends where the outer
+face has receded from the facet's plane by half of the name's depth. Names that do not fit are left out and reported
+(`cad.checks`).
 """
 
 from __future__ import annotations
@@ -32,28 +33,32 @@ from design.mold.lettering import (
 from design.mold.sockets import Hole, Socket, WallFrame
 
 DEPTH_MM = 0.5
-"""Deeper than the steps of layers and the seams of a print; shallow enough to bridge."""
+"""Depth of the strokes: deeper than the layer steps and seams of a print, and shallow enough to bridge."""
 MARGIN_MM = 0.4
-"""Margin around a name: a nozzle's width."""
+"""Margin around a name: the width of a nozzle."""
 SMALLEST_PITCH_MM, LARGEST_PITCH_MM = 0.6, 0.9
-"""Strokes of 0.75 mm with gaps of 0.45 mm, which a 0.4 mm nozzle still separates, to strokes of 1.1 mm."""
+"""Smallest and largest pitch of the points of letters.
+
+The smallest gives strokes of 0.75 mm with gaps of 0.45 mm, which a 0.4 mm nozzle still separates. The largest gives
+strokes of 1.1 mm.
+"""
 COLUMNS, ROWS, GAP = 3, 5, 1
 
 
 def below_chord_mm2(beside_mm: float, radius_mm: float) -> float:
-    """Integral of the distance between a circle and its tangent, from the point of contact to `beside_mm` [mm2]."""
+    """Area between a circle and its tangent, from the point of contact to `beside_mm` along the tangent [mm2]."""
     half = beside_mm / radius_mm
     return radius_mm * beside_mm - radius_mm**2 / 2 * (half * math.sqrt(1 - half * half) + math.asin(half))
 
 
 @dataclass(frozen=True, kw_only=True)
 class PartNumber:
-    """A name as rectangles to cut.
+    """The name of an optical part as rectangles to cut into the mold.
 
     Attributes
     ----------
     name : name of the part
-    frame : the wall, into whose outer face it is sunk
+    frame : coordinates of the wall in whose outer face the name is engraved
     strokes : rectangles; x along the wall, y upward [mm]
     stroke_mm : width of a stroke
     """
@@ -65,7 +70,7 @@ class PartNumber:
 
     @property
     def volume_mm3(self) -> float:
-        """Volume removed from the mold [mm3]; a round outer face recedes from the plane at the facet's middle."""
+        """Volume that the name removes from the mold [mm3]; a round outer face recedes from the facet's plane."""
         flat = area_mm2(self.strokes) * DEPTH_MM
         if not self.frame.is_facet:
             return flat
@@ -74,7 +79,7 @@ class PartNumber:
 
     @property
     def ceiling_mm2(self) -> float:
-        """Area of the ceilings of its strokes, which bridge half a millimetre [mm2]."""
+        """Area of the ceilings of the strokes, which the printer bridges over half a millimetre [mm2]."""
         return upper_edges_mm(self.strokes) * DEPTH_MM
 
 
@@ -85,15 +90,15 @@ def part_numbers(
     web_mm: float,
     around: Sequence[Socket] = (),
 ) -> tuple[PartNumber, ...]:
-    """The names of one wall's sockets, in their order along it; those without room are left out.
+    """Engraved names of the parts in one wall, in their order along it; names without enough space are left out.
 
     Parameters
     ----------
     sockets : sockets of one wall, in their order along it
-    around : all sockets of a mold with a round wall; empty for a block
+    around : all sockets of a mold with round walls; empty for a rectangular mold
     fixing_holes : fixing holes of the mold
-    bottom_mm : underside of the mold, or of its frame if that is a separate piece
-    web_mm : thinnest wall that prints
+    bottom_mm : height z of the mold's underside, or of its frame if that is a separate piece
+    web_mm : thinnest wall that can be printed
     """
     if not sockets:
         return ()
@@ -112,7 +117,7 @@ def part_numbers(
 
 
 def _room_mm(sockets: Sequence[Socket], place: int) -> tuple[float, float]:
-    """Range along the wall for a name [mm]."""
+    """Range along the wall for the name of the socket with index `place` [mm]."""
     at, frame = sockets[place].part.along_mm, sockets[place].frame
     before = (sockets[place - 1].part.along_mm + at) / 2 if place > 0 else 0.0
     after = (sockets[place + 1].part.along_mm + at) / 2 if place + 1 < len(sockets) else frame.length_mm
@@ -121,7 +126,7 @@ def _room_mm(sockets: Sequence[Socket], place: int) -> tuple[float, float]:
 
 
 def _room_around_mm(socket: Socket, around: Sequence[Socket]) -> tuple[float, float]:
-    """Range along a round outer face for a name: names are in planes that meet halfway to the next part."""
+    """Range along a round outer face for a socket's name [mm]; it ends halfway to the nearest other part."""
     (x, y), radius = socket.frame.line.outward, socket.frame.outer_radius_mm
     others = [one.frame.line.outward for one in around if one is not socket]
     gap = min((math.acos(max(-1.0, min(1.0, x * ox + y * oy))) for ox, oy in others), default=math.pi)
@@ -131,7 +136,7 @@ def _room_around_mm(socket: Socket, around: Sequence[Socket]) -> tuple[float, fl
 
 
 def _wall_left_mm(socket: Socket, fixing_holes: Sequence[Hole], room: tuple[float, float]) -> float:
-    """Least material behind a name: to the cavity, to lead holes and to fixing holes [mm]."""
+    """Least thickness of material behind a name, to the cavity, lead holes and fixing holes [mm]."""
     frame = socket.frame
     left = [frame.thickness_mm - DEPTH_MM]
     for hole in (*socket.holes, *fixing_holes):
@@ -142,7 +147,7 @@ def _wall_left_mm(socket: Socket, fixing_holes: Sequence[Hole], room: tuple[floa
 
 
 def _number(socket: Socket, room: tuple[float, float], levels: tuple[float, float]) -> PartNumber | None:
-    """A horizontal name where that is legible, or else an upright one; None if neither is legible."""
+    """A horizontal name if that is legible, else an upright one; None if neither is legible."""
     name = socket.part.name
     points = _points(name.upper())
     wide = len(name) * (COLUMNS + GAP) - GAP + OVERLAP - 1.0
@@ -154,7 +159,7 @@ def _number(socket: Socket, room: tuple[float, float], levels: tuple[float, floa
     if pitch < SMALLEST_PITCH_MM:
         return None
     if pitch is upright and level < SMALLEST_PITCH_MM:
-        points = {(row, -column) for column, row in points}  # a quarter turn: read from below
+        points = {(row, -column) for column, row in points}  # a quarter turn: upright, read from below
         points = {(x, y - min(y for _, y in points)) for x, y in points}
         wide, high = high, wide
     mirrored = socket.frame.wall in ("north", "west")
@@ -175,12 +180,12 @@ def _points(text: str) -> set[Point]:
 
 
 def unnumbered(names: Sequence[str], numbers: Sequence[PartNumber]) -> Iterator[str]:
-    """Names that are not on the mold."""
+    """The names that are not engraved on the mold."""
     there = {one.name for one in numbers}
     return (name for name in names if name not in there)
 
 
 @cache
 def small_letters() -> dict[str, tuple[str, ...]]:
-    """Rows of points of every letter that a name may have."""
+    """Rows of points of every letter that can occur in a name."""
     return {name: tuple(rows.split()) for name, rows in data_table("small_letters.toml").items()}

@@ -1,7 +1,7 @@
-r"""Numeric model of the cuts that hold one part in its wall, in the cavity frame.
+r"""Numeric model of a socket: the cuts that hold one optical part in the mold's wall, in the cavity frame.
 
-A part is inserted from the top: its pocket is open upward, and open to the cavity so that silicone
-is cast against the active face. The drawing shows the south wall from above (t is measured outward):
+A part is inserted from the top. Its pocket is open upward, and open to the cavity so that silicone is cast against the
+active face. The drawing shows the wall at low y from above (t is measured outward):
 
             cavity
       ------+           +------  t = 0, inner face of the wall
@@ -12,19 +12,19 @@ is cast against the active face. The drawing shows the south wall from above (t 
                |  |  |           radial part: round holes from the pocket's floor down through the mold
       ---------+  +--+---------  t = wall thickness, outer face
 
-Pocket and slots extend down to the body's base less the clearance, at any height: a part is never
-raised. A base below the clear layer meets the black layer; below that, the pocket extends into the
-floor of the mold, and `design.mold.webs` requires enough floor under it.
+Pocket and slots extend down to the body's base less the clearance, so that the design's height of a part is never
+changed. A base below the clear layer is in the black layer. A pocket may even extend into the floor of the mold, and
+`design.mold.webs` then requires enough floor under it.
 
-Leads are in a row along the wall, centred on the active area. Radial leads leave the body at
-half its depth, because the catalogue has no value. Wires that do not fit separately behind the body
-leave together through one slot in the middle.
+Leads are in a row along the wall, centred on the active area. Radial leads leave the body at half its depth, unless the
+catalogue states their setback. Wires that do not fit separately behind the body leave together through one slot in the
+middle.
 
-For strain relief a wire slot ends in a neck, narrower than the wire, which is pressed in from above. Radial leads bend
-into a channel in the underside that runs outward, so that the mold is flat. The depth of the channel is limited by the
-floor under the pocket; without room for a lead there is no channel.
+For strain relief a wire slot ends in a neck that is narrower than the wire; the wire is pressed in from above. Radial
+leads bend into a channel in the underside that leads outward, so that the mold is flat. The depth of the channel is
+limited by the floor under the pocket. There is no channel if a lead would not fit in it.
 
-Collars are walls above the rim around taller bodies, which hold them to their top.
+Collars are walls above the rim that hold taller bodies up to their top.
 
             body
          ___ | ___   collar, up to the body's top
@@ -33,9 +33,9 @@ Collars are walls above the rim around taller bodies, which hold them to their t
             | |
     cavity  |_|  pocket
 
-A collar starts behind the pour lip and is a web thicker than its pockets on the other three sides. Pocket and slots
-stay open upward through it. There is no collar where it would meet a fixing hole: the body is then exposed, as
-`design.mold.webs.bodies_above_rim` reports.
+A web is a wall of the least printable thickness. A collar starts behind the pour lip and leaves a web around its
+pockets on the other three sides. Pocket and slots are open upward through the collar. There is no collar where it would
+meet a fixing hole. The body is then exposed, which `design.mold.webs.bodies_above_rim` reports.
 """
 
 from __future__ import annotations
@@ -53,11 +53,11 @@ from design.spec.fits import clearance_mm, fit
 from design.spec.pad import WALLS
 
 NECK_MM = 1.5
-"""Length of a wire slot's neck, if the slot is at least twice as long."""
+"""Length of the neck of a wire slot, if the slot is at least twice as long."""
 CHANNEL_DEPTH_MM = 1.5
-"""Depth of the leads' channel where the floor leaves room: a bent lead with its sleeve."""
+"""Depth of the channel for leads where the floor is thick enough: it holds a bent lead with its sleeve."""
 CHANNEL_MARGIN_MM = 0.1
-"""Distance between a lead hole and the edge of its channel: tangent cuts are not a manifold."""
+"""Distance between a lead hole and the edge of its channel, because tangent cuts do not give a manifold."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -85,13 +85,13 @@ class Hole:
 
 @dataclass(frozen=True, kw_only=True)
 class WallFrame:
-    """A wall of the mold: coordinates along it and outward from its inner face.
+    """Coordinates of a wall of the mold: along the wall, and outward from its inner face.
 
     Attributes
     ----------
-    line : its inner face
-    thickness_mm : thickness of the wall; of a round one at the middle of the facet
-    outer_radius_mm : radius of a round outer face, whose centre is behind the middle of the facet; 0 for a flat one
+    line : inner face of the wall, seen from above
+    thickness_mm : thickness of the wall; at the middle of the facet in a round wall
+    outer_radius_mm : radius of a round outer face around a centre opposite the facet's middle; 0 for a flat outer face
     """
 
     line: Line
@@ -100,12 +100,12 @@ class WallFrame:
 
     @property
     def is_facet(self) -> bool:
-        """Whether it is the facet of a single part, in a round wall."""
+        """Whether the wall is the facet of a single part in a round wall."""
         return self.outer_radius_mm > 0.0
 
     @property
     def wall(self) -> str:
-        """Name of the wall."""
+        """Name of the wall: south, east, north or west, or the direction of a facet, such as `45-degree`."""
         return self.line.name
 
     @property
@@ -118,11 +118,11 @@ class WallFrame:
         return self.line.point(along_mm, outward_mm)
 
     def along_and_outward_mm(self, x_mm: float, y_mm: float) -> tuple[float, float]:
-        """Inverse of `point` [mm]."""
+        """Coordinates of a location along the wall and outward from it [mm]; the inverse of `point`."""
         return self.line.along_and_outward_mm(x_mm, y_mm)
 
     def thickness_at_mm(self, along_mm: float) -> float:
-        """Distance from the inner face outward to the outer face [mm]."""
+        """Distance from the inner face outward to the outer face, at a position along the wall [mm]."""
         if not self.is_facet:
             return self.thickness_mm
         beside = along_mm - self.length_mm / 2
@@ -130,7 +130,7 @@ class WallFrame:
         return self.thickness_mm - (radius - math.sqrt(max(radius**2 - beside**2, 0.0)))
 
     def corners(self, cut: Cut) -> tuple[tuple[float, float], ...]:
-        """Corners (x, y) of a cut in plan, in order around it [mm]."""
+        """Corners (x, y) of a cut seen from above, in order around the cut [mm]."""
         ends = (
             (cut.along0, cut.out0),
             (cut.along1, cut.out0),
@@ -140,29 +140,29 @@ class WallFrame:
         return tuple(self.point(*end) for end in ends)
 
     def middle(self, cut: Cut) -> tuple[float, float]:
-        """Middle (x, y) of a cut in plan [mm]."""
+        """Middle (x, y) of a cut seen from above [mm]."""
         return self.point((cut.along0 + cut.along1) / 2, (cut.out0 + cut.out1) / 2)
 
     @property
     def runs_along_axes(self) -> bool:
-        """Whether a cut is a box of the cavity frame."""
+        """Whether the wall is parallel to x or y, so that a cut in it is a box in the cavity frame."""
         return 0.0 in self.line.outward
 
     def box(self, cut: Cut) -> Box:
-        """A cut of this wall as a box in the cavity frame; for a facet the smallest box around it."""
+        """A cut of this wall as a box in the cavity frame; for a facet the bounding box of the cut."""
         xs, ys = zip(*self.corners(cut), strict=True)
         return Box(x0=min(xs), x1=max(xs), y0=min(ys), y1=max(ys), z0=cut.floor, z1=cut.top)
 
     def gap_mm(self, cut: Cut, hole: Hole) -> float:
-        """Distance in plan between a cut of this wall and a hole; negative when they overlap."""
+        """Horizontal distance between a cut of this wall and a hole [mm]; negative if they overlap."""
         along, outward = self.along_and_outward_mm(hole.x, hole.y)
         return _signed_mm(cut, along, outward) - hole.radius
 
     def apart_mm(self, cut: Cut, other: WallFrame, cut_there: Cut) -> float:
-        """Distance in plan between a cut of this wall and one of another wall; zero or less when they overlap.
+        """Horizontal distance between a cut of this wall and a cut of another wall [mm]; zero or less if they overlap.
 
-        If two convex shapes do not meet, one has a corner at the shortest distance. If the middle of one is inside
-        the other, they overlap.
+        Of two separate convex polygons, one has a corner at the shortest distance. If the middle of one is inside the
+        other, they overlap.
         """
         mine = [
             self.along_and_outward_mm(*place)
@@ -175,7 +175,7 @@ class WallFrame:
 
 
 def _signed_mm(cut: Cut, along_mm: float, outward_mm: float) -> float:
-    """Distance in plan of a point from a cut, in the wall's coordinates; negative inside [mm]."""
+    """Horizontal distance of a point from a cut, in the wall's coordinates [mm]; negative inside the cut."""
     beside = max(cut.along0 - along_mm, along_mm - cut.along1)
     behind = max(cut.out0 - outward_mm, outward_mm - cut.out1)
     return math.hypot(max(beside, 0.0), max(behind, 0.0)) + min(max(beside, behind), 0.0)
@@ -183,7 +183,7 @@ def _signed_mm(cut: Cut, along_mm: float, outward_mm: float) -> float:
 
 @dataclass(frozen=True, kw_only=True)
 class Cut:
-    """A rectangular cut in a wall's own coordinates: along it, outward from its inner face, upward [mm]."""
+    """A rectangular cut in the coordinates of a wall: along it, outward from its inner face, and upward [mm]."""
 
     along0: float
     along1: float
@@ -195,16 +195,17 @@ class Cut:
 
 @dataclass(frozen=True, kw_only=True)
 class Socket:
-    """Everything that is cut for one part.
+    """All cuts in the mold for one optical part.
 
     Attributes
     ----------
-    part : the placed part
-    frame : its wall
-    pocket : space of the body
-    slots, necks : paths of the wires of a surface part to the outside, and their narrow ends
-    holes : paths of the leads of a radial part through the floor
-    channel : path of those leads below the mold, to the outside; None without room
+    part : the part at its position
+    frame : coordinates of its wall
+    pocket : space for the part's body
+    slots : paths for the wires of a surface-mount part to the outside
+    necks : narrow outer ends of the slots, for strain relief
+    holes : paths for the leads of a radial part through the floor
+    channel : path for these leads in the underside to the outside; None if there is no space, or without strain relief
     """
 
     part: PlacedPart
@@ -217,18 +218,18 @@ class Socket:
 
     @property
     def cuts(self) -> tuple[Cut, ...]:
-        """Pocket, slots and necks, all open upward; they touch and do not overlap."""
+        """Pocket, slots and necks, which are all open upward; they touch but do not overlap."""
         return (self.pocket, *self.slots, *self.necks)
 
     def without_channel(self) -> Socket:
-        """The socket without its channel, with lead holes down to the underside."""
+        """The socket without its lead channel, with lead holes down to the underside."""
         if self.channel is None:
             return self
         holes = tuple(replace(hole, z0=self.channel.floor) for hole in self.holes)
         return replace(self, channel=None, holes=holes)
 
     def open_to(self, top_mm: float) -> Socket:
-        """The socket with all cuts open up to another height [mm]."""
+        """The socket with pocket, slots and necks open up to another height [mm]."""
         return replace(
             self,
             pocket=replace(self.pocket, top=top_mm),
@@ -238,14 +239,14 @@ class Socket:
 
 
 def socket_of(part: PlacedPart, mold: Mold, frame: WallFrame, top_mm: float, bottom_mm: float) -> Socket:
-    """The cuts for one part.
+    """Compute the cuts for one optical part.
 
     Parameters
     ----------
-    part : the placed part
+    part : the part at its position
     mold : clearances and thinnest web
-    frame : the wall it sits in
-    top_mm, bottom_mm : upper and lower face of the mold in the cavity frame
+    frame : coordinates of its wall
+    top_mm, bottom_mm : height z of the mold's upper and lower face
     """
     room = clearance_mm(mold, part.part_id)
     half = part.part.body_width_mm.value / 2 + room
@@ -267,13 +268,13 @@ def socket_of(part: PlacedPart, mold: Mold, frame: WallFrame, top_mm: float, bot
 
 
 def lead_offsets_mm(part: Part) -> tuple[float, ...]:
-    """Positions of the leads along the wall, from the middle of the active area [mm]."""
+    """Positions of a part's leads along the wall, relative to the middle of the active area [mm]."""
     count, pitch = part.lead_count, part.lead_pitch_mm.value
     return tuple((k - (count - 1) / 2) * pitch for k in range(count))
 
 
 def lead_setback_mm(part: Part) -> float:
-    """Distance of the leads of a radial part behind its active face [mm]."""
+    """Distance of a radial part's leads behind its active face [mm]."""
     return part.lead_setback_mm.value if part.lead_setback_mm else part.body_depth_mm.value / 2
 
 
@@ -309,7 +310,7 @@ def _channel(part: PlacedPart, mold: Mold, frame: WallFrame, pocket: Cut, bottom
 def _wire_ways(
     part: PlacedPart, mold: Mold, frame: WallFrame, pocket: Cut
 ) -> tuple[tuple[Cut, ...], tuple[Cut, ...]]:
-    """Slots of the wires and, with strain relief and room for it, the necks at their outer ends."""
+    """Slots for the wires, and their narrow outer ends if strain relief is required and the slots are long enough."""
     back = frame.thickness_mm - pocket.out1
     has_necks = mold.strain_relief == "pinch" and back >= 2 * NECK_MM
     ends = frame.thickness_mm - (NECK_MM if has_necks else 0.0)
@@ -332,7 +333,10 @@ def _wire_ways(
 
 
 def _wire_spans(part: Part, mold: Mold, half_pocket_mm: float) -> list[tuple[float, float]]:
-    """Ranges of the wires' exits, from the middle of the pocket; one per wire if webs remain between them."""
+    """Ranges along the wall where wires leave, relative to the middle of the pocket [mm].
+
+    One range per wire if printable webs remain between them, else one for all.
+    """
     width = 2 * _lead_radius_mm(part, mold)
     offsets = lead_offsets_mm(part)
     if part.lead_pitch_mm.value - width >= mold.min_web_mm and offsets[-1] <= half_pocket_mm:
@@ -341,16 +345,21 @@ def _wire_spans(part: Part, mold: Mold, half_pocket_mm: float) -> list[tuple[flo
 
 
 OWN_COLLAR_WEBS = 3
-"""Neighbours at this distance [webs] have a collar each, with a web of air between them."""
+"""Distance between neighbouring pockets, in webs, from which each has its own collar.
+
+A web is the least printable wall thickness.
+"""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Collar:
-    """One collar: its wall and its block above the rim, pockets and slots not yet cut.
+    """A wall above the rim that holds one or more tall bodies.
 
     Attributes
     ----------
-    names : names of the parts that it holds
+    names : names of the held parts
+    frame : coordinates of the mold's wall below
+    block : the collar before pockets and slots are cut
     """
 
     names: tuple[str, ...]
@@ -359,24 +368,24 @@ class Collar:
 
     @property
     def top_mm(self) -> float:
-        """Level of its upper face [mm]."""
+        """Height z of the collar's upper face [mm]."""
         return self.block.top
 
     @property
     def box(self) -> Box:
-        """The collar as a box in the cavity frame."""
+        """The collar before it is cut, as a box in the cavity frame."""
         return self.frame.box(self.block)
 
 
 def raised(
     sockets: tuple[Socket, ...], rim_mm: float, start_mm: float, fixing_holes: tuple[Hole, ...], mold: Mold
 ) -> tuple[tuple[Collar, ...], tuple[Socket, ...]]:
-    """The collars that a mold needs, and its sockets opened up through them.
+    """The collars for tall bodies, and the mold's sockets with their cuts extended up through them.
 
     Parameters
     ----------
-    rim_mm : level of the rim
-    start_mm : distance of the opening at the rim outward of the cavity; a collar starts there
+    rim_mm : height z of the rim
+    start_mm : distance from the cavity outward at which a collar starts, behind the lip or the cover's seat
     """
     if not mold.raised_sockets:
         return (), sockets
@@ -394,7 +403,7 @@ def raised(
 
 
 def _of_wall(row: Sequence[Socket], rim_mm: float, start_mm: float, web_mm: float) -> Iterator[Collar]:
-    """Collars of one wall; a socket that needs no collar ends the previous one."""
+    """Collars on one wall; neighbouring tall bodies share a collar unless they are far apart."""
     held: list[Socket] = []
     for socket in row:
         is_tall = socket.part.body_top_mm > rim_mm + ROUNDING_MM
@@ -426,7 +435,7 @@ def _collar(held: Sequence[Socket], rim_mm: float, start_mm: float, web_mm: floa
 
 
 def by_wall(sockets: tuple[Socket, ...]) -> dict[str, tuple[Socket, ...]]:
-    """Sockets of each wall, in their order along it; walls are south, east, north, west, or facets."""
+    """Sockets of each wall by its name (south, east, north, west, or a facet's direction), in their order along it."""
     names = dict.fromkeys((*WALLS, *(socket.frame.wall for socket in sockets)))
     return {
         wall: tuple(

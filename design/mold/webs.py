@@ -1,8 +1,8 @@
-"""Clearances of the mold from its parameters: every wall, web and floor that has to print.
+"""Clearances of the mold, computed from its parameters: every wall, web and floor that must be printable.
 
-Slicers accept files with tangent cuts, but printers fail on them, and no mesh check finds a thin
-wall reliably. So distances are computed here in closed form, before any solid exists. The drawing
-shows the south wall from above:
+Slicers accept files with tangent cuts, but printers fail on them, and no mesh check finds a thin wall reliably.
+Distances are therefore computed here in closed form, before any CAD solid exists. A web is the wall between two cuts.
+The drawing shows the wall at low y from above:
 
        cavity
     ---+      +---------+        +---
@@ -11,10 +11,10 @@ shows the south wall from above:
              ^ web                     web >= mold.min_web_mm
     -------------------------------- outer face
 
-Distances are in plan, except the floor under a pocket and the rim over a body. A negative value means
-that two cuts overlap. A wall of material needs `mold.min_web_mm`; a lead hole only has to stay
-inside its pocket. Pockets that keep a web to their wall's ends cannot meet around a corner.
-`design.rules.mold` explains each violated clearance to the user.
+Distances are horizontal, except the floor under a pocket and the rim over a body. A negative value means that two cuts
+overlap. A wall of material must be at least `mold.min_web_mm` thick. A lead hole only has to be inside its pocket.
+Pockets that are at least a web away from the ends of their wall cannot meet around a corner. `design.rules.mold`
+explains each violated clearance to the user.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from design.spec import Mold, SensorDesign
 from design.spec.fits import clearance_mm
 
 LEDGE_MM = 0.1
-"""A lead hole starts at least this far inside the edge of its pocket's floor."""
+"""Least distance of a lead hole from the edge of its pocket's floor."""
 
 LEDGE = "mold.cover_ledge_mm"
 INSET = "mold.fixing_hole_inset_mm"
@@ -40,14 +40,16 @@ LEADS = "mold.lead_clearance_mm"
 
 @dataclass(frozen=True, kw_only=True)
 class Clearance:
-    """One distance that has to be kept.
+    """A distance in the mold, and the least distance that is required.
 
     Attributes
     ----------
-    name : name of the distance, the same words at every location
-    value_mm, needed_mm : distance in the design, and required distance
-    parts, wall : names of the parts and their wall, or a description of another location and no wall
-    field : dotted path of the main field that sets the distance
+    name : kind of distance, such as "pocket to pocket"
+    value_mm : distance in the design; negative if cuts overlap
+    needed_mm : required distance
+    parts : names of the optical parts, or a description of the location
+    wall : name of the parts' wall; None if the location is not on one wall
+    field : dotted path of the design's field that mainly determines the distance
     """
 
     name: str
@@ -64,7 +66,7 @@ class Clearance:
 
     @property
     def spare_mm(self) -> float:
-        """Excess over the required distance, to the rounding of lengths; negative if it is too small [mm]."""
+        """Distance minus the required distance, rounded to 1e-9 [mm]; negative if it is too small."""
         return round(self.value_mm - self.needed_mm, 9)
 
     @property
@@ -74,7 +76,7 @@ class Clearance:
 
 
 def clearances(design: SensorDesign) -> tuple[Clearance, ...]:
-    """Every clearance that the mold needs, in the order walls, fixing holes, pockets, leads."""
+    """All clearances of a design's mold, in the order walls, fixing holes, pockets, leads."""
     outline, web = outline_of(design), design.mold.min_web_mm
     return (
         *_walls(outline, design.mold),
@@ -86,7 +88,7 @@ def clearances(design: SensorDesign) -> tuple[Clearance, ...]:
 
 
 def rim_clearances(design: SensorDesign) -> tuple[Clearance, ...]:
-    """Distance of each body below the rim; a mold can be printed without, but a blade or lid hits the body."""
+    """Distance of each part's body below the rim; a taller body can be printed but is in the way of blade or lid."""
     outline = outline_of(design)
     return tuple(
         Clearance(
@@ -102,7 +104,7 @@ def rim_clearances(design: SensorDesign) -> tuple[Clearance, ...]:
 
 
 def tightest(found: tuple[Clearance, ...]) -> tuple[Clearance, ...]:
-    """The clearance with the least spare of each name, in the order of first appearance."""
+    """For each kind of distance the clearance that is nearest to its limit, in the order of first appearance."""
     worst: dict[str, Clearance] = {}
     for one in found:
         if one.name not in worst or one.spare_mm < worst[one.name].spare_mm:
@@ -121,7 +123,7 @@ def pockets_below_clear_layer(design: SensorDesign) -> tuple[str, ...]:
 
 
 def _outside(socket: Socket, mold: Mold) -> str:
-    """Name of the field that makes a socket's wall thicker."""
+    """Name of the design's field that makes the wall of a socket thicker."""
     x, y = socket.frame.line.outward
     return mold.outside_fields[abs(y) > abs(x)]
 
@@ -159,7 +161,7 @@ def _between_fixing_holes(outline: MoldOutline, web: float) -> Iterator[Clearanc
 
 
 def _between_pockets(outline: MoldOutline, mold: Mold) -> Iterator[Clearance]:
-    """Clearance of neighbours on each straight wall: web of the pockets, or the distance of overlapping bodies."""
+    """Clearance between neighbouring parts on each straight wall: between pockets, or between overlapping bodies."""
     web = mold.min_web_mm
     for wall, row in by_wall(tuple(one for one in outline.sockets if not one.frame.is_facet)).items():
         for low, high in pairwise(row):
@@ -178,7 +180,7 @@ def _between_pockets(outline: MoldOutline, mold: Mold) -> Iterator[Clearance]:
 
 
 def _between_facets(outline: MoldOutline, mold: Mold) -> Iterator[Clearance]:
-    """Clearance of neighbouring facets: the web between pockets, wire slots included, or that of overlapping bodies."""
+    """Clearance between neighbouring parts in facets: between their pockets or slots, or between overlapping bodies."""
     (x, y), web = outline.plan.centre_mm, mold.min_web_mm
     places = [(one, one.part.position_mm) for one in outline.sockets]
     around = [one for one, place in sorted(places, key=lambda one: math.atan2(one[1][1] - y, one[1][0] - x))]
@@ -264,7 +266,7 @@ def _apart_mm(one: Hole, other: Hole) -> float:
 
 
 def _to_outside_mm(hole: Hole, outline: MoldOutline) -> float:
-    """Distance of a fixing hole to the nearest outer face, rounding and origin cut included."""
+    """Distance from a fixing hole to the nearest outer face, including rounded edges and cut [mm]."""
     inset, radius = float(outline.outer.gap_mm(hole.x, hole.y)), outline.corner_radius_mm
     rounding = radius - math.sqrt(2) * (radius - inset) if inset < radius else inset
     cut = (2 * inset - outline.origin_cut_mm) / math.sqrt(2)

@@ -1,4 +1,4 @@
-"""The catalogue: emitters, receivers, elastomers, boards, printers, standard values, each with its source.
+"""The catalogue: emitters, receivers, elastomers, boards, printers and standard values, each with its source.
 
-Imports of ours: fields.
+The package imports only `design.fields` and packages below it.
 """

@@ -1,10 +1,10 @@
-"""Angular tables as data sheets print them: relative intensity or response over the angle to the axis, in air.
+"""Angular tables from data sheets: relative intensity or response as a function of the angle to the axis, in air.
 
-Between its angles a table is linear in the angle. Beyond its last angle it is assumed to fall linearly to 0 at 90
-degrees; a table that extends to 90 degrees needs no such assumption. Only ratios count: a sheet's polar diagram may
-have its largest value at 1, at 100, or in its own unit. The pattern is rotationally symmetric about the axis.
+Values are interpolated linearly in the angle. Beyond the last angle they are assumed to decrease linearly to 0 at 90
+degrees; a table that extends to 90 degrees needs no such assumption. Only ratios of the values are used, so that their
+unit does not matter. The pattern is rotationally symmetric about the axis.
 
-The model leaves out emission that differs between the two axes of a package.
+The model does not include packages whose emission differs between two planes.
 """
 
 from __future__ import annotations
@@ -21,14 +21,14 @@ from design.fields.quantity import Confidence, Text
 
 MAX_POINTS = 400
 FLAT_FACE_LEAST_DEG = 40.0
-"""A narrower half angle needs a lens, and a lens in elastomer differs from the lens in air of the data sheet."""
+"""Half angle below which a data sheet's part must have a lens, which acts differently in elastomer than in air."""
 
 AngleDeg = Annotated[float, Field(ge=0.0, le=90.0)]
 Relative = Annotated[float, Field(ge=0.0, le=1e6)]
 
 
 class AngularTable(Model):
-    """Relative intensity of an emitter, or response of a receiver, over the angle to its axis."""
+    """Relative intensity of an emitter, or response of a receiver, by the angle to its axis."""
 
     unsaid = ("adapted",)
 
@@ -43,7 +43,7 @@ class AngularTable(Model):
     source: Text
     confidence: Confidence
     adapted: Text | None = None
-    """Changes to the points of a file, if any."""
+    """Changes that were made to the points of a file, if any."""
 
     @model_validator(mode="after")
     def _is_a_table(self) -> Self:
@@ -61,18 +61,18 @@ class AngularTable(Model):
 
     @property
     def last_deg(self) -> float:
-        """Largest angle that the sheet gives [deg]."""
+        """Largest angle in the table [deg]."""
         return self.angle_deg[-1]
 
     def at(self, angle_deg: FloatArray) -> FloatArray:
-        """(...,) relative value at angles of 0 to 90 degrees, of the same shape, in the table's own unit."""
+        """Relative value (...,) at angles of 0 to 90 degrees, in the table's own unit."""
         angles, values = list(self.angle_deg), list(self.relative)
         if angles[-1] < 90.0:
             angles, values = [*angles, 90.0], [*values, 0.0]
         return np.interp(angle_deg, angles, values)
 
     def half_angle_deg(self) -> float:
-        """First angle at which the table is half of its value on the axis, or 90 if there is none [deg]."""
+        """First angle at which the table is half of its value on the axis [deg]; 90 if the table has no such angle."""
         half = 0.5 * self.relative[0]
         points = [*zip(self.angle_deg, self.relative, strict=True), (90.0, 0.0)]
         for (low, above), (high, below) in pairwise(points):

@@ -1,8 +1,8 @@
-"""Assumptions of circuit and sheets beyond the design and its catalogue, with unit, source and confidence.
+"""Assumed values about circuits and printers that are not part of a design or its catalogue.
 
-The module also has standard values of resistors and capacitors (IEC 60063), and their notation on an order.
-
-The checks assume a printer: build volume, width of strokes and length of bridges.
+Each has a unit, a source and a confidence. The module also has the standard values of resistors and capacitors (IEC
+60063), and their notation in orders. The assumed printer has a build volume, a narrowest stroke and a longest bridge,
+which the checks of printed parts use.
 """
 
 from __future__ import annotations
@@ -16,40 +16,40 @@ from design.fields.quantity import Quantity
 
 
 def assumption(name: str) -> Quantity:
-    """A named value of `design/data/assumptions.toml`."""
+    """A value of the file `design/data/assumptions.toml` by its name."""
     return data_quantities("assumptions.toml")[name]
 
 
 _E24 = "1.0 1.1 1.2 1.3 1.5 1.6 1.8 2.0 2.2 2.4 2.7 3.0 3.3 3.6 3.9 4.3 4.7 5.1 5.6 6.2 6.8 7.5 8.2 9.1"
 E24 = tuple(_E24.split())
-"""Standard resistors of a decade."""
+"""Standard values of resistors in one decade."""
 E12 = ("1.0", "1.2", "1.5", "1.8", "2.2", "2.7", "3.3", "3.9", "4.7", "5.6", "6.8", "8.2")
-"""Standard capacitors of a decade."""
+"""Standard values of capacitors in one decade."""
 
 ROUNDING = 1e-9
-"""Relative tolerance within which a computed value equals a standard one."""
+"""Relative tolerance within which a computed value counts as equal to a standard value."""
 
 OHM_PER_KILOOHM = 1e3
 OHM_PER_MEGOHM = 1e6
 
 
 def standard_at_least(value: float, series: tuple[str, ...] = E24) -> float:
-    """Smallest standard value that is not below the given one, in its unit."""
+    """Smallest standard value that is at least the given one, in the same unit."""
     return next(one for one in _nearby(value, series) if one >= value * (1 - ROUNDING))
 
 
 def standard_at_most(value: float, series: tuple[str, ...] = E24) -> float:
-    """Largest standard value that is not above the given one, in its unit."""
+    """Largest standard value that is at most the given one, in the same unit."""
     return next(one for one in reversed(_nearby(value, series)) if one <= value * (1 + ROUNDING))
 
 
 def standard_nearest(value: float, series: tuple[str, ...] = E24) -> float:
-    """Standard value with the least ratio to the given one, in its unit."""
+    """Standard value that is nearest to the given one in ratio, in the same unit."""
     return min(_nearby(value, series), key=lambda one: abs(math.log(one / value)))
 
 
 def ohm_text(ohm: float) -> str:
-    """A resistance in the notation of an order: 120 ohm, 2.2 kohm, 1 Mohm."""
+    """A resistance as text for orders, such as 120 ohm, 2.2 kohm, 1 Mohm."""
     for scale, unit in ((OHM_PER_MEGOHM, "Mohm"), (OHM_PER_KILOOHM, "kohm")):
         if ohm >= scale:
             return f"{ohm / scale:g} {unit}"
@@ -66,21 +66,21 @@ Bed = tuple[float, float, float]
 
 
 def printer(name: str) -> Quantity:
-    """A named value of `design/data/printer.toml`."""
+    """A value of the file `design/data/printer.toml` by its name."""
     return data_quantities("printer.toml")[name]
 
 
 def usual_bed_mm() -> Bed:
-    """Build volume of the default printer [mm]."""
+    """Build volume of the assumed printer [mm]."""
     return printer("bed_x").value, printer("bed_y").value, printer("bed_z").value
 
 
 def bed_of(text: str) -> Bed:
-    """A bed in the notation of the command line: ``220,220,250`` or ``220x220x250`` [mm].
+    """Parse a printer's build volume from the command line: ``220,220,250`` or ``220x220x250`` [mm].
 
     Raises
     ------
-    InputError : not three lengths above 0.
+    InputError : the text is not three lengths above 0.
     """
     pieces = re.split(r"[,x]", text.strip().lower())
     try:

@@ -1,8 +1,8 @@
-"""Properties of a board that the generated firmware and its upload need.
+"""Properties of a board that are needed to generate and upload firmware.
 
-An AVR chip with the ATmega's converter and timer has its own program (`BoardFirmware`). Only this entry has ports and
-multiplexer settings of pins and inputs, so that no index map is written by hand. Every other board with an Arduino core
-has the portable program, which names pins as the core does (`ArduinoProgram`).
+There are two programs. Boards with an AVR chip that has the ATmega's converter and timer run a program that accesses
+registers (`BoardFirmware`). Their entries list the port of every pin and the multiplexer setting of every input. Every
+other board with an Arduino core runs a portable program, which names pins as the core does (`ArduinoProgram`).
 """
 
 from __future__ import annotations
@@ -15,22 +15,22 @@ from design.fields.base import Model
 from design.fields.quantity import Confidence, Text
 
 PortBit = Annotated[str, Field(pattern=r"^[A-L][0-7]$")]
-"""Letter of a port and number of a bit, as H3."""
+"""Letter of a port and number of a bit, such as H3."""
 
 VectorName = Annotated[str, Field(pattern=r"^[A-Z][A-Z0-9_]*_vect$")]
 
 AnalogPin = Annotated[str, Field(pattern=r"^A?[0-9]{1,3}$")]
-"""An analogue input as an Arduino core names it, A0 or 26."""
+"""Name of an analogue input in the Arduino core, such as A0 or 26."""
 
 SUPPLY_BITS = 64
-"""Bits of the multiplexer's register that make the supply full scale."""
+"""Bits of the ADC multiplexer's register that select the supply as the full-scale reference."""
 
 MUX5 = 32
-"""The multiplexer's sixth bit, which is in another register than the other bits."""
+"""The sixth bit of an ADC multiplexer setting, which is in another register than the other bits."""
 
 
 class BoardFirmware(Model):
-    """Chip, registers, memory and upload of a board."""
+    """Chip, registers, memory and upload of a board that runs the program for AVR chips."""
 
     source: Annotated[Text, Field(description="source of the entry's values")]
     confidence: Confidence
@@ -87,5 +87,5 @@ class ArduinoProgram(Model):
 
     @property
     def arduino_board(self) -> str:
-        """The board's name in the Arduino IDE."""
+        """Name of the board as arduino-cli expects it (FQBN)."""
         return self.fqbn

@@ -1,7 +1,8 @@
-"""Parts, elastomers, mold materials and boards: the entries, the packaged files, and look-up.
+"""Catalogue of parts, elastomers, mold materials, boards and chips: the entries, the packaged files, and look-up.
 
-Every file, packaged or the user's own, has the tables `parts`, `elastomers`, `mold_materials` and `boards`,
-each by identifier. The drawing shows a part from the cavity, with its active face flush with the wall:
+Every file, packaged or the user's own, has tables such as `parts`, `elastomers`, `mold_materials` and `boards`, each
+with its entries by identifier. A part is an emitter or a receiver. The drawing shows a part seen from the cavity, with
+its active face flush with the wall:
 
           body_width_mm                     wall
         +---------------+            |  body_depth_mm |
@@ -13,12 +14,12 @@ each by identifier. The drawing shows a part from the cavity, with its active fa
                 x above the base:       |  |   surface: wires leave through the back)
                 active_height_in_body_mm
 
-An emitter's intensity is a power of the cosine with its half angle, or its `angular_pattern`. Its light has one
-effective wavelength, or a `spectrum`, over which the index is averaged. A receiver counts all light on its active area,
-unless `epoxy_index` gives the medium on the chip. Then light refracts into this medium, and the angular response
-follows from the half angle or `angular_response`.
+An emitter's intensity is a power of the cosine that matches its half angle, or its `angular_pattern`. Its light has one
+effective wavelength, or a `spectrum`, over which the elastomer's refractive index is averaged. A receiver detects all
+light on its active area with equal weight, unless `epoxy_index` gives the medium on the chip. Then light refracts into
+this medium, and the angular response follows from the half angle or from `angular_response`.
 
-The model leaves out drift with temperature.
+The catalogue does not include drift with temperature.
 """
 
 from __future__ import annotations
@@ -113,14 +114,14 @@ _RECEIVER_OPTIONS = ("epoxy_index", "angular_response")
 Entry = TypeVar("Entry")
 
 UsbId = Annotated[str, Field(pattern=r"^[0-9a-f]{4}:[0-9a-f]{4}$")]
-"""Vendor and product of a USB device in hexadecimal digits, as 2341:0042."""
+"""Vendor and product identifier of a USB device in hexadecimal digits, such as 2341:0042."""
 
 DEFAULT_BOOT_S = 2.5
-"""Default boot time of boards: the longest of the packaged ones."""
+"""Default boot time of boards [s]: the longest of the packaged boards."""
 
 
 class Part(Model):
-    """An emitter or a receiver: its optical properties, and its space in the wall."""
+    """An emitter or a receiver: its optical properties, and the dimensions of its body and leads."""
 
     unsaid = (*_EMITTER_OPTIONS, *_RECEIVER_OPTIONS)
 
@@ -263,10 +264,11 @@ class MoldMaterial(Model):
 
 
 class Board(Model):
-    """A microcontroller board: voltages, converter, pins, link to the host.
+    """A microcontroller board: voltages, analogue-to-digital converter, pins, and link to the host.
 
-    On AVRs converter and serial line divide the processor's clock: `adc_clocks_per_conversion`, `adc_prescalers` and
-    `exact_bauds` apply to AVRs only. Every other board gives `conversion_us`.
+    On boards with AVR chips, converter and serial line divide the processor's clock. The fields
+    `adc_clocks_per_conversion`, `adc_prescalers` and `exact_bauds` apply to these only. Every other board has
+    `conversion_us`.
     """
 
     unsaid = (
@@ -380,17 +382,17 @@ class Board(Model):
 
     @property
     def emitter_v(self) -> float:
-        """Supply of the emitters [V]."""
+        """Supply voltage of the emitters [V]."""
         return _assumed_v() if self.supply_v is None else self.supply_v
 
     @property
     def pin_v(self) -> float:
-        """Level of the pins, supply of the amplifiers [V]."""
+        """High level of the pins, which is also the supply voltage of the amplifiers [V]."""
         return _assumed_v() if self.logic_v is None else self.logic_v
 
     @property
     def full_scale_v(self) -> float:
-        """Voltage that reads full scale [V]."""
+        """Voltage at an analogue input that gives the largest reading [V]."""
         return self.pin_v if self.adc_reference_v is None else self.adc_reference_v
 
     @model_validator(mode="after")
@@ -445,12 +447,12 @@ class Board(Model):
 
 
 def _assumed_v() -> float:
-    """Default supply of a board [V]."""
+    """Supply voltage that is assumed for a board whose entry does not state it [V]."""
     return assumption("supply_v").value
 
 
 class CatalogEntries(Model):
-    """Entries by identifier; a user's file and the packaged files have the same form."""
+    """Catalogue entries by identifier, in the same form for the packaged files and a user's file."""
 
     unsaid = ("multiplexers", "shift_registers", "converters", "led_drivers")
 
@@ -466,7 +468,7 @@ class CatalogEntries(Model):
 
 @cache
 def packaged() -> CatalogEntries:
-    """The entries of the packaged catalogue."""
+    """All entries of the packaged catalogue."""
     entries = CatalogEntries()
     for name in PACKAGED_FILES:
         entries = merged(entries, parse_entries(data_table(f"{name}.toml"), f"{name}.toml"))
@@ -474,7 +476,7 @@ def packaged() -> CatalogEntries:
 
 
 def parse_entries(mapping: Mapping[str, Any], where: str) -> CatalogEntries:
-    """Validate nested plain data, as read from a catalogue file.
+    """Make catalogue entries from the nested plain data of a catalogue file.
 
     Parameters
     ----------
@@ -484,7 +486,7 @@ def parse_entries(mapping: Mapping[str, Any], where: str) -> CatalogEntries:
 
     Raises
     ------
-    DesignError : every refused field with its value and the limit.
+    DesignError : invalid fields; the message lists each with its limit.
     """
     try:
         return CatalogEntries.model_validate_json(json.dumps(mapping, default=str), strict=True)
@@ -497,7 +499,7 @@ def parse_entries(mapping: Mapping[str, Any], where: str) -> CatalogEntries:
 
 
 def identifiers(document: Mapping[str, Any]) -> tuple[str, ...]:
-    """Names of all packaged entries and of a design document's own, for messages."""
+    """Identifiers of all packaged entries and of a design document's own entries, for suggestions in messages."""
     own = document.get("catalog")
     tables = [*dict(packaged()).values(), *(own.values() if isinstance(own, dict) else ())]
     return tuple(name for table in tables if isinstance(table, dict) for name in table)
@@ -520,11 +522,11 @@ def merged(base: CatalogEntries, extra: CatalogEntries) -> CatalogEntries:
 
 
 def find_part(entries: CatalogEntries, part_id: str, kind: Literal["emitter", "receiver"]) -> Part:
-    """The part of that identifier and kind.
+    """Find the part with an identifier and a kind.
 
     Raises
     ------
-    DesignError : no such part, or one of the other kind; the nearest of the right kind are named.
+    DesignError : there is no such part, or it has the other kind; the message suggests similar ones of this kind.
     """
     of_kind = {name: part for name, part in entries.parts.items() if part.kind == kind}
     if part_id in entries.parts and part_id not in of_kind:
@@ -537,27 +539,27 @@ def find_part(entries: CatalogEntries, part_id: str, kind: Literal["emitter", "r
 
 
 def find_elastomer(entries: CatalogEntries, elastomer_id: str) -> Elastomer:
-    """The elastomer of that identifier; DesignError with the nearest names when there is none."""
+    """Find the elastomer with an identifier; DesignError with similar names if there is none."""
     return _find(entries.elastomers, elastomer_id, "elastomer", "elastomers")
 
 
 def find_mold_material(entries: CatalogEntries, material_id: str) -> MoldMaterial:
-    """The mold material of that identifier; DesignError with the nearest names when there is none."""
+    """Find the mold material with an identifier; DesignError with similar names if there is none."""
     return _find(entries.mold_materials, material_id, "mold material", "mold_materials")
 
 
 def find_board(entries: CatalogEntries, board_id: str) -> Board:
-    """The board of that identifier; DesignError with the nearest names when there is none."""
+    """Find the board with an identifier; DesignError with similar names if there is none."""
     return _find(entries.boards, board_id, "board", "boards")
 
 
 def find_multiplexer(entries: CatalogEntries, multiplexer_id: str) -> Multiplexer:
-    """The multiplexer of that identifier; DesignError with the nearest names when there is none."""
+    """Find the multiplexer with an identifier; DesignError with similar names if there is none."""
     return _find(entries.multiplexers, multiplexer_id, "multiplexer", "multiplexers")
 
 
 def find_shift_register(entries: CatalogEntries, register_id: str) -> ShiftRegister:
-    """The shift register of that identifier; DesignError with the nearest names when there is none."""
+    """Find the shift register with an identifier; DesignError with similar names if there is none."""
     return _find(entries.shift_registers, register_id, "shift register", "shift_registers")
 
 

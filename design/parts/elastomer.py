@@ -1,11 +1,13 @@
-"""A clear casting silicone: refractive index, stiffness, absorption, density, cure.
+"""Clear casting silicones: refractive index, stiffness, absorption, density and cure.
 
-The index is linear in wavelength inside a source's table, and linear in the mixing ratio between
-two tables. Other published fits (Sellmeier, one term, Schneider 2009) only widen the band.
-Young's modulus E is linear in 1/ratio between the rows (Wang 2014: E = 20 MPa / ratio).
+The mixing ratio is the weight of the base divided by that of the curing agent. The refractive index is interpolated
+linearly in wavelength inside a source's table, and linearly in the mixing ratio between two tables. Other published
+fits (one-term Sellmeier, Schneider 2009) only widen the band of uncertainty. Young's modulus E is interpolated linearly
+in 1/ratio between the rows of a table (Wang 2014: E = 20 MPa / ratio).
 
-The model leaves out cure temperature and age (they change E by up to a factor of two, see the band), strain
-stiffening and temperature. Nothing is extrapolated beyond a table's wavelengths or ratios.
+The model does not include temperature, strain stiffening, or the effect of cure temperature and age. The last two
+change E by up to a factor of two, which the band covers. Nothing is extrapolated beyond the wavelengths or ratios of a
+table.
 """
 
 from __future__ import annotations
@@ -39,7 +41,7 @@ RATIO_SLACK = 1e-9
 
 
 class IndexTable(Model):
-    """Refractive index over wavelength at one mixing ratio."""
+    """Table of the refractive index by wavelength, at one mixing ratio."""
 
     mixing_ratio: MixingRatio
     wavelength_um: Annotated[tuple[WavelengthUm, ...], Field(min_length=1)]
@@ -59,7 +61,10 @@ class IndexTable(Model):
 
 
 class IndexFormula(Model):
-    """Another source's fit, n^2 = 1 + b wavelength^2 / (wavelength^2 - c_um2); it widens the band."""
+    """Formula of the refractive index from another source, n^2 = 1 + b wavelength^2 / (wavelength^2 - c_um2).
+
+    It only widens the band.
+    """
 
     b: Annotated[float, Field(gt=0.0, le=10.0)]
     c_um2: Annotated[float, Field(ge=0.0, lt=0.04)]
@@ -75,7 +80,7 @@ class IndexFormula(Model):
         return self
 
     def index(self, wavelength_um: float) -> float:
-        """Refractive index at a wavelength inside the fit's range [-]."""
+        """Refractive index by the formula at a wavelength in its range [-]."""
         square = wavelength_um**2
         return sqrt(1.0 + self.b * square / (square - self.c_um2))
 
@@ -97,7 +102,7 @@ class ModulusRow(Model):
 
 
 class Cure(Model):
-    """One cure schedule."""
+    """One cure schedule: temperature and time."""
 
     temperature_c: Annotated[float, Field(ge=0.0, le=250.0)]
     minutes: Annotated[float, Field(gt=0.0, le=30000.0)]
@@ -106,7 +111,7 @@ class Cure(Model):
 
 
 class Elastomer(Model):
-    """A clear two-part silicone; a kit for mixing in equal parts has the ratio 1."""
+    """A clear two-part silicone; a kit whose parts are mixed in equal amounts has the mixing ratio 1."""
 
     title: Text
     manufacturer: Text
@@ -149,7 +154,11 @@ class Elastomer(Model):
 
 @dataclass(frozen=True, kw_only=True)
 class _Interpolated:
-    """Index at one ratio and wavelength, its two tables, and whether a table has that very value."""
+    """Refractive index that is interpolated between two tables.
+
+    `ends` are the indices of the two tables at the wavelength. `is_tabulated` tells whether the value is an entry of a
+    table.
+    """
 
     value: float
     ends: tuple[float, float]
@@ -158,23 +167,23 @@ class _Interpolated:
 
 
 def refractive_index(elastomer: Elastomer, mixing_ratio: float, wavelength_um: float) -> Quantity:
-    """Refractive index of a cured elastomer, with the band over its sources.
+    """Refractive index of a cured elastomer, with a band that covers all its sources.
 
     Parameters
     ----------
     elastomer : the catalogue entry
-    mixing_ratio : base over curing agent by weight [-]
+    mixing_ratio : weight of base divided by weight of curing agent [-]
     wavelength_um : vacuum wavelength [um]
 
     Returns
     -------
-    The index [-]. Beyond a band formula's own range its difference at the nearest end is kept. A ratio that the
-    material permits beyond its tables has the index of the nearest table, with a band over all of them. The tables
-    do not order by ratio, so their spread is that of samples, and there is no trend to extrapolate.
+    The index [-]. Its band includes the formulas of other sources; outside a formula's range its difference from the
+    table at the nearest end is used. For a permitted mixing ratio outside the tables the nearest table is used, and the
+    band includes all tables. The tables show no trend with the ratio, only scatter between samples.
 
     Raises
     ------
-    DesignError : a ratio or wavelength that no table covers.
+    DesignError : no table covers the mixing ratio or the wavelength.
     """
     nearest_ratio = _ratio_with_table(elastomer, mixing_ratio)
     is_held = nearest_ratio != mixing_ratio
@@ -205,16 +214,16 @@ def refractive_index(elastomer: Elastomer, mixing_ratio: float, wavelength_um: f
 
 
 def youngs_modulus_mpa(elastomer: Elastomer, mixing_ratio: float) -> Quantity:
-    """Young's modulus of a cured elastomer [MPa], linear in 1/ratio between the rows.
+    """Young's modulus of a cured elastomer [MPa], interpolated linearly in 1 / mixing ratio.
 
     Parameters
     ----------
     elastomer : the catalogue entry
-    mixing_ratio : base over curing agent by weight [-]
+    mixing_ratio : weight of base divided by weight of curing agent [-]
 
     Raises
     ------
-    DesignError : a ratio that no row covers.
+    DesignError : the mixing ratio is outside the range of the catalogue's rows.
     """
     rows = elastomer.modulus
     below, above, _ = _bracket(
@@ -240,7 +249,12 @@ def youngs_modulus_mpa(elastomer: Elastomer, mixing_ratio: float) -> Quantity:
 
 
 def _bracket(knots: Sequence[float], at: float, what: str, way_out: str) -> tuple[int, int, float]:
-    """Indices of the neighbouring knots and the weight of the second; equal indices at a knot."""
+    """Indices of the two knots around `at`, and the weight of the second one; both indices are equal at a knot.
+
+    Raises
+    ------
+    DesignError : `at` is outside the knots; the message starts with `what` and ends with `way_out`.
+    """
     for place, knot in enumerate(knots):
         if abs(knot - at) <= RATIO_SLACK:
             return place, place, 0.0
@@ -252,7 +266,7 @@ def _bracket(knots: Sequence[float], at: float, what: str, way_out: str) -> tupl
 
 
 def _ratio_with_table(elastomer: Elastomer, mixing_ratio: float) -> float:
-    """The ratio itself, or the nearest ratio with a table if the material permits ratios beyond its several tables."""
+    """The mixing ratio itself, or for a permitted ratio outside the tables the ratio of the nearest table."""
     ratios = [table.mixing_ratio for table in elastomer.index]
     if len(ratios) == 1 or not elastomer.mixing_ratio_low <= mixing_ratio <= elastomer.mixing_ratio_high:
         return mixing_ratio
@@ -278,7 +292,7 @@ def _interpolate(elastomer: Elastomer, mixing_ratio: float, wavelength_um: float
 
 
 def _in_table(table: IndexTable, wavelength_um: float, title: str) -> tuple[float, bool]:
-    """Index at a wavelength, and whether the table has that very wavelength."""
+    """Refractive index of a table at a wavelength, and whether this is an entry of the table."""
     below, above, weight = _bracket(
         table.wavelength_um,
         wavelength_um,
@@ -289,7 +303,7 @@ def _in_table(table: IndexTable, wavelength_um: float, title: str) -> tuple[floa
 
 
 def _shared_um(tables: Sequence[IndexTable], formula: IndexFormula) -> tuple[float, float]:
-    """Shortest and longest wavelength that the formula and all tables cover [um]."""
+    """Shortest and longest wavelength that a formula and all tables cover [um]."""
     start = max(formula.from_um, *(table.wavelength_um[0] for table in tables))
     end = min(formula.to_um, *(table.wavelength_um[-1] for table in tables))
     return start, end

@@ -1,25 +1,26 @@
-"""An emitter's spectrum, and the refractive index averaged over it.
+"""An emitter's spectrum, the refractive index averaged over it, and the reader of digitised curves.
 
-All light has one index, n = int w(lambda) n(lambda) dlambda / int w dlambda, with the weight w linear between its
-points and 0 outside. The weight is emitted power times the receiver's responsivity, relative, in any unit.
-Simpson's rule integrates pieces of at most 10 nm, and is exact where n is linear there.
+The light model uses one refractive index for all light, n = int w(lambda) n(lambda) dlambda / int w dlambda. The weight
+w is linear between its points and 0 outside. It is the emitted power times the receiver's responsivity in any unit,
+because only ratios are used. Simpson's rule integrates pieces of at most 10 nm, and is exact where n is linear in a
+piece.
 
-The index is averaged, and not the light. A signal F(n) averages to F(mean) + F'' var(n) / 2 + ...; the
-first-order term vanishes by construction. `deviation` gives the root of var(n). Absorption is not averaged.
+The index is averaged, not the signal. The mean of a signal F(n) is F(mean) + F'' var(n) / 2 + ..., so that the error is
+of second order. `deviation` is the square root of var(n). Absorption is not averaged.
 
-A CSV file of a digitiser gives a data sheet's curve, an angular table or a spectrum:
+A CSV file from a digitising program can give a data sheet's curve, either an angular table or a spectrum:
 
     angle_deg, relative        a heading, empty lines and lines that begin with # are skipped
     -89.6, 0.02                rows in any order, as many as there are
     0.31, 0.99
 
-The points are processed in this order, and the table records each change:
+The points are processed in this order, and the field `adapted` of the table records each change:
 
-- Values below 0 by up to 2 % of the largest become 0; angles beyond 90 degrees by up to 1 become 90.
-- Points are sorted; of points at one angle or wavelength the mean is taken.
-- Angles on both sides of the axis are folded: the mean of both sides, where both have values.
-- A first angle of up to 2 degrees counts as the axis.
-- More than 181 points become 181 at equal distances, by linear interpolation.
+- Negative values of up to 2 % of the largest value become 0. Angles beyond 90 degrees by up to 1 degree become 90.
+- Points are sorted. Points at the same angle or wavelength are replaced by their mean.
+- Values on both sides of the axis are replaced by their mean; where only one side has a value, it is used.
+- If the first angle is up to 2 degrees, it becomes 0.
+- More than 181 points are replaced by 181 equidistant points by linear interpolation.
 """
 
 from __future__ import annotations
@@ -46,26 +47,26 @@ CURVES = {
     "angular_response": ("angle_deg", "relative"),
     "spectrum": ("wavelength_nm", "weight"),
 }
-"""Tables of a part that a file may give, and their two lists."""
+"""Fields of a part that a curve file may give, and the names of their two lists."""
 LARGEST_BELOW_ZERO = 0.02
-"""Largest reading of a digitiser below the axis of a diagram [share of the largest value]."""
+"""Largest accepted negative value of a digitised curve, as a share of its largest value."""
 FARTHEST_FROM_AXIS_DEG = 2.0
 FARTHEST_BEYOND_DEG = 1.0
 MOST_POINTS = 181
 
 
 def with_curve(table: dict[str, Any], file: Path, kind: str) -> dict[str, Any]:
-    """A table with the points of its file in place of the file's name.
+    """Read a curve file; return the table with the points in place of the file's name.
 
     Parameters
     ----------
     table : fields of the table, `curve_csv` among them
-    file : that file
-    kind : one of `CURVES`
+    file : path of the curve file
+    kind : field of a part, one of the keys of `CURVES`
 
     Raises
     ------
-    DesignError : points are given twice, the file cannot be read, or its points are not such a curve.
+    DesignError : the table has points and a file, the file cannot be read, or its points are not such a curve.
     """
     across, value = CURVES[kind]
     if doubled := [name for name in (across, value) if name in table]:
@@ -103,7 +104,10 @@ def _from_zero(values: FloatArray, changes: list[str], file: Path, name: str) ->
 def _folded(
     angles: FloatArray, values: FloatArray, changes: list[str], file: Path
 ) -> tuple[FloatArray, FloatArray]:
-    """Angles of 0 to 90 degrees, and the mean of both sides of the axis."""
+    """Angles of 0 to 90 degrees, and the mean of the values on both sides of the axis.
+
+    Changes are appended to `changes` in words.
+    """
     farthest = np.abs(angles).max()
     if farthest > 90.0 + FARTHEST_BEYOND_DEG:
         raise DesignError(
@@ -130,7 +134,10 @@ def _folded(
 
 
 def _sorted(where: FloatArray, values: FloatArray, changes: list[str]) -> tuple[FloatArray, FloatArray]:
-    """Points in rising order, one per angle or wavelength."""
+    """Points in rising order, with the mean of points at the same angle or wavelength.
+
+    Changes are appended to `changes` in words.
+    """
     found, place, counts = np.unique(where, return_inverse=True, return_counts=True)
     if (np.diff(where) < 0.0).any():
         changes.append("points sorted")
@@ -151,7 +158,7 @@ def _from_axis(angles: FloatArray, changes: list[str], file: Path) -> FloatArray
 
 
 def _thinned(where: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray, list[str]]:
-    """At most `MOST_POINTS` points, and the recorded changes."""
+    """Reduce a curve to at most `MOST_POINTS` points; the third result describes the change."""
     if len(where) <= MOST_POINTS:
         return where, values, []
     grid = np.linspace(where[0], where[-1], MOST_POINTS)
@@ -179,7 +186,7 @@ class Spectrum(Model):
     source: Text
     confidence: Confidence
     adapted: Text | None = None
-    """Changes to the points of a file, if any."""
+    """Changes that were made to the points of a file, if any."""
 
     @model_validator(mode="after")
     def _is_a_table(self) -> Self:
@@ -194,7 +201,7 @@ class Spectrum(Model):
         return self
 
     def samples(self) -> tuple[tuple[float, float], ...]:
-        """Wavelengths [um] with light, and their shares of the total, which add up to 1."""
+        """Wavelengths [um] and their weights for Simpson's rule; the weights add up to 1."""
         points: dict[float, float] = {}
         table = zip(self.wavelength_nm, self.weight, strict=True)
         for (start, first), (end, last) in pairwise(table):
@@ -210,11 +217,11 @@ class Spectrum(Model):
 
 @dataclass(frozen=True, kw_only=True)
 class SpectralIndex:
-    """An index averaged over a spectrum.
+    """A refractive index averaged over a spectrum.
 
     Attributes
     ----------
-    mean : weighted mean, its band the weighted mean of both ends [-]
+    mean : weighted mean of the index; the ends of its band are the weighted means of the ends [-]
     deviation : weighted standard deviation of the index over the spectrum [-]
     """
 
@@ -223,16 +230,16 @@ class SpectralIndex:
 
 
 def spectral_index(spectrum: Spectrum, index_at: Callable[[float], Quantity]) -> SpectralIndex:
-    """Average an index over a spectrum.
+    """Average a refractive index over a spectrum.
 
     Parameters
     ----------
-    spectrum : the weights
-    index_at : refractive index at a wavelength [um]
+    spectrum : weights by wavelength
+    index_at : function that returns the refractive index at a wavelength [um]
 
     Raises
     ------
-    DesignError : a wavelength that has a weight but no index.
+    DesignError : `index_at` has no index for a wavelength with a weight.
     """
     samples = [(index_at(where), share) for where, share in spectrum.samples()]
     value = sum(share * index.value for index, share in samples)

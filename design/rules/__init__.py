@@ -1,4 +1,5 @@
-"""Rules of fit, manufacture and judgement. Each finding has field, value, limit and way out.
+"""Rules that a design must obey to be manufactured and judged; each finding has field, value, limit and remedy.
 
-Imports of ours: circuit, geometry and below. `check` applies all rules.
+The function `check.check` applies all rules. The package imports only `design.circuit`, `design.mold` and packages
+below them.
 """

@@ -1,13 +1,14 @@
-"""Rules for the board: pins, converter, frame rate, serial rate.
+"""Rules for the board: pins, converter, frame rate, serial rate, and the generated firmware.
 
-An asynchronous frame of 10 bits samples its last bit at 9.5 bit times, so sender and receiver may
-differ by half a bit there, 5.3 %. Each end is given half of that: a deviation of more than 2.5 % is an
-error, and one of more than 1 % a warning, since the other end need not be exact either.
+An asynchronous receiver samples the last of 10 bits after 9.5 bit times. Sender and receiver may then differ by half a
+bit, which is 5.3 %. About half of that is permitted for each end, because the other end may also deviate: a deviation
+of more than 2.5 % is an error, and one of more than 1 % is a warning.
 
-Rules for the generated firmware cover the chip, its converter, ports of the pins in use, and memory.
+Rules for the firmware cover the chip, its converter, the ports of the used pins, and memory.
 
-A board without an entry for its chip is not an error: mold, wiring and driver configuration do not need one.
-Then the warning says that no firmware will be made. A layout whose frames do not fit the memory is an error.
+If the board's catalogue entry does not describe the chip, a warning says that no firmware will be generated. This is
+not an error, because mold, wiring and driver configuration do not need firmware. A layout whose frames do not fit in
+the memory is an error.
 """
 
 from __future__ import annotations
@@ -39,23 +40,29 @@ from design.spec import SensorDesign
 
 FIRMWARE_ADC_BITS = 10
 PORTABLE_ADC_BITS = range(8, 17)
-"""Bits of a reading that the program for boards with another Arduino core can pack."""
+"""Numbers of bits per reading that the portable firmware can pack; it is for boards other than AVR chips."""
 
 TICK_HZ = 8_000_000
-"""The firmware's clock counts eighths of the processor's, a whole number per microsecond."""
+"""Frequency of which an AVR's clock must be a multiple.
+
+The firmware's timer, at an eighth of the clock, then has whole counts per microsecond.
+"""
 
 HELLO_BYTES = 56
 FRAME_BUFFERS = 2
-"""The firmware fills one buffer while it sends the other."""
+"""Number of frame buffers: the firmware fills one while it sends the other."""
 
 PROGRAM_RAM_BYTES = 512
-"""Memory in addition to the frames: variables (170 bytes measured), five bytes per emitter, the stack."""
+"""Memory that the firmware needs in addition to the frames.
+
+It covers variables (170 bytes measured), five bytes per emitter, and the stack.
+"""
 
 
 def firmware_findings(
     design: SensorDesign, board: Board, emitter_count: int, receiver_count: int
 ) -> Iterator[Finding]:
-    """Findings that prevent the firmware from running on the board."""
+    """Findings about limits of the board that prevent the generated firmware from running on it."""
     chip = board.firmware
     if board.arduino is not None:
         yield from _portable_findings(design, board, board.arduino, emitter_count, receiver_count)
@@ -150,13 +157,13 @@ USUAL_TARGET_SHARE = 0.3
 BAUD_ERROR_LIMIT = 0.025
 BAUD_ERROR_WARNING = 0.01
 LONGEST_FRAME_MS = 2000.0
-"""The driver waits 2.5 s for the answer to a command."""
+"""Longest frame without a warning: the driver waits 2.5 s for the response to a command."""
 
 
 def board_findings(
     design: SensorDesign, board: Board, emitter_count: int, receiver_count: int
 ) -> Iterator[Finding]:
-    """Findings about limits of the board that the design exceeds or nearly reaches."""
+    """Findings about limits of the board that a design exceeds or nearly reaches."""
     yield from pin_findings(design, board, emitter_count, receiver_count)
     yield from _voltage_findings(design, board)
     yield from _reference_findings(design, board)
@@ -291,7 +298,7 @@ def _reference_findings(design: SensorDesign, board: Board) -> Iterator[Finding]
 
 
 def _voltage_findings(design: SensorDesign, board: Board) -> Iterator[Finding]:
-    """A user's board without voltages is assumed to have 5 V, which destroys a 3.3 V board."""
+    """Warning about a user's board whose entry has no voltages: 5 V is assumed, which destroys a 3.3 V board."""
     if board.supply_v is None or board.logic_v is None:
         yield warning(
             "board.kind",
@@ -344,7 +351,7 @@ def _answer_findings(takes_ms: float, design: SensorDesign, board: Board) -> Ite
 
 
 def _slow_fields(design: SensorDesign, board: Board) -> str:
-    """What makes a frame shorter, in words."""
+    """Remedy for a frame that takes too long: the fields to lower or raise."""
     fields = ["board.averages"] if design.board.averages > 1 else []
     fields += ["board.adc_prescaler"] if board.divides_clock else []
     faster = "raise board.baud" if board.divides_clock else "name a faster board"

@@ -1,8 +1,8 @@
-"""The check of a design: all errors, warnings and notes at once.
+"""Check of a design that reports all errors and warnings at once, and its notes.
 
-The schema (`design.spec`) checks each field by itself; these rules check fields against each other,
-against the catalogue, and against the limits of the printer, the board and the models. Unmeasured
-values are not findings: the report lists them (`design.spec.properties.used_values`).
+The schema (`design.spec`) checks each field separately. These rules check fields against each other, against the
+catalogue, and against the limits of the printer, the board and the models. Unmeasured values are not findings; the
+report lists them (`design.spec.properties.used_values`).
 """
 
 from __future__ import annotations
@@ -37,11 +37,11 @@ from design.spec.tolerances import tolerance_findings
 __all__ = ["Finding", "check", "notes", "require_valid"]
 
 SMALLEST_LENGTH_MM = 0.01
-"""Least plausible length: no printer, mold or caliper resolves less, and a shorter one was likely given in metres."""
+"""Smallest plausible length: no printer, mold or caliper resolves less, and the value was probably given in metres."""
 
 
 def check(design: SensorDesign) -> tuple[Finding, ...]:
-    """All findings about a design, errors first."""
+    """All errors and warnings about a design, errors first."""
     places = expand(design.layout, design.cavity)
     counts = _count(places, "emitter"), _count(places, "receiver")
     unknown = part_findings(design, places)
@@ -67,16 +67,16 @@ def check(design: SensorDesign) -> tuple[Finding, ...]:
 
 
 def notes(design: SensorDesign) -> tuple[Finding, ...]:
-    """Facts about a usual design that a user may not expect; only for a design without errors."""
+    """Notes about limitations of a usual design that a user may not expect; only for a design without errors."""
     return tuple(reach_notes(design))
 
 
 def require_valid(design: SensorDesign) -> None:
-    """Refuse a design that has errors; warnings pass.
+    """Refuse a design that has errors; warnings are allowed.
 
     Raises
     ------
-    DesignError : all errors, one per line.
+    DesignError : the design has errors; the message lists them, one per line.
     """
     errors = [str(finding) for finding in check(design) if finding.severity == "error"]
     if errors:

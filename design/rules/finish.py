@@ -1,4 +1,4 @@
-"""Warnings about smooth walls, angular tables and chips under epoxy."""
+"""Rules for smooth walls, angular tables and parts with a lens."""
 
 from __future__ import annotations
 
@@ -14,11 +14,14 @@ from design.spec import SensorDesign
 from design.spec.properties import entries_of, wall_index
 
 SHORT_TABLE_DEG = 80.0
-"""A table that ends below this angle leaves more than 3 % of a Lambertian source's power to an assumption."""
+"""Angle up to which an angular table should extend; a shorter one causes a warning [deg].
+
+Beyond it a Lambertian source emits 3 % of its power.
+"""
 
 
 def finish_findings(design: SensorDesign) -> Iterator[Finding]:
-    """Findings about reflective walls: a missing or unused index, and the cost of such walls."""
+    """Findings about walls that reflect like a mirror: a missing or unused refractive index, and longer computation."""
     surfaces = design.surfaces
     if surfaces.wall_index is not None and surfaces.wall_finish != "glossy":
         yield error(
@@ -50,7 +53,7 @@ def _index_findings(design: SensorDesign) -> Iterator[Finding]:
 
 
 def angle_findings(cavity: CavityGeometry) -> Iterator[Finding]:
-    """Findings about lenses, which have no effect in elastomer, and angular tables that end early."""
+    """Findings about lenses, whose effect in elastomer is not modelled, and about angular tables that end early."""
     for placed in {part.part_id: part for part in cavity.parts}.values():
         yield from _lens_findings(placed.part, placed.part_id, placed.origin)
         yield from _table_findings(placed.part, placed.part_id, placed.origin)

@@ -1,8 +1,8 @@
-"""Rules for judgement of a design: active areas and the clear layer, paths, workspace, depth, tables.
+"""Rules for the simulation of a design: active areas, light paths, workspace, press depth, and material tables.
 
-The contact model is valid to the lesser of 0.8 of the elastic depth (clear and black layer together) and
-1.7 tip radii; beyond it the verdict is OUT_OF_MODEL_SCOPE. That is a verdict, so it is a warning here.
-A press deeper than the clear layer itself is impossible, so it is an error.
+The elastic depth is the thickness of clear and black layer together. The contact model is valid up to 0.8 of the
+elastic depth, and up to 1.7 tip radii. For deeper presses the verdict is OUT_OF_MODEL_SCOPE, and the rule gives a
+warning. A press deeper than the clear layer is impossible and gives an error.
 """
 
 from __future__ import annotations
@@ -39,12 +39,15 @@ from design.spec import SensorDesign, properties
 from design.spec.layout import MAX_PER_KIND, Kind
 
 SURROUND_MM = 0.1
-"""Offset of the verdict's extra presses around a location, which show whether locations are resolved [mm]."""
+"""Offset of additional presses around a location [mm].
+
+With them the verdict evaluates whether nearby locations can be distinguished.
+"""
 KINDS: tuple[Kind, Kind] = ("emitter", "receiver")
 
 
 def count_findings(emitter_count: int, receiver_count: int) -> Iterator[Finding]:
-    """Findings about no emitter, no receiver, or more than signals, states and pins support."""
+    """Errors about a layout without emitters or receivers, or with too many of them."""
     for kind, count in zip(KINDS, (emitter_count, receiver_count), strict=True):
         if count == 0:
             yield error(
@@ -65,7 +68,7 @@ def count_findings(emitter_count: int, receiver_count: int) -> Iterator[Finding]
 
 
 def name_findings(cavity: CavityGeometry) -> Iterator[Finding]:
-    """Findings about duplicate names of parts, which signals, wiring and reports need as identifiers."""
+    """Errors about duplicate names of parts, because signals, wiring and reports use the names as identifiers."""
     names = [part.name for part in cavity.parts]
     for name in dict.fromkeys(name for name in names if names.count(name) > 1):
         origin = [part.origin for part in cavity.parts if part.name == name][-1]
@@ -79,17 +82,17 @@ def name_findings(cavity: CavityGeometry) -> Iterator[Finding]:
 
 
 def area_findings(cavity: CavityGeometry) -> Iterator[Finding]:
-    """Emitting and sensitive areas that are not, or not completely, in the clear layer."""
+    """Findings about emitting or sensitive areas that are not, or only partly, in the clear layer."""
     seen: set[tuple[str, str, float]] = set()
     for part in cavity.parts:
         key = (part.height_field, part.part_id, round(part.clear_mm, 9))
-        if key not in seen:  # parts with the same key share their finding
+        if key not in seen:  # parts with the same key have the same finding
             seen.add(key)
             yield from _area_of(part, is_crowned=not cavity.plan.top.is_flat)
 
 
 def path_findings(cavity: CavityGeometry) -> Iterator[Finding]:
-    """Findings about pairs without a direct path, and layouts that observe from one side only."""
+    """Findings about layouts without a direct light path, or with all emitters or receivers in one wall."""
     walls = {kind: sorted({p.wall for p in cavity.parts if p.kind == kind}) for kind in KINDS}
     if not direct_path_pairs(cavity).any():
         yield error(
@@ -114,7 +117,7 @@ def path_findings(cavity: CavityGeometry) -> Iterator[Finding]:
 
 
 def workspace_findings(design: SensorDesign, cavity: CavityGeometry) -> Iterator[Finding]:
-    """A workspace that is empty, smaller than the tip, or away from the judged pairs."""
+    """Findings about a workspace that is empty, too near to the walls, or away from the judged pairs."""
     space, radius = cavity.workspace, design.indenter.tip_radius_mm
     side = min(space.x1_mm - space.x0_mm, space.y1_mm - space.y0_mm)
     margin = design.operating.workspace_margin_mm
@@ -150,7 +153,7 @@ def workspace_findings(design: SensorDesign, cavity: CavityGeometry) -> Iterator
 
 
 def depth_findings(design: SensorDesign) -> Iterator[Finding]:
-    """A layer outside the contact model, or a press deeper than the clear layer or the model's range."""
+    """Findings about a layer outside the contact model, or a press deeper than the clear layer or the model's range."""
     yield from _layer_findings(design) if plan_of(design).top.is_flat else _crowned_layer_findings(design)
     yield from _press_findings(design)
 
@@ -161,7 +164,7 @@ def _crowned_layer_findings(design: SensorDesign) -> Iterator[Finding]:
     low, high = (radii * tip for radii in CROWNED_LAYER_RANGE)
     thinnest = thinnest_elastic_mm(design)
     if math.isnan(thinnest):
-        return  # the crown does not reach the border of the workspace, which another finding covers
+        return  # the crown does not reach the workspace's border, which another finding covers
     if not (low - ROUNDING_MM <= thinnest and thickest <= high + ROUNDING_MM):
         yield warning(
             "cavity.clear_thickness_mm",
@@ -221,7 +224,7 @@ def _press_findings(design: SensorDesign) -> Iterator[Finding]:
 
 
 def material_findings(design: SensorDesign) -> Iterator[Finding]:
-    """Optical and elastic values that the catalogue's tables do not cover."""
+    """Errors about optical or elastic values that the catalogue's tables do not cover."""
     for field, look_up in (
         ("elastomer.refractive_index", properties.refractive_index),
         ("elastomer.absorption_db_per_cm", properties.absorption_db_per_cm),
@@ -242,7 +245,7 @@ def material_findings(design: SensorDesign) -> Iterator[Finding]:
 
 
 def colour_findings(design: SensorDesign, cavity: CavityGeometry) -> Iterator[Finding]:
-    """Emitters of another colour than the default one, which sets the index."""
+    """Warnings about emitters with another wavelength than the default emitter, which sets the refractive index."""
     default = properties.wavelength_um(design) * 1000.0
     spectrum = properties.part_of(design, design.emitters.part, "emitter").spectrum
     others = {
@@ -296,7 +299,7 @@ def _area_of(part: PlacedPart, *, is_crowned: bool) -> Iterator[Finding]:
 
 
 def _off_chord_findings(cavity: CavityGeometry) -> Iterator[Finding]:
-    """In facing rows the verdict is for single pairs, so a press off the chord matters."""
+    """Warning about facing pairs whose press is not on the straight line between emitter and receiver."""
     beside = []
     for e, r in facing_pairs(cavity):
         x, y = _chord_middle_mm(cavity.emitters[e], cavity.receivers[r])
@@ -316,7 +319,7 @@ def _off_chord_findings(cavity: CavityGeometry) -> Iterator[Finding]:
 
 
 def _middle_findings(cavity: CavityGeometry) -> Iterator[Finding]:
-    """A pad without a pair across its middle: an alternating ring of even count has emitters opposite emitters."""
+    """Warning about a pad where no line from an emitter to a receiver passes near the middle."""
     pairs = [(int(e), int(r)) for e, r in np.argwhere(direct_path_pairs(cavity))]
     if not pairs or is_facing_rows(cavity):
         return

@@ -1,10 +1,10 @@
-"""Rules for options of the mold: a cover's seat, a parted mold, fits, and bodies above the pad.
+"""Rules for the mold: printable walls, and its options such as a glass cover's seat, a parted mold, and fits.
 
-The printed parts' checks (`cad.checks`) report names that do not fit on the outer face.
+Every distance in the mold that is too small (`design.mold.webs`) becomes a finding with a remedy. Distances that the
+same change of the design would correct are one finding, which names the worst location and counts the others.
 
-Rules for printing report every violated clearance of `design.mold.webs`, in the user's words.
-
-Violations that one change fixes are one finding, which gives the worst location and counts the others.
+Names of parts that do not fit on the outer face are not reported here but by the checks of printed parts
+(`cad.checks`).
 """
 
 from __future__ import annotations
@@ -26,11 +26,11 @@ from design.spec.properties import elastomer_of, entries_of
 
 @dataclass(frozen=True, kw_only=True)
 class Words:
-    """The meaning of a violated clearance, and the way out.
+    """Texts of the finding about a distance in the mold that is too small, with placeholders.
 
-    Placeholders: {where}, {parts}, {wall} and {field} of the clearance; its {value}, the {needed} one,
-    the value as an {overlap}, {twice} the missing length, the inner {length} of the wall, the kind of the mold's
-    {mouth}, and the fields of its {outside}.
+    Placeholders from the `Clearance` are {where}, {parts}, {wall}, {field}, {value} and {needed}. In addition {overlap}
+    is the negative value, {twice} is twice the missing length, and {length} is the inner length of the wall. {mouth}
+    names the opening at the rim, and {outside} names the fields of the mold's outer size.
     """
 
     message: str
@@ -124,7 +124,7 @@ WORDS = {
 
 
 def web_findings(design: SensorDesign) -> Iterator[Finding]:
-    """Findings that prevent printing of the mold, and bodies that obstruct the leveling blade."""
+    """Errors about distances in the mold that are too small to print, and warnings about bodies above the rim."""
     above_rim = () if is_cast_under_lid(plan_of(design)) else rim_clearances(design)  # lids: another rule
     for finding, found in ((error, clearances(design)), (warning, above_rim)):
         for group in _groups([one for one in found if not one.is_kept]):
@@ -141,7 +141,10 @@ def web_findings(design: SensorDesign) -> Iterator[Finding]:
 
 
 def _groups(found: list[Clearance]) -> list[list[Clearance]]:
-    """Groups of clearances with the same way out and field; in the layout, which has many, with the same wall."""
+    """Groups of distances that the same change of the design would correct.
+
+    They have the same remedy, and the same field or, for fields of the layout, the same wall.
+    """
     groups: dict[tuple[str, str | None], list[Clearance]] = {}
     for one in found:
         place = one.wall if one.field.startswith("layout.") else one.field
@@ -150,7 +153,7 @@ def _groups(found: list[Clearance]) -> list[list[Clearance]]:
 
 
 def _filling(one: Clearance, design: SensorDesign) -> dict[str, str | None]:
-    """Values of the placeholders in `Words`; lengths to be added are rounded up."""
+    """Values of the placeholders in `Words` for one distance; lengths to be added are rounded up."""
     size = design.cavity
     length = size.wall_length_mm(one.wall) if one.wall else 0.0
     lacking = math.ceil(round(-2 * one.spare_mm * 100, 6)) / 100
@@ -170,17 +173,17 @@ def _filling(one: Clearance, design: SensorDesign) -> dict[str, str | None]:
 
 
 LEAST_SEAT_MM = 0.5
-"""Least rim around a cover that keeps it in position."""
+"""Least height of the rim that holds a glass cover in position."""
 RESIN = re.compile(
     r"resin|stereo-?lith|photopolymer|\bm?sla\b|\bdlp\b|\blcd\b|polyjet|material jet", re.IGNORECASE
 )
-"""Words for prints in liquid resin, in the name or title of a material."""
+"""Pattern that detects prints in liquid resin, in the name or title of a mold material."""
 OTHER_CURE = re.compile(r"\btin\b|condensation", re.IGNORECASE)
-"""Words for silicones that do not cure by platinum, unlike most clear ones."""
+"""Pattern that detects silicones that do not cure with platinum, unlike most clear ones."""
 
 
 def is_inhibited(design: SensorDesign) -> bool:
-    """Whether the mold is printed in resin, on which a platinum silicone stays tacky."""
+    """Whether the mold is printed in resin and the silicone cures with platinum, which may then remain tacky."""
     found = entries_of(design).mold_materials.get(design.mold.material)
     silicone = elastomer_of(design)
     said = " ".join((design.elastomer.material, silicone.title, *silicone.notes))
@@ -192,7 +195,7 @@ def is_inhibited(design: SensorDesign) -> bool:
 
 
 def mold_findings(design: SensorDesign) -> Iterator[Finding]:
-    """Findings that prevent an option from working."""
+    """Findings about the mold's material and options: cure, fits, a glass cover's seat, and a parted mold."""
     outline = outline_of(design)
     yield from _cure_findings(design)
     yield from _fit_findings(design, outline)
@@ -260,7 +263,7 @@ def _piece_findings(design: SensorDesign) -> Iterator[Finding]:
 
 
 def reach_notes(design: SensorDesign) -> Iterator[Finding]:
-    """Note on a flat top below its rim: no flat object larger than the opening touches it."""
+    """Note about a flat top below the rim, which a flat object larger than the opening cannot touch."""
     outline = outline_of(design)
     above_mm = outline.highest_mm - outline.fill_mm
     if is_cast_under_lid(outline.plan) or outline.ledge_mm or above_mm <= ROUNDING_MM:

@@ -1,7 +1,7 @@
-"""Rules for names in a design: parts, materials, board and measured values have to exist.
+"""Rules for names in a design: parts, materials, boards and measured values must exist in the catalogue.
 
-A missing name is reported once for each field that has it. The other rules check everything that exists,
-so that one spelling mistake does not hide ten others.
+A missing name is reported once for each field that refers to it. The other rules check everything else, so that one
+spelling mistake does not hide other errors.
 """
 
 from __future__ import annotations
@@ -19,16 +19,16 @@ from design.spec.layout import Kind, Placement
 from design.spec.properties import entries_of, part_of
 
 Named = tuple[str, Callable[[CatalogEntries, str], object], str]
-"""A field, the search of the catalogue, and the name in the field."""
+"""Field of a design, function that looks up its name in the catalogue, and the name."""
 
 
 def part_findings(design: SensorDesign, places: tuple[Placement, ...]) -> list[Finding]:
-    """Findings about parts and measured values that the catalogue does not have."""
+    """Errors about parts and measured values that do not exist in the catalogue."""
     return [*_named_findings(design, places), *_measurement_findings(design, entries_of(design))]
 
 
 def entry_findings(design: SensorDesign) -> Iterator[Finding]:
-    """Findings about materials, boards and circuits that the catalogue does not have."""
+    """Errors about materials, boards and chips that do not exist in the catalogue."""
     yield from _absent(
         design,
         ("elastomer.material", catalog.find_elastomer, design.elastomer.material),
@@ -38,7 +38,7 @@ def entry_findings(design: SensorDesign) -> Iterator[Finding]:
 
 
 def found_board(design: SensorDesign) -> Board | None:
-    """The design's board; None when the catalogue does not have it, or a circuit that it uses."""
+    """Catalogue entry of the design's board; None if the board, or another chip of the design, does not exist there."""
     if any(_absent(design, *_electronics(design))):
         return None
     return entries_of(design).boards[design.board.kind]
@@ -80,7 +80,7 @@ def _named_findings(design: SensorDesign, places: tuple[Placement, ...]) -> Iter
         try:
             part_of(design, part_id, kind)
         except DesignError as err:
-            if not str(err).startswith("part_measurements."):  # another finding covers these
+            if not str(err).startswith("part_measurements."):  # another finding covers measured values
                 yield _not_found(field, part_id, err)
 
 

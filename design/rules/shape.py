@@ -1,9 +1,11 @@
-"""Rules for outlines and crowns: the crown spans the pad, its rim is thick enough, and it can be cast.
+"""Rules for the outline and the crown of a pad, and the limits of the contact model.
 
-The limits of the contact model are checked before anything is solved.
+A crown must span the whole pad, leave a thick enough layer at its edge, and be castable. Limits of the contact model
+are checked before a contact is computed.
 
-The packaged library was compared with an independent finite-element solution (docs/validation/contact.md).
-Layers beyond it are solved live, take minutes, and have no independent comparison; layers beyond those are refused.
+The packaged library has precomputed contacts for a range of layers, which were compared with an independent
+finite-element solution (docs/validation/contact.md). For other layers the contact is computed when needed, which takes
+minutes and has no independent comparison. Beyond `LAYER_DEPTH_RANGE` the contact model is not used.
 """
 
 from __future__ import annotations
@@ -26,23 +28,32 @@ from design.spec import SensorDesign
 from design.spec.layout import expand
 
 LARGEST_SHARE_OF_LAYER = 0.8
-"""Deepest press as a share of the elastic depth [-]."""
+"""Deepest press that the contact model covers, as a share of the thickness of clear and black layer together [-]."""
 DEEPEST_PRESS = 1.7
-"""Deepest press [tip radii]."""
+"""Deepest press that the contact model covers [tip radii]."""
 LIBRARY_LAYER_RANGE = (1.3, 6.0)
-"""Elastic depths (clear + black layer) of the packaged library [tip radii]."""
+"""Elastic depths (clear and black layer together) in the packaged contact library [tip radii]."""
 CROWNED_LAYER_RANGE = (DEEPEST_PRESS / LARGEST_SHARE_OF_LAYER, 6.0)
-"""Elastic depths under a crown, at any press location, for which the model has presses [tip radii]."""
+"""Elastic depths (clear and black layer together) that the contact model covers under a crown [tip radii].
+
+They apply to every location.
+"""
 LAYER_DEPTH_RANGE = (1.0, 10.0)
-"""Elastic depths that the model covers [tip radii]."""
+"""Elastic depths (clear and black layer together) that the contact model covers [tip radii]."""
 NEAREST_WALL = 1.5
-"""Least distance of a wall from the axis of a press [tip radii]: the equivalent loads of a press extend so far."""
+"""Least distance of a wall from the axis of a press [tip radii].
+
+The loads that represent a press in the contact model extend this far.
+"""
 LARGEST_CROWN = 0.25
-"""Largest ratio of tip radius to the radius of a crown [-]."""
+"""Largest ratio of tip radius to crown radius that the contact model covers [-]."""
 
 
 def thinnest_elastic_mm(design: SensorDesign) -> float:
-    """Least thickness of clear and black layer together in the workspace; under a crown it is at the border [mm]."""
+    """Least thickness of clear and black layer together in the workspace [mm]; under a crown it is at the border.
+
+    NaN if the crown does not reach the border of the workspace.
+    """
     elastic = design.cavity.clear_thickness_mm + design.cavity.black_thickness_mm
     plan, space = plan_of(design), workspace_of(design)
     if space.is_empty:
@@ -51,18 +62,18 @@ def thinnest_elastic_mm(design: SensorDesign) -> float:
 
 
 def deepest_modelled_mm(design: SensorDesign) -> float:
-    """Deepest press that the contact model covers [mm]."""
+    """Deepest press that the contact model covers for a design [mm]."""
     return min(
         LARGEST_SHARE_OF_LAYER * thinnest_elastic_mm(design), DEEPEST_PRESS * design.indenter.tip_radius_mm
     )
 
 
 STEEPEST_RIM_DEG = 60.0
-"""Largest slope of a crown at its rim: beyond it a lid does not come off, and a press does not reach the top."""
+"""Largest slope of a crown at its edge: with a steeper one the lid cannot be removed, and a press misses the top."""
 LEAST_RIM_MM = 1.0
-"""Least clear layer at the rim: as the least flat layer."""
+"""Least thickness of the clear layer at the edge of a crown."""
 WIDEST_FACET = 0.5
-"""Largest ratio of a facet's half width to the radius of its disc: a facet is part of a wall, not the wall."""
+"""Largest ratio of a facet's half width to the radius of its round wall."""
 
 
 def is_spanned(design: SensorDesign) -> bool:
@@ -71,7 +82,7 @@ def is_spanned(design: SensorDesign) -> bool:
 
 
 def span_findings(design: SensorDesign) -> Iterator[Finding]:
-    """Findings about a crown smaller than its pad, a rim that is too thin, facets too wide for their disc."""
+    """Errors about a crown that does not span its pad, a thin layer at its edge, or too wide facets in round walls."""
     plan = plan_of(design)
     if not plan.top.is_flat:
         yield from _crown_findings(plan)
@@ -79,7 +90,7 @@ def span_findings(design: SensorDesign) -> Iterator[Finding]:
 
 
 def shape_findings(design: SensorDesign) -> Iterator[Finding]:
-    """Findings that prevent the casting of a disc or a crown, or the requested presses."""
+    """Findings that prevent casting of a pad with round walls or a crown, or the requested presses on it."""
     plan = cavity_of(design).plan
     if plan.is_block:
         return
@@ -92,7 +103,7 @@ def shape_findings(design: SensorDesign) -> Iterator[Finding]:
 
 
 def _reach_mm(plan: Plan) -> float:
-    """Largest distance of the pad from the crown's highest point or line [mm]."""
+    """Largest distance of the pad's edge from the crown's highest point, or from a cylinder's highest line [mm]."""
     return {"x": plan.width_mm / 2, "y": plan.length_mm / 2, None: plan.radius_mm}[plan.top.straight]
 
 
@@ -169,7 +180,7 @@ def _option_findings(design: SensorDesign, plan: Plan) -> Iterator[Finding]:
 
 
 def _outside_findings(design: SensorDesign, plan: Plan) -> Iterator[Finding]:
-    """A round outer face has to be concentric with its round wall."""
+    """Error about a round mold whose outer face is not concentric with the round wall of the pad."""
     along, across = (
         (outer - inner) / 2
         for outer, inner in (
@@ -238,7 +249,7 @@ def _press_findings(design: SensorDesign, plan: Plan) -> Iterator[Finding]:
         return
     corner = space.clamped(0.0, 0.0)
     there = plan.top_mm(*corner)
-    if there + ROUNDING_MM < depth <= plan.clear_mm + ROUNDING_MM:  # deeper presses are reported already
+    if there + ROUNDING_MM < depth <= plan.clear_mm + ROUNDING_MM:  # deeper presses have another finding
         yield error(
             "operating.max_depth_mm",
             "the deepest press is deeper than the clear layer at the border of the workspace",

@@ -1,4 +1,5 @@
-"""Search for better designs: the space, the study, the front. The caller provides the objective.
+"""Search for better designs: search space, study, Pareto front and recommended designs.
 
-Imports of ours: spec, the files of `design/` itself.
+The caller provides the objective function. The package imports only `design.spec`, packages below it and modules
+directly in `design`.
 """

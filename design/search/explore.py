@@ -1,19 +1,19 @@
-"""The search: propose designs, judge them, learn, and repeat; an interruption loses no judged design.
+"""Search for better designs: propose designs, judge them, learn from the results, and repeat.
 
     open study ──► base design judged once ──► limits as numbers
         ┌──────────────────────────────────────────────┐
         └► propose a batch ──► judge it (here, or fanned out) ──► record each design as it comes ┘
 
-The objective is an argument, so this module does not depend on light. A batch is proposed before any of it is judged,
-and each proposal is seeded by its position. The same space, seed and batch give the same designs for any number of
-processes, any order of their results, and any interruptions. Shared studies are the exception: a worker's proposals
-depend on the designs that the others have finished.
+Each judged design is recorded at once, so that an interruption loses none. The objective is an argument, so that this
+module does not depend on the light model. A whole batch is proposed before its designs are judged, and each proposal
+has a seed that depends on its position. The same space, seed and batch size therefore give the same designs for any
+number of processes, any order of the results, and any interruptions. Shared studies are the exception: a worker's
+proposals depend on the designs that other workers have finished.
 
-The module also opens the study of a search: its storage, its sampler and its workers.
-
-A study is stored in a database that Optuna manages: SQLite in the search's folder, or any that its address names (many
-processes may then work on one study). It has the digest of its search space and refuses another one. A design that
-a killed process left unfinished is proposed again, with the same values.
+A study is the record of a search. It is stored in a database that Optuna manages, either a SQLite file in the search's
+folder or a database at a given address. Several processes (workers) may then share one study. A sampler proposes the
+designs. The study contains the digest of its search space, and a search with another space is refused. If a process is
+killed, its unfinished designs are proposed again with the same values.
 """
 
 from __future__ import annotations
@@ -50,27 +50,30 @@ CONNECT_TIMEOUT_S = 10
 LOCK_TIMEOUT_S = 120
 CREATE_ATTEMPTS = 8
 GRACE_BEATS = 3
-"""Heartbeats that a worker may miss before its designs are given to others."""
+"""Number of heartbeats that a worker may miss before other workers get its unfinished designs."""
 MAX_GRID = 100_000
 POPULATION = 32
-"""Designs per generation of NSGA-II, fewer than Optuna's 50: a few hundred designs then make more generations."""
+"""Designs per generation of the sampler NSGA-II.
+
+It is less than Optuna's 50, so that a few hundred designs give more generations.
+"""
 QUEUE_PATIENCE_S = 30
-"""Time for which a worker waits until another one has queued the study's first designs [s]."""
+"""Longest time that a worker waits for another one to queue the first designs of a shared study [s]."""
 FINISHED = (TrialState.COMPLETE, TrialState.PRUNED)
 
 
 @contextmanager
 def opened_study(space: SearchSpace, url: str, *, heartbeat_s: int | None = None) -> Iterator[optuna.Study]:
-    """The study of a space, made if it is missing; connections are closed at the end.
+    """Context manager of the study of a search space; the study is created if it is missing.
 
     Parameters
     ----------
-    url : address of the database, as sqlite:///folder/study.db or postgresql://user@host/name
-    heartbeat_s : period of the heartbeat of a worker of a shared study [s]; None: no other worker
+    url : address of the database, such as sqlite:///folder/study.db or postgresql://user@host/name
+    heartbeat_s : period of a worker's heartbeat in a shared study [s]; None if the study is not shared
 
     Raises
     ------
-    InputError : the storage cannot be reached, or has a study of this name of another space.
+    InputError : the database cannot be reached, or has a study with this name but another search space.
     """
     require_sampler(space)
     optuna.logging.set_verbosity(optuna.logging.ERROR)
@@ -109,7 +112,7 @@ def _made_or_found(space: SearchSpace, storage: RDBStorage) -> optuna.Study:
 
 @contextmanager
 def storage_errors(url: str) -> Iterator[None]:
-    """Convert a database's own errors into one message for the user."""
+    """Context manager that converts errors of a database into an InputError with a message for the user."""
     try:
         yield
     except (sqlalchemy.exc.SQLAlchemyError, optuna.exceptions.StorageInternalError, ImportError) as err:
@@ -122,7 +125,7 @@ def storage_errors(url: str) -> Iterator[None]:
 
 
 def shown_url(url: str) -> str:
-    """The address without its password."""
+    """Address of a database without its password."""
     try:
         return sqlalchemy.engine.make_url(url).render_as_string(hide_password=True)
     except sqlalchemy.exc.ArgumentError:
@@ -130,7 +133,10 @@ def shown_url(url: str) -> str:
 
 
 def _storage_with_tables(url: str, heartbeat_s: int | None) -> RDBStorage:
-    """The storage; if workers make its tables at once, all but one fail, and find the tables on the next attempt."""
+    """Open the storage of a study in a database, with several attempts.
+
+    If workers create tables at the same time, all but one fail at first.
+    """
     for _ in range(CREATE_ATTEMPTS - 1):
         try:
             return _storage(url, heartbeat_s)
@@ -147,7 +153,7 @@ def _storage(url: str, heartbeat_s: int | None) -> RDBStorage:
     if url.startswith("postgresql+psycopg"):
         connect = {"connect_timeout": CONNECT_TIMEOUT_S}
     with warnings.catch_warnings():
-        # Heartbeats are marked experimental since 2.9 and unchanged since; `beating` of explore sends them.
+        # Heartbeats are marked as experimental since Optuna 2.9 and unchanged since then; `_Run._beating` sends them.
         warnings.simplefilter("ignore", optuna.exceptions.ExperimentalWarning)
         storage = RDBStorage(
             url,
@@ -158,21 +164,21 @@ def _storage(url: str, heartbeat_s: int | None) -> RDBStorage:
         )
     if is_sqlite:
         sqlalchemy.event.listen(storage.engine, "connect", _write_ahead)
-        storage.engine.dispose()  # earlier connections do not have it
+        storage.engine.dispose()  # connections opened earlier lack this setting
     return storage
 
 
 def _write_ahead(connection: Any, _: Any) -> None:
-    """Set SQLite to write-ahead logging: a killed process loses nothing, and a commit takes a tenth of the time.
+    """Set SQLite to write-ahead logging, which is ten times faster.
 
-    A power cut may lose the last seconds, but never damages earlier data.
+    If the process is killed, no data are lost. A power cut may lose the last seconds but does not damage earlier data.
     """
     for pragma in ("journal_mode=WAL", "synchronous=NORMAL"):
         connection.execute(f"PRAGMA {pragma}")
 
 
 def distributions_of(space: SearchSpace) -> dict[str, BaseDistribution]:
-    """The fields as Optuna's distributions; choices by their labels."""
+    """Optuna's distribution of each field of a search space, by dotted path; choices are labels."""
     return {field.path: _distribution(space, field) for field in space.fields}
 
 
@@ -189,11 +195,12 @@ def _distribution(space: SearchSpace, field: SpaceField) -> BaseDistribution:
 
 
 def require_sampler(space: SearchSpace) -> None:
-    """Refuse a sampler whose library is missing, and an implausibly large grid.
+    """Refuse a sampler whose library is missing, or a grid with too many points.
 
     Raises
     ------
-    InputError, DesignError : the cause, and the way out.
+    InputError : the library of the sampler is not installed.
+    DesignError : the grid has more than `MAX_GRID` points.
     """
     sampler = space.search.sampler
     if sampler == "gp" and importlib.util.find_spec("torch") is None:
@@ -212,12 +219,12 @@ def grid_size(space: SearchSpace) -> int:
 
 
 def sampler_of(space: SearchSpace, index: int, worker: str) -> BaseSampler:
-    """The sampler of one proposal, seeded by its position so that a resumed search gives the same designs.
+    """Sampler for one proposal; its seed depends on the position, so that a resumed search gives the same designs.
 
     Parameters
     ----------
-    index : number of designs proposed before
-    worker : name of a shared study's worker; empty for a search of one process
+    index : number of designs that were proposed before
+    worker : name of the worker in a shared study; empty if the study is not shared
     """
     key = f"{space.search.seed}:{index}:{worker}".encode()
     seed = int.from_bytes(hashlib.sha256(key).digest()[:4], "big")
@@ -234,18 +241,20 @@ def sampler_of(space: SearchSpace, index: int, worker: str) -> BaseSampler:
                 return optuna.samplers.QMCSampler(
                     scramble=True, seed=space.search.seed, warn_independent_sampling=False
                 )
-            case _:  # the grid is queued beforehand, so nothing remains to sample
+            case _:  # all points of the grid are queued, so that nothing is sampled
                 return optuna.samplers.RandomSampler(seed=seed)
 
 
 def queue_first(
     study: optuna.Study, space: SearchSpace, *, is_shared: bool, first: Sequence[dict[str, Value]] = ()
 ) -> None:
-    """Queue the first designs, once per study: every point of a grid, or else the base design if the space contains it.
+    """Queue the first designs of a study, if this has not been done before.
 
-    Points of `first` follow the base design.
+    For the grid sampler these are all points of the grid. Otherwise they are the base design, if it is in the space,
+    and then the points of `first`.
 
-    If workers start together, one makes the study and queues the designs; the others wait for it, unless it fails.
+    If workers start at the same time, the one that creates the study queues the designs. The others wait for it up to
+    `QUEUE_PATIENCE_S`.
     """
     for _ in range(QUEUE_PATIENCE_S if is_shared else 0):
         if study.user_attrs.get(QUEUED) is not None or study.user_attrs.get(MAKER) in (None, _me()):
@@ -276,7 +285,10 @@ def _queue_grid(study: optuna.Study, space: SearchSpace) -> None:
 
 
 def recover(study: optuna.Study, *, is_shared: bool) -> None:
-    """Propose unfinished designs again: all of them, or in a shared study those without a heartbeat."""
+    """Queue the unfinished designs of killed processes again.
+
+    In a shared study these are the designs without a recent heartbeat, else all designs that are marked as running.
+    """
     if is_shared:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", optuna.exceptions.ExperimentalWarning)
@@ -286,14 +298,14 @@ def recover(study: optuna.Study, *, is_shared: bool) -> None:
 
 
 def beat(study: optuna.Study, trial_ids: Sequence[int]) -> None:
-    """Record heartbeats of designs in a shared study, as Optuna's own loop does; there is no public function."""
+    """Record heartbeats of running designs in a shared study; Optuna has no public function for it."""
     storage: Any = study._storage
     for trial_id in trial_ids:
         getattr(storage, "_backend", storage).record_heartbeat(trial_id)
 
 
 def release(study: optuna.Study, numbers: Sequence[int]) -> None:
-    """Withdraw designs that were proposed but not judged, and queue them again."""
+    """Mark designs that were proposed but not judged as failed, and queue them again."""
     for number in numbers:
         trial = next(one for one in study.get_trials(deepcopy=False) if one.number == number)
         if not trial.state.is_finished():
@@ -302,12 +314,12 @@ def release(study: optuna.Study, numbers: Sequence[int]) -> None:
 
 
 def trials_in(study: optuna.Study, *states: TrialState) -> list[FrozenTrial]:
-    """Trials in these states, by number."""
+    """Optuna's trials (designs) that are in one of some states, in the order of their numbers."""
     return study.get_trials(deepcopy=False, states=states)
 
 
 def _propose_again(study: optuna.Study, trial: FrozenTrial) -> None:
-    """Queue a lost trial's values; a trial without all of its values is drawn again."""
+    """Queue the values of a lost trial again, if it had a value for every field."""
     point = trial.system_attrs.get("fixed_params") or trial.params
     wanted = {field["path"] for field in study.user_attrs[SPACE]["fields"]}
     if set(point) == wanted:
@@ -325,15 +337,15 @@ HEARTBEAT_S = 20
 
 @dataclass(frozen=True, kw_only=True)
 class Findings:
-    """The results of a search so far.
+    """Results of a search so far.
 
     Attributes
     ----------
     space : the search space
-    base : the objective's result for the base design
-    limits : limits that a feasible design keeps
-    tried : finished designs in the order of their numbers
-    front : the Pareto front: feasible designs that no other design dominates
+    base : result of the objective for the base design
+    limits : limits that a feasible design must satisfy
+    tried : finished designs, in the order of their proposal
+    front : Pareto front, which consists of the feasible designs that no other one dominates
     wanted : requested number of designs
     is_interrupted : whether the user stopped the search before that number was reached
     """
@@ -348,10 +360,13 @@ class Findings:
 
 
 OnTried = Callable[[Findings, Tried | None], None]
-"""Callback at the start and after every design, with the findings so far and the design that was just judged."""
+"""Callback at the start and after every design; it receives the results so far and the judged design (first None)."""
 
 Refine = Callable[[Findings, int], Sequence[dict[str, Value]]]
-"""Function that returns points to judge after the sampler's; called with the round's number until it returns none."""
+"""Function that returns more points to judge when the sampler's designs are judged.
+
+It receives the results and the number of the round, and is called until it returns none.
+"""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -374,22 +389,24 @@ def explore(
     first: Sequence[dict[str, Value]] = (),
     refine: Refine | None = None,
 ) -> Findings:
-    """Search until a number of designs is judged; an existing study is continued.
+    """Search until a given number of designs is judged; an existing study is continued.
 
     Parameters
     ----------
-    objective : judges one design
+    objective : function that judges one design
     url : address of the study's database
-    trials : total number of designs, including earlier runs; None takes the space's
-    is_shared : other processes may work on the study at the same time
-    fan_out : judges a batch; designs must be independent of each other
-    heartbeat_s : period of a shared study's heartbeat [s]
-    first : points of the space to judge before the sampler proposes any
-    refine : returns more points once `trials` are judged, from the findings; not for a shared study
+    trials : total number of designs, with those of earlier runs; None for the number in the space
+    is_shared : whether other processes may work on the study at the same time
+    fan_out : function that judges a batch of designs, for example in several processes
+    on_tried : callback at the start and after every design
+    heartbeat_s : period of a worker's heartbeat in a shared study [s]
+    first : points of the space that are judged before the sampler's proposals
+    refine : function that returns more points to judge after `trials` designs; not for a shared study
 
     Raises
     ------
-    InputError, DesignError : the storage, or a study of another space; judged designs stay recorded.
+    InputError : the database cannot be reached, or its study has another space; judged designs remain recorded.
+    DesignError : the grid is too large, or a limit cannot be computed from the base design.
     """
     with opened_study(space, url, heartbeat_s=heartbeat_s if is_shared else None) as study:
         run = _Run(
@@ -408,14 +425,14 @@ def explore(
 
 
 def findings_of(space: SearchSpace, url: str, *, wanted: int) -> Findings:
-    """Findings of an existing study, without continuing it."""
+    """Results of an existing study, without continuing the search; `wanted` is the requested number of designs."""
     with opened_study(space, url) as study:
         base = _judged_from(study.user_attrs.get(BASE) or {})
         return _findings(study, space, base, limits_of(space, base), wanted)
 
 
 class _Run:
-    """The state of one process of a search, constant from batch to batch."""
+    """One process of a search: its search space, objective, study and settings."""
 
     def __init__(
         self,
@@ -457,7 +474,7 @@ class _Run:
         return _findings(self.study, self.space, self.base, self.limits, self.wanted, is_interrupted)
 
     def _next_round(self) -> int:
-        """Queue the points that `refine` requests once all others are judged; return the size of their first batch."""
+        """Queue the points that `refine` returns after all other designs; return the size of their first batch."""
         if self.refine is None:
             return 0
         rounds = list(self.study.user_attrs.get(ROUNDS, ()))
@@ -480,7 +497,7 @@ class _Run:
         return _judged_from(known)
 
     def _next_size(self) -> int:
-        """Designs of the next batch; 0 if nothing remains, after waiting for designs that others still judge."""
+        """Number of designs in the next batch; 0 if none remain and other workers have finished theirs."""
         waited, seen = 0.0, -1
         while True:
             finished = len(trials_in(self.study, *FINISHED))
@@ -494,13 +511,15 @@ class _Run:
             time.sleep(0.5)
             recover(self.study, is_shared=True)
             if before <= GRACE_BEATS * self.heartbeat_s < waited:
-                # The rest has a heartbeat, or was lost before the first: one beat on its behalf makes it stale.
+                # The rest has a heartbeat, or its worker was killed before the first one. One beat in its place makes
+                # it expire.
                 beat(self.study, [trial._trial_id for trial in trials_in(self.study, TrialState.RUNNING)])
 
     def _batch_size(self, before: int) -> int:
-        """Designs up to the next multiple of the batch, so that a resumed search has the batches of an unbroken one.
+        """Number of designs up to the next multiple of the batch size; `before` is the number of designs so far.
 
-        Quasi-random points need one design that is recorded before the rest: it defines the space for Optuna.
+        A resumed search then has the same batches as an uninterrupted one. With quasi-random points the first batch has
+        one design, because Optuna needs one recorded design that defines the space.
         """
         size = self.space.search.batch
         if self.space.search.sampler == "qmc":
@@ -523,9 +542,7 @@ class _Run:
         is_queued = bool(trials_in(self.study, TrialState.WAITING))
         sampler = sampler_of(self.space, before, self.worker)
         if is_queued and self.space.search.sampler == "qmc":
-            sampler = (
-                optuna.samplers.RandomSampler()
-            )  # it has nothing to draw, and takes no quasi-random point
+            sampler = optuna.samplers.RandomSampler()  # the point is queued: draw nothing
         self.study.sampler = sampler
         with warnings.catch_warnings():
             warnings.filterwarnings("ignore", message="Heartbeat of storage", category=UserWarning)
@@ -574,7 +591,7 @@ class _Run:
 
     @contextmanager
     def _beating(self, asked: list[_Asked]) -> Iterator[None]:
-        """Show other workers of a shared study that these designs are being judged."""
+        """Context manager that sends heartbeats of designs while they are judged, if the study is shared."""
         if not self.is_shared:
             yield
             return

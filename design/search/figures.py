@@ -1,7 +1,8 @@
-"""The figures of a design that a search can improve or limit: name, unit, better direction, meaning.
+"""Figures of merit of a design that a search can improve or limit: name, unit, direction and meaning.
 
-They are the figures of the score. `dead_share`, `location_bound_mm` and `depth_bound_mm` describe the pad. The others
-describe the governing facing pair, or a pad's median judged pair.
+They are the figures that `optopad score` reports. `dead_share`, `location_bound_mm` and `depth_bound_mm` describe the
+whole pad. In a pad with facing rows the others describe the facing pair that determines the verdict. In other pads they
+describe the median of the judged pairs.
 """
 
 from __future__ import annotations
@@ -14,13 +15,13 @@ Direction = Literal["minimize", "maximize"]
 
 @dataclass(frozen=True, kw_only=True)
 class Figure:
-    """One figure.
+    """A figure of merit of a design.
 
     Attributes
     ----------
-    unit : "1" for a ratio or a count
-    better : default direction in which a search moves it
-    meaning : one line for tables and pages
+    unit : unit; "1" for a ratio or a count
+    better : direction of improvement, `minimize` or `maximize`
+    meaning : description for tables and pages
     """
 
     unit: str
@@ -79,8 +80,11 @@ FIGURES: dict[str, Figure] = {
 }
 
 BOUND_FIGURES = frozenset({"location_bound_mm", "depth_bound_mm", "dead_share"})
-"""Costly figures, which need the Fisher information of the whole pad."""
+"""Figures that take long to compute, because they need the Fisher information of the whole pad."""
 
 
 NO_OBJECTIVE_ALONE = frozenset({"continuity", "deadband_mm"})
-"""Figures that are no objectives alone: thin pads are best in them, with half the signal and a third of the range."""
+"""Figures that are not permitted as the only objectives.
+
+Thin pads are best in them, with half the signal and a third of the depth range.
+"""

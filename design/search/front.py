@@ -1,4 +1,4 @@
-"""The Pareto front: designs that no other one dominates in the objectives."""
+"""The Pareto front: designs that no other design dominates in the objectives."""
 
 from __future__ import annotations
 
@@ -12,7 +12,9 @@ from design.search.space import SearchSpace
 
 
 def not_dominated(losses: FloatArray) -> BoolArray:
-    """(n,) whether no other row is at most as large in every column and smaller in one.
+    """Whether each row is not dominated, (n,).
+
+    Another row dominates if it is at most as large in every column and smaller in one.
 
     Parameters
     ----------
@@ -26,7 +28,7 @@ def not_dominated(losses: FloatArray) -> BoolArray:
 
 
 def losses_of(space: SearchSpace, tried: Sequence[Tried]) -> FloatArray:
-    """(n, objective) the objectives of designs, signed so that smaller is better."""
+    """Objectives of designs as (n, objective), with signs such that smaller is better."""
     rows = [
         [
             float(one.judged.figures[objective.figure] or 0.0) * (1 if objective.sense == "minimize" else -1)
@@ -38,7 +40,7 @@ def losses_of(space: SearchSpace, tried: Sequence[Tried]) -> FloatArray:
 
 
 def pareto_front(space: SearchSpace, tried: Sequence[Tried]) -> tuple[Tried, ...]:
-    """Feasible designs that no other one dominates, best in the first objective first, without duplicates."""
+    """Feasible designs that no other one dominates, without duplicates, sorted by the first objective (best first)."""
     feasible = [one for one in tried if one.is_feasible]
     losses = losses_of(space, feasible)
     kept: dict[str, tuple[float, Tried]] = {}

@@ -1,7 +1,7 @@
-"""Importance of each field for an objective: PED-ANOVA (Watanabe et al., IJCAI 2023) over completely judged designs.
+"""Importance of each field for an objective, by the method PED-ANOVA (Watanabe et al., IJCAI 2023).
 
-It compares the distribution of the best tenth of these with that of all of them, field by field. Designs that were
-stopped early are excluded, and interactions between fields are not separated.
+For each field the method compares the distribution of the best tenth of the designs with that of all designs. Designs
+whose judgement stopped early are excluded. Interactions between fields are not separated.
 """
 
 from __future__ import annotations
@@ -16,11 +16,14 @@ from design.search.explore import opened_study, trials_in
 from design.search.space import SearchSpace
 
 LEAST_DESIGNS = 20
-"""Least number of designs; of fewer the best tenth is not meaningful."""
+"""Least number of designs, because the best tenth of fewer designs does not mean anything."""
 
 
 def importances(space: SearchSpace, url: str) -> dict[str, dict[str, float]]:
-    """Share of each field, summing to 1, by objective; empty if too few designs were judged completely."""
+    """Importance of each field as {objective: {path: share}}; the shares of an objective sum to 1.
+
+    Empty if fewer than `LEAST_DESIGNS` designs were judged completely.
+    """
     with opened_study(space, url) as study:
         if len(trials_in(study, TrialState.COMPLETE)) < LEAST_DESIGNS:
             return {}
@@ -34,7 +37,7 @@ def _shares(study: optuna.Study, number: int) -> dict[str, float]:
         return sign * float(trial.values[number])
 
     with warnings.catch_warnings():
-        # It warns of the sign, which `loss` handles, and of few designs, which the page counts.
+        # Optuna warns about the sign, which `loss` handles, and about few designs, which the report mentions.
         for known in ("PedAnovaImportanceEvaluator computes", "Target and region quantiles"):
             warnings.filterwarnings("ignore", message=known, category=UserWarning)
         evaluator = PedAnovaImportanceEvaluator()

@@ -1,12 +1,14 @@
-"""Improvement of a layout: the fields that may change, and the recommended designs.
+"""Improvement of a design: the search space around it, comparison of judged designs, and recommendations.
 
     base design ──► fields that are cheap to change, around their values ──► `design.search.points`, then the sampler
         ──► of the designs without a deadband: fewest changes, most robust, most depth, best accuracy
 
-The search space is an ordinary one (`design.search.space`), so it resumes, is seeded and does not depend on light. The
-criteria of a design, in this order, are: no deadband, usable depth, margin to a deadband, accuracy, few changes.
+A deadband is a range of depth in which the signals change too little to resolve the depth. The usable depth is the
+depth down to which there is no deadband. The margin is the smallest signal change between two depths 0.3 mm apart, in
+units of its noise (sigma); below 3 sigma there is a deadband. Designs are compared by these criteria, in this order: no
+deadband, usable depth, margin, accuracy, few changes.
 
-The module also defines the result of an objective and the limits of a search, the interface between search and physics.
+The module also defines the limits of a search and the result of its objective.
 """
 
 from __future__ import annotations
@@ -24,17 +26,17 @@ from design.spec import SensorDesign
 from design.spec.cheap_fields import ALONG, CLEAR, HEIGHTS, TARGET, cheap_fields
 
 UNUSABLE = 10.0
-"""Violation of a design that breaks a rule or leaves the models' scope: more than any missed limit in practice."""
+"""Violation of a design that breaks a rule or is outside the models: more than any missed limit in practice."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Limit:
-    """Limit of one figure, or the required verdict.
+    """Limit of a figure of merit, or the required verdict.
 
     Attributes
     ----------
-    figure : name of a figure, or "verdict"
-    at_least, at_most : ends of the permitted range; None is unlimited
+    figure : name of the figure, or "verdict"
+    at_least, at_most : ends of the permitted range; None means unlimited
     equals : the required verdict; None for other figures
     """
 
@@ -44,11 +46,11 @@ class Limit:
     equals: str | None = None
 
     def violation(self, judged: Judged) -> float | None:
-        """Violation by a design as a share of the limit; 0 or less is met; None if the figure is unknown."""
+        """Violation of the limit by a design, relative to the limit; 0 or less if satisfied, None if unknown."""
         if self.equals is not None:
             if not judged.verdict:
                 return None
-            # A deadband shrinks before it vanishes, so its length guides the sampler.
+            # A deadband becomes shorter before it vanishes; its length therefore guides the sampler.
             length = judged.figures.get("deadband_mm") or 0.0
             return 0.0 if judged.verdict == self.equals else 0.1 + length
         value = judged.figures.get(self.figure)
@@ -70,14 +72,14 @@ class Limit:
 
 @dataclass(frozen=True, kw_only=True)
 class Judged:
-    """The result for a design, as far as it was judged.
+    """Result of the objective for a design; it may be incomplete if the judgement stopped early.
 
     Attributes
     ----------
-    figures : figures by name; None where the figure could not be resolved
-    verdict : CONTIGUOUS, DEADBAND or OUT_OF_MODEL_SCOPE; empty if the judging stopped before
-    reason : why the judging stopped early; empty when it did not
-    may_be : whether the design may have no deadband, within the numerical error of its light
+    figures : figures of merit by name; None if a figure could not be computed
+    verdict : CONTIGUOUS, DEADBAND or OUT_OF_MODEL_SCOPE; empty if the judgement stopped before it
+    reason : reason why the judgement stopped early; empty if it is complete
+    may_be : whether the design may have no deadband, given the numerical error of the light model
     """
 
     figures: dict[str, float | None] = field(default_factory=dict)
@@ -86,7 +88,10 @@ class Judged:
     may_be: bool = False
 
     def violations(self, limits: Sequence[Limit]) -> dict[str, float]:
-        """Violation of every limit whose figure is known; also `usable` if something else stopped the judging."""
+        """Violation of every limit whose figure is known, by the limit's text.
+
+        The entry `usable` is added if the judgement stopped early for another reason.
+        """
         found = {str(limit): value for limit in limits if (value := limit.violation(self)) is not None}
         if self.reason and all(value <= 0.0 for value in found.values()):
             found["usable"] = UNUSABLE
@@ -95,15 +100,15 @@ class Judged:
 
 @dataclass(frozen=True, kw_only=True)
 class Tried:
-    """One design of a search.
+    """One design of a search with its result.
 
     Attributes
     ----------
-    number : number of the study's trial
-    parameters : point of the space; choices by their labels
-    digest : digest of the design; empty if the schema refused it
-    judged : the objective's result
-    is_feasible : judged completely, and within all limits
+    number : number of the design in the study
+    parameters : value of each field by dotted path; choices as labels
+    digest : digest of the design; empty if its values are not compatible
+    judged : result of the objective
+    is_feasible : whether the design was judged completely and satisfies all limits
     seconds : computing time [s]
     """
 
@@ -116,26 +121,26 @@ class Tried:
 
 
 Objective = Callable[[SensorDesign, tuple[Limit, ...]], Judged]
-"""Function that judges a design; it may stop early, with the reason, once a limit can no longer be met."""
+"""Function that judges a design under given limits; it may stop early with a reason if a limit cannot be satisfied."""
 
 FanOut = Callable[[Objective, Sequence[SensorDesign], tuple[Limit, ...]], Iterable[tuple[int, Judged]]]
-"""Function that judges several designs and yields their positions and results, in any order."""
+"""Function that judges several designs; it yields the index and the result of each, in any order."""
 
 
 def one_by_one(
     objective: Objective, designs: Sequence[SensorDesign], limits: tuple[Limit, ...]
 ) -> Iterable[tuple[int, Judged]]:
-    """Judge designs in this process, one after the other."""
+    """Judge designs in this process one after another; yield the index and the result of each."""
     for number, design in enumerate(designs):
         yield number, objective(design, limits)
 
 
 def limits_of(space: SearchSpace, base: Judged) -> tuple[Limit, ...]:
-    """The space's constraints as numbers.
+    """Limits of a search as numbers, from the constraints of its space and the base design's figures.
 
     Raises
     ------
-    DesignError : a limit is a multiple of a figure that the base design lacks.
+    DesignError : a limit is a multiple of a figure that the base design does not have, or limits contradict each other.
     """
     return tuple(_limit(constraint.figure, constraint, base) for constraint in space.constraints)
 
@@ -167,28 +172,28 @@ Kind = Literal["fewest changes", "most robust", "most depth", "best accuracy"]
 Range = tuple[float, float]
 KINDS: tuple[Kind, ...] = ("fewest changes", "most robust", "most depth", "best accuracy")
 STEPS = {**dict.fromkeys(HEIGHTS, 0.1), CLEAR: 0.25, TARGET: 25.0}
-"""Step of each field that varies by default; for others it is a fiftieth of the range [unit of the field]."""
+"""Step of each field that varies by default [unit of the field]; for other fields it is a 50th of the range."""
 REACH = {**dict.fromkeys(HEIGHTS, 3.0), CLEAR: 4.0, TARGET: 200.0}
-"""Default range of a field around its value [unit of the field]."""
+"""Default range of a field on each side of its value [unit of the field]."""
 ALONG_REACH_MM, ALONG_STEP_MM = 2.0, 0.25
-"""Default range and step of pitch and shift of parts along a wall."""
+"""Default range and step of the pitch and shift of parts along a wall."""
 SAFE_MARGIN = 4.5
-"""Margin at search accuracy from which a design is assumed to have no deadband at score accuracy either [sigma]."""
+"""Margin [sigma] in a quick search from which a design is assumed to have no deadband in an accurate score either."""
 AMPLE_MARGIN = 2.0 * SAFE_MARGIN
-"""Margin above which a larger one is no benefit [sigma]."""
+"""Margin above which an even larger margin is no benefit [sigma]."""
 NEAR_BEST_MM = 0.5
-"""Difference below which usable depths count as equal [mm]."""
+"""Difference up to which two usable depths count as equal [mm]."""
 WORTH_MARGIN, WORTH_ACCURACY = 0.2, 0.05
-"""Least relative gains of margin and of accuracy that justify a change of a design without a deadband [-]."""
+"""Least relative improvements of margin and accuracy that justify a change of a design without a deadband [-]."""
 NEAR_SHARE = 0.08
-"""Share of a field's range within which designs count as similar [-]."""
+"""Share of a field's range up to which two values count as similar [-]."""
 ENOUGH_SHARE = 0.6
-"""Least share of the deepest usable depth that an alternative keeps [-]."""
+"""Least usable depth of the recommendations "fewest changes" and "most robust", relative to the deepest one [-]."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Pick:
-    """A recommended design: the reason, and the point of the space."""
+    """A recommended design and the reason for the recommendation."""
 
     kind: Kind
     tried: Tried
@@ -204,19 +209,19 @@ def improvement_space(
     seed: int,
     figures: Sequence[str],
 ) -> SearchSpace:
-    """The space around a design.
+    """Make the search space around a design.
 
     Parameters
     ----------
-    vary : additional fields to vary, with their range; None for the usual range
-    keep : fields to leave unchanged
+    vary : range (low, high) of additional fields to vary, by dotted path; None for the default range
+    keep : dotted paths of fields that must not change
     more_parts : whether layouts may have more parts per side
     figures : objectives, the most important first
 
     Raises
     ------
-    InputError : fields that cannot vary, or that are kept and varied at once; no field remains to vary.
-    DesignError : unknown fields of a design, or ranges that it refuses.
+    InputError : a field cannot vary or is both in `vary` and `keep`, or no field remains to vary.
+    DesignError : a field does not exist, or its range has values that are not valid.
     """
     fields = {field["path"]: field for field in _usual_fields(design, more_parts=more_parts)}
     both = sorted(set(vary) & set(keep))
@@ -287,7 +292,10 @@ def _field(design: SensorDesign, path: str, given: Range | None) -> dict[str, An
 
 
 def _step_within(path: str, value: float, low: float, high: float) -> float | None:
-    """The usual step of a field if the range and the base's value in it are whole numbers of steps."""
+    """Default step of a field in a given range.
+
+    None if the range and the base design's position in it are not whole numbers of steps, or if there is no default.
+    """
     if isinstance(value, int):
         return 1.0
     usual = ALONG_STEP_MM if path.endswith(ALONG) else STEPS.get(path)
@@ -298,7 +306,7 @@ def _step_within(path: str, value: float, low: float, high: float) -> float | No
 
 
 def changes_of(space: SearchSpace, parameters: Mapping[str, Value]) -> dict[str, Any]:
-    """Differences from the base design, by path."""
+    """Values of the fields that differ from the base design, by dotted path."""
     changed = space.changed(parameters).model_dump(mode="json")
     base = space.base.model_dump(mode="json")
     return {
@@ -309,7 +317,7 @@ def changes_of(space: SearchSpace, parameters: Mapping[str, Value]) -> dict[str,
 
 
 def worth(judged: Judged) -> tuple[bool, float, float, float]:
-    """Sort key of designs, larger for better ones: no deadband, a short one, the usable depth, the margin."""
+    """Sort key of a result, larger for better designs: no deadband, a short deadband, usable depth, margin."""
     return (
         is_possible(judged),
         -float(judged.figures.get("deadband_mm") or 0.0) if judged.figures else -math.inf,
@@ -321,12 +329,12 @@ def worth(judged: Judged) -> tuple[bool, float, float, float]:
 def picks(
     space: SearchSpace, base: Judged, tried: Sequence[Tried], accuracy: str, most_mm: float = math.inf
 ) -> list[Pick]:
-    """Recommended designs within the numerical error of their light, the best of each kind first.
+    """Recommended designs of each kind ("fewest changes", "most robust", ...), the best of each kind first.
 
     Parameters
     ----------
-    accuracy : figure of the most accurate design; only a figure of the pad gives such a pick
-    most_mm : the deepest credible usable depth [mm]
+    accuracy : figure that measures accuracy; "best accuracy" needs a figure of the whole pad (`BOUND_FIGURES`)
+    most_mm : largest plausible usable depth [mm]
     """
     possible = [one for one in tried if is_possible(one.judged) and changes_of(space, one.parameters)]
     if not possible:
@@ -350,7 +358,7 @@ def picks(
         "most depth": changed,
         "best accuracy": [one for one in fine if one in deep],
     }
-    if is_sound(base) and enough:  # nothing needs a fix: the second must beat the first pick
+    if is_sound(base) and enough:  # no need to fix: others must beat the first pick
         first = min(enough, key=orders["fewest changes"]).judged
         chosen["most robust"] = [one for one in enough if _is_stronger(one.judged, first)]
         chosen["best accuracy"] = [
@@ -360,21 +368,24 @@ def picks(
 
 
 def is_possible(judged: Judged) -> bool:
-    """Whether a design may have no deadband, by its light and the numerical error."""
+    """Whether a design has no deadband, or may have none given the numerical error of the light model."""
     return is_sound(judged) or judged.may_be
 
 
 def is_sound(judged: Judged, safe: float = SAFE_MARGIN) -> bool:
-    """Whether a design has no deadband, with a margin beyond the numerical error of light at search accuracy."""
+    """Whether a design has no deadband, with a margin of at least `safe` [sigma]."""
     return not judged.reason and judged.verdict == "CONTIGUOUS" and margin_of(judged) >= safe
 
 
 def betters(base: Judged, judged: Judged, accuracy: str, safe: float = SAFE_MARGIN) -> bool:
-    """Whether a design is better in depth, accuracy or a scarce margin, or may have no deadband if the base has one.
+    """Whether a design is enough of an improvement on the base design to be recommended.
+
+    If the base design has a deadband, a design without one is sufficient. Otherwise its usable depth must be larger, or
+    its accuracy or margin better at about the same depth.
 
     Parameters
     ----------
-    safe : margin from which a base has no deadband, by its light [sigma]
+    safe : margin from which the base design counts as free of deadbands [sigma]
     """
     if not is_sound(base, safe):
         return is_possible(judged)
@@ -387,12 +398,12 @@ def betters(base: Judged, judged: Judged, accuracy: str, safe: float = SAFE_MARG
 
 
 def _is_stronger(judged: Judged, other: Judged) -> bool:
-    """Whether the margin is sufficiently larger, up to the margin that is no further benefit."""
+    """Whether the margin, at most `AMPLE_MARGIN`, is larger by more than the share `WORTH_MARGIN`."""
     return min(margin_of(judged), AMPLE_MARGIN) > (1.0 + WORTH_MARGIN) * margin_of(other)
 
 
 def _is_finer(judged: Judged, other: Judged, accuracy: str) -> bool:
-    """Whether the accuracy is sufficiently better."""
+    """Whether the accuracy is better by more than the share `WORTH_ACCURACY`."""
     was = _accuracy(other, accuracy)
     if math.isinf(was):
         return math.isfinite(_accuracy(judged, accuracy))
@@ -411,17 +422,17 @@ def is_near(space: SearchSpace, one: Tried, other: Tried) -> bool:
 
 
 def margin_of(judged: Judged) -> float:
-    """Margin, 0 where it is not known [sigma]."""
+    """Margin of a result [sigma]; 0 if unknown."""
     return float(judged.figures.get("margin") or 0.0)
 
 
 def usable_of(judged: Judged) -> float:
-    """Usable depth, 0 where it is not known [mm]."""
+    """Usable depth of a result [mm]; 0 if unknown."""
     return float(judged.figures.get("usable_depth_mm") or 0.0)
 
 
 def _accuracy(judged: Judged, figure: str) -> float:
-    """Value of the accuracy figure, smaller for better designs."""
+    """Accuracy figure of a result with its sign such that smaller is better; infinite if unknown."""
     value = judged.figures.get(figure)
     if value is None:
         return float("inf")
@@ -429,7 +440,7 @@ def _accuracy(judged: Judged, figure: str) -> float:
 
 
 def cost_of(space: SearchSpace, one: Tried) -> tuple[int, float]:
-    """Number of changed fields, and sum of the changes as shares of their ranges."""
+    """Number of changed fields, and sum of the changes as shares of the fields' ranges."""
     changes, base = changes_of(space, one.parameters), space.base.model_dump(mode="json")
     changed = [field for field in space.fields if field.path in changes]
     size = 0.0

@@ -1,4 +1,8 @@
-"""Points of a search around a design: single changes, a lattice over heights and thickness, then around the best."""
+"""Starting points and refinements of a search around a base design.
+
+First single fields are changed, then a regular grid over part heights and layer thickness is judged, and later designs
+around the best ones.
+"""
 
 from __future__ import annotations
 
@@ -12,22 +16,22 @@ from design.search.space import ROUND_DIGITS, SearchSpace, SpaceField, Value
 from design.spec.cheap_fields import CLEAR, HEIGHTS
 
 FIRST_SHARES = (0.15, 0.3, 0.5, 0.8)
-"""First single changes of a search, as shares of the missing height of the parts."""
+"""Sizes of the first single changes, as shares of the height by which the emitters and receivers are too low."""
 WIDE_SHARES = (0.5, 1.0)
-"""First single changes where no height is missing, so that there is no least change, as shares of `WIDE_MM`."""
+"""Sizes of the first single changes if no height is missing, as shares of `WIDE_MM`."""
 WIDE_MM = 1.0
 LEAST_SPREAD, TOP_MM = 3, 1.0
-"""Least number of values per field in a lattice over the ranges; distance of its heights below the top [mm]."""
+"""Least number of values per field in a grid, and least distance of its part heights below the pad's top [mm]."""
 MOVES = (4.0, 2.0, 2.0, 1.0)
-"""Changes around the best design in each round [steps of a field]."""
+"""Size of the changes around the best design in each round [steps of a field]."""
 MOST_A_ROUND = 10
 """Largest number of designs in a round."""
 PROMISE = 3.0
-"""Usable depth equivalent to a millimetre of deadband where a search looks for depth [mm/mm]."""
+"""Usable depth that outweighs one millimetre of deadband in the choice of the most promising deep design [mm/mm]."""
 
 
 def start_of(space: SearchSpace) -> dict[str, Value]:
-    """The base design as a point; a range that excludes the base has the value nearest to it."""
+    """Values of the base design by dotted path; a value outside its range is replaced by the nearest permitted one."""
     found, document = dict[str, Value](), space.base.model_dump(mode="json")
     for field in space.fields:
         value = space.base_value(field)
@@ -42,13 +46,14 @@ def start_of(space: SearchSpace) -> dict[str, Value]:
 def first_points(
     space: SearchSpace, *, sides: Mapping[str, int], short_mm: float | None
 ) -> list[dict[str, Value]]:
-    """First points of a search: one change at a time, small ones first, and both heights together.
+    """First points of a search: changes of one field at a time or of both part heights together, small changes first.
 
     Parameters
     ----------
-    sides : 1 for fields that should be higher, -1 for lower, the most promising first; other part heights and the
-        thickness change both ways
-    short_mm : missing height [mm]; steps are shares of it; None if none is missing
+    sides : direction of change by dotted path, 1 to increase and -1 to decrease, the most promising field first; other
+        part heights and the layer thickness change in both directions
+    short_mm : height by which emitters and receivers are too low, which sets the size of changes [mm]; None if they are
+        high enough
     """
     base = start_of(space)
     order = [*sides, *(path for path in (*HEIGHTS, CLEAR) if path not in sides)]
@@ -78,11 +83,11 @@ def first_points(
 
 
 def spread_points(space: SearchSpace, most: int) -> list[dict[str, Value]]:
-    """A lattice over part heights and thickness alone: the deepest designs are often far from the base.
+    """Points of a regular grid over part heights and layer thickness; other fields have the values of the base design.
 
     Parameters
     ----------
-    most : largest number of points; there are none if it leaves fewer than three values of a field
+    most : largest number of points; the result is empty if it permits fewer than three values per field
     """
     base = start_of(space)
     thickness = next((field for field in space.fields if field.path == CLEAR and field.low is not None), None)
@@ -105,7 +110,7 @@ def spread_points(space: SearchSpace, most: int) -> list[dict[str, Value]]:
 
 
 def _at(space: SearchSpace, field: SpaceField, share: float, highest: float) -> Value:
-    """The field's value nearest to a share of its range, up to a limit."""
+    """The permitted value of a field nearest to a share of its range, which ends at `highest` if that is lower."""
     assert field.low is not None
     assert field.high is not None
     at = field.low + share * (max(min(field.high, highest), field.low) - field.low)
@@ -113,7 +118,7 @@ def _at(space: SearchSpace, field: SpaceField, share: float, highest: float) -> 
 
 
 def _moved(space: SearchSpace, field: SpaceField, base: dict[str, Value], by: float) -> Value:
-    """The field's value nearest to its base's plus `by`, at least one step away."""
+    """The permitted value of a field nearest to its value in `base` plus `by`, at least a step away."""
     start = float(base[field.path])
     assert field.low is not None
     assert field.high is not None
@@ -125,12 +130,14 @@ def _moved(space: SearchSpace, field: SpaceField, base: dict[str, Value], by: fl
 def refinements(
     space: SearchSpace, tried: Sequence[Tried], number: int, *, starts: int = 1
 ) -> list[dict[str, Value]]:
-    """Points around the best designs: each change of a design reverted on its own, then increased and decreased.
+    """New points around the best designs: single changes reverted, or values increased and decreased.
 
     Parameters
     ----------
-    number : number of the round; moves shrink from round to round (`MOVES`), and end
-    starts : 1 for the best design; 2 for it and the deepest design that has only a short deadband
+    tried : designs judged so far
+    number : number of the round, from 0; it selects the size of the changes from `MOVES`, after which the result is
+        empty
+    starts : 1 for points around the best design; 2 to add points around the deepest design with only a short deadband
     """
     if number >= len(MOVES) or not tried:
         return []
@@ -149,7 +156,10 @@ def _promise(one: Tried) -> tuple[float, int]:
 
 
 def _around(space: SearchSpace, here: dict[str, Value], steps: float) -> list[dict[str, Value]]:
-    """Points around one: its changes reverted, then heights, thickness and changed fields moved by so many steps."""
+    """Points around one point: each of its changes reverted, then values moved up and down by a number of steps.
+
+    The moved fields are part heights, layer thickness, and all fields that differ from the base design.
+    """
     base = start_of(space)
     points = [here | {path: base[path]} for path in here if here[path] != base[path]]
     heights = [field for field in space.fields if field.path in HEIGHTS]
@@ -169,7 +179,7 @@ def _around(space: SearchSpace, here: dict[str, Value], steps: float) -> list[di
 
 
 def _step(field: SpaceField) -> float:
-    """Step of a field that varies [its unit]."""
+    """Step of a field with a range, in its unit; a 50th of the range if it has none."""
     assert field.low is not None
     assert field.high is not None
     return field.step or (field.high - field.low) / 50.0

@@ -1,4 +1,4 @@
-"""The search space: the fields of a base design that vary, the objectives and constraints, and the sampler.
+"""The search space: fields of a base design that vary, objectives, constraints, and settings of the sampler.
 
 A file is TOML:
 
@@ -22,8 +22,9 @@ A file is TOML:
     figure = "strength"
     at_least_base = 1.0                   # times the base design's
 
-`digest` identifies the space: base, fields, objectives, constraints and accuracy. Two searches may share a study if
-it is equal; sampler, seed and number of trials may differ.
+A point of the space has one value for each field. Choices are represented by their labels, which are JSON texts. The
+digest identifies base, fields, objectives, constraints and accuracy. Searches with equal digests may use the same
+study; sampler, seed and number of trials may differ.
 """
 
 from __future__ import annotations
@@ -51,10 +52,10 @@ from design.spec.layout import AlternatingRing, AtAngles, DiscRing, FacingRows, 
 Sampler = Literal["tpe", "nsga2", "gp", "grid", "qmc", "random"]
 Value = bool | int | float | str
 ROUND_DIGITS = 9
-"""Decimals of a sampled value: steps of 0.1 stay 0.1."""
+"""Number of decimals to which a sampled value is rounded, so that steps of 0.1 give exact decimals."""
 
 SPACES = ("pair-heights", "pad-layout")
-"""Packaged search spaces."""
+"""Names of the packaged search spaces."""
 
 _PATTERNS = {
     "alternating_ring": tuple(AlternatingRing.model_fields),
@@ -105,12 +106,12 @@ class SpaceField(Model):
 
     @property
     def labels(self) -> tuple[str, ...]:
-        """Names of the choices in a study."""
+        """Label of each choice, its JSON text; empty for a range."""
         return tuple(canonical_json(choice) for choice in self.choices or ())
 
 
 class SpaceObjective(Model):
-    """One figure to improve."""
+    """A figure of merit to improve."""
 
     figure: str
     direction: Annotated[Direction | None, Field(description="default: the direction that is better")] = None
@@ -122,12 +123,12 @@ class SpaceObjective(Model):
 
     @property
     def sense(self) -> Direction:
-        """Direction of improvement."""
+        """Direction of improvement: the given one, or else the default of the figure."""
         return self.direction or FIGURES[self.figure].better
 
 
 class SpaceConstraint(Model):
-    """Limit of one figure: a number, a multiple of the base design's figure, or a verdict."""
+    """Limit of one figure: numbers, multiples of the base design's figure, or a required verdict."""
 
     figure: str
     equals: Annotated[Literal["CONTIGUOUS", "DEADBAND"] | None, Field(description="for `verdict` only")] = (
@@ -153,7 +154,7 @@ class SpaceConstraint(Model):
 
 
 class SearchSettings(Model):
-    """Settings of the sampler; none of them changes the objectives."""
+    """Settings of the sampler, which do not change the objectives."""
 
     sampler: Sampler = "tpe"
     trials: Annotated[int, Field(ge=1, le=1_000_000, description="designs to judge")] = 200
@@ -164,7 +165,7 @@ class SearchSettings(Model):
 
 
 class SearchSpace(Model):
-    """A complete search, its base design included."""
+    """A complete search space, including its base design."""
 
     name: FileName
     description: str = ""
@@ -204,7 +205,7 @@ class SearchSpace(Model):
         return self
 
     def _require_usable(self, field: SpaceField) -> None:
-        """Refuse ranges and choices with values that the design's field does not accept."""
+        """Raise ValueError if a field does not exist, or if its range or choices have values that are not valid."""
         document = self.base.model_dump(mode="json")
         _require_path(document, field.path)
         values = (
@@ -219,7 +220,7 @@ class SearchSpace(Model):
                 raise ValueError(f"{field.path}: {_shown(value)}: {_last_line(err)}") from None
 
     def is_whole(self, field: SpaceField) -> bool:
-        """Whether a range is one of whole numbers: its ends are, and the design's field accepts no others."""
+        """Whether a range has integers only: its ends and step are integers, and the design accepts no others."""
         numbers = [value for value in (field.low, field.high, field.step) if value is not None]
         if field.choices is not None or any(value != round(value) for value in numbers):
             return False
@@ -235,7 +236,7 @@ class SearchSpace(Model):
         return round(value) if self.is_whole(field) else value
 
     def values_of(self, field: SpaceField) -> list[Value] | None:
-        """All values of a field in order, choices by their labels; None for a range without steps."""
+        """All values of a field in order, choices as labels; None for a range without steps."""
         if field.choices is not None:
             return list(field.labels)
         assert field.low is not None
@@ -247,11 +248,15 @@ class SearchSpace(Model):
         return [self._typed(field, round(field.low + number * step, ROUND_DIGITS)) for number in range(count)]
 
     def changed(self, parameters: Mapping[str, Value]) -> SensorDesign:
-        """The base design with the values of a point, by dotted path; choices by their labels.
+        """The base design with the values of a point.
+
+        Parameters
+        ----------
+        parameters : value of each field by dotted path; choices as labels
 
         Raises
         ------
-        DesignError : values that are not compatible (the schema refuses them).
+        DesignError : the values are not compatible with each other.
         """
         changes: dict[str, Any] = {}
         for field in self.fields:
@@ -263,16 +268,16 @@ class SearchSpace(Model):
         return self.base.with_(**dict(sorted(changes.items(), key=lambda item: item[0].count("."))))
 
     def design_at(self, parameters: Mapping[str, Value]) -> SensorDesign:
-        """The changed design, named after the search.
+        """The base design with the values of a point, named after the search.
 
         Raises
         ------
-        DesignError : see `changed`.
+        DesignError : the values are not compatible with each other.
         """
         return self.changed(parameters).with_(name=self.name, description=f"found by the search {self.name}")
 
     def base_parameters(self) -> dict[str, Value] | None:
-        """The base design as a point of the space, or None if it is outside."""
+        """The base design as a point of the space; None if it is outside the space."""
         found = dict[str, Value]()
         for field in self.fields:
             value = self.base_value(field)
@@ -282,7 +287,7 @@ class SearchSpace(Model):
         return found
 
     def base_value(self, field: SpaceField) -> Value | None:
-        """The base design's value of a field, as a label for choices; None if the field does not accept it."""
+        """The base design's value of a field, as a label for choices; None if the field does not permit it."""
         if field.choices is not None:
             same = (label for label in field.labels if _is_same(self.base, field.path, json.loads(label)))
             return next(same, None)
@@ -291,19 +296,19 @@ class SearchSpace(Model):
 
     @cached_property
     def digest(self) -> str:
-        """SHA-256 of the space without the sampler's settings, as 64 hexadecimal digits."""
+        """SHA-256 of the space without name, description and the sampler's settings, as 64 hexadecimal digits."""
         document = self.model_dump(mode="json", exclude={"name", "description", "search", "base"})
         return hashlib.sha256(canonical_json(document | {"base": self.base.digest}).encode()).hexdigest()
 
 
 def load_space(path: str | Path) -> SearchSpace:
-    """Read and validate a search-space file, or a packaged space by its name.
+    """Load a search space from a file, or a packaged one by its name.
 
-    `base` is a preset or a design file next to the space.
+    In the file `base` names a preset, or a design file in the same folder.
 
     Raises
     ------
-    DesignError : every refused field with its value, limit and the way out.
+    DesignError : the file is missing or has invalid fields; the message lists them with a remedy.
     """
     file = packaged_or_own(
         path, "design.search.spaces", SPACES, kind="search space", listed_as="packaged spaces"
@@ -318,11 +323,15 @@ def load_space(path: str | Path) -> SearchSpace:
 
 
 def space_from(document: dict[str, Any], *, where: str) -> SearchSpace:
-    """Validate nested plain data whose base is a complete design.
+    """Make a search space from nested plain data, in which `base` is a complete design.
+
+    Parameters
+    ----------
+    where : origin of the data, for messages
 
     Raises
     ------
-    DesignError : see `load_space`.
+    DesignError : invalid fields; the message lists each with its limit and a remedy.
     """
     try:
         return SearchSpace.model_validate_json(json.dumps(document, default=str))
@@ -338,7 +347,7 @@ def _base(name: str, file: Path) -> SensorDesign:
     beside = file.parent / name
     try:
         is_file = beside.is_file()
-    except OSError as err:  # too long, or in a folder that may not be read
+    except OSError as err:  # name too long, or folder without access
         raise DesignError(f"{file}: base: {shown(name)}: {err.strerror}; correct the name") from None
     if name in PRESETS and not is_file:
         return preset(name)
@@ -357,7 +366,7 @@ def _require_figure(name: str, known: tuple[str, ...]) -> None:
 
 
 def _require_path(document: dict[str, Any], path: str) -> None:
-    """Refuse a path that no design has, or that must not vary, with the nearest names."""
+    """Raise ValueError for a dotted path that does not exist in a design or that must not vary."""
     top = path.split(".", 1)[0]
     if top in _FIXED and top != "part_measurements":
         raise ValueError(f"{path}: cannot vary; vary fields of parts, layers, materials or the layout")
@@ -384,7 +393,7 @@ def _require_no_overlap(paths: list[str]) -> None:
 
 
 def _require_consistent(constraints: tuple[SpaceConstraint, ...]) -> None:
-    """Refuse limits on one figure that no value meets; for multiples of the base, at any value of the base."""
+    """Raise ValueError if limits of one figure contradict each other, so that no design can satisfy them."""
     for figure in {constraint.figure for constraint in constraints}:
         said = [constraint for constraint in constraints if constraint.figure == figure]
         if len({one.equals for one in said}) > 1:
@@ -417,7 +426,7 @@ def _is_in(field: SpaceField, value: Any) -> bool:
 
 
 def _is_same(base: SensorDesign, path: str, choice: Any) -> bool:
-    """Whether a choice leaves the base design unchanged."""
+    """Whether a choice for a field leaves the base design unchanged."""
     return base.with_(**{path: choice}).digest == base.digest
 
 

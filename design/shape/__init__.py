@@ -1,4 +1,4 @@
-"""The shape of a pad: its outline and top, the parts around it, and the pairs across it.
+"""The shape of a pad: its outline and top, the optical parts around it, and the emitter-receiver pairs.
 
-`outline` and `top` do not depend on designs. Imports of ours: spec and below.
+The modules `outline` and `top` do not depend on designs. The package imports only `design.spec` and packages below it.
 """

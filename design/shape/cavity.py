@@ -1,8 +1,8 @@
 """The geometry of the cavity, which the printed mold and the light model share.
 
-In the cavity frame x and y run from 0 at one cavity corner to the inner length and width; z = 0 is the bottom of
-the clear layer, and z = clear thickness is the undisturbed top. A part is behind its wall: its
-active face is flush with the inner face of the wall, and its body extends outward.
+In the cavity frame x and y run from 0 at one corner of the cavity's bounding box to the inner length and width. The
+plane z = 0 is the bottom of the clear layer, and z = clear thickness is the undisturbed top. An optical part (emitter
+or receiver) is behind its wall: its active face is flush with the inner face of the wall, and its body extends outward.
 
       z ^   rim            ......
         |  |      |        clear thickness (undisturbed top)
@@ -11,14 +11,15 @@ active face is flush with the inner face of the wall, and its body extends outwa
         |  | black |       -black thickness
         |  | floor |       -black thickness - floor
 
-A plan has the outline of a design with the facets of its parts, and its top with the crown.
+A `Plan` combines the outline of the pad seen from above and its top. In a round wall each part has a flat facet.
 
-The module also selects and orders the emitter-receiver pairs that are judged, and the location of their presses.
+The module also selects the emitter-receiver pairs whose response is judged, and the location of the press for each.
 
-A pair has a direct path when its parts sit in different walls. The press of a pair is at its chord's midpoint, clamped
-to the workspace. The pair is judged if the tip is over the chord there. Pairs of one wall, and pairs across a corner
-that no press comes between, are reported and not judged. In facing rows (all emitters in one wall, all receivers in the
-opposite one) the judged pairs are the facing ones, the middle one first.
+The chord of a pair is the straight line between its parts, seen from above. A pair has a direct path if its parts are
+in different walls. The press for a pair is at the midpoint of its chord, or at the nearest location in the workspace.
+The pair is judged if the tip is then over the chord. Other pairs are reported but not judged: those with both parts in
+one wall, and those across a corner that no press can reach. In facing rows all emitters are in one wall and all
+receivers in the opposite one. There the judged pairs are those that face each other, the middle one first.
 """
 
 from __future__ import annotations
@@ -40,21 +41,24 @@ from design.spec.layout import OPPOSITE, Kind, Placement, angle_name, expand
 from design.spec.properties import part_of
 
 NODES = 32
-"""Nodes of Gauss' rule along each wall, and from the middle to it."""
+"""Number of nodes of Gauss' rule along each wall, and from the middle to the wall."""
 TURN_RAD = 2.0 * math.pi / 96
-"""Turn of a round wall between two corners: the arc exceeds their chord by 5e-4 of its radius."""
+"""Angle between two corners of the polygon that represents a round wall.
+
+The arc exceeds the polygon's side by 5e-4 of its radius.
+"""
 PIECES = 16
-"""Number of pieces in a drawn straight wall under a curved edge."""
+"""Number of pieces of a straight wall in drawings where its upper edge is curved."""
 
 
 def facet(arc: Arc, angle_deg: float, half_width_mm: float) -> Line:
-    """A flat facet cut into a round wall; along is 0 at its low end and grows with the angle.
+    """A flat facet in a round wall; its coordinate `along` is 0 at its clockwise end and increases counter-clockwise.
 
     Parameters
     ----------
     arc : the round wall
-    angle_deg : direction from its centre, 0 along x, 90 along y
-    half_width_mm : half width of the facet, below the radius
+    angle_deg : direction from the arc's centre, 0 along x, 90 along y
+    half_width_mm : half width of the facet, less than the arc's radius
     """
     cosine, sine = _unit(angle_deg)
     outward, tangent = (cosine, sine), (-sine, cosine)
@@ -72,7 +76,7 @@ def facet(arc: Arc, angle_deg: float, half_width_mm: float) -> Line:
 
 
 def _unit(angle_deg: float) -> Point:
-    """Cosine and sine, exact at quarter turns."""
+    """Cosine and sine of an angle, exact at multiples of 90 degrees."""
     turns, rest = divmod(angle_deg % 360.0, 90.0)
     cosine, sine = math.cos(math.radians(rest)), math.sin(math.radians(rest))
     for _ in range(int(turns)):
@@ -82,11 +86,11 @@ def _unit(angle_deg: float) -> Point:
 
 @dataclass(frozen=True, kw_only=True)
 class Plan:
-    """Outline and top of a pad.
+    """Outline of a pad seen from above, and its top.
 
     Attributes
     ----------
-    outline : outline in plan, with the facets of a disc's parts
+    outline : outline in the cavity frame, with a flat facet for each part in a round wall
     top : top without contact
     """
 
@@ -95,17 +99,17 @@ class Plan:
 
     @property
     def is_block(self) -> bool:
-        """Whether top and walls are flat and at right angles; then mirror images give exact light."""
+        """Whether the pad is a rectangular block, so that mirrored images of the parts give exact light paths."""
         return self.top.is_flat and self.outline.kind == "rectangle"
 
     @property
     def has_origin_corner(self) -> bool:
-        """Whether the origin of x and y is a corner of the pad, and not of the box around it."""
+        """Whether the origin of x and y is a corner of the pad, and not only of its bounding box."""
         return self.contains(0.0, 0.0)
 
     @property
     def walls(self) -> tuple[Line, ...]:
-        """The flat walls."""
+        """The flat walls, including the facets in round walls."""
         return self.outline.lines
 
     @property
@@ -125,12 +129,12 @@ class Plan:
 
     @property
     def centre_mm(self) -> Point:
-        """Middle of the pad, under the highest point (x, y)."""
+        """Middle of the pad (x, y) in the cavity frame, under the highest point [mm]."""
         return self.outline.centre_mm
 
     @property
     def radius_mm(self) -> float:
-        """Distance of its farthest point from the middle; of a disc its radius [mm]."""
+        """Distance of the pad's farthest point from its middle [mm]; the radius of a disc."""
         if self.has_origin_corner:
             return math.hypot(self.length_mm, self.width_mm) / 2
         return max(self.length_mm, self.width_mm) / 2
@@ -141,12 +145,12 @@ class Plan:
 
     @property
     def area_mm2(self) -> float:
-        """Area in plan."""
+        """Area seen from above [mm2]."""
         return self.outline.area_mm2
 
     @property
     def rim_mm(self) -> tuple[float, float]:
-        """Lowest and highest point of the edge between the untouched top and the walls [mm]."""
+        """Lowest and highest height of the edge between the untouched top and the walls [mm]."""
         (x, y), (x0, y0, x1, y1) = self.centre_mm, self.outline.box_mm
         places = [end for line in self.walls for end in line.ends]
         places += [line.point(line.along_and_outward_mm(x, y)[0]) for line in self.walls]
@@ -160,12 +164,12 @@ class Plan:
         return float(self.top.height_mm(x_mm, y_mm))
 
     def normal(self, x_mm: float, y_mm: float) -> tuple[float, float, float]:
-        """Unit vector out of the untouched top: a press moves against it."""
+        """Unit normal (x, y, z) of the untouched top, pointing out of the pad; a press moves against it."""
         nx, ny, nz = self.top.normal(x_mm, y_mm).tolist()
         return nx, ny, nz
 
     def contains(self, x_mm: float, y_mm: float) -> bool:
-        """Whether a location is in the pad, its border included."""
+        """Whether a location is in the pad or on its border."""
         return bool(self.outline.contains(x_mm, y_mm))
 
     @property
@@ -176,7 +180,7 @@ class Plan:
 
 
 def plan_of(design: SensorDesign, facets: Sequence[Line] = ()) -> Plan:
-    """The plan of a design; `facets` of a disc belong to its placed parts."""
+    """Outline and top of a design's pad; `facets` are the flat facets of its parts in round walls."""
     size, crown = design.cavity, design.crown
     box = (0.0, 0.0, size.length_mm, size.width_mm)
     outline = outline_in(size.outline, box, facets)
@@ -192,14 +196,14 @@ def plan_of(design: SensorDesign, facets: Sequence[Line] = ()) -> Plan:
 
 
 def outline_mm(plan: Plan) -> FloatArray:
-    """(n, 2) corners of a pad in plan, counter-clockwise [mm]."""
+    """Corners (n, 2) of a polygon along a pad's outline, counter-clockwise [mm]; arcs are represented by chords."""
     return plan.outline.points(TURN_RAD)
 
 
 def edge_mm(plan: Plan) -> FloatArray:
-    """(n, 3) edge of the untouched top: corners in plan, more of them under a crown, and their height [mm].
+    """Edge of the untouched top as a polygon (n, 3), counter-clockwise: x, y, z in the cavity frame [mm].
 
-    Heights are NaN where a crown is too tight for its pad.
+    Heights are NaN where the crown's radius is too small for the pad.
     """
     corners = plan.outline.points(TURN_RAD, 1 if plan.top.is_flat else PIECES)
     return np.column_stack([corners, plan.top.height_mm(*corners.T)])
@@ -211,13 +215,17 @@ class PlacedPart:
 
     Attributes
     ----------
-    name, kind : E1 ..., emitter or receiver
-    line : its flat wall; on a disc its own facet
-    along_mm, height_mm : centre of the active area along the wall and above the clear layer's bottom
-    part_id, part : catalogue identifier and entry (measured values applied)
-    clear_mm : height of the untouched top at the lower side of its active area, for parts that protrude
-    origin, height_field : dotted paths of the layout entry that placed it and of the field of its height
-    angle_deg : direction of its own facet in a round wall; None in a straight wall, which parts share
+    name : name of the part, such as E1
+    kind : `emitter` or `receiver`
+    line : its flat wall, or its own facet in a round wall
+    along_mm : position of the active area's centre along the wall
+    height_mm : height of the active area's centre above the clear layer's bottom
+    part_id : identifier in the catalogue
+    part : entry of the catalogue, with the design's measured values
+    clear_mm : height of the untouched top over the part, the lower of its values at both ends of the active area
+    origin : dotted path of the layout entry that placed the part
+    height_field : dotted path of the field that sets its height
+    angle_deg : direction of its facet in a round wall; None in a straight wall
     """
 
     name: str
@@ -234,12 +242,12 @@ class PlacedPart:
 
     @property
     def wall(self) -> str:
-        """Name of its wall: south, east, north, west; on a disc its direction, as `45-degree`."""
+        """Name of the wall: south, east, north or west, or the direction of a facet, such as `45-degree`."""
         return self.line.name
 
     @property
     def half_width_mm(self) -> float:
-        """Half of the active area along the wall [mm]."""
+        """Half of the active area's width along the wall [mm]."""
         return self.part.active_width_mm.value / 2
 
     @property
@@ -256,12 +264,12 @@ class PlacedPart:
 
     @property
     def body_base_mm(self) -> float:
-        """Height of the body's base above the clear layer's bottom; may be negative [mm]."""
+        """Height of the lower end of the part's body above the clear layer's bottom [mm]; may be negative."""
         return self.height_mm - self.part.active_height_in_body_mm.value
 
     @property
     def body_top_mm(self) -> float:
-        """Height of the body's top above the clear layer's bottom [mm]."""
+        """Height of the upper end of the part's body above the clear layer's bottom [mm]."""
         return self.body_base_mm + self.part.body_height_mm.value
 
     @property
@@ -272,15 +280,15 @@ class PlacedPart:
 
 @dataclass(frozen=True, kw_only=True)
 class CavityGeometry:
-    """Inner block, placed parts and workspace.
+    """Geometry of a design's cavity: pad, optical parts and workspace.
 
     Attributes
     ----------
-    plan : outline and top
+    plan : outline and top of the pad
     black_mm : thickness of the black layer
-    emitters, receivers : placed parts in the order of signals, states and pins
-    workspace : permitted press centres
-    tip_radius_mm : radius of the indenter, which decides the pairs that a press can come between
+    emitters, receivers : placed parts in the order of the arrays and pins
+    workspace : area of the permitted press locations
+    tip_radius_mm : radius of the indenter; a pair is judged if its press is within this distance of its chord
     """
 
     plan: Plan
@@ -324,11 +332,11 @@ class CavityGeometry:
 
 
 def cavity_of(design: SensorDesign) -> CavityGeometry:
-    """Lay out a design.
+    """Compute the cavity of a design and the positions of its optical parts.
 
     Raises
     ------
-    DesignError : a part that the catalogue does not have, or has as the other kind.
+    DesignError : a part is not in the catalogue, or is there as the other kind (emitter or receiver).
     """
     size = design.cavity
     bare = plan_of(design)
@@ -344,22 +352,25 @@ def cavity_of(design: SensorDesign) -> CavityGeometry:
 
 
 def workspace_of(design: SensorDesign) -> Outline:
-    """Outline of press centres with the required margin from tip to wall; empty in a pad that is too small."""
+    """Area of the permitted press locations, with the required margin from tip to wall; empty in a small pad."""
     size, inset = design.cavity, design.indenter.tip_radius_mm + design.operating.workspace_margin_mm
     return outline_in(size.outline, (inset, inset, size.length_mm - inset, size.width_mm - inset))
 
 
 def part_field(place: Placement) -> str:
-    """Dotted path of the field that names a placement's part: its own pattern, or its kind's section."""
+    """Dotted path of the field that names the catalogue part of a layout position.
+
+    It is a field of the layout entry, or else of the section `emitters` or `receivers`.
+    """
     return f"{place.origin}.part" if place.part is not None else f"{place.kind}s.part"
 
 
 def part_half_width_mm(design: SensorDesign, place: Placement) -> tuple[float, str]:
-    """Half width of a placement's socket along its wall, or of its disc's facet [mm], and the part's identifier.
+    """Half width of a part's socket along its wall, or of its facet in a round wall [mm], and the part's identifier.
 
     Raises
     ------
-    DesignError : a part that the catalogue does not have, or has as the other kind.
+    DesignError : a part is not in the catalogue, or is there as the other kind (emitter or receiver).
     """
     section = design.emitters if place.kind == "emitter" else design.receivers
     part_id = place.part or section.part
@@ -395,28 +406,28 @@ def _placed(design: SensorDesign, place: Placement, bare: Plan) -> PlacedPart:
 
 
 def _top_over_mm(bare: Plan, line: Line, along_mm: float, half_width_mm: float) -> float:
-    """Height of the untouched top at the lower side of an active area [mm]."""
+    """Height of the untouched top over an active area, the lower of the values at both ends [mm]."""
     return min(bare.top_mm(*line.point(along_mm + side)) for side in (-half_width_mm, half_width_mm))
 
 
 FACING_TOLERANCE_MM = 1e-6
-"""Two parts face each other when their positions along the wall agree; those of patterns agree exactly."""
+"""Largest difference between the positions of two parts along their walls with which they face each other."""
 
 
 def direct_path_pairs(cavity: CavityGeometry) -> BoolArray:
-    """(emitter, receiver) pairs whose parts sit in different walls."""
+    """Whether the parts of each pair are in different walls, (emitter, receiver)."""
     return np.array(
         [[e.wall != r.wall for r in cavity.receivers] for e in cavity.emitters], dtype=np.bool_
     ).reshape(len(cavity.emitters), len(cavity.receivers))
 
 
 def is_facing_rows(cavity: CavityGeometry) -> bool:
-    """Whether emitters and receivers sit in opposite walls and at least one of each face each other."""
+    """Whether all emitters are in one wall and all receivers in the opposite one, with at least one facing pair."""
     return bool(facing_pairs(cavity))
 
 
 def _sit_opposite(cavity: CavityGeometry) -> bool:
-    """Whether all emitters sit in one wall and all receivers in the opposite one."""
+    """Whether all emitters are in one wall and all receivers in the opposite one."""
     emitter_walls = {part.wall for part in cavity.emitters}
     receiver_walls = {part.wall for part in cavity.receivers}
     opposite = {wall: other for wall, other in OPPOSITE.items() if emitter_walls == {wall}}
@@ -424,7 +435,7 @@ def _sit_opposite(cavity: CavityGeometry) -> bool:
 
 
 def facing_pairs(cavity: CavityGeometry) -> tuple[tuple[int, int], ...]:
-    """(emitter, receiver) numbers at the same position along facing rows, the middle pair first."""
+    """Facing pairs as (emitter, receiver) indices, the middle pair first; empty if not in two opposite rows."""
     if not _sit_opposite(cavity):
         return ()
     pairs = [
@@ -438,9 +449,11 @@ def facing_pairs(cavity: CavityGeometry) -> tuple[tuple[int, int], ...]:
 
 
 def judged_pairs(cavity: CavityGeometry) -> tuple[tuple[int, int], ...]:
-    """(emitter, receiver) numbers of pairs that are judged one by one and set the gain; facing pairs in facing rows.
+    """Pairs that are judged one by one and determine the gain, as (emitter, receiver) indices.
 
-    On other pads these are the pairs whose straight path is within a tip radius of their press, else all direct pairs.
+    In facing rows these are the pairs that face each other. On other pads these are the pairs with parts in different
+    walls whose straight path passes below the tip at their press. If there is none, all pairs with parts in different
+    walls are judged.
     """
     facing = facing_pairs(cavity)
     if facing:
@@ -450,14 +463,17 @@ def judged_pairs(cavity: CavityGeometry) -> tuple[tuple[int, int], ...]:
 
 
 def _comes_between(cavity: CavityGeometry, pair: tuple[int, int]) -> bool:
-    """Whether the tip is over a pair's chord at the pair's press."""
+    """Whether the tip is over a pair's chord (the straight line between its parts) in the press for this pair."""
     return beside_chord(cavity, pair, chord_midpoint_mm(cavity, pair))[0] <= cavity.tip_radius_mm
 
 
 def beside_chord(
     cavity: CavityGeometry, pair: tuple[int, int], place_mm: tuple[float, float]
 ) -> tuple[float, float]:
-    """Distance of a location from a pair's chord [mm], and the nearest point on it, from 0 (emitter) to 1 [-]."""
+    """Distance of a location from a pair's chord [mm], and the nearest point's position on the chord.
+
+    The chord is the straight line between the parts. The position is 0 at the emitter and 1 at the receiver.
+    """
     ends = (cavity.emitters[pair[0]], cavity.receivers[pair[1]])
     start, end = (np.array(part.position_mm[:2]) for part in ends)
     along, to_place = end - start, np.array(place_mm) - start
@@ -466,12 +482,12 @@ def beside_chord(
 
 
 def pair_name(cavity: CavityGeometry, pair: tuple[int, int]) -> str:
-    """A pair's name, as E1-R3."""
+    """Name of a pair, such as E1-R3."""
     return f"{cavity.emitters[pair[0]].name}-{cavity.receivers[pair[1]].name}"
 
 
 def mask_of(pairs: tuple[tuple[int, int], ...], cavity: CavityGeometry) -> BoolArray:
-    """(emitter, receiver) mask of a list of pairs."""
+    """Mask (emitter, receiver) that is true for the given pairs."""
     mask = np.zeros((len(cavity.emitters), len(cavity.receivers)), dtype=np.bool_)
     for i, j in pairs:
         mask[i, j] = True
@@ -479,7 +495,7 @@ def mask_of(pairs: tuple[tuple[int, int], ...], cavity: CavityGeometry) -> BoolA
 
 
 def chord_midpoint_mm(cavity: CavityGeometry, pair: tuple[int, int]) -> tuple[float, float]:
-    """Midpoint of a pair's chord, clamped to the workspace (x, y) [mm]."""
+    """Location x, y of a pair's press [mm]: the midpoint between its parts, clamped to the workspace."""
     ex, ey, _ = cavity.emitters[pair[0]].position_mm
     rx, ry, _ = cavity.receivers[pair[1]].position_mm
     return cavity.workspace.clamped((ex + rx) / 2, (ey + ry) / 2)

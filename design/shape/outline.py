@@ -1,4 +1,4 @@
-r"""A pad in plan: a closed, convex loop of flat walls and arcs, counter-clockwise.
+r"""Outline of a pad seen from above: a closed, convex loop of flat walls and arcs, counter-clockwise.
 
     rectangle   four lines
     disc        arcs, and a flat facet for the face of each part: a chord as wide as its socket
@@ -13,7 +13,8 @@ r"""A pad in plan: a closed, convex loop of flat walls and arcs, counter-clockwi
            '-._______.-'                        '-.__________________.-'    x and y run from 0 to the inner sizes
                                                            south
 
-A location is inside if it is behind every line, and within the radius of every arc whose sector contains it.
+Walls are named by the compass: south at low y, north at high y, west at low x, east at high x. A location is inside if
+it is on the inner side of every line, and within the radius of every arc whose sector contains it.
 """
 
 from __future__ import annotations
@@ -31,22 +32,23 @@ from design.arrays import BoolArray, FloatArray
 
 Point = tuple[float, float]
 Box = tuple[float, float, float, float]
-"""x0, y0, x1, y1 [mm]."""
+"""Bounding box: x0, y0, x1, y1 [mm]."""
 Kind = Literal["rectangle", "disc", "stadium"]
 
 SPREAD_STEPS = 256
-"""Steps along each wall for evenly spread locations."""
+"""Number of steps along each wall in the computation of evenly distributed locations."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Line:
-    """A flat wall in plan.
+    """A flat wall, or a flat facet in a round wall, seen from above.
 
     Attributes
     ----------
-    name : south, east, north, west; of a facet, its direction, as `45-degree`
+    name : south, east, north or west; for a facet its direction, such as `45-degree`
     origin : x, y of the point from which `along` is measured [mm]
-    tangent, outward : unit vectors along the wall and out of the pad
+    tangent : unit vector along the wall
+    outward : unit vector out of the pad
     length_mm : inner length of the wall
     """
 
@@ -62,20 +64,20 @@ class Line:
         return x + along_mm * tx + outward_mm * nx, y + along_mm * ty + outward_mm * ny
 
     def along_and_outward_mm(self, x_mm: float, y_mm: float) -> Point:
-        """Inverse of `point` [mm]."""
+        """Coordinates of a location along the wall and outward from it [mm]; the inverse of `point`."""
         x, y = x_mm - self.origin[0], y_mm - self.origin[1]
         (tx, ty), (nx, ny) = self.tangent, self.outward
         return x * tx + y * ty, x * nx + y * ny
 
     @property
     def ends(self) -> tuple[Point, Point]:
-        """Both ends, counter-clockwise [mm]."""
+        """Both ends of the wall (x, y), counter-clockwise [mm]."""
         (tx, ty), (nx, ny) = self.tangent, self.outward
         ends = self.point(0.0), self.point(self.length_mm)
         return ends if nx * ty - ny * tx > 0.0 else ends[::-1]
 
     def points(self, shares: FloatArray) -> FloatArray:
-        """(n, 2) points at (n,) shares of the length from end to end, counter-clockwise [mm]."""
+        """Points (n, 2) on the wall at the given shares (n,) of its length, counter-clockwise [mm]."""
         start, end = np.array(self.ends)
         return np.asarray(start + shares[:, None] * (end - start))
 
@@ -86,9 +88,10 @@ class Arc:
 
     Attributes
     ----------
-    centre_mm : x, y of its centre
-    radius_mm : radius of curvature
-    start_rad, turn_rad : direction of its start, and its angle
+    centre_mm : x, y of the arc's centre
+    radius_mm : radius
+    start_rad : direction of the arc's start from its centre, 0 along x
+    turn_rad : angle of the arc
     """
 
     centre_mm: Point
@@ -97,17 +100,17 @@ class Arc:
     turn_rad: float
 
     def points(self, shares: FloatArray) -> FloatArray:
-        """(n, 2) points at (n,) shares of the arc from end to end [mm]."""
+        """Points (n, 2) on the arc at the given shares (n,) of its length, counter-clockwise [mm]."""
         angle = self.start_rad + shares * self.turn_rad
         ring = np.stack([np.cos(angle), np.sin(angle)], axis=-1)
         return np.asarray(np.array(self.centre_mm) + self.radius_mm * ring)
 
     def turn_to(self, line: Line) -> float:
-        """Angle from its start to the direction that a line faces, at least 0 [rad]."""
+        """Angle from the arc's start counter-clockwise to the outward direction of a line, at least 0 [rad]."""
         return (math.atan2(line.outward[1], line.outward[0]) - self.start_rad) % (2.0 * math.pi)
 
     def past_end_deg(self, angle_deg: float, half_width_mm: float) -> float:
-        """Angle by which a facet, in a direction from the arc's centre, exceeds the nearer end of the arc [degrees]."""
+        """Angle by which a facet in a direction from the arc's centre extends beyond the arc's nearer end [degrees]."""
         if self.turn_rad >= 2.0 * math.pi:
             return 0.0
         middle = self.start_rad + self.turn_rad / 2
@@ -116,12 +119,12 @@ class Arc:
         return math.degrees(away + half - self.turn_rad / 2)
 
     def spans(self, angle_rad: FloatArray) -> BoolArray:
-        """(...,) whether directions from the centre are in its sector, its ends included."""
+        """Whether directions (...,) from the arc's centre are in its sector or on the sector's border."""
         return np.asarray((angle_rad - self.start_rad + 1e-12) % (2.0 * np.pi) <= self.turn_rad + 2e-12)
 
 
 PLAIN: Kind = "rectangle"
-"""The kind that files and tables omit."""
+"""The kind of outline that files and tables do not mention."""
 X, Y = (1.0, 0.0), (0.0, 1.0)
 
 
@@ -131,9 +134,9 @@ class Dimension:
 
     Attributes
     ----------
-    size_mm : the size itself
-    direction : unit vector along which it is measured, `X` or `Y`
-    is_diameter : whether it is the same in every direction, and the only dimension
+    size_mm : the length
+    direction : unit vector along which the length is measured, `X` or `Y`
+    is_diameter : whether the dimension is the diameter of a disc
     """
 
     size_mm: float
@@ -143,14 +146,14 @@ class Dimension:
 
 @dataclass(frozen=True, kw_only=True)
 class Outline:
-    """A convex closed loop.
+    """A convex closed loop of lines and arcs.
 
     Attributes
     ----------
-    kind : its name in a design file
-    box_mm : its bounding box
-    lines : flat walls, which hold parts
-    arcs : the rest
+    kind : name of the shape in a design file
+    box_mm : bounding box
+    lines : flat walls and facets, which hold the optical parts
+    arcs : pieces of round walls
     """
 
     kind: Kind
@@ -180,7 +183,7 @@ class Outline:
 
     @property
     def is_empty(self) -> bool:
-        """Whether it encloses no location."""
+        """Whether the bounding box has a negative size, so that no location is inside."""
         return self.x1_mm < self.x0_mm or self.y1_mm < self.y0_mm
 
     def in_box(self, box_mm: Box) -> Outline:
@@ -189,12 +192,12 @@ class Outline:
 
     @property
     def bare(self) -> Outline:
-        """The outline without facets: its straight walls are those that parts share."""
+        """The outline without the facets of optical parts in its round walls."""
         return self.in_box(self.box_mm)
 
     @property
     def dimensions(self) -> tuple[Dimension, ...]:
-        """Length and width, or a diameter alone."""
+        """Length and width, or the diameter of a disc."""
         x0, y0, x1, y1 = self.box_mm
         if self.kind == "disc":
             return (Dimension(size_mm=x1 - x0, direction=X, is_diameter=True),)
@@ -202,24 +205,24 @@ class Outline:
 
     @property
     def size_words(self) -> str:
-        """Its size, for tables: `40 x 25 mm`, `disc of 55 mm`."""
+        """Size as text for tables: `40 x 25 mm`, `disc of 55 mm`."""
         sizes = " x ".join(f"{one.size_mm:g}" for one in self.dimensions) + " mm"
         return sizes if self.kind == PLAIN else f"{self.kind} of {sizes}"
 
     @property
     def place_words(self) -> str:
-        """Its size and position, for tables: `x 6 to 26, y 6 to 26 mm`, `disc of 20 mm around x 16, y 16 mm`."""
+        """Size and position as text for tables: `x 6 to 26, y 6 to 26 mm`, `disc of 20 mm around x 16, y 16 mm`."""
         (x0, y0, x1, y1), (x, y) = self.box_mm, self.centre_mm
         if self.kind == PLAIN:
             return f"x {x0:g} to {x1:g}, y {y0:g} to {y1:g} mm"
         return f"{self.size_words} around x {x:g}, y {y:g} mm"
 
     def touches_mm(self, direction: Point) -> tuple[Point, Point]:
-        """Contact with the side of its box in `direction`: both ends of a wall, or one point twice [mm].
+        """Where the outline touches a side of its bounding box [mm]: both ends of a wall, or one point twice.
 
         Parameters
         ----------
-        direction : unit vector along an axis, out of the pad
+        direction : unit vector along an axis, out of the pad, that selects the side
         """
         for line in self.lines:
             if line.outward == direction:
@@ -231,7 +234,7 @@ class Outline:
 
     @property
     def centre_mm(self) -> Point:
-        """Middle of the box (x, y) [mm]."""
+        """Middle of the bounding box (x, y) [mm]."""
         x0, y0, x1, y1 = self.box_mm
         return (x0 + x1) / 2, (y0 + y1) / 2
 
@@ -247,7 +250,7 @@ class Outline:
         return tuple(sorted((*self.lines, *self.arcs), key=turn))
 
     def arc_towards(self, angle_deg: float) -> Arc:
-        """The round wall in a direction from its centre, or the nearest one."""
+        """The arc in a direction from its centre, or else the arc nearest to this direction."""
         turn = math.radians(angle_deg)
 
         def off(arc: Arc) -> float:
@@ -257,7 +260,7 @@ class Outline:
         return min(self.arcs, key=off)
 
     def gap_mm(self, x_mm: ArrayLike, y_mm: ArrayLike) -> FloatArray:
-        """(...,) distance of locations inside to the nearest wall, negative outside [mm]."""
+        """Distance (...,) of locations from the nearest wall [mm]; negative outside."""
         x, y = np.broadcast_arrays(np.asarray(x_mm, np.float64), np.asarray(y_mm, np.float64))
         gap = np.full(x.shape, np.inf)
         for line in self.lines:
@@ -270,7 +273,7 @@ class Outline:
         return gap
 
     def contains(self, x_mm: ArrayLike, y_mm: ArrayLike, slack_mm: float = 1e-9) -> BoolArray:
-        """(...,) whether locations are inside, the border included."""
+        """Whether locations are inside the outline or on its border, (...,)."""
         return np.asarray(self.gap_mm(x_mm, y_mm) >= -slack_mm)
 
     def outside_mm(self, x_mm: float, y_mm: float) -> float:
@@ -281,13 +284,16 @@ class Outline:
 
     @property
     def corners_mm(self) -> tuple[Point, ...]:
-        """The corners of its box if they are corners of the outline: low y before high y, low x before high x."""
+        """The corners of the bounding box if they belong to the outline, else none; sorted by x, then by y."""
         x0, y0, x1, y1 = self.box_mm
         corners = ((x0, y0), (x0, y1), (x1, y0), (x1, y1))
         return corners if all(self.contains(*corner) for corner in corners) else ()
 
     def room_mm(self, width_mm: float) -> Point:
-        """Length and width of a rectangle in its middle, of a given width at most; of a disc about the largest [mm]."""
+        """Length and width of a rectangle inside the outline around its middle, with at most the given width [mm].
+
+        For a round outline with a large `width_mm` the rectangle is about the largest one.
+        """
         length, width = self.x1_mm - self.x0_mm, self.y1_mm - self.y0_mm
         if self.corners_mm:
             return length, min(width_mm, width)
@@ -296,7 +302,7 @@ class Outline:
         return length - across + math.sqrt(across**2 - max(wide - (width - across), 0.0) ** 2), wide
 
     def clamped(self, x_mm: float, y_mm: float) -> Point:
-        """The location itself if it is inside, else one moved back to the border [mm]."""
+        """The location itself if it is inside, else a location on the border near it [mm]."""
         x, y = self._within_arcs(x_mm, y_mm)
         for line in self.lines:
             (ox, oy), (nx, ny) = line.origin, line.outward
@@ -315,7 +321,7 @@ class Outline:
         return x_mm, y_mm
 
     def spread(self, shares: FloatArray) -> FloatArray:
-        """(n, 2) locations [mm] from (n, 2) shares of 0 to 1: evenly spread shares give evenly spread locations."""
+        """Evenly distributed locations (n, 2) [mm] from evenly distributed numbers (n, 2) between 0 and 1."""
         low, high = np.array(self.box_mm[:2]), np.array(self.box_mm[2:])
         if not self.arcs:
             return np.asarray(low + shares * (high - low))
@@ -347,7 +353,7 @@ class Outline:
 
     @property
     def words(self) -> str:
-        """Its position, for messages: `x 6 to 26 and y 6 to 26 mm`."""
+        """Position as text for messages, such as `x 6 to 26 and y 6 to 26 mm`."""
         x0, y0, x1, y1 = self.box_mm
         if self.lines and self.arcs:
             return f"x {x0:g} to {x1:g} and y {y0:g} to {y1:g} mm with half-round ends"
@@ -357,7 +363,7 @@ class Outline:
         return f"x {x0:g} to {x1:g} and y {y0:g} to {y1:g} mm"
 
     def way_out_mm(self, start_mm: Point, direction: Point) -> float:
-        """Distance from a location inside to the wall along a unit vector [mm]."""
+        """Distance from a location inside to the wall in the direction of a unit vector [mm]."""
         (x, y), (dx, dy) = start_mm, direction
         found = math.inf
         for line in self.lines:
@@ -375,7 +381,13 @@ class Outline:
         return found
 
     def points(self, step_rad: float, pieces: int = 1) -> FloatArray:
-        """(n, 2) corners, counter-clockwise: arcs in steps of at most an angle, lines in some pieces [mm]."""
+        """Corners (n, 2) of a polygon along the outline, counter-clockwise [mm].
+
+        Parameters
+        ----------
+        step_rad : largest angle between two corners on an arc
+        pieces : number of pieces of each line
+        """
         parts = [
             one.points(np.linspace(0.0, 1.0, pieces, endpoint=False))
             if isinstance(one, Line)
@@ -385,10 +397,11 @@ class Outline:
         return np.concatenate(parts)
 
     def integral(self, about_mm: Point, nodes: int) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Nodes x, y (n,) [mm] and weights (n,) [mm²] of a rule for integrals over the plan.
+        """Nodes x, y (n,) [mm] and weights (n,) [mm²] of a quadrature rule over the area of the outline.
 
-        It applies Gauss' rule along every line and arc, and from `about_mm` to it. With p along the border, the area of
-        the sector is ∫ (x dy - y dx) ∫ s ds. The integrand has to be smooth along every ray from `about_mm`.
+        The rule applies Gauss' rule along every line and arc, and along the rays from `about_mm` to the border. With
+        (x, y) on the border relative to `about_mm` and s from 0 to 1 along a ray, the area is ∫ (x dy - y dx) ∫ s ds.
+        The integrand must be smooth along every ray from `about_mm`.
         """
         nodes_at, weights = np.polynomial.legendre.leggauss(nodes)
         share, weight = (1.0 + nodes_at) / 2, weights / 2
@@ -409,7 +422,7 @@ class Outline:
 
     @property
     def area_mm2(self) -> float:
-        """Area in plan; approximate for a disc with overlapping facets, which cannot be made."""
+        """Area [mm2]; approximate for a disc whose facets overlap, which cannot be manufactured."""
         x0, y0, _, _ = self.box_mm
         found = 0.0
         for one in self.loop:
@@ -421,14 +434,17 @@ class Outline:
 
 
 def outline_in(kind: Kind, box_mm: Box, facets: Sequence[Line] = ()) -> Outline:
-    """An outline of a kind in a box, with the facets of parts on its arcs."""
+    """An outline of the given kind in a bounding box, with the facets of optical parts in its round walls."""
     if kind == "rectangle":
         return rectangle(box_mm)
     return disc(box_mm, facets) if kind == "disc" else stadium(box_mm, facets)
 
 
 def rectangle(box_mm: Box) -> Outline:
-    """Four walls: `along` increases with x on south and north, with y on east and west."""
+    """A rectangular outline of four walls.
+
+    The coordinate `along` increases with x on the south and north walls, and with y on the east and west walls.
+    """
     x0, y0, x1, y1 = box_mm
     along_x, along_y = (1.0, 0.0), (0.0, 1.0)
     walls = (
@@ -448,7 +464,7 @@ def rectangle(box_mm: Box) -> Outline:
 
 
 def disc(box_mm: Box, facets: Sequence[Line] = ()) -> Outline:
-    """A round wall, less the facets of its parts."""
+    """A circular outline, with flat facets in place of the arcs where parts are."""
     x0, y0, x1, y1 = box_mm
     centre, radius = ((x0 + x1) / 2, (y0 + y1) / 2), (x1 - x0) / 2
     spans = sorted(
@@ -468,7 +484,7 @@ def disc(box_mm: Box, facets: Sequence[Line] = ()) -> Outline:
 
 
 def stadium(box_mm: Box, facets: Sequence[Line] = ()) -> Outline:
-    """Two walls along the longer side, and a half round at each end, less the facets of its parts."""
+    """An outline of two walls along the longer side and a half circle at each end, with flat facets where parts are."""
     x0, y0, x1, y1 = box_mm
     radius = min(x1 - x0, y1 - y0) / 2
     if x1 - x0 >= y1 - y0:
@@ -489,7 +505,7 @@ def stadium(box_mm: Box, facets: Sequence[Line] = ()) -> Outline:
 
 
 def _left_of_half(half: Arc, facets: Sequence[Line]) -> list[Arc]:
-    """The pieces of a half round between the facets that are cut into it."""
+    """The pieces of a half circle between the facets that are cut into it."""
     left, done = [], 0.0
     for line in sorted(facets, key=half.turn_to):
         middle, cut = half.turn_to(line), math.asin(min(line.length_mm / 2 / half.radius_mm, 1.0))

@@ -4,9 +4,11 @@ With the curvatures kx and ky along x and y [1/mm], and the location (x, y) rela
 
     sag = (kx x² + ky y²) / (1 + √(1 - kx² x² - ky² y²)),      normal = (kx x, ky y, √(1 - kx² x² - ky² y²)).
 
-The top is flat if kx = ky = 0, and a sphere of radius 1 / kx if kx = ky. If one of them is 0, the top is a cylinder,
-straight along that direction. A press moves against the normal. The origin of its frame is the location of the press on
-the top. The third axis is the normal; the first two are x and y turned by the least rotation that carries z to it. On a
+The top is flat if kx = ky = 0, and a sphere of radius 1 / kx if kx = ky > 0. If only one of kx and ky is 0, the top is
+a cylinder, straight along that direction.
+
+A press moves against the normal. The frame of a press has its origin at the location of the press on the top. Its third
+axis is the normal. The first two axes are x and y after the smallest rotation that turns z into the normal. On a
 cylinder the first axis is the straight direction.
 """
 
@@ -28,9 +30,9 @@ class Top:
 
     Attributes
     ----------
-    clear_mm : height of its highest point above the bottom of the clear layer
-    apex_mm : x, y of that point; on a flat top the middle of the pad
-    kx, ky : curvatures along x and y [1/mm]; both equal, or one or both 0
+    clear_mm : height of the top's highest point above the bottom of the clear layer
+    apex_mm : x, y of the highest point; on a flat top the middle of the pad
+    kx, ky : curvatures along x and y [1/mm]; they are equal, or one or both are 0
     """
 
     clear_mm: float
@@ -40,7 +42,7 @@ class Top:
 
     @property
     def is_flat(self) -> bool:
-        """Whether it is a plane."""
+        """Whether the top is a plane."""
         return self.kx == self.ky == 0.0
 
     @property
@@ -52,7 +54,7 @@ class Top:
 
     @property
     def kind(self) -> Literal["none", "sphere", "cylinder"]:
-        """Kind of curvature, by its name in files."""
+        """Kind of curvature, as named in design files."""
         if self.is_flat:
             return "none"
         return "sphere" if self.straight is None else "cylinder"
@@ -68,23 +70,26 @@ class Top:
         return (self.kx + self.ky) / 2
 
     def sag_mm(self, x_mm: ArrayLike, y_mm: ArrayLike) -> FloatArray:
-        """(...,) depth of the top below its highest point at (...,) locations [mm]; NaN beyond the crown."""
+        """Depth (...,) of the top at locations below its highest point [mm]; NaN beyond the crown's radius."""
         x, y, root = self._from_apex(x_mm, y_mm)
         fall: FloatArray = (self.kx * x * x + self.ky * y * y) / (1.0 + root)
         return fall
 
     def height_mm(self, x_mm: ArrayLike, y_mm: ArrayLike) -> FloatArray:
-        """(...,) height above the bottom of the clear layer at (...,) locations [mm]; NaN beyond the crown."""
+        """Height (...,) of the top above the bottom of the clear layer [mm]; NaN beyond the crown's radius."""
         return self.clear_mm - self.sag_mm(x_mm, y_mm)
 
     def normal(self, x_mm: ArrayLike, y_mm: ArrayLike) -> FloatArray:
-        """(..., 3) unit vector out of the top at (...,) locations; beyond the crown it is level, and longer than 1."""
+        """Unit normal (..., 3) of the top at locations, pointing out of the pad.
+
+        Beyond the crown's radius the vector is horizontal and longer than 1.
+        """
         x, y, root = self._from_apex(x_mm, y_mm)
         return np.stack([self.kx * x, self.ky * y, np.nan_to_num(root)], axis=-1)
 
     @property
     def in_frame(self) -> Top:
-        """The top in the frame of a press: a cylinder is straight along the first axis."""
+        """The top in the frame of a press at its highest point; a cylinder is straight along the first axis."""
         low, high = sorted((self.kx, self.ky))
         return Top(clear_mm=0.0, apex_mm=(0.0, 0.0), kx=low, ky=high)
 
@@ -93,7 +98,7 @@ class Top:
 
         Returns
         -------
-        origin (3,) on the untouched top [mm], and axes (3, 3) as rows, the third along the normal [-]
+        Origin (3,) on the untouched top in the cavity frame [mm], and axes (3, 3) as rows: two tangents and the normal.
         """
         origin = np.array([x_mm, y_mm, float(self.height_mm(x_mm, y_mm))])
         normal = self.normal(x_mm, y_mm)
@@ -105,7 +110,7 @@ class Top:
         return origin, np.stack([first, second, normal]) + 0.0
 
     def _from_apex(self, x_mm: ArrayLike, y_mm: ArrayLike) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Distances from the apex along x and y [mm], and the normal's component along z [-]."""
+        """Distances from the highest point along x and y [mm], and the normal's z component (NaN beyond the crown)."""
         x, y = np.asarray(x_mm, np.float64) - self.apex_mm[0], np.asarray(y_mm, np.float64) - self.apex_mm[1]
         with np.errstate(invalid="ignore"):
             return x, y, np.sqrt(1.0 - (self.kx * x) ** 2 - (self.ky * y) ** 2)

@@ -1,6 +1,6 @@
 """The specification of a sensor: all fields in which designs can differ.
 
-Imports of ours: parts, fields.
+The package imports only `design.parts`, `design.fields` and modules directly in `design`.
 """
 
 from design.spec.indenter import Indenter

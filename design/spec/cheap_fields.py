@@ -1,4 +1,4 @@
-"""Fields that are cheap to change before a design is made: a score steps them, and a search varies them."""
+"""Fields that are cheap to change before manufacture; score and search vary them to find better designs."""
 
 from __future__ import annotations
 
@@ -8,11 +8,14 @@ HEIGHTS = ("emitters.height_mm", "receivers.height_mm")
 CLEAR = "cavity.clear_thickness_mm"
 TARGET = "gain.target_counts"
 ALONG = ("pitch_mm", "shift_mm")
-"""Fields of a layout's pattern that set the positions of parts along their wall."""
+"""Fields of a layout pattern that set the positions of parts along their wall."""
 
 
 def cheap_fields(design: SensorDesign) -> tuple[str, ...]:
-    """Dotted paths of the cheap fields of a design: part heights, clear layer, target counts, pitch and shift."""
+    """Dotted paths of the cheap fields of a design.
+
+    They are part heights, the clear layer's thickness, the gain's target, and the pitch and shift of layout patterns.
+    """
     by_rule = (TARGET,) if isinstance(design.gain.feedback_ohm, str) else ()
     along = (
         f"layout.{number}.{name}"

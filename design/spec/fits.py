@@ -1,4 +1,4 @@
-"""Fit classes: the clearance that the mold leaves around a body, and its grip on a wire."""
+"""Fit classes: the clearance that the mold leaves around a part's body, and the neck that grips a wire."""
 
 from __future__ import annotations
 
@@ -8,16 +8,16 @@ from design.spec import Mold
 
 
 def fit(name: str) -> Quantity:
-    """A named length of `design/data/fits.toml` [mm]."""
+    """A length of the file `design/data/fits.toml` by its name [mm]."""
     return data_quantities("fits.toml")[name]
 
 
 def clearance_mm(mold: Mold, part_id: str) -> float:
-    """Gap at each side of a part's body: by its fit class, or `part_clearance_mm` for a part without one [mm]."""
+    """Gap on each side of a part's body [mm]: from the part's fit class, or else `part_clearance_mm` of the mold."""
     named = mold.fits.get(part_id)
     return mold.part_clearance_mm if named is None else fit(named).value
 
 
 def fit_name(mold: Mold, part_id: str) -> str:
-    """The fit of a part in words."""
+    """Name of a part's fit class; "own clearance" for a part without a fit class."""
     return mold.fits.get(part_id, "own clearance")

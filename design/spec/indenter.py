@@ -1,16 +1,16 @@
-r"""The indenter's tip: its fields and its outline.
+r"""The indenter's tip: its fields, its outline, and profiles from CSV files.
 
-A tip's radial profile from a CSV file: radius and height above the apex of each point, in mm.
+A CSV file can give the radial profile of a tip: radius and height above the apex of each point, in mm.
 
     r_mm, height_mm        a heading, empty lines and lines that begin with # are skipped
     0.0, 0.0               the apex
     1.5, 0.4
     3.0, 3.0               the shank, at indenter.tip_radius_mm
 
-A comma, a semicolon or blanks separate numbers, and decimals have a point. A profile that is not a function of
-radius is refused, and the message names its row.
+A comma, a semicolon or blanks separate the two numbers, which have a decimal point. The height must be a function of
+the radius; otherwise the profile is refused, and the message names the row.
 
-The contact solver, the printed tip and the report share one outline of the tip:
+The contact solver, the printed tip and the report use the same outline of the tip:
 
        |  |      shank, of tip_radius_mm, of any length
        |  |
@@ -25,7 +25,7 @@ The contact solver, the printed tip and the report share one outline of the tip:
 |            | between axis and flank                                                                 |
 | profile    | straight lines through the user's points                                               |
 
-This module is plain geometry. The contact model checks whether it resolves a small radius.
+This module has geometry only. Whether the contact model resolves a small radius is checked there.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ NEEDED = "a CSV table with the radius and height of a tip in mm, a row a point"
 
 
 def read_profile(file: Path) -> list[list[float]]:
-    """Radius and height of the points of a profile [mm].
+    """Read the profile of a tip: radius and height above the apex of each point [mm].
 
     Raises
     ------
@@ -64,7 +64,7 @@ def read_profile(file: Path) -> list[list[float]]:
 
 
 class Indenter(Model):
-    """The tip that represents a finger, and its shank of the same radius."""
+    """The tip that represents a finger; it is on a cylindrical shank of the same radius."""
 
     unsaid = ("shape", "edge_radius_mm", "cone_half_angle_deg", "apex_radius_mm", "profile_mm")
 
@@ -95,32 +95,32 @@ class Indenter(Model):
 
 
 DEFAULT_ROUNDING = 0.1
-"""Default edge and apex radius [tip radii]."""
+"""Default radius of a flat punch's or cone's edge, and of a cone's apex [tip radii]."""
 DEFAULT_HALF_ANGLE_DEG = 60.0
-"""Default half angle of a cone [deg]."""
+"""Default angle between the axis and the flank of a cone [deg]."""
 SMALLEST_STEP_MM = 1e-3
-"""Least distance between the radii of neighbouring points of a profile [mm]."""
+"""Least difference between the radii of neighbouring points of a profile [mm]."""
 END_TOLERANCE_MM = 1e-6
-"""Largest distance between a profile's end and the shank [mm]."""
+"""Largest distance between the last point of a profile and the shank [mm]."""
 HIGHEST_PROFILE_MM = 50.0
-"""Highest point of a profile [mm]."""
+"""Greatest permitted height of a profile [mm]."""
 OWN_FIELDS = {
     "hemisphere": (),
     "flat_punch": ("edge_radius_mm",),
     "cone": ("cone_half_angle_deg", "apex_radius_mm", "edge_radius_mm"),
     "profile": ("profile_mm",),
 }
-"""Fields of each shape in addition to `tip_radius_mm`."""
+"""Fields of each tip shape in addition to `tip_radius_mm`."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Piece:
-    """A straight line or an arc of a tip's outline, from the axis outward; lengths in mm.
+    """A straight line or an arc of a tip's outline, directed outward from the axis [mm].
 
     Attributes
     ----------
-    start, end : radius and height above the apex
-    centre : centre of an arc; (0, 0) for a line
+    start, end : radius and height above the apex of the first and last point
+    centre : radius and height of an arc's centre; (0, 0) for a line
     radius : radius of an arc, which bulges outward; 0 for a line
     """
 
@@ -131,7 +131,7 @@ class Piece:
 
     @property
     def middle(self) -> tuple[float, float]:
-        """The point half-way along the piece."""
+        """The point (radius, height above the apex) half-way along the piece [mm]."""
         if self.radius == 0.0:
             return 0.5 * (self.start[0] + self.end[0]), 0.5 * (self.start[1] + self.end[1])
         angle = 0.5 * (_angle(self, self.start) + _angle(self, self.end))
@@ -139,7 +139,7 @@ class Piece:
 
 
 def tip_outline(indenter: Indenter) -> tuple[Piece, ...]:
-    """The outline from the apex to the shank."""
+    """Outline of a tip from the apex to the shank."""
     tip = indenter.tip_radius_mm
     if indenter.shape == "hemisphere":
         return (_arc((0.0, tip), tip, 0.0, 0.5 * math.pi),)
@@ -155,17 +155,17 @@ def tip_outline(indenter: Indenter) -> tuple[Piece, ...]:
 
 
 def tip_height_mm(indenter: Indenter) -> float:
-    """Height of the shank's beginning above the apex [mm]."""
+    """Height above the apex at which the shank begins [mm]."""
     return tip_outline(indenter)[-1].end[1]
 
 
 def tip_volume_mm3(indenter: Indenter) -> float:
-    """Volume between the apex and the shank's beginning [mm3]."""
+    """Volume of the tip between the apex and the beginning of the shank [mm3]."""
     return math.fsum(_volume_mm3(piece) for piece in tip_outline(indenter))
 
 
 def tip_words(indenter: Indenter) -> str:
-    """The tip in words, for reports and messages."""
+    """Description of the tip for reports and messages."""
     tip, pieces = indenter.tip_radius_mm, tip_outline(indenter)
     if indenter.shape == "flat_punch":
         return f"flat punch of {tip:g} mm radius, its edge rounded by {pieces[-1].radius:g} mm"
@@ -181,7 +181,7 @@ def tip_words(indenter: Indenter) -> str:
 
 
 def shape_fault(indenter: Indenter) -> str | None:
-    """The fault in the combination of fields: field, value, limit and way out; None if there is none."""
+    """Description of the fault in a combination of an indenter's fields, with limit and remedy; None if it is valid."""
     own = OWN_FIELDS[indenter.shape]
     for field in sorted({name for names in OWN_FIELDS.values() for name in names} - set(own)):
         if getattr(indenter, field) is not None:
@@ -212,13 +212,13 @@ def shape_fault(indenter: Indenter) -> str | None:
 def profile_fault(
     points: Sequence[tuple[float, float]], tip_radius_mm: float | None, name: Callable[[int], str]
 ) -> str | None:
-    """Why points do not form a tip: height has to be a function of radius, from the apex to the shank.
+    """Description of the fault in a tip's profile; None if it is valid.
 
     Parameters
     ----------
-    points : radius and height above the apex of each point [mm]
-    tip_radius_mm : radius of the shank, where the profile has to end [mm]; None skips this check
-    name : gives the name of a point by its index
+    points : radius and height above the apex of each point, from the apex outward [mm]
+    tip_radius_mm : radius of the shank, at which the profile must end [mm]; None skips this check
+    name : function that returns the name of a point by its index, for the message
     """
     if math.hypot(*points[0]) > END_TOLERANCE_MM:
         return f"{name(0)}: {_shown(points[0])} is refused: a profile starts at its apex, [0, 0]"
@@ -253,7 +253,7 @@ def _shown(point: tuple[float, float]) -> str:
 
 
 def _arc(centre: tuple[float, float], radius: float, first: float, last: float) -> Piece:
-    """An arc between two angles from the downward direction [rad]."""
+    """An arc between two angles, measured at its centre from the downward direction [rad]."""
     start, end = (
         (centre[0] + radius * math.sin(angle), centre[1] - radius * math.cos(angle))
         if 0.0 < angle < 0.5 * math.pi
@@ -264,7 +264,14 @@ def _arc(centre: tuple[float, float], radius: float, first: float, last: float) 
 
 
 def _pieces(tip: float, *, apex: float, edge: float, steepness: float) -> tuple[Piece, ...]:
-    """Apex arc, straight flank and edge arc, tangent to each other; steepness is the flank's angle [rad]."""
+    """Apex arc, straight flank and edge arc, tangent to each other.
+
+    Parameters
+    ----------
+    tip : radius of the shank
+    apex, edge : radii of the arcs
+    steepness : angle of the flank to the horizontal [rad]
+    """
     sine, cosine = math.sin(steepness), math.cos(steepness)
     flank = max(0.0, (tip - edge + edge * sine - apex * sine) / cosine)
     low = (apex * sine, apex * (1.0 - cosine))
@@ -277,7 +284,7 @@ def _pieces(tip: float, *, apex: float, edge: float, steepness: float) -> tuple[
 
 
 def _volume_mm3(piece: Piece) -> float:
-    """Integral of pi r² dh along a piece."""
+    """Volume of revolution below a piece of the outline: the integral of pi r² dh along it [mm3]."""
     (r0, h0), (r1, h1) = piece.start, piece.end
     if piece.radius == 0.0:
         return math.pi / 3.0 * (h1 - h0) * (r0 * r0 + r0 * r1 + r1 * r1)
@@ -285,12 +292,12 @@ def _volume_mm3(piece: Piece) -> float:
 
 
 def _angle(piece: Piece, point: tuple[float, float]) -> float:
-    """Angle of an arc's point from the downward direction [rad]."""
+    """Angle of a point on an arc, measured at the arc's centre from the downward direction [rad]."""
     return math.atan2(point[0] - piece.centre[0], piece.centre[1] - point[1])
 
 
 def _arc_volume(piece: Piece, angle: float) -> float:
-    """Antiderivative of pi (c + q sin a)² q sin a over the angle a."""
+    """Antiderivative over the angle a of pi (c + q sin a)² q sin a, for an arc of radius q around radius c."""
     c, q, cosine = piece.centre[0], piece.radius, math.cos(angle)
     square = 0.5 * angle - 0.25 * math.sin(2.0 * angle)
     return math.pi * (-c * c * q * cosine + 2.0 * c * q * q * square + q**3 * (cosine**3 / 3.0 - cosine))

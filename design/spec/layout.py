@@ -1,8 +1,9 @@
-"""Positions of emitters and receivers: patterns, and their expansion to single positions.
+"""Layout of emitters and receivers: patterns, and their expansion to the position of each part.
 
-On a disc a part's position is an angle: its direction from the centre, 0 degrees along x, 90 along y. Each part has its
-own flat facet in the round wall (`design.shape.cavity`). On a rectangle a position is a distance along a wall. The
-drawing shows the walls from above; `along` increases with x on south and north, with y on east and west:
+In a round wall a part's position is its direction from the wall's centre, 0 degrees along x, 90 degrees along y. Each
+part has its own flat facet there (`design.shape.cavity`). In a straight wall a position is a distance along the wall,
+`along`. It increases with x on the south and north walls, and with y on the east and west walls. The drawing shows the
+walls from above:
 
         y                north
         ^         +-----------------+
@@ -36,7 +37,7 @@ PartName = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_-]{0,15}$")]
 
 
 class AlternatingRing(Model):
-    """Alternating emitters and receivers around the perimeter, evenly spaced on each wall."""
+    """Alternating emitters and receivers around the perimeter, evenly spaced along each wall."""
 
     pattern: Literal["alternating_ring"]
     parts_per_side: Annotated[
@@ -71,7 +72,11 @@ class FacingRows(Model):
 
 
 class PerSide(Model):
-    """A number of parts of one kind on each wall, evenly spaced; two rows that would meet in one position alternate."""
+    """A number of parts of one kind on each wall, evenly spaced.
+
+    If two such rows, of emitters and of receivers, would have parts at the same position, emitters and receivers
+    alternate.
+    """
 
     pattern: Literal["per_side"]
     kind: Kind
@@ -88,7 +93,7 @@ class PerSide(Model):
 
 
 class Single(Model):
-    """One part at a given position."""
+    """One part at a given position in a straight wall."""
 
     pattern: Literal["single"]
     kind: Kind
@@ -100,7 +105,7 @@ class Single(Model):
 
 
 class DiscRing(Model):
-    """Alternating emitters and receivers around a disc, evenly spaced, with growing angle."""
+    """Alternating emitters and receivers around a disc, evenly spaced, counter-clockwise."""
 
     pattern: Literal["disc_ring"]
     count: Annotated[int, Field(ge=1, le=32, description="emitters, and as many receivers")]
@@ -111,7 +116,7 @@ class DiscRing(Model):
 
 
 class Ring(Model):
-    """Any numbers of emitters and receivers around any outline, evenly spaced on each of its walls."""
+    """Any numbers of emitters and receivers around any outline, evenly spaced along each of its walls."""
 
     pattern: Literal["ring"]
     emitters: Annotated[int, Field(ge=1, le=64, description="number of emitters")]
@@ -141,7 +146,7 @@ class Ring(Model):
 
     @property
     def kinds(self) -> tuple[Kind, ...]:
-        """Kinds of the parts in their order."""
+        """Kind (emitter or receiver) of each part, in the order around the outline."""
         if self.sequence is not None:
             turns = (self.emitters + self.receivers) // len(self.sequence)
             return tuple("emitter" if letter == "E" else "receiver" for letter in self.sequence * turns)
@@ -149,7 +154,7 @@ class Ring(Model):
 
 
 class AtAngles(Model):
-    """Parts of one kind on a disc, in given directions from its centre."""
+    """Parts of one kind in round walls, in given directions from the wall's centre."""
 
     pattern: Literal["at_angles"]
     kind: Kind
@@ -165,23 +170,24 @@ Pattern = Annotated[
     Field(discriminator="pattern"),
 ]
 BY_ANGLE = ("ring", "disc_ring", "at_angles")
-"""Patterns for round walls."""
+"""Names of the patterns that are permitted in round walls."""
 BY_WALL = ("ring", "alternating_ring", "facing_rows", "per_side", "single")
-"""Patterns for straight walls."""
+"""Names of the patterns that are permitted in straight walls."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Placement:
-    """One part's position before its catalogue entry is looked up.
+    """Position of one emitter or receiver, without its catalogue entry.
 
     Attributes
     ----------
-    name : E1, R1, ... or the user's own
-    wall : name of its wall; on a disc its direction, as `45-degree`
-    along_mm : centre along the wall from its low end; not used in a round wall [mm]
-    angle_deg : direction of its facet from a round wall's centre; None in a straight wall
-    height_mm, part : None means the section's default
-    origin : the dotted path of the pattern that made it, for messages
+    name : E1, R1, ... or a name given by the user
+    wall : name of the wall; in a round wall the direction, such as `45-degree`
+    along_mm : distance of the part's centre from the wall's end at low x or y [mm]; not used in a round wall
+    angle_deg : direction of the part from a round wall's centre; None in a straight wall
+    height_mm : height above the clear layer's bottom; None for the default
+    part : catalogue identifier; None for the default
+    origin : dotted path of the pattern that defines the part, for messages
     """
 
     name: str
@@ -195,9 +201,9 @@ class Placement:
 
 
 def expand(layout: tuple[Pattern, ...], cavity: Cavity) -> tuple[Placement, ...]:
-    """All positions of a layout on the walls of a cavity, emitters and receivers mixed, in order.
+    """Positions of all emitters and receivers of a layout in the walls of a cavity, in the order of the patterns.
 
-    Names are E1, E2, ... and R1, R2, ... in the order of the patterns; a single part keeps its own name.
+    Names are E1, E2, ... and R1, R2, ... in this order. A single part may have a name of its own.
     """
     bare: list[Placement] = []
     for index, pattern in enumerate(layout):
@@ -261,13 +267,15 @@ def _ring(pattern: AlternatingRing, origin: str, cavity: Cavity) -> list[Placeme
     places: list[Placement] = []
     for wall, count in zip(WALLS, per_wall, strict=True):
         row = _row(count, cavity.wall_length_mm(wall), pattern.pitch_mm)
-        walk = row if wall in ("south", "east") else row[::-1]  # counter-clockwise from the low corner
+        walk = (
+            row if wall in ("south", "east") else row[::-1]
+        )  # counter-clockwise from the corner at low x and y
         places += [_plain(kinds[(len(places) + k) % 2], wall, along, origin) for k, along in enumerate(walk)]
     return places
 
 
 def angle_name(angle_deg: float) -> str:
-    """A direction as the name of the facet there, as `45-degree`."""
+    """Name of the facet in a direction, such as `45-degree`."""
     return f"{round(angle_deg % 360.0, 6):g}-degree"
 
 
@@ -297,7 +305,7 @@ def _disc_ring(pattern: DiscRing, origin: str) -> list[Placement]:
 
 
 def interleaved(emitters: int, receivers: int) -> tuple[Kind, ...]:
-    """Kinds of the parts in a row, each kind spread as evenly as possible; an emitter is first."""
+    """Kinds of parts in a row of emitters and receivers, each spread as evenly as possible; an emitter is first."""
     total = emitters + receivers
     return tuple("emitter" if k * emitters % total < emitters else "receiver" for k in range(total))
 
@@ -324,7 +332,10 @@ def _even_ring(pattern: Ring, origin: str, cavity: Cavity) -> list[Placement]:
 
 
 def _shared(count: int, cavity: Cavity) -> list[int]:
-    """Number of parts in each wall of a border, in proportion to its length, by largest remainders."""
+    """Number of parts in each wall of the outline, in proportion to its length.
+
+    Remaining parts are distributed by the method of largest remainders.
+    """
     lengths = [stretch.length_mm for stretch in cavity.border]
     exact = [count * length / sum(lengths) for length in lengths]
     shares = [int(one) for one in exact]
@@ -337,9 +348,9 @@ def _shared(count: int, cavity: Cavity) -> list[int]:
 def _with_rows_in_turn(
     layout: tuple[Pattern, ...], places: list[Placement], cavity: Cavity
 ) -> list[Placement]:
-    """Alternate evenly spaced rows of emitters and of receivers that share the middle of one wall.
+    """Alternate rows of emitters and of receivers that would have parts at the same position of one wall.
 
-    Rows with a pitch, a shift or a height of their own keep their positions.
+    This applies to evenly spaced rows. Rows with a pitch, a shift or a height of their own keep their positions.
     """
     plain = {
         f"layout.{number}"

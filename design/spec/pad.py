@@ -1,4 +1,7 @@
-"""The silicone pad: outline, size, layers, and the crown of its top. `design.shape.cavity` has their geometry."""
+"""Fields of the silicone pad: outline, size, layers, and the crown of its top.
+
+The module `design.shape.cavity` computes the geometry.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +19,7 @@ WALLS: tuple[Wall, ...] = ("south", "east", "north", "west")
 
 @dataclass(frozen=True, kw_only=True)
 class Stretch:
-    """A wall in plan: a straight one has a name, a round one has directions from its centre."""
+    """A wall seen from above: a straight wall has a name, a round wall has a start direction and an angle."""
 
     length_mm: float
     wall: Wall | None = None
@@ -27,8 +30,8 @@ class Stretch:
 class Cavity(Model):
     """The silicone pad: its outline, inner size of the mold, and the thickness of its two layers.
 
-    A disc has `diameter_mm` in place of length and width, which then equal the diameter. A stadium is a rectangle
-    whose shorter sides are half rounds.
+    A disc has `diameter_mm` in place of length and width, which then equal the diameter. A stadium is a rectangle with
+    a half circle at each of its shorter sides.
     """
 
     unsaid = ("outline", "diameter_mm")
@@ -72,7 +75,7 @@ class Cavity(Model):
 
     @property
     def walls(self) -> dict[str, float]:
-        """The straight walls that parts may sit in: name and inner length [mm]."""
+        """Name and inner length [mm] of each straight wall in which parts can be."""
         if self.outline == "disc":
             return {}
         if self.outline == "stadium":
@@ -87,12 +90,15 @@ class Cavity(Model):
 
     @property
     def has_round_walls(self) -> bool:
-        """Whether parts may sit in their own facets, by angle."""
+        """Whether the outline has round walls, in which each part has its own facet in a given direction."""
         return self.outline != "rectangle"
 
     @property
     def border(self) -> tuple[Stretch, ...]:
-        """Straight and round walls, counter-clockwise; those of a rectangle or stadium start with south or east."""
+        """Straight and round walls, counter-clockwise.
+
+        The first is the south wall if it is straight, else the east wall. A disc has a single round wall.
+        """
         straight = [Stretch(wall=wall, length_mm=self.walls[wall]) for wall in WALLS if wall in self.walls]
         if not self.has_round_walls:
             return tuple(straight)
@@ -105,12 +111,12 @@ class Cavity(Model):
 
     @property
     def size_fields(self) -> tuple[str, str]:
-        """Names of the fields of its inner size along x and along y."""
+        """Dotted paths of the fields for the inner size along x and along y; a disc has the same field twice."""
         own = ("length_mm", "width_mm") if self.diameter_mm is None else ("diameter_mm",) * 2
         return f"cavity.{own[0]}", f"cavity.{own[1]}"
 
     def wall_length_mm(self, wall: str) -> float:
-        """Inner length of a straight wall; 0 for a wall that the outline lacks [mm]."""
+        """Inner length of a straight wall [mm]; 0 if the outline does not have this wall."""
         return self.walls.get(wall, 0.0)
 
     @model_validator(mode="after")
@@ -129,7 +135,7 @@ class Cavity(Model):
 
 
 class Crown(Model):
-    """A convex top, highest over the middle of the pad."""
+    """Convex top of a pad, highest over its middle."""
 
     shape: Annotated[
         Literal["sphere", "cylinder"], Field(description="curved in every direction, or in one alone")

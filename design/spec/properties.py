@@ -1,4 +1,4 @@
-"""Physical values of a design: catalogue entries, overridden by the design's measured values.
+"""Physical values of a design: values of the catalogue, or the design's measured values in their place.
 
 Every value has a unit, a source, a confidence, and a band that is believed to contain the true value.
 """
@@ -26,11 +26,11 @@ SECTIONS: dict[str, Kind] = {"emitters": "emitter", "receivers": "receiver"}
 MEASURED_SOURCE = "measured value given in the design"
 AIR_GAP = Quantity(value=1.0, unit="1", source="air, by definition of an air gap", confidence="read")
 ADDED_UNITS = {"emitter": {"radiant_power_mw": "mW"}, "receiver": {"epoxy_index": "1"}}
-"""Values that a measurement may add to a part whose catalogue entry lacks them."""
+"""Values with their units that a measurement may add to a part whose catalogue entry does not have them."""
 
 
 def entries_of(design: SensorDesign) -> CatalogEntries:
-    """The packaged catalogue, extended and overridden by the design's own entries."""
+    """The packaged catalogue with the design's own entries, which take precedence."""
     return catalog.merged(catalog.packaged(), design.catalog)
 
 
@@ -39,7 +39,7 @@ def part_of(design: SensorDesign, part_id: str, kind: Kind) -> Part:
 
     Raises
     ------
-    DesignError : unknown part (nearest names offered), other kind, or a measurement of an unknown field.
+    DesignError : the part is unknown, has the other kind, or has a measured value for an unknown field.
     """
     part = catalog.find_part(entries_of(design), part_id, kind)
     values = design.part_measurements.get(part_id)
@@ -64,18 +64,18 @@ def _with_measurements(part: Part, part_id: str, values: Mapping[str, float]) ->
 
 
 def quantities_of(part: Part) -> dict[str, Quantity]:
-    """The named values of a part."""
+    """All values of a part with unit and source, by field name."""
     pairs = ((name, getattr(part, name)) for name in type(part).model_fields)
     return {name: value for name, value in pairs if isinstance(value, Quantity)}
 
 
 def elastomer_of(design: SensorDesign) -> Elastomer:
-    """The catalogue entry of the clear elastomer."""
+    """Catalogue entry of a design's clear elastomer."""
     return catalog.find_elastomer(entries_of(design), design.elastomer.material)
 
 
 def wavelength_um(design: SensorDesign) -> float:
-    """Effective wavelength of the default emitter [um]."""
+    """Effective wavelength of a design's default emitter [um]; DesignError if its catalogue entry has none."""
     part = _default_emitter(design)
     if part.wavelength_nm is None:
         raise DesignError(f"emitters.part: {design.emitters.part} has no wavelength_nm; add it to the part")
@@ -83,7 +83,10 @@ def wavelength_um(design: SensorDesign) -> float:
 
 
 def refractive_index(design: SensorDesign) -> Quantity:
-    """Index of the clear elastomer at the emitter's effective wavelength, or averaged over its spectrum [-]."""
+    """Refractive index of the clear elastomer for the default emitter's light [-].
+
+    It is the measured value if there is one, else the mean over the emitter's spectrum or the value at its wavelength.
+    """
     own = design.elastomer.refractive_index
     if own is not None:
         return _measured("1", own)
@@ -92,11 +95,11 @@ def refractive_index(design: SensorDesign) -> Quantity:
 
 
 def elastomer_spectral_index(design: SensorDesign) -> SpectralIndex | None:
-    """Index of the clear elastomer over the default emitter's spectrum; None for an emitter without one.
+    """Refractive index of the clear elastomer, averaged over the default emitter's spectrum; None without a spectrum.
 
     Raises
     ------
-    DesignError : a wavelength with weight that the elastomer's tables do not cover.
+    DesignError : the elastomer's tables do not cover a wavelength of the spectrum.
     """
     spectrum = _default_emitter(design).spectrum
     if spectrum is None:
@@ -113,11 +116,11 @@ def _default_emitter(design: SensorDesign) -> Part:
 
 
 def wall_index(design: SensorDesign) -> Quantity | None:
-    """Index of the material behind smooth walls [-]; None where walls only scatter.
+    """Refractive index of the material behind smooth walls [-]; None for walls that reflect diffusely.
 
     Raises
     ------
-    DesignError : a glossy wall of a material without an index.
+    DesignError : the walls are glossy, but neither the design nor the mold's material has an index.
     """
     surfaces = design.surfaces
     if surfaces.wall_finish == "diffuse":
@@ -142,12 +145,12 @@ def absorption_db_per_cm(design: SensorDesign) -> Quantity:
 
 
 def absorption_coefficient_per_mm(design: SensorDesign) -> float:
-    """Natural-log absorption coefficient of the clear elastomer [1/mm]."""
+    """Absorption coefficient a of the clear elastomer in the law exp(-a L) [1/mm]."""
     return absorption_per_mm(absorption_db_per_cm(design).value)
 
 
 def modulus(design: SensorDesign) -> Quantity:
-    """Young's modulus of the elastomer [MPa]."""
+    """Young's modulus of the elastomer with source and confidence [MPa]."""
     own = design.elastomer.youngs_modulus_mpa
     if own is not None:
         return _measured("MPa", own)
@@ -166,11 +169,11 @@ def emitter_order(part: Part) -> float:
 
 @dataclass(frozen=True, kw_only=True)
 class UsedValue:
-    """A value that a verdict depends on.
+    """A value on which the verdict about a design depends.
 
     Attributes
     ----------
-    path : dotted path of the design field that changes or measures it
+    path : dotted path of the design's field that sets the value or a measurement of it
     quantity : value, unit, source, confidence and band
     """
 
@@ -179,12 +182,12 @@ class UsedValue:
 
     @property
     def is_open(self) -> bool:
-        """Whether it is neither measured nor read from a source."""
+        """Whether the value is neither measured nor read from a source."""
         return self.quantity.confidence in ("inferred", "unverified")
 
 
 def used_values(design: SensorDesign) -> tuple[UsedValue, ...]:
-    """Every value with a band that the optical verdict depends on, measured or not."""
+    """All values that the optical verdict depends on: fields with a band, and properties of parts and elastomer."""
     found = [
         UsedValue(path=path, quantity=_design_quantity(design, path, band))
         for path, band in _bands_in_use(design).items()
@@ -201,7 +204,7 @@ def used_values(design: SensorDesign) -> tuple[UsedValue, ...]:
 
 
 def _values_of_gain(part: Part, part_id: str) -> list[UsedValue]:
-    """Power and responsivity: a gain in ohms depends on them, a gain by a rule does not."""
+    """Emitted power or responsivity of a part, if known; the verdict depends on them only for a gain in ohms."""
     name = "radiant_power_mw" if part.kind == "emitter" else "responsivity_a_per_w"
     quantity = quantities_of(part).get(name)
     return (
@@ -210,7 +213,10 @@ def _values_of_gain(part: Part, part_id: str) -> list[UsedValue]:
 
 
 def _values_of_part(part: Part, part_id: str) -> list[UsedValue]:
-    """Sizes and angular values of a part; a bare receiver is equally sensitive at every angle."""
+    """Sizes and angular values of a part on which the verdict depends.
+
+    A receiver without epoxy has no angular values because it is equally sensitive at every angle.
+    """
     names = ["active_width_mm", "active_height_mm"]
     table_name = "angular_pattern" if part.kind == "emitter" else "angular_response"
     table = part.angular_pattern if part.kind == "emitter" else part.angular_response
@@ -231,7 +237,7 @@ def _values_of_part(part: Part, part_id: str) -> list[UsedValue]:
 
 
 def _parts_in_use(design: SensorDesign) -> tuple[tuple[str, Kind], ...]:
-    """Distinct catalogue identifiers of the placed parts, in order."""
+    """Distinct catalogue identifiers and kinds of the parts in a layout, in order."""
     return tuple(
         dict.fromkeys(
             (place.part or _section(design, place.kind).part, place.kind) for place in _placements(design)
@@ -240,7 +246,10 @@ def _parts_in_use(design: SensorDesign) -> tuple[tuple[str, Kind], ...]:
 
 
 def _bands_in_use(design: SensorDesign) -> dict[str, Band]:
-    """Bands of the design fields that the placed parts use; a layout entry's own height has its section's band."""
+    """Bands of the design's fields by dotted path, for the fields that the layout uses.
+
+    A layout entry with its own height has the band of the section's height.
+    """
     bands = dict(_bands())
     for section, kind in SECTIONS.items():
         band = bands.pop(f"{section}.height_mm")
@@ -261,7 +270,7 @@ def _section(design: SensorDesign, kind: Kind) -> Emitters | Receivers:
 
 @dataclass(frozen=True, kw_only=True)
 class Band:
-    """Possible deviation of a design field on the manufactured unit: below and above its value, or absolute limits."""
+    """Possible deviation of a design's field on the manufactured unit: `minus` below and `plus` above its value."""
 
     minus: float
     plus: float

@@ -1,21 +1,23 @@
 """The specification of a sensor: all fields in which designs can differ.
 
-A design is frozen. `with_` returns a changed copy. Its `digest` depends on its content, and not on the formatting of
+A design is immutable; `with_` returns a changed copy. Its `digest` depends on its content, and not on the formatting of
 its file. All lengths are in mm in the cavity frame of `design.shape.cavity`.
 
-Fields of the signal chain cover noise, drift, ambient light, the stage and the walls' bond on a manufactured unit.
+Some fields describe deviations of a manufactured unit from the ideal light signal: noise, drift, ambient light, errors
+of the test stage, and silicone that comes off the walls. The signal chain (`sims.readings.signal_chain`) simulates
+them.
 
-The noise has two descriptions for two purposes, which are never added together:
+Noise is described in two ways for two purposes, which are never added together:
 
-- the verdict's (`optopad score`): variance of a reading = 1/12 + read² + (relative x counts)², one number per reading;
-- the signal chain's (`sims.readings.signal_chain`): every cause by itself, with its own time scale and correlations.
+- for the verdict (`optopad score`): variance of a reading = 1/12 + read² + (relative x counts)²
+- for the signal chain: every cause separately, with its own time scale and correlations
 
-Both use `read_noise_counts`. `relative_noise` is the verdict's summary of all noise in proportion to the signal. The
-chain has `led_fluctuation` and `gain_drift` in its place, 0.2 % each. Together they are 0.28 %, close to the 0.3 % of
-the summary. The chain rounds as the converter does; the summary adds 1/12.
+Both use `read_noise_counts`. For the verdict `relative_noise`, 0.3 %, summarises all noise in proportion to the signal.
+The signal chain uses `led_fluctuation` and `gain_drift` in its place, 0.2 % each, which together are 0.28 %. The chain
+rounds readings as the converter does, which the verdict represents by the variance 1/12.
 
-Sources: "bounded" values are limited by the paper's touch table at depths without contact (feasibility study of
-the whole chain); "assumed" values have no source.
+Sources of the defaults: "bounded" values are limited by the touch table of the paper (Piacenza et al., 2017) at depths
+without contact. "Assumed" values have no source.
 """
 
 from __future__ import annotations
@@ -66,7 +68,7 @@ CHAIN = (
     "wall_unbonded_share",
     "wall_heal_s",
 )
-"""Parameters that only the signal chain uses."""
+"""Names of the noise parameters that only the signal chain uses."""
 
 PURE: dict[str, Any] = {
     "read_noise_counts": 0.0,
@@ -83,11 +85,11 @@ PURE: dict[str, Any] = {
     "position_error_mm": 0.0,
     "wall_unbonded_share": 0.0,
 }
-"""The signal chain switched off: only the gain times the light, and full scale, remain."""
+"""Values of the noise parameters that switch all deviations off: only gain, light and full scale remain."""
 
 
 class Noise(Model):
-    """Noise of a reading, and other deviations from the ideal light signal: docs/how-to/simulate-data-set.md."""
+    """Noise of a reading, and other deviations from the ideal light signal (docs/how-to/simulate-data-set.md)."""
 
     unsaid = CHAIN
 
@@ -198,11 +200,11 @@ class Noise(Model):
 SCHEMA_VERSION = 1
 
 Ohm = Annotated[float, Field(ge=100.0, le=1e10)]
-"""Resistance of an amplifier's feedback."""
+"""Feedback resistance of an amplifier [ohm]."""
 
 
 class Mold(Model):
-    """The printed part around the cavity, with the same outline; around a disc `outer_diameter_mm` sets both sizes."""
+    """The printed part around the cavity, with the same outline as the cavity; around a disc it has a diameter."""
 
     unsaid = (
         "outer_diameter_mm",
@@ -289,7 +291,7 @@ class Mold(Model):
 
     @property
     def outside_fields(self) -> tuple[str, str]:
-        """Names of the fields of its outer size along x and along y."""
+        """Dotted paths of the fields for the outer size along x and along y; a round mold has the same field twice."""
         own = ("length", "width") if self.outer_diameter_mm is None else ("diameter",) * 2
         return f"mold.outer_{own[0]}_mm", f"mold.outer_{own[1]}_mm"
 
@@ -311,7 +313,7 @@ class Mold(Model):
 
 
 class Viscoelastic(Model):
-    """Relaxation of the load at constant depth; there are no defaults, because no source gives values."""
+    """Relaxation of the load at constant depth; there are no default values because no source states any."""
 
     relaxed_share: Annotated[
         float,
@@ -323,7 +325,7 @@ class Viscoelastic(Model):
 
 
 class Elastomer(Model):
-    """The clear elastomer; a value given here replaces the catalogue's and counts as measured."""
+    """The clear elastomer; a value given here replaces that of the catalogue and counts as measured."""
 
     unsaid = ("viscoelastic",)
 
@@ -360,7 +362,7 @@ class Surfaces(Model):
 
 
 class Emitters(Model):
-    """Defaults of every emitter; its entry in the layout may override them."""
+    """Defaults of all emitters; an entry of the layout may override them."""
 
     part: PartId
     height_mm: Annotated[
@@ -370,7 +372,7 @@ class Emitters(Model):
 
 
 class Receivers(Model):
-    """Defaults of every receiver; its entry in the layout may override them."""
+    """Defaults of all receivers; an entry of the layout may override them."""
 
     part: PartId
     height_mm: Annotated[
@@ -442,7 +444,7 @@ def _require_owner(pins: str, given: tuple[int, ...] | None, owner: str, owner_i
 
 
 class BoardUse(Model):
-    """The microcontroller and its use; pins and channels are assigned in order by default."""
+    """The microcontroller board and its settings; pins and inputs are assigned in the board's order by default."""
 
     unsaid = ("receivers", "emitters", "averages", "reference")
 
@@ -481,12 +483,14 @@ class BoardUse(Model):
 
 
 class Gain(Model):
-    """The receivers' transimpedance gain, by a rule or in ohms; signal chain, sheets and driver share it.
+    """Transimpedance gain of the receivers' amplifiers, by a rule or in ohms.
 
-    In a judged pair the tip comes between emitter and receiver; in facing rows these are the facing pairs. With the
-    rule `each` the untouched median over each receiver's judged pairs equals `target_counts`, or less to keep every one
-    below three quarters of full scale. With `common` the median over all judged pairs equals the target. Ohms set the
-    gain by the emitters' power. With `common` or ohms brighter pairs may clip at full scale; they are listed.
+    The rules use the signals without contact of the judged pairs, in which a press can come between emitter and
+    receiver. In facing rows these are the facing pairs. With the rule `each` every receiver has its own gain: the
+    median over its judged pairs equals `target_counts`. It is less if a pair would otherwise exceed three quarters of
+    full scale. With `common` all receivers have the same gain, and the median over all judged pairs equals the target.
+    With a resistance in ohms the signals depend on the emitters' power. With `common` or ohms, bright pairs may clip at
+    full scale; they are listed.
     """
 
     unsaid = ("feedback_ohm",)
@@ -499,7 +503,7 @@ class Gain(Model):
 
 
 class Operating(Model):
-    """The range of use that the verdict covers."""
+    """The range of depths and press locations that the verdict covers."""
 
     max_depth_mm: Annotated[float, Field(ge=0.1, le=30.0, description="deepest press")] = 5.0
     workspace_margin_mm: Annotated[
@@ -508,7 +512,7 @@ class Operating(Model):
 
 
 class SensorDesign(Model):
-    """One sensor: cavity, mold, materials, parts and their positions, board, noise, range of use."""
+    """Complete specification of one sensor."""
 
     unsaid = ("tolerances", "crown")
 
@@ -608,7 +612,7 @@ class SensorDesign(Model):
         return self
 
     def _misfit(self, pattern: Pattern) -> str | None:
-        """The feature that a pattern needs and the outline lacks, and a pattern to use instead."""
+        """Reason why a pattern does not fit the outline, and a pattern to use instead; None if it fits."""
         outline, walls = self.cavity.outline, self.cavity.walls
         for place in expand((pattern,), self.cavity):
             if place.angle_deg is not None and not self.cavity.has_round_walls:
@@ -620,20 +624,20 @@ class SensorDesign(Model):
 
     @property
     def value_noise_counts(self) -> float:
-        """Read noise of a value of a frame, the mean of `board.averages` readings [counts]."""
+        """Read noise (standard deviation) of a value in a frame, the mean of `board.averages` readings [counts]."""
         return self.noise.read_noise_counts / math.sqrt(self.board.averages)
 
     @cached_property
     def digest(self) -> str:
-        """SHA-256 over the content, as 64 hexadecimal digits; independent of formatting and key order."""
+        """SHA-256 of the content as 64 hexadecimal digits, independent of formatting and key order."""
         return hashlib.sha256(canonical_json(self.model_dump(mode="json")).encode()).hexdigest()
 
     def with_(self, **changes: Any) -> Self:
-        """Return a copy with dotted paths changed: ``with_(**{"cavity.clear_thickness_mm": 10})``.
+        """Return a copy with new values at dotted paths, such as ``with_(**{"cavity.clear_thickness_mm": 10})``.
 
         Raises
         ------
-        DesignError : an unknown path (nearest names are offered) or a value that its field refuses.
+        DesignError : a path is unknown (the message suggests similar ones), or a value is not valid.
         """
         document = self.model_dump(mode="json")
         for path, value in changes.items():
@@ -642,11 +646,11 @@ class SensorDesign(Model):
 
     @classmethod
     def from_document(cls, document: dict[str, Any], *, where: str) -> Self:
-        """Validate nested plain data; ``where`` names its origin in the message.
+        """Make a design from nested plain data; `where` names their origin in error messages.
 
         Raises
         ------
-        DesignError : every refused field with its value, limit and the way out.
+        DesignError : invalid fields; the message lists each with its limit and a remedy.
         """
         try:
             require_plain(document)
@@ -659,7 +663,7 @@ class SensorDesign(Model):
 
 
 def canonical_json(document: Any) -> str:
-    """The same text for equal content: sorted keys, no spaces, shortest float form."""
+    """JSON text that is the same for equal content: sorted keys, no spaces, shortest form of floats."""
     return json.dumps(document, sort_keys=True, separators=(",", ":"), ensure_ascii=True, allow_nan=False)
 
 

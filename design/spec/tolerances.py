@@ -1,11 +1,12 @@
-"""Tolerances of a manufactured unit: unmeasured parameters with their bands, and scatter of manufacturing.
+"""Tolerances of a manufactured unit: bands of unmeasured parameters, and manufacturing tolerances.
 
     not measured on the unit  ──► band of the catalogue or of `bands.toml`, with uniform density
     printed, poured, levelled ──► named defaults of `tolerances.toml`, which are assumptions (mostly normal)
     [tolerances] of the design ──► replace either: dotted path = half width in the field's unit; 0 is exact
 
-A value named in `measured` does not vary. The model leaves out scatter between parts (all parts of a kind move
-together), displacements along a wall, and correlations between values, because none are known.
+A value that is listed in the design's field `measured` does not vary. All parts of one kind deviate together; scatter
+between them is not included. Displacements along a wall are not included, nor are correlations between values, because
+none are known.
 """
 
 from __future__ import annotations
@@ -34,12 +35,13 @@ class Tolerance:
 
     Attributes
     ----------
-    path : dotted path of the design field that changes it
-    value, low, high : the design's value and the ends, in `unit`
-    distribution : uniform from end to end, or normal about the middle with the ends at two standard deviations, cut
-        off there
-    origin : it is unmeasured, manufacturing adds it, or the design sets it
-    source : source of the ends
+    path : dotted path of the design's field that sets the value
+    value : value of the design, in `unit`
+    low, high : ends of the range of possible values
+    distribution : `uniform` from end to end, or `normal` around the middle, cut off at the ends, which are at two
+        standard deviations
+    origin : whether the value is unmeasured, varies in manufacture, or has a tolerance in the design
+    source : source of the range
     """
 
     path: str
@@ -53,7 +55,7 @@ class Tolerance:
 
     @property
     def as_used_value(self) -> UsedValue:
-        """The tolerance as a value with a band, so that a score can try both ends."""
+        """The tolerance in the form of a value with a band, so that a score can evaluate both ends."""
         quantity = Quantity(
             value=self.value,
             unit=self.unit,
@@ -70,7 +72,7 @@ def build_tolerances(design: SensorDesign) -> tuple[Tolerance, ...]:
 
     Raises
     ------
-    DesignError : an entry of [tolerances] does not name a number.
+    DesignError : a path in the design's table `tolerances` is not that of a number.
     """
     found = {one.path: one for one in (*_open_values(design), *_made_values(design))}
     for path, half_width in design.tolerances.items():
@@ -81,7 +83,7 @@ def build_tolerances(design: SensorDesign) -> tuple[Tolerance, ...]:
 
 
 def tolerance_findings(design: SensorDesign) -> Iterator[Finding]:
-    """Findings about tolerances that do not name a number of the design."""
+    """Errors about paths in the design's table `tolerances` that are not those of a number."""
     for path, half_width in design.tolerances.items():
         try:
             _value_at(design, path)
@@ -153,7 +155,7 @@ def _given(design: SensorDesign, path: str, half_width: float) -> Tolerance:
 
 
 def _value_at(design: SensorDesign, path: str) -> tuple[float, str]:
-    """Value and unit of a field of the design, or of a part or material that it uses."""
+    """Value and unit of a field of the design, or of a part or material that the design uses."""
     used = {one.path: one.quantity for one in used_values(design)}
     if path in used:
         return used[path].value, used[path].unit
@@ -167,7 +169,7 @@ def _value_at(design: SensorDesign, path: str) -> tuple[float, str]:
 
 
 UNIT_ENDS = {"_mm": "mm", "_deg": "deg", "_n": "N", "_mpa": "MPa", "_db_per_cm": "dB/cm", "_nm": "nm"}
-"""Suffixes of field names, and their units."""
+"""Unit of a field by the suffix of its name."""
 
 
 @dataclass(frozen=True, kw_only=True)
