@@ -1,4 +1,4 @@
-"""The former name of `sims.score`, kept for one release."""
+"""Alias of `sims.score` under its former name, for one release."""
 
 from sims.score import ContinuityScore, score
 

@@ -1,4 +1,4 @@
 """Fisher information of the signals, and Cramér-Rao bounds of a press's location and depth.
 
-It imports verdict and the rooms below it.
+This package imports `sims.verdict` and the packages that `sims.verdict` imports.
 """

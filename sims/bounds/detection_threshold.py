@@ -1,11 +1,11 @@
-"""The detection threshold: the lightest press that the pad detects, by location, in millimetres and newtons.
+"""The detection threshold: the lightest press that the pad detects at each location, in millimetres and newtons.
 
-A press is detected when some pair's reading differs from its untouched value by the deadband threshold, 3 noise units.
-This holds for one pair and one frame; many pairs or frames together detect lighter presses. The trace's error is
-propagated: detection is earliest where the change plus two standard errors reaches the threshold, and latest where the
-change less two does. Loads come from the contact model at the location, near walls included; the band is that of
-Young's modulus. Between the depths traced, changes are straight lines; this is too early at depths less than the first
-of them (signals grow faster than depth at first contact).
+A press is detected when at least one pair's reading differs from its untouched value by the deadband threshold, 3
+noise units. This is for one frame; several pairs or frames evaluated together detect lighter presses. The error of the
+light trace gives an earliest and a latest depth: there the change plus or minus two standard errors reaches the
+threshold. Loads come from the contact model at each location, near walls included. The band of a load is that of
+Young's modulus. Changes are interpolated linearly between the traced depths. Below the first traced depth this gives
+too small a threshold, because signals grow faster than depth at first contact.
 """
 
 from __future__ import annotations
@@ -26,16 +26,19 @@ from sims.verdict.depth_curve import DEADBAND_THRESHOLD, noise_units, sigma_coun
 
 @dataclass(frozen=True, kw_only=True)
 class DetectionThreshold:
-    """The lightest detected press; infinite where none within the usable range is detected, NaN outside the workspace.
+    """The lightest detected press at each location of a grid.
+
+    Maps are infinite where no press within the usable range is detected, and NaN outside the workspace.
 
     Attributes
     ----------
-    x_mm : (nx,), y_mm : (ny,) lines of the grid of locations [mm]
+    x_mm, y_mm : (nx,) and (ny,) coordinates of the grid [mm]
     depth_mm : (ny, nx) depth from which a press is detected [mm]
-    depth_low_mm, depth_high_mm : (ny, nx) the same at the earliest and latest, by the trace's error [mm]
-    force_n : (ny, nx) load at that depth at the best value of the modulus [N]
-    force_error_low_n, force_error_high_n : (ny, nx) load at the earliest and latest depth [N]
-    low_n, high_n : (ny, nx) load at that depth at the ends of the modulus's band [N]
+    depth_low_mm, depth_high_mm : (ny, nx) that depth with the signal change raised and lowered by two standard errors
+        of the light trace [mm]
+    force_n : (ny, nx) load at `depth_mm` for the nominal Young's modulus [N]
+    force_error_low_n, force_error_high_n : (ny, nx) load at `depth_low_mm` and `depth_high_mm` [N]
+    low_n, high_n : (ny, nx) load at `depth_mm` for the ends of the modulus's band [N]
     threshold : change that counts as detected [noise units]
     """
 
@@ -53,7 +56,7 @@ class DetectionThreshold:
 
     @property
     def worst(self) -> tuple[int, int]:
-        """(row, column) of the location that needs the heaviest press."""
+        """(row, column) of the location where a press must be deepest to be detected."""
         row, column = np.unravel_index(int(np.nanargmax(self.depth_mm)), self.depth_mm.shape)
         return int(row), int(column)
 
@@ -72,9 +75,9 @@ def detection_threshold(
 
     Parameters
     ----------
-    flux, standard_error : (ny, nx, nd, pair) light over emitted power; the first depth untouched; NaN outside the
-        workspace [-]
-    x_mm : (nx,), y_mm : (ny,), depth_mm : (nd,) lines of the map
+    flux, standard_error : (ny, nx, nd, pair) received over emitted power and its standard error [-]; the first depth
+        is the untouched pad, and values outside the workspace are NaN
+    x_mm, y_mm, depth_mm : (nx,), (ny,) and (nd,) coordinates of the map [mm]
     readout : gains of the receivers
     threshold : change that counts as detected [noise units]
     """
@@ -109,7 +112,10 @@ def detection_threshold(
 
 
 def _first_reached_mm(depth_mm: FloatArray, change: FloatArray, threshold: float) -> FloatArray:
-    """(ny, nx) depth where straight lines between samples first reach a level; infinite where they do not."""
+    """(ny, nx) depth where the linearly interpolated change first reaches the threshold [mm].
+
+    It is infinite where the threshold is not reached, and NaN outside the workspace.
+    """
     is_above = change >= threshold
     first = np.argmax(is_above, axis=-1)
     before = np.maximum(first - 1, 0)
@@ -126,7 +132,7 @@ def _first_reached_mm(depth_mm: FloatArray, change: FloatArray, threshold: float
 def _forces_n(
     design: SensorDesign, x_mm: tuple[float, ...], y_mm: tuple[float, ...], depth_mm: FloatArray
 ) -> FloatArray:
-    """(ny, nx) load at each location's depth [N]; infinite where the depth is."""
+    """(ny, nx) load at each location's depth [N]; infinite or NaN where the depth is infinite or NaN."""
     force = np.where(np.isnan(depth_mm), np.nan, np.inf)
     for (row, column), depth in np.ndenumerate(depth_mm):
         if np.isfinite(depth):

@@ -13,46 +13,43 @@ and no unbiased estimate of θ has a covariance below F⁻¹ (Van Trees 1968, se
 Trace noise is no information
 -----------------------------
 A Jacobian J + n whose noise n comes from the simulation gives E[(J + n)ᵀW(J + n)] = F + E[nᵀWn]: noise counts as
-information. With two independent halves, E[(J + a)ᵀW(J + b)] = F. So F is the symmetrised product of the halves. It may
-have eigenvalues that are not positive: such a press is *not resolved* to the accuracy of this trace.
+information. With two independent halves, E[(J + a)ᵀW(J + b)] = F. So F is the symmetrised product of the halves. Some
+of its eigenvalues may be zero or negative: such a press is *not resolved* to the accuracy of this trace.
 
-Its error: d(F⁻¹) = -F⁻¹ dF F⁻¹, so a bound with v = F⁻¹eᵢ moves by -vᵀdF v, a sum over pairs of
-w (Jv)((a + b)v) + w (av)(bv), whose variance is w² (2 (Jv)² s² + s⁴) a pair, with s² = var(av) estimated by half of
-((a - b)v)². The differences of stencils between the halves count as noise here, too. A direction with information
-within `TOLD_FROM_ZERO` standard errors of zero counts as not resolved, so a bound is rather too large than too small.
+The error of a bound follows from d(F⁻¹) = -F⁻¹ dF F⁻¹. A variance with v = F⁻¹eᵢ changes by -vᵀdF v, a sum over pairs
+of w (Jv)((a + b)v) + w (av)(bv). The variance of each term is w² (2 (Jv)² s² + s⁴), where s² = var(av) is estimated by
+half of ((a - b)v)². A direction whose information is within `TOLD_FROM_ZERO` standard errors of zero counts as not
+resolved, so bounds tend to be too large rather than too small.
 
-Left out: information in the variance of the readings (σ depends on c; at a relative noise of 0.003 it adds 2e-5 of F),
-bias of estimators, prior knowledge (the limits of the workspace), several frames (n independent ones divide bounds by
-√n), error common to the readings (drift, supply, temperature), ambient light, an unknown gain.
+Not modelled: information in the variance of the readings (σ depends on c; at a relative noise of 0.003 it adds 2e-5 of
+F), bias of estimators, prior knowledge such as the limits of the workspace, several frames (n independent frames divide
+bounds by √n), errors common to all readings (drift, supply, temperature), ambient light, an unknown gain.
 
-Sources: S. M. Kay, Fundamentals of Statistical Signal Processing: Estimation Theory, 1993, sections 3.7 and 3.9;
-H. L. Van Trees, Detection, Estimation, and Modulation Theory I, 1968, section 2.4.
+Derivatives
+-----------
+The derivatives of all readings by location and depth are central differences of presses around each voxel's centre.
+Each half has six presses: (x ± h, y, d), (x, y ± h, d) and (x, y, d ± k), so errors are of the order h² and k².
+Within a half, all presses have the same seed and settings and hence the same sampling points around the tip: their
+errors are nearly equal on both sides and cancel. The two halves have different seeds, so their remaining errors are
+independent, as the product above requires. Replicates of a single trace would not do as halves: their sampling offsets
+are spread evenly, which correlates their errors. Steps are small because signals curve within a millimetre.
 
-The numbers on which bounds and their summaries depend, collected here; every function takes them as keywords.
+Four presses a half would suffice (the corners of a tetrahedron, mirrored in the other half). But mixed second
+derivatives would then make the halves differ by more than the trace's error. One-sided differences, outward in one half
+and inward in the other, cancel errors of the first order in the product. But where signals curve within the step (the
+paper's pad at 4.9 mm), they made the bounds twice as large.
+
+Kinks of a signal that are narrower than the steps, as at the edge of a shadow, are smoothed over h and k. Voxels whose
+bounds the first light settings leave undecided are traced again with finer settings.
 
 Sources
 -------
-[R] Chosen for this tool: a fingertip-sized contact is useful when it is located to a millimetre and its depth to half
-a millimetre (coverage); a voxel is dead when its location is not resolved to half a millimetre, or its depth to a
-tenth, the limits of the feasibility study. Confidence: chosen; they serve to rank layouts and are no findings.
+S. M. Kay, Fundamentals of Statistical Signal Processing: Estimation Theory, 1993, sections 3.7 and 3.9;
+H. L. Van Trees, Detection, Estimation, and Modulation Theory I, 1968, section 2.4.
+[R] Chosen for this tool, to rank layouts: a fingertip-sized contact is useful when it is located to a millimetre and
+its depth to half a millimetre (coverage). A voxel is dead when its location is not resolved to half a millimetre or its
+depth not to a tenth, the limits of the feasibility study.
 [M] Measured on the paper's pad: docs/understand/model.md, "What the signals can tell".
-
-Derivatives of all readings by location and depth, from presses around each voxel's centre, in two independent halves.
-
-They are central differences of six presses a half: (x ± h, y, d), (x, y ± h, d), (x, y, d ± k), with errors of the
-order h² and k². Within a half the same seed and settings make one lattice around the tip, whose error is nearly the
-same on both sides and cancels; the seeds of the halves differ, so the remaining errors are independent, as the product
-above requires. The replicates of one trace are no such halves: their offsets are spread evenly, so their errors are
-correlated. Locations a millimetre or two apart are never differenced, since signals bend within less.
-
-Four presses a half would suffice (the corners of a tetrahedron, mirrored in the other half), but its mixed second
-derivatives differ between the halves by more than the trace's error and hide it; six give the true error. One-sided
-differences, outward in one half and inward in the other, were tried, too: their product is free of errors of the first
-order, but where signals bend within the step (the paper's pad at 4.9 mm) the bounds came out twice as large.
-
-Left out: kinks nearer than the steps (the end of a shadow), which are smoothed over h and k.
-
-Derivatives at every voxel of a grid of locations; voxels that the light settings leave open are traced finer.
 """
 
 from __future__ import annotations
@@ -74,86 +71,88 @@ from sims.readings.readout import Readout
 from sims.verdict.depth_curve import sigma_counts
 
 COVERED_LOCATION_MM: Final = 1.0
-"""A covered voxel's location bound is below this [mm]; [R]."""
+"""Largest location bound of a covered voxel [mm]; [R]."""
 
 COVERED_DEPTH_MM: Final = 0.5
-"""A covered voxel's depth bound is below this [mm]; [R]."""
+"""Largest depth bound of a covered voxel [mm]; [R]."""
 
 DEAD_LOCATION_MM: Final = 0.5
-"""A dead voxel's location bound is above this, or its depth bound above the next [mm]; [R]."""
+"""Location bound above which a voxel counts as dead [mm]; [R]."""
 
 DEAD_DEPTH_MM: Final = 0.1
-"""See `DEAD_LOCATION_MM` [mm]; [R]."""
+"""Depth bound above which a voxel counts as dead [mm]; [R]."""
 
 LATERAL_STEP_MM: Final = SURROUND_MM
-"""Offset of the presses that give the derivatives by location [mm]; [M]."""
+"""Offset from the voxel's centre of the presses that give the derivatives by x and y [mm]; [M]."""
 
 DEPTH_STEP_MM: Final = 0.1
-"""Offset of the presses that give the derivative by depth [mm]; [M]."""
+"""Offset from the voxel's centre of the presses that give the derivative by depth [mm]; [M]."""
 
 LARGEST_DEPTH_STEP_SHARE: Final = 0.25
-"""The depth offset is at most this share of the depth [-]: near contact, signals grow like a power of depth."""
+"""Upper limit of the depth offset as a share of the depth [-]: near first contact, signals grow like a power of
+depth."""
 
 SPIKE: Final = 5.0
-"""A pair whose reading has a larger trace error than this at some press of a voxel is left out there [noise units];
-[M]: two of 960 at draft, one of which hid all the others."""
+"""Trace error above which a pair is left out of a voxel's bounds [noise units]. [M]: at the draft setting this leaves
+out 2 pairs of 960; one of them alone would have made the voxel unresolved."""
 
 TOLD_FROM_ZERO: Final = 2.0
-"""Information within this many of the trace's standard errors of zero counts as none [-]."""
+"""Number of standard errors of the light trace within which Fisher information counts as zero [-]."""
 
 BAND: Final = 2.0
-"""Low and high of a summary are its values with all bounds moved by this many standard errors of the trace [-]."""
+"""Number of standard errors by which all bounds are moved to get the low and high end of a summary [-]."""
 
 FORMED_SPIKE: Final = 20.0
-"""The same for discs and crowned pads [noise units]: their light is integrated on lattices and has no spikes, and the
-difference of its halves is in the bounds' error anyway; [M]: with 5, light of half as many points leaves out so many
-pairs of the crowned preset that bounds at 2.9 and 3.9 mm are up to 24 % wider; with 20 they agree within 6 %."""
+"""Trace error above which a pair is left out, for discs and crowned pads [noise units]. Their light is integrated on
+regular point lattices and has no outliers, so the limit is looser than `SPIKE`. [M]: half as many points widened bounds
+of the crowned preset at 2.9 and 3.9 mm by up to 24 % with a limit of 5, but by at most 6 % with 20."""
 
 CLEAR_ERROR: Final = 0.05
-"""A bound whose trace error is a larger share of it is traced again with finer light [-]; [M]. At a tenth, a depth
-bound of the paper's pad late in the press was 18 to 30 µm by six seeds, with stated errors of 0.7 to 2.4; at a
-twentieth it was 20 to 21, for an eighth more of the bounds' time."""
+"""Relative trace error of a bound above which its voxel is traced again with finer light [-]. [M]: with 0.1, six seeds
+gave 18 to 30 µm for the depth bound of a deep press on the paper's pad, with stated errors of 0.7 to 2.4 µm. With 0.05
+they gave 20 to 21 µm, for an eighth more computing time."""
 
 SHALLOW_MM: Final = 0.3
-"""Voxels above this begin with the second settings of the light [mm]: on the paper's pad four in five of them at 0.2 mm
-are open after the first, most of them not resolved; [M]."""
+"""Depth below which a voxel is traced with the second light settings at once [mm]. [M]: at 0.2 mm on the paper's pad,
+the first settings leave four in five voxels undecided, most of them not resolved."""
 
 COARSE_DEPTHS_MM: Final = (0.2, 0.7, 1.5, 2.9)
-"""Depths of the bounds of a quick score; those beyond the usable range are left out, its end is added [mm]. Most are
-half-way between depths of its map, so that the map's light serves both."""
+"""Depths of the voxels in a quick score [mm]. Depths beyond the usable range are left out, and the end of the range is
+added. Most depths are half-way between depths of the deadband map, whose stored light is then used for both."""
 
 FINE_DEPTHS_MM: Final = (0.15, 0.4, 0.8, 1.5, 2.5, 3.6)
-"""Depths of the bounds of a fine score, likewise [mm]. Bounds change slowly with depth, so these are coarser than the
-deadband map's."""
+"""Depths of the voxels in a fine score [mm]; the end of the usable range is added. Bounds change slowly with depth, so
+fewer depths suffice than for the deadband map."""
 
 PRESSES = 6
-"""Number of presses of one half at one voxel."""
+"""Number of presses per voxel in one of the two halves: both sides in x, y and depth."""
 
 DEPTH_DIGITS = 12
-"""Decimals of a press's depth [mm]: far below any step, above round-off."""
+"""Decimals to which a press's depth in mm is rounded: far below any step, above round-off."""
 
 SEED_GAP = 7919
-"""Number added to the seed for the second half; a prime, so that neighbouring seeds of a study share no halves."""
+"""Number added to the seed for the second half of the presses: a large prime, so that a study with consecutive seeds
+uses no half twice."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Steps:
-    """Offsets of the presses: by location, and by depth at most [mm]."""
+    """Offsets of the presses that give the derivatives: in x and y, and at most in depth [mm]."""
 
     lateral_mm: float = LATERAL_STEP_MM
     depth_mm: float = DEPTH_STEP_MM
 
     def offsets_mm(self, depth_mm: FloatArray) -> FloatArray:
-        """(voxel, 3) offsets by x, y and depth at (voxel,) depths; that by depth is smaller near the surface."""
+        """(voxel, 3) offsets in x, y and depth [mm] at (voxel,) depths; the depth offset shrinks near the surface."""
         by_depth = np.minimum(self.depth_mm, LARGEST_DEPTH_STEP_SHARE * depth_mm)
         lateral = np.full_like(by_depth, self.lateral_mm)
         return np.stack([lateral, lateral, by_depth], axis=-1)
 
 
 def stencil_presses(voxels_mm: FloatArray, offsets_mm: FloatArray) -> FloatArray:
-    """(voxel x 6, 3) presses: of each (voxel, 3) centre those on both sides by x, by y, by depth [mm].
+    """(voxel x 6, 3) presses on both sides of each (voxel, 3) centre: +x, -x, +y, -y, +depth, -depth [mm].
 
-    Depths are rounded to `DEPTH_DIGITS`, so that they equal those of a map's schedule and its stored light is found.
+    Depths are rounded to `DEPTH_DIGITS`, so that they equal the depths of a map and its stored light can be used.
     """
     sides = np.repeat(np.eye(3), 2, axis=0) * np.tile([1.0, -1.0], 3)[:, None]
     presses = (voxels_mm[:, None, :] + sides * offsets_mm[:, None, :]).reshape(-1, 3)
@@ -162,7 +161,7 @@ def stencil_presses(voxels_mm: FloatArray, offsets_mm: FloatArray) -> FloatArray
 
 
 def stencil_derivatives(readings: FloatArray, offsets_mm: FloatArray) -> FloatArray:
-    """(voxel, pair, 3) derivatives by x, y, depth [counts/mm] of (voxel, 6, pair) readings [counts]."""
+    """(voxel, pair, 3) derivatives by x, y and depth [counts/mm] from (voxel, 6, pair) readings [counts]."""
     change = np.moveaxis(readings[:, 0::2] - readings[:, 1::2], 1, -1)
     return np.asarray(change / (2.0 * offsets_mm[:, None, :]))
 
@@ -177,19 +176,19 @@ def sensitivity(
     steps: Steps,
     on_step: OnShare | None = None,
 ) -> Sensitivity:
-    """Derivatives of all pairs at each voxel.
+    """Derivatives of all pairs' readings at each voxel.
 
     Parameters
     ----------
-    voxels_mm : (voxel, 3) x, y, depth
+    voxels_mm : (voxel, 3) x, y, depth [mm]
     accuracy, seed : accuracy setting and random seed of the light model; the second half has ``seed + SEED_GAP``
-    on_step : called with the share that is done
+    on_step : called with the share of the work done, 0 to 1
 
     Returns
     -------
-    Sensitivity with the leading axis voxel, pairs with the emitter outermost. Pairs that read above full scale at any
-    of the presses are left out, as are those with a trace error above `SPIKE` (`FORMED_SPIKE`) noise units: leaving a
-    pair out can only widen the bounds.
+    Sensitivity with the axes (voxel, pair), pairs in emitter-major order. Pairs that read above full scale at any of
+    the presses have weight 0, and so have pairs with a trace error above `SPIKE` (discs and crowned pads:
+    `FORMED_SPIKE`). This can only widen the bounds.
     """
     offsets = steps.offsets_mm(voxels_mm[:, 2])
     presses = stencil_presses(voxels_mm, offsets)
@@ -209,9 +208,10 @@ def sensitivity(
 
 
 def _apart(first: FloatArray, second: FloatArray) -> FloatArray:
-    """(voxel, 6, pair) difference of the halves' readings of a press, less their difference over the whole voxel.
+    """(voxel, 6, pair) error of the readings, estimated from the difference between the halves [counts].
 
-    It replaces the stated errors of discs and crowned pads, which bound a lattice's error very loosely.
+    The mean difference over the voxel's six presses is subtracted, since it cancels in derivatives. Discs and crowned
+    pads use this estimate because their stated errors are far too large.
     """
     apart = (first - second) / np.sqrt(2.0)
     return np.asarray(np.abs(apart - apart.mean(axis=1, keepdims=True)))
@@ -225,7 +225,7 @@ def _readings(
     seed: int,
     on_step: Callable[[int, int], None] | None,
 ) -> tuple[FloatArray, FloatArray]:
-    """(voxel, 6, pair) unlimited readings and their standard errors [counts]."""
+    """(voxel, 6, pair) readings, not clipped at full scale, and their standard errors [counts]."""
     light = trace(design, presses, accuracy=accuracy, seed=seed, on_step=on_step)
     shape = (len(presses) // PRESSES, PRESSES, -1)
     return (
@@ -241,7 +241,10 @@ def _share_of_half(on_step: OnShare | None, half: int) -> Callable[[int, int], N
 def _weights(
     design: SensorDesign, readings: FloatArray, errors: FloatArray, spike: float, readout: Readout
 ) -> FloatArray:
-    """(voxel, pair) 1/variance of the mean reading [1/counts²]; 0 where a press is above full scale or badly traced."""
+    """(voxel, pair) 1/variance of one frame's reading at the voxel [1/counts²].
+
+    The weight is 0 where any of the presses reads above full scale or has a trace error above `spike` noise units.
+    """
     sigma = sigma_counts(readings.mean(axis=1), design.value_noise_counts, design.noise.relative_noise)
     is_lost = (readings.max(axis=1) >= readout.full_scale_counts) | (errors.max(axis=1) > spike * sigma)
     return np.where(is_lost, 0.0, sigma**-2.0)
@@ -249,12 +252,12 @@ def _weights(
 
 @dataclass(frozen=True, kw_only=True)
 class Sensitivity:
-    """Sensitivity of readings to a press, in two independent halves.
+    """Derivatives of the readings by location and depth, estimated twice from independent light traces.
 
     Attributes
     ----------
     first, second : (..., pair, 3) derivatives of the readings by x, y and depth [counts/mm]
-    weight : (..., pair) one over the variance of a reading, 0 where it is left out [1/counts²]
+    weight : (..., pair) one over the variance of a reading [1/counts²]; 0 where the pair is left out
     """
 
     first: FloatArray
@@ -262,20 +265,22 @@ class Sensitivity:
     weight: FloatArray
 
     def without(self, is_lost: BoolArray) -> Sensitivity:
-        """The same with some pairs lost: (pair,) mask."""
+        """The same derivatives without the pairs that the (pair,) mask marks as lost."""
         return Sensitivity(first=self.first, second=self.second, weight=np.where(is_lost, 0.0, self.weight))
 
 
 @dataclass(frozen=True, kw_only=True)
 class Bounds:
-    """Least standard deviations of unbiased estimates from one frame; infinite where not resolved.
+    """Least standard deviations of unbiased estimates of location and depth from one frame.
+
+    All arrays have the axes of the derivatives without that of the pairs, and are infinite where not resolved.
 
     Attributes
     ----------
-    location_mm : (...) of the location, √(var x + var y); depth_mm : of the depth
-    depth_alone_mm : of the depth when the location is known
-    location_error_mm, depth_error_mm, depth_alone_error_mm : (...) standard errors from the light trace;
-        infinite where not resolved
+    location_mm : standard deviation of the location, √(var x + var y) [mm]
+    depth_mm : standard deviation of the depth when the location is unknown [mm]
+    depth_alone_mm : standard deviation of the depth when the location is known [mm]
+    location_error_mm, depth_error_mm, depth_alone_error_mm : standard errors of the above from the light trace [mm]
     """
 
     location_mm: FloatArray
@@ -287,27 +292,27 @@ class Bounds:
 
     @property
     def is_blind(self) -> BoolArray:
-        """(...) whether some direction of (x, y, depth) has no information above the trace's error."""
+        """(...) whether a press is not resolved: some direction of (x, y, depth) has no information above the error."""
         return ~np.isfinite(self.location_mm)
 
 
 def information(answers: Sensitivity) -> FloatArray:
-    """(..., 3, 3) Fisher information of x, y, depth [1/mm²]; not always positive definite."""
+    """(..., 3, 3) Fisher information of x, y and depth [1/mm²]; because of trace noise not always positive definite."""
     weighted = answers.first * answers.weight[..., None]
     product = np.swapaxes(weighted, -1, -2) @ answers.second
     return np.asarray(0.5 * (product + np.swapaxes(product, -1, -2)))
 
 
 def information_error(answers: Sensitivity, direction: FloatArray) -> FloatArray:
-    """Standard error of vᵀFv from the light trace.
+    """Standard error of vᵀFv that comes from the light trace, where F is the Fisher information.
 
     Parameters
     ----------
-    direction : (..., 3) v
+    direction : (..., 3) vector v
 
     Returns
     -------
-    (...) standard error [v²/mm²]
+    (...) standard error [unit of v² / mm²]
     """
     first, second = ((half @ direction[..., None])[..., 0] for half in (answers.first, answers.second))
     variance = 0.5 * (first - second) ** 2
@@ -322,7 +327,8 @@ def bounds_of(answers: Sensitivity, told_from_zero: float = TOLD_FROM_ZERO) -> B
     Parameters
     ----------
     answers : derivatives of all pairs, from independent halves
-    told_from_zero : standard errors of the trace by which information must exceed zero [-]
+    told_from_zero : number of standard errors of the trace by which information must exceed zero [-]; below it a press
+        counts as not resolved
     """
     fisher = information(answers)
     is_seen = _is_seen(answers, fisher, told_from_zero)
@@ -343,7 +349,7 @@ def bounds_of(answers: Sensitivity, told_from_zero: float = TOLD_FROM_ZERO) -> B
 
 
 def _is_seen(answers: Sensitivity, fisher: FloatArray, told_from_zero: float) -> BoolArray:
-    """(...) whether every direction has information that exceeds the trace's error."""
+    """(...) whether the information in every direction of (x, y, depth) exceeds the trace's error."""
     least, vectors = np.linalg.eigh(fisher)
     clear = [
         least[..., axis] > told_from_zero * information_error(answers, vectors[..., axis])
@@ -353,7 +359,7 @@ def _is_seen(answers: Sensitivity, fisher: FloatArray, told_from_zero: float) ->
 
 
 def _rooted(variance: FloatArray, error: FloatArray, is_seen: BoolArray) -> tuple[FloatArray, FloatArray]:
-    """Root of a variance and its standard error; infinite where not resolved."""
+    """Square root of a variance, and standard error of that root; both infinite where not resolved."""
     root = np.sqrt(np.where(is_seen, variance, 1.0))
     return np.where(is_seen, root, np.inf), np.where(is_seen, 0.5 * error / root, np.inf)
 
@@ -368,7 +374,7 @@ def _depth_alone(
 
 
 FIRST_STAGE_SHARE = 0.8
-"""Share of the progress for the first settings, where others follow."""
+"""Share of the progress display that the first light settings take, where finer settings may follow [-]."""
 
 
 def sensitivities(
@@ -382,18 +388,22 @@ def sensitivities(
     steps: Steps,
     on_step: OnShare | None = None,
 ) -> Sensitivity:
-    """Derivatives of all pairs at every location and depth. The engine traces presses that are equal by symmetry once.
+    """Derivatives of all pairs' readings at every location and depth.
+
+    Voxels that are not resolved, or whose bounds have a relative error above `CLEAR_ERROR`, are traced again with the
+    next accuracy. Voxels shallower than `SHALLOW_MM` begin with the second one.
 
     Parameters
     ----------
-    places_mm : (place, 2); depth_mm : (depth,)
-    accuracies : settings of the light, cheapest first: voxels that are not resolved, or whose bounds' error is above
-        `CLEAR_ERROR` of them, are traced again with the next; voxels above `SHALLOW_MM` begin with the second
-    seed, steps, on_step : as for `sims.bounds.fisher.sensitivity`
+    places_mm, depth_mm : (place, 2) locations and (depth,) depths [mm]
+    accuracies : accuracy settings of the light model, cheapest first
+    seed : random seed of the first half; the second half has ``seed + SEED_GAP``
+    steps : offsets of the presses
+    on_step : called with the share of the work done, 0 to 1
 
     Returns
     -------
-    Sensitivity with the leading axes (place, depth), pairs with the emitter outermost
+    Sensitivity with the axes (place, depth, pair), pairs in emitter-major order
     """
     voxels = np.array([[*place, depth] for place in places_mm for depth in depth_mm])
     found: Sensitivity | None = None
@@ -426,7 +436,7 @@ def _share_of_stage(on_step: OnShare, stage: int, stages: int) -> OnShare:
 
 
 def _is_unclear(bounds: Bounds) -> BoolArray:
-    """(voxel,) whether the trace's error leaves a bound open."""
+    """(voxel,) whether a voxel is not resolved or the trace error of its location or depth bound is too large."""
     is_known = ~bounds.is_blind
     clear = [
         error[is_known] <= CLEAR_ERROR * value[is_known]
@@ -441,7 +451,7 @@ def _is_unclear(bounds: Bounds) -> BoolArray:
 
 
 def _nothing(like: Sensitivity, voxels: int) -> Sensitivity:
-    """Voxels without information yet: not resolved."""
+    """Zero derivatives and weights for a number of voxels, with the pairs of `like`: none of them is resolved."""
     pairs = like.weight.shape[-1]
     zeros = np.zeros((voxels, pairs, 3))
     return Sensitivity(first=zeros, second=zeros, weight=np.zeros((voxels, pairs)))

@@ -1,17 +1,14 @@
-"""Accuracy of a pad at best: bounds of a press's location and depth in every voxel of the workspace.
+"""Best possible accuracy of a pad: bounds of a press's location and depth in every voxel of the workspace.
 
-For every (x, y, depth) it computes the Cramér-Rao bounds of one frame of readings of all pairs, from derivatives by
-offset presses in two independent halves (`sims.bounds.fisher`); the loss when an emitter or receiver fails; and the
-detection threshold. The bounds serve to compare layouts; a trained estimator is no better on average, and usually
-worse.
+A voxel is one (x, y, depth). Its Cramér-Rao bounds are those of one frame with all pairs; derivatives of the readings
+come from slightly offset presses (`sims.bounds.fisher`). The bounds serve to compare layouts; a trained estimator is no
+better on average, and usually worse. The loss when an emitter or receiver fails follows from the bounds without its
+pairs.
 
-Summaries are shares of the volume that the bounds' grid represents: every location has the same weight, every depth
-the distance half-way to its neighbours. Their low and high ends come from all bounds moved together by two standard
-errors of the trace, which is the worst case (voxels' errors are nearly independent). They contain the error of the
-trace only, not that of the models or of the coarse grid.
-
-The loss when an emitter or receiver fails follows from the bounds without its pairs. The plain data for JSON have the
-summaries with the ends of their bands, and maps by depth; a bound that is not resolved is None.
+Summaries are medians and shares over the volume of the workspace: every location has the same weight, and a depth
+represents the range half-way to its neighbours. The low and high ends of a summary come from all bounds moved together
+by two standard errors of the light trace. This is the worst case, since errors of voxels are nearly independent. The
+errors of the models and of the coarse grid are not included.
 """
 
 from __future__ import annotations
@@ -46,24 +43,24 @@ from sims.verdict.pad_map import grid_inside, grid_places_mm, map_grid_mm, on_gr
 from sims.verdict.presses import untouched_flux
 
 ROUND_OFF_DIGITS = 12
-"""Decimals of a share above round-off."""
+"""Decimals to which a share is rounded, to remove round-off."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Figure:
-    """A number and the ends of its band; infinite where not bounded."""
+    """A summary and the low and high end of its error band; infinite where not resolved."""
 
     value: float
     low: float
     high: float
 
     def percent(self) -> str:
-        """A share in whole per cent, with its ends where they round to others."""
+        """The value in per cent, followed by the ends of its band unless both round to the same number."""
         same = round(100 * self.low) == round(100 * self.high)
         return f"{self.value:.0%}" if same else f"{self.value:.0%} ({self.low:.0%} to {self.high:.0%})"
 
     def complement(self) -> Figure:
-        """One minus a share; the round-off of its sum is cut off."""
+        """One minus this share, with the ends of the band swapped and round-off removed."""
         value, low, high = (
             max(0.0, round(1.0 - share, ROUND_OFF_DIGITS)) for share in (self.value, self.high, self.low)
         )
@@ -71,12 +68,12 @@ class Figure:
 
 
 def depth_weights(depth_mm: Sequence[float] | FloatArray, max_depth_mm: float) -> FloatArray:
-    """(n,) share of the range 0 to the deepest press that each depth represents: half-way to its neighbours [-].
+    """(n,) share of the range of depths that each depth represents [-]: from half-way to half-way to its neighbours.
 
     Parameters
     ----------
-    depth_mm : (n,) rising depths
-    max_depth_mm : where the last share ends
+    depth_mm : (n,) rising depths [mm]
+    max_depth_mm : end of the range, which starts at 0 [mm]
     """
     depth = np.asarray(depth_mm, dtype=np.float64)
     edges = np.concatenate([[0.0], 0.5 * (depth[1:] + depth[:-1]), [max_depth_mm]])
@@ -84,7 +81,7 @@ def depth_weights(depth_mm: Sequence[float] | FloatArray, max_depth_mm: float) -
 
 
 def median_of(values: FloatArray, errors: FloatArray, weight: FloatArray) -> Figure:
-    """Weighted median of bounds, and of all of them lowered and raised by `BAND` standard errors."""
+    """Weighted median of bounds; low and high are the medians of all bounds moved by `BAND` standard errors."""
     low, high = _ends(values, errors)
     return Figure(
         value=_median(values, weight),
@@ -94,7 +91,7 @@ def median_of(values: FloatArray, errors: FloatArray, weight: FloatArray) -> Fig
 
 
 def share_of(bounds: Bounds, location_mm: float, depth_mm: float, weight: FloatArray) -> Figure:
-    """Share of the volume that is resolved and has both bounds below the limits [-]."""
+    """Share of the volume that is resolved and has location and depth bounds below the given limits [-]."""
     location_low, location_high = _ends(bounds.location_mm, bounds.location_error_mm)
     depth_low, depth_high = _ends(bounds.depth_mm, bounds.depth_error_mm)
 
@@ -110,7 +107,7 @@ def share_of(bounds: Bounds, location_mm: float, depth_mm: float, weight: FloatA
 
 
 def _ends(values: FloatArray, errors: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Values less and plus `BAND` errors; infinite ones stay so."""
+    """Values lowered and raised by `BAND` errors; values below zero become 0, infinite values stay infinite."""
     is_known = np.isfinite(values)
     moved = BAND * np.where(is_known, errors, 0.0)
     return np.maximum(values - moved, 0.0), values + moved
@@ -124,14 +121,15 @@ def _median(values: FloatArray, weight: FloatArray) -> float:
 
 @dataclass(frozen=True, kw_only=True)
 class PartLoss:
-    """The pad without one component.
+    """Summaries of the bounds when one component has failed.
 
     Attributes
     ----------
-    part : name of the component, as E3
+    part : name of the component, such as E3
     coverage : share of the workspace's volume still covered [-]
-    median_location_mm, median_depth_mm : median bounds without it [mm]; infinite where half is not resolved
-    blind_share : share of the volume where some direction is not resolved [-]
+    median_location_mm, median_depth_mm : median bounds without the component [mm]; infinite where half of the volume
+        is not resolved
+    blind_share : share of the volume where a press is not resolved [-]
     """
 
     part: str
@@ -148,12 +146,12 @@ def part_losses(
     covered_location_mm: float,
     covered_depth_mm: float,
 ) -> tuple[PartLoss, ...]:
-    """The pad without each component in turn, emitters first.
+    """Summaries of the bounds without each component in turn, emitters first.
 
     Parameters
     ----------
-    answers : derivatives of all pairs, emitter outermost
-    weight : (...) share of the volume that each voxel represents
+    answers : derivatives of all pairs, in emitter-major order
+    weight : share of the volume that each voxel represents [-]; the axes of `answers` without that of the pairs
     """
     emitter, receiver = (index.ravel() for index in np.indices((len(cavity.emitters), len(cavity.receivers))))
     lost = [(part.name, emitter == k) for k, part in enumerate(cavity.emitters)]
@@ -182,15 +180,15 @@ def _loss(
 
 
 BOUND_ACCURACIES = ("score", MIRRORED_FINER)
-"""Settings of the light for derivatives, cheapest first: a common lattice removes most of the error, and voxels where
-that is not enough are traced again with the next. The first are those of a map, whose stored light is reused."""
+"""Accuracy settings of the light for derivatives, cheapest first; voxels that the first leaves undecided are traced
+again with the second. The first setting is that of the deadband map, whose stored light is used again."""
 MANY_PAIRS_BOUNDS = (ACCURACIES["draft"], MIRRORED_FINER)
-"""The same for layouts of hundreds of pairs, where the light of a map would leave most voxels open."""
+"""Accuracy settings of the light for layouts of hundreds of pairs, cheapest first."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Limits:
-    """Limits of covered and of dead voxels [mm]: see `sims.bounds.fisher`."""
+    """Limits of the bounds [mm]: a covered voxel is below both, a dead voxel above at least one."""
 
     covered_location_mm: float = COVERED_LOCATION_MM
     covered_depth_mm: float = COVERED_DEPTH_MM
@@ -200,7 +198,7 @@ class Limits:
 
 @dataclass(frozen=True, kw_only=True)
 class Voxel:
-    """One voxel of the bounds: its centre, its bounds, and their standard errors; infinite where not resolved [mm]."""
+    """Centre of a voxel, its bounds and their standard errors [mm]; bounds and errors are infinite if not resolved."""
 
     x_mm: float
     y_mm: float
@@ -220,19 +218,20 @@ class PadBounds:
 
     Attributes
     ----------
-    x_mm : (nx,), y_mm : (ny,), depth_mm : (nd,) centres of the voxels [mm]
+    x_mm, y_mm, depth_mm : (nx,), (ny,) and (nd,) coordinates of the voxels' centres [mm]
     max_depth_mm : end of the usable range, to which the deepest voxel reaches [mm]
     location_mm : (ny, nx, nd) least standard deviation of the location, √(var x + var y) [mm]
     depth_bound_mm : (ny, nx, nd) least standard deviation of the depth, location unknown [mm]
-    depth_alone_mm : (ny, nx, nd) the same, location known [mm]
+    depth_alone_mm : (ny, nx, nd) least standard deviation of the depth, location known [mm]
     location_error_mm, depth_error_mm, depth_alone_error_mm : (ny, nx, nd) standard errors from the light trace [mm]
-    losses : loss when a component fails, one row each, emitters first; empty where not computed
+    losses : summaries of the bounds without each component in turn, emitters first; empty if not computed
     felt : detection threshold by location; None where not computed
     limits : limits of covered and of dead voxels
-    pairs : names of the pairs in the bounds, as E1-R3
+    pairs : names of the pairs in the bounds, such as E1-R3
     steps : offsets of the presses for the derivatives [mm]
-    accuracies, seed, digest : settings of the light, cheapest first, and the design; the second half has seed +
-        `sims.bounds.fisher.SEED_GAP`
+    accuracies : names of the light's accuracy settings, cheapest first
+    seed : random seed of the first half of the presses; the second half has seed + `sims.bounds.fisher.SEED_GAP`
+    digest : digest of the design
     """
 
     x_mm: tuple[float, ...]
@@ -256,7 +255,7 @@ class PadBounds:
 
     @property
     def is_blind(self) -> BoolArray:
-        """(ny, nx, nd) whether some direction of (x, y, depth) is not resolved."""
+        """(ny, nx, nd) whether a press is not resolved in some direction of (x, y, depth); False outside the workspace."""
         return np.isinf(self.location_mm)
 
     @property
@@ -273,7 +272,7 @@ class PadBounds:
 
     @property
     def bounds(self) -> Bounds:
-        """The arrays as `sims.bounds.fisher.Bounds`."""
+        """The bounds and their errors as `sims.bounds.fisher.Bounds`."""
         return Bounds(
             location_mm=self.location_mm,
             location_error_mm=self.location_error_mm,
@@ -300,29 +299,29 @@ class PadBounds:
 
     @property
     def coverage(self) -> Figure:
-        """Share of the volume with location and depth bounds below the limits [-]."""
+        """Share of the volume with location and depth bounds below the limits of a covered voxel [-]."""
         limits = self.limits
         return share_of(self.bounds, limits.covered_location_mm, limits.covered_depth_mm, self.weight)
 
     @property
     def dead_share(self) -> Figure:
-        """Share of the volume whose location or depth bound is above its limit, or not resolved [-]."""
+        """Share of the volume that is dead [-]: not resolved, or location or depth bound above the limit."""
         limits = self.limits
         return share_of(self.bounds, limits.dead_location_mm, limits.dead_depth_mm, self.weight).complement()
 
     @property
     def dead_depth_share(self) -> Figure:
-        """Share of the volume whose depth bound, location unknown, is above its limit, or not resolved [-]."""
+        """Share of the volume that is not resolved, or whose depth bound (location unknown) is above its limit [-]."""
         return share_of(self.bounds, np.inf, self.limits.dead_depth_mm, self.weight).complement()
 
     @property
     def blind_share(self) -> float:
-        """Share of the volume where some direction is not resolved [-]."""
+        """Share of the volume where some direction of (x, y, depth) is not resolved [-]."""
         return float(self.weight[self.is_blind].sum())
 
     @property
     def worst(self) -> Voxel:
-        """The voxel with the largest location bound, unresolved ones first; among these the deepest."""
+        """The voxel with the largest location bound, the deepest of several equal ones; unresolved counts as largest."""
         rank = np.where(np.isnan(self.location_mm), -np.inf, self.location_mm)
         deepest_first = np.broadcast_to(np.arange(len(self.depth_mm)), rank.shape)
         order = np.lexsort((-deepest_first.ravel(), -rank.ravel()))
@@ -330,7 +329,7 @@ class PadBounds:
 
     @property
     def worst_loss(self) -> PartLoss | None:
-        """The component whose failure costs most: coverage first, then the median location bound."""
+        """The component whose failure leaves the lowest coverage, then the largest median bound; None if no losses."""
         if not self.losses:
             return None
         return min(self.losses, key=lambda loss: (loss.coverage.value, -loss.median_location_mm.value))
@@ -350,7 +349,10 @@ class PadBounds:
 
 
 def bound_depths_mm(wanted_mm: tuple[float, ...], max_depth_mm: float, step_mm: float) -> FloatArray:
-    """(n,) depths of the bounds [mm]: the requested ones that a press `step_mm` deeper reaches, and the deepest one."""
+    """(n,) depths of the voxels [mm]: the requested ones within the usable range, and the deepest possible one.
+
+    The deepest voxel is `step_mm` above the end of the range, because the derivative needs a press `step_mm` deeper.
+    """
     deepest = max(max_depth_mm - step_mm, 0.5 * max_depth_mm)
     inside = [depth for depth in wanted_mm if depth < deepest - 1.5 * step_mm]
     return np.array([*inside, deepest])
@@ -376,16 +378,17 @@ def pad_bounds(
 
     Parameters
     ----------
-    x_mm, y_mm : lines of the grid [mm]; by default ``places`` along the workspace's longer side, at equal pitch
-    depths_mm : depths of the voxels; those beyond the usable range are left out, its end is added [mm]
-    accuracies : settings of the light, each as `sims.optics.trace` takes it; voxels whose bounds the first leaves
-        open are traced again with the next
-    seed : seed of the first half's offsets
+    x_mm, y_mm : coordinates of the grid [mm]; by default a grid of equal pitch in both directions
+    places : number of locations of the default grid along the workspace's longer side
+    depths_mm : depths of the voxels [mm]; depths beyond the usable range are left out, and its end is added
+    accuracies : accuracy settings for `sims.optics.tracing.trace`, cheapest first; voxels whose bounds one leaves
+        undecided are traced again with the next
+    seed : random seed of the first half of the presses
     readout : common gain; by default set on the untouched pad, with one more trace
-    felt : detection threshold, passed through to the result
-    limits, steps : limits of covered voxels; offsets of the presses
-    with_losses : whether to compute the loss with each component
-    on_step : called with the share that is done
+    felt : detection threshold, copied into the result
+    limits, steps : limits of covered and dead voxels, and offsets of the presses
+    with_losses : whether to compute the bounds without each component
+    on_step : called with the share of the work done, 0 to 1
 
     Raises
     ------
@@ -438,7 +441,7 @@ def pad_bounds(
 
 
 def _name_of(accuracy: str | Accuracy) -> str:
-    """Name of the settings in files."""
+    """Name of an accuracy setting in files."""
     if isinstance(accuracy, str):
         return accuracy
     if accuracy == MIRRORED_FINER:
@@ -454,12 +457,12 @@ def own_readout(design: SensorDesign, *, seed: int, accuracy: str | Accuracy = "
 
 
 def pair_names(cavity: CavityGeometry) -> tuple[str, ...]:
-    """Names of all pairs as E1-R3, emitter outermost."""
+    """Names of all pairs, such as E1-R3, in emitter-major order."""
     return tuple(f"{e.name}-{r.name}" for e in cavity.emitters for r in cavity.receivers)
 
 
 def bounds_json(bounds: PadBounds) -> dict[str, Any]:
-    """All values of a `PadBounds`; maps are lists over depth of rows over y of values over x."""
+    """All values of a `PadBounds` for JSON; maps are nested lists with the axes (depth, y, x), infinite is None."""
     worst = bounds.worst_loss
     return {
         "x_mm": list(bounds.x_mm),
@@ -489,7 +492,7 @@ def bounds_json(bounds: PadBounds) -> dict[str, Any]:
 
 
 def figure_json(figure: Figure) -> dict[str, float | None]:
-    """Value and ends; infinite is None."""
+    """Value, low and high end of a summary for JSON; infinite becomes None."""
     return {"value": _number(figure.value), "low": _number(figure.low), "high": _number(figure.high)}
 
 
