@@ -255,7 +255,7 @@ class PadBounds:
 
     @property
     def is_blind(self) -> BoolArray:
-        """(ny, nx, nd) whether a press is not resolved in some direction of (x, y, depth); False outside the workspace."""
+        """(ny, nx, nd) whether a press is not resolved in some direction; False outside the workspace."""
         return np.isinf(self.location_mm)
 
     @property
@@ -321,7 +321,7 @@ class PadBounds:
 
     @property
     def worst(self) -> Voxel:
-        """The voxel with the largest location bound, the deepest of several equal ones; unresolved counts as largest."""
+        """The voxel with the largest location bound, or the deepest of several equals; unresolved is largest."""
         rank = np.where(np.isnan(self.location_mm), -np.inf, self.location_mm)
         deepest_first = np.broadcast_to(np.arange(len(self.depth_mm)), rank.shape)
         order = np.lexsort((-deepest_first.ravel(), -rank.ravel()))

@@ -1,6 +1,6 @@
-"""The score of a design: verdict, bounds and tolerance together, sweeps of one field, the figures of a search.
+"""Score of a design: verdict, accuracy bounds and tolerance together, sweeps of one field, figures for a search.
 
-It imports bounds, verdict and the rooms below them.
+This package imports `sims.bounds`, `sims.verdict` and the packages that these import.
 """
 
 from sims.score.result import ContinuityScore

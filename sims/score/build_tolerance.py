@@ -1,4 +1,4 @@
-"""How robust a scored verdict is: all tolerances of a manufactured unit, one at a time and all at once."""
+"""Robustness of a scored verdict against the tolerances of a manufactured unit, varied one by one and all at once."""
 
 from __future__ import annotations
 
@@ -27,12 +27,12 @@ def with_tolerance(
 ) -> ContinuityScore:
     """A score with the verdict recomputed at both ends of every unmeasured parameter's band.
 
-    Facing rows are judged by their governing pair; a pad by the pairs that respond at its location of least margin.
+    Facing rows are judged by their governing pair, a pad by the pairs that respond at its location of least margin.
 
     Parameters
     ----------
-    score : of that design, with its map if it is a pad; out of scope it comes back as it is
-    on_step : called with the stage's name and the share of it that is done
+    score : score of that design, with the map if the design is a pad; returned unchanged if out of the models' scope
+    on_step : called with the name of the running stage and the share of it that is done, 0 to 1
     """
     if score.readout is None:
         return score
@@ -44,7 +44,7 @@ def with_tolerance(
 def governing_judge(
     design: SensorDesign, score: ContinuityScore, seed: int
 ) -> tuple[str, BuildJudge, tuple[float, float]]:
-    """The basis of the verdict, in words; the function that judges a unit by it; and the location of the press [mm]."""
+    """Name of what the verdict is based on, the function that judges a unit by it, and the press's location [mm]."""
     pad_map, light, readout = score.pad_map, score.pad_signals, score.readout
     if pad_map is None or light is None or readout is None or score.is_facing_rows:
         pair = next(pair for pair in score.pairs if pair.name == score.governing)
@@ -54,7 +54,7 @@ def governing_judge(
 
 
 def _with_band(score: ContinuityScore, band: ToleranceBand) -> ContinuityScore:
-    """The score with that band; the band's warning replaces an earlier one."""
+    """The score with a new tolerance band; the warning of the band replaces the warning of the previous one."""
     kept = tuple(text for text in score.warnings if text != band_caution(score.tolerance))
     told = band_caution(band)
     return replace(score, tolerance=band, warnings=(*kept, told) if told else kept)
@@ -69,17 +69,19 @@ def with_builds(
     memo: Memo | None = None,
     on_step: OnStep | None = None,
 ) -> ContinuityScore:
-    """A score with a Monte Carlo over all tolerances (`builds`); `tolerance` then has manufacturing tolerances, too.
+    """A score with a Monte Carlo simulation over all tolerances of manufactured units.
+
+    Its `tolerance` then includes the manufacturing tolerances, too.
 
     Parameters
     ----------
-    score : of that design, with its map if it is a pad; out of scope it comes back as it is
+    score : score of that design, with the map if the design is a pad; returned unchanged if out of the models' scope
     builds : number of manufactured units that are drawn
-    memo : where judged units are kept; None keeps none
+    memo : store of already judged units; None judges all of them again
 
     Raises
     ------
-    InputError : the number of units is refused, or no parameter varies.
+    InputError : the number of units is out of range, or no parameter varies.
     """
     if score.readout is None:
         return score

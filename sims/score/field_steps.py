@@ -1,11 +1,12 @@
-"""Sensitivity to each parameter: the change of verdict and bounds at a small step of each field of a design.
+"""Sensitivity to each parameter: how verdict and accuracy bounds change with a small step of each field of a design.
 
-One field moves at a time, a step down and a step up; a gain by rule is set anew. Each design gets a short verdict, as
-manufactured units do (`sims.verdict.builds`): facing rows by their governing pair, a pad at its location of least
-margin. The Cramér-Rao bounds of one frame (`sims.bounds`) are computed there, at half the deepest press.
+One field at a time is stepped down and up; a gain that follows from a rule is set again for each step. Each design gets
+a short verdict, as manufactured units do (`sims.verdict.builds`): facing rows by their governing pair, a pad at its
+location of least margin. The Cramér-Rao bounds of one frame (`sims.bounds`) are computed there, at half the deepest
+press.
 
-Left out: after a step another location may have the least margin; fields stepped together. Light settings are those of
-manufactured units, so the error of a change is some tenths of a noise unit.
+Two simplifications: the location of least margin is taken as fixed, and fields are never stepped together. The light is
+as coarse as for manufactured units, so the error of a change is some tenths of a noise unit.
 """
 
 from __future__ import annotations
@@ -30,14 +31,14 @@ from sims.verdict.builds import ACCURACY, BuildJudge, accuracy_of_builds
 from sims.verdict.tolerance import Effect, FieldStep, FieldSteps
 
 STEPS = {**dict.fromkeys(HEIGHTS, 0.1), CLEAR: 0.5, TARGET: 25.0}
-"""Steps of fields by name [unit of the field]."""
+"""Step by name of the field, in the field's own unit."""
 ALONG_STEP_MM = 0.5
 """Step of a pitch or a shift of parts along a wall [mm]."""
 DIGITS = 9
 
 
 def stepped_fields(design: SensorDesign) -> Iterator[tuple[str, float]]:
-    """Fields that cost little to change, with their steps."""
+    """Paths of the fields that cost little to change, each with its step in the field's unit."""
     for path in cheap_fields(design):
         yield path, STEPS.get(path, ALONG_STEP_MM)
 
@@ -49,8 +50,8 @@ def with_field_steps(
 
     Parameters
     ----------
-    score : of that design, with its map if it is a pad; out of scope it comes back as it is
-    on_step : called with the stage's name and the share of it that is done
+    score : score of that design, with the map if the design is a pad; returned unchanged if out of the models' scope
+    on_step : called with the name of the running stage and the share of it that is done, 0 to 1
     """
     if score.readout is None:
         return score
@@ -74,7 +75,7 @@ def with_field_steps(
 
 
 def _stepped(design: SensorDesign, path: str, by: float) -> SensorDesign | None:
-    """The design with one field moved; None where it breaks a rule."""
+    """The design with one field changed by a step; None where the result breaks a rule or is judged by other pairs."""
     value = round(float(get_at(design.model_dump(mode="json"), path)) + by, DIGITS)
     try:
         build = design.with_(**{path: value})
@@ -88,7 +89,7 @@ def _stepped(design: SensorDesign, path: str, by: float) -> SensorDesign | None:
 def _tried(
     build: SensorDesign, judge: BuildJudge, place_mm: tuple[float, float], seed: int, *, is_facing: bool
 ) -> Effect | None:
-    """Figures of a unit; None where the models do not cover it."""
+    """Usable depth, deadband, margin and bounds of a stepped design; None where the models do not cover it."""
     try:
         return _effect(build, judge, place_mm, seed, is_facing=is_facing)
     except OptopadError:
@@ -112,7 +113,10 @@ def _effect(
 def _bounds_mm(
     build: SensorDesign, place_mm: tuple[float, float], seed: int, *, is_facing: bool
 ) -> tuple[float | None, float | None]:
-    """Bounds of location and depth at half the deepest press [mm], None where not resolved; facing rows: depth only."""
+    """(location, depth) bounds at half the deepest press [mm], each None where not resolved.
+
+    For facing rows the location is None and counts as known for the depth bound.
+    """
     settings = accuracy_of_builds(build)
     # the untouched pad of a disc or crown costs most, and is already traced with these settings
     readout = own_readout(build, seed=seed, accuracy="standard" if settings == ACCURACY else settings)

@@ -1,29 +1,29 @@
-"""One design, judged stage by stage: each stage is computed when it is first requested, and kept.
+"""Judgement of one design in stages: each stage is computed when it is first requested, and its result is cached.
 
     untouched light ──► readout ──► pairs, each under its own press        verdict of facing rows
                                └──► map: locations in the workspace        verdict of a pad
                                        └──► bounds of location and depth
 
-A row of `SETTINGS` sets how finely; the stages are the same for a score, a draft and a search. The verdict of a pad
-needs the map alone, that of facing rows their pairs alone.
+A score, a draft and a search have the same stages and differ in accuracy. The verdict of a pad needs only the map, that
+of facing rows only their pairs.
 
-How finely a design is judged: a row of settings for each use, from a layout that is being moved to a fine score.
+Each use has named settings in `SETTINGS`:
 
 | row    | for                                     | time on a pad of 48 pairs, two cores   |
-|--------|-----------------------------------------|----------------------------------------|
-| draft  | a layout that is being moved by hand    | one to six seconds, bounds two to ten  |
-| search | designs of a search, base included      | two to eight seconds                   |
-| score  | `optopad score`                         | ten to forty seconds                   |
-| full   | the same, the map at 11 points a side   | minutes                                |
-| fine   | the same with finer light, more bounds  | minutes                                |
+|--------|-----------------------------------------|----------------------------------------| | draft  | a layout that
+is being moved by hand    | one to six seconds, bounds two to ten  | | search | designs of a search and their base | two
+to eight seconds                   | | score  | `optopad score`                         | ten to forty seconds | | full
+| a score with a map of 11 points a side  | minutes                                | | fine   | "full" with finer light
+and more bounds | minutes                                |
 
-The difference between the figures of a search and of a score is measured in docs/validation/search.md. Designs of a
-search are judged alike, so their order is less affected than the figures are.
+The difference between the figures of a search and of a score is measured in docs/validation/search.md. All designs of a
+search have the same settings, so their order is less affected than their figures.
 
-The readings at a map's locations, and which of the locations are traced again.
+After the first trace, some locations of the map are traced again (undecided: the numerical error could change the
+verdict):
 
-map's light, once ──► locations left open by the numerical error ──► a second, independent trace
-                 │                                └─► finer ones, two each, while it stays open
+light of the map ──► undecided locations ──► a second, independent trace
+                 │                                └─► two finer traces while still undecided
                  └──► of a draft: locations close to the threshold ──► a finer trace
 """
 
@@ -90,30 +90,34 @@ from sims.verdict.presses import (
 )
 
 NEAR_TIPS = 4.0
-"""A draft takes pairs whose chord is farther from a location as untouched there [tip radii]: on the paper's pad 28 of
-48 are nearer. Margins of up to 20 noise units then differ by 0.3 from those of all pairs, larger ones by up to 7."""
+"""In a draft, a pair counts as untouched by a press farther than this from its chord [tip radii]. On the paper's pad,
+28 of 48 pairs are nearer. Margins of up to 20 noise units then differ by 0.3 from those of all pairs, larger margins by
+up to 7."""
 HALF_OF_DEPTH = 0.5
 MANY_PAIRS = 200
-"""Layouts of more judged pairs have their own steps and light, see `Settings.for_pairs`."""
+"""Number of judged pairs above which a layout has coarser depth steps and other light settings
+(`Settings.for_pairs`)."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Settings:
-    """How finely designs are judged.
+    """Accuracy settings with which a design is judged.
 
     Attributes
     ----------
     untouched, pairs, map, bounds : accuracy settings of the light model
-    near : settings of the map's light near contact, where the map then has all depths; None takes those of the map
-    step_mm, map_step_mm : steps of the depths of pairs and of the map [mm]
+    near : accuracy setting of the map's light at the shallow depths, which the map then samples more finely; None takes
+        `map` at equal depth steps
+    step_mm, map_step_mm : depth steps of pairs and of the map [mm]
     map_places, bound_places : locations along the longer side of the workspace [-]
-    bound_depths_mm : depths of the bounds; the end of the usable range is added [mm]
-    bound_depth_share : share of the deepest press to which these depths are limited [-]
-    near_tips : pairs of the map farther from a press are taken as untouched there [tip radii]; None traces all
-    settled : locations of the map that are traced again: those that the numerical error leaves open, by two independent
-        traces; those close to the threshold, by a finer one; or none
-    doubts : settings of these traces, tried in turn
-    has_felt, has_losses : whether bounds include the detection threshold, and the loss with each failed component
+    bound_depths_mm : depths of the bounds [mm]; the end of the usable range is added
+    bound_depth_share : upper limit of `bound_depths_mm` as a share of the deepest press [-]
+    near_tips : distance of a press from a pair's chord above which the pair counts as untouched [tip radii]; None
+        traces all pairs
+    settled : locations of the map that are traced again: "open" for locations that the numerical error leaves
+        undecided, "close" for locations near the threshold
+    doubts : accuracy settings for tracing these locations again, tried in turn
+    has_felt, has_losses : whether bounds include the detection threshold, and the bounds with each component failed
     """
 
     untouched: str | Accuracy
@@ -136,10 +140,10 @@ class Settings:
     def for_pairs(self, count: int) -> Settings:
         """These settings for a layout with this number of judged pairs.
 
-        Above `MANY_PAIRS` the single pairs have the map's depth steps: of 30 LEDs and 32 photodiodes 552 pairs are
-        judged, and a pad's verdict is that of its map. The bounds of such a pad begin with denser light: with the usual
-        one 16 of 27 voxels deeper than 0.3 mm had to be traced again, with the denser one 2, at the same cost
-        (measured).
+        Above `MANY_PAIRS`, single pairs have the coarser depth steps of the map: a pad's verdict follows from its map,
+        and 30 LEDs with 32 photodiodes make 552 judged pairs. The bounds of such a pad begin with denser light. In one
+        measurement at equal cost, 16 of 27 voxels deeper than 0.3 mm had to be traced again with the usual light, and 2
+        with the denser light.
         """
         if count <= MANY_PAIRS:
             return self
@@ -160,7 +164,8 @@ _DRAFT_MAP = replace(
     image_step=0.7,
     ray_share=1.0,
 )
-"""A third of the time per state of a search; error 1 % rms of the untouched signal, mostly common to all depths."""
+"""Light of a draft's map. A state costs a third of the time that it costs in a search; the error is 1 % rms of the
+untouched signal, mostly common to all depths."""
 
 _SCORE = Settings(
     untouched="standard",
@@ -220,19 +225,19 @@ SETTINGS = {
         doubts=(ACCURACIES["standard"], *DOUBT_ACCURACIES),
     ),
 }
-"""Rows by name."""
+"""Settings by name."""
 
 
 def settings_of(*, fine: bool, full: bool) -> Settings:
-    """The row of a score."""
+    """The settings of `optopad score` with these options."""
     return SETTINGS["fine" if fine else "full" if full else "score"]
 
 
 CLOSE_UNITS = 1.0
-"""Locations of a draft whose margin is this near to the threshold are traced again [noise units]: the margins of a
-draft were off by 0.3 there, enough to hide the deadband in the middle of the paper's pad of 10 mm."""
+"""Distance of a margin from the deadband threshold within which a draft traces its location again [noise units].
+Margins of a draft were off by 0.3, enough to miss the deadband in the middle of the paper's pad of 10 mm."""
 MOST_CLOSE = 3
-"""At most this many of them are traced again, the nearest first."""
+"""Largest number of locations of a draft that are traced again, the closest to the threshold first."""
 
 
 def settled_open(
@@ -243,11 +248,13 @@ def settled_open(
     seed: int,
     on_step: OnShare,
 ) -> PadMap:
-    """The map with its open locations judged by two independent traces, and by finer ones while they stay open.
+    """The map with its undecided locations traced again, twice independently.
+
+    Locations that stay undecided are traced with the next, finer settings.
 
     Parameters
     ----------
-    doubts : accuracy settings of the light model, tried in turn; the first are the map's own
+    doubts : accuracy settings of the light model, tried in turn; the first is the map's own
     """
     for settings in doubts:
         doubtful = pad_map.doubtful(MOST_TRACED_AGAIN)
@@ -279,7 +286,7 @@ def settled_close(
     seed: int,
     on_step: OnShare,
 ) -> PadMap:
-    """The map with the locations closest to the threshold judged by one finer trace, with the first settings."""
+    """The map with the locations closest to the threshold judged again by one trace with `doubts[0]`."""
     away = [abs(place.margin - DEADBAND_THRESHOLD) for place in pad_map.places]
     close = [number for number in np.argsort(away, kind="stable").tolist() if away[number] <= CLOSE_UNITS]
     close = close[:MOST_CLOSE]
@@ -294,12 +301,16 @@ def settled_close(
 
 @dataclass(frozen=True, kw_only=True)
 class MapFrames:
-    """The frames at a map's locations.
+    """The readings of all judged pairs at a map's locations and depths.
 
     Attributes
     ----------
-    counts : (2, place, depth, pair) unlimited readings of two halves, the same where light was traced once
-    errors : (place, depth, pair) standard errors of light traced once; 0 elsewhere [counts]
+    mask : (emitter, receiver) pairs that are judged
+    readout : gains of the receivers
+    places_mm, depth_mm : (place, 2) locations and (depth,) depths [mm]
+    counts : (2, place, depth, pair) readings from two traces, not clipped at full scale [counts]; equal where light was
+        traced once
+    errors : (place, depth, pair) standard errors of readings traced once [counts]; 0 where there are two traces
     """
 
     mask: BoolArray
@@ -318,7 +329,10 @@ class MapFrames:
         light: LightSignals,
         readout: Readout,
     ) -> MapFrames:
-        """Frames of the (emitter, receiver) pairs to judge, from a map's light (depths first)."""
+        """Readings from a single trace of the (emitter, receiver) pairs in `mask`.
+
+        `light` has the depths of a location one after another.
+        """
         shape = (len(places_mm), len(depth_mm), -1)
         counts, errors = (
             (values[:, mask] * readout.of_mask(mask)).reshape(shape)
@@ -334,13 +348,13 @@ class MapFrames:
         )
 
     def put(self, half: int, places: list[int], depths: BoolArray, light: LightSignals) -> None:
-        """Replace a half's readings at some locations and depths."""
+        """Replace the readings of trace number `half` (0 or 1) at some locations and depths."""
         counts = light.flux[:, self.mask] * self.readout.of_mask(self.mask)
         rows = np.ix_(np.array(places), np.flatnonzero(depths))
         self.counts[half][rows] = counts.reshape(len(places), int(depths.sum()), -1)
 
     def place(self, design: SensorDesign, number: int) -> Place:
-        """One location judged."""
+        """Judgement of the location with this number."""
         x_mm, y_mm = self.places_mm[number].tolist()
         return place_of(
             design,
@@ -353,16 +367,16 @@ class MapFrames:
 
 
 class Judge:
-    """The stages of one design.
+    """The stages in which one design is judged; each stage is computed when first requested.
 
     Parameters
     ----------
-    design : one that breaks no rule
-    settings : a row of `SETTINGS`, or its name
+    design : a design that breaks no rule
+    settings : accuracy settings, or their name in `SETTINGS`
     seed : seed of the light model's random shifts
-    also_mm : (x, y) of further locations of a pad, such as one that is known to decide; those outside the workspace are
-        left out [mm]
-    on_step : called with a stage's name and the share of it that is done
+    also_mm : (x, y) of further locations of a pad, such as one known to decide the verdict [mm]; locations outside the
+        workspace are left out
+    on_step : called with the name of the running stage and the share of it that is done, 0 to 1
     """
 
     def __init__(
@@ -380,7 +394,7 @@ class Judge:
         self.tell = on_step or (lambda _stage, _share: None)
 
     def take(self, readout: Readout, pad_map: PadMap, light: LightSignals) -> None:
-        """Continue from a known map."""
+        """Continue from a readout, map and light that were computed before."""
         self.readout, self._mapped = readout, (pad_map, light, ())
 
     @cached_property
@@ -395,12 +409,12 @@ class Judge:
 
     @cached_property
     def names(self) -> tuple[Pair, ...]:
-        """Judged pairs, the middle one of facing rows first."""
+        """Judged pairs as (emitter, receiver) indices; the middle pair of facing rows is first."""
         return judged_pairs(self.cavity)
 
     @cached_property
     def force(self) -> ForceCurve:
-        """Load of the centred press at a score's depths."""
+        """Load of a press at the centre, at the depths of a score."""
         press = solved_press(self.design, on_step=lambda share: self.tell("contact", share))
         return force_curve(self.design, press, depth_schedule_mm(self.deepest_mm))
 
@@ -410,7 +424,7 @@ class Judge:
 
         Raises
         ------
-        ModelScopeError : the depth is below a deadband's least length, so none could exist.
+        ModelScopeError : the deepest press is shorter than the shortest deadband, so nothing can be judged.
         """
         deepest = self.design.operating.max_depth_mm
         if deepest < DEADBAND_MIN_LENGTH_MM:
@@ -422,7 +436,7 @@ class Judge:
 
     @cached_property
     def untouched(self) -> FloatArray:
-        """(emitter, receiver) flux of the untouched pad [-]."""
+        """(emitter, receiver) received over emitted power on the untouched pad [-]."""
         return untouched_flux(self.design, self.cavity, seed=self.seed, accuracy=self.settings.untouched)
 
     @cached_property
@@ -431,7 +445,7 @@ class Judge:
         return readout_of(self.design, self.untouched, mask_of(self.names, self.cavity))
 
     def judged(self, pairs: tuple[Pair, ...]) -> tuple[JudgedPair, ...]:
-        """Some pairs, each judged alone under its own press, without loads and errors."""
+        """Some pairs, each judged alone under a press on its own chord, without loads and errors."""
         curves = pair_curves(
             self.design,
             self.cavity,
@@ -452,12 +466,12 @@ class Judge:
 
     @cached_property
     def pairs(self) -> tuple[JudgedPair, ...]:
-        """All judged pairs."""
+        """All judged pairs, each alone under a press on its own chord."""
         return self.judged(self.names)
 
     @cached_property
     def _mapped(self) -> tuple[PadMap, LightSignals, tuple[Place, ...]]:
-        """The map, its light, and further locations."""
+        """The map, its light, and the judgements at the further locations `also_mm`."""
         x_mm, y_mm = map_grid_mm(self.cavity, self.settings.map_places)
         grid_mm = grid_places_mm(self.cavity.workspace, x_mm, y_mm)
         further = [place for place in self.also_mm if _is_further(self.cavity, grid_mm, place)]
@@ -472,7 +486,7 @@ class Judge:
         return self._settled(pad_map, frames), own, places[len(grid_mm) :]
 
     def _map_light(self, places_mm: FloatArray) -> tuple[FloatArray, LightSignals]:
-        """Depths of the map, and its light."""
+        """Depths of the map [mm], and its light at all locations and depths."""
         settings = self.settings
 
         def on_step(share: float) -> None:
@@ -506,7 +520,7 @@ class Judge:
         return depth_mm, replace(light, flux=np.where(near, light.flux, self.untouched))
 
     def _settled(self, pad_map: PadMap, frames: MapFrames) -> PadMap:
-        """The map with its open locations traced again, as the settings require."""
+        """The map, with some of its locations traced again if the settings say so."""
         kind = self.settings.settled
         if kind == "none":
             return pad_map
@@ -527,17 +541,17 @@ class Judge:
 
     @property
     def pad_signals(self) -> LightSignals:
-        """The light from which the map is computed, locations outermost."""
+        """The light from which the map is computed; its states are all depths of the first location, then the next."""
         return self._mapped[1]
 
     @property
     def places(self) -> tuple[Place, ...]:
-        """Locations of the map, and further ones."""
+        """Judgements at the locations of the map, then at the further locations `also_mm`."""
         return (*self._mapped[0].places, *self._mapped[2])
 
     @cached_property
     def bounds(self) -> PadBounds:
-        """Lower bounds on the error of location and depth from all readings of one frame."""
+        """Lower bounds on the error of location and depth, from all readings of one frame."""
         settings = self.settings
         limit = settings.bound_depth_share * self.deepest_mm
         return pad_bounds(
@@ -553,7 +567,7 @@ class Judge:
         )
 
     def _felt(self) -> DetectionThreshold:
-        """The detection threshold at the map's locations, by the map's light."""
+        """The detection threshold at the map's locations, computed from the light of the map."""
         pad_map, light = self.pad_map, self.pad_signals
         depth_mm = light.presses[: len(light.presses) // len(pad_map.places), 2]
         flux, error = (
@@ -566,7 +580,7 @@ class Judge:
 
     @property
     def verdict(self) -> Literal["CONTIGUOUS", "DEADBAND"]:
-        """DEADBAND where some facing pair, or some location of a pad, has one."""
+        """DEADBAND where any facing pair, or any location of a pad, has a deadband."""
         found = (
             any(pair.score.deadbands_mm for pair in self.pairs)
             if self.is_facing
@@ -576,56 +590,56 @@ class Judge:
 
     @property
     def deadbands_mm(self) -> tuple[Interval, ...]:
-        """Intervals of the governing facing pair, or of the worst location of a pad [mm]."""
+        """(from, to) depths of the deadbands of the governing facing pair, or of the pad's worst location [mm]."""
         if self.is_facing:
             return tuple(self.governing.score.deadbands_mm)
         return max(self.places, key=lambda place: place.deadband_total_mm).deadbands_mm
 
     @property
     def governing(self) -> JudgedPair:
-        """The pair that represents the others."""
+        """The pair that represents the others, chosen by `governing_pair`."""
         return governing_pair(self.pairs, self.is_facing)
 
     @property
     def usable_depth_mm(self) -> float:
-        """Least depth from which on a facing pair, or location, does not resolve depth; or the deepest press [mm]."""
+        """Least depth at which any facing pair, or any location, stops resolving depth, or the deepest press [mm]."""
         if self.is_facing:
             return usable_of_pairs(self.design, self.pairs)
         return min(place.usable_mm for place in self.places)
 
     @property
     def usable_range_mm(self) -> Interval:
-        """Usable depth at least and at most, by the numerical error of the light model [mm]."""
+        """Smallest and largest usable depth within the numerical error of the light model [mm]."""
         if self.is_facing:
             return self.usable_depth_mm, self.usable_depth_mm
         return self.pad_map.usable_range_mm
 
     @property
     def margin(self) -> float:
-        """Least margin of any facing pair, or location [noise units]; below 3 is a deadband."""
+        """Least margin of any facing pair, or any location [noise units]; a margin below 3 means a deadband."""
         if not self.is_facing:
             return min(place.margin for place in self.places)
         return min(pair_margin(self.design, self.readout, pair.curves, pair.score)[0] for pair in self.pairs)
 
     @cached_property
     def is_open(self) -> bool:
-        """Whether the numerical error of the light model may make or hide every deadband."""
+        """Whether the numerical error of the light model leaves the verdict undecided."""
         if not self.is_facing:
             return self.pad_map.is_open
         return self.settings.settled == "open" and self._pairs_are_open()
 
     @property
     def causes(self) -> tuple[Cause, ...]:
-        """Why depth is not resolved, for every such interval, the worst first."""
+        """Reasons why depth is not resolved, one for every such interval of depth, the worst interval first."""
         if self.is_facing:
             pairs = [(pair.curves, pair.score) for pair in self.pairs]
             return causes_of_pairs(self.design, pairs, self.readout)
         return causes_of_pad(self.design, self.pad_map, self.pad_signals, self.readout)
 
     def _pairs_are_open(self) -> bool:
-        """Whether a deadband of facing pairs is still open after a second trace.
+        """Whether a second trace leaves a deadband of the facing pairs undecided.
 
-        The errors of two traces are independent, so a result on which both agree is no error (`sims.verdict.pad_map`).
+        The errors of two traces are independent, so a result on which both agree is not caused by them.
         """
         if any(pair.score.deadbands_mm for pair in self.pairs):
             return False
@@ -675,9 +689,10 @@ def _first_states(light: LightSignals, count: int) -> LightSignals:
 
 
 def governing_pair(judged: tuple[JudgedPair, ...], facing: bool) -> JudgedPair:
-    """The middle facing pair, or the worst one if only another has a deadband.
+    """The pair that represents the others in the figures of a score.
 
-    For a pad, it is the pair with most deadband, then least evenness, clipped ones last.
+    For facing rows this is the middle pair, or the pair with most deadband if the middle one has none. For a pad it is
+    the unclipped pair with most deadband, then least evenness.
     """
     if facing:
         worst = max(judged, key=lambda pair: pair.score.deadband_total_mm)
@@ -689,13 +704,13 @@ def governing_pair(judged: tuple[JudgedPair, ...], facing: bool) -> JudgedPair:
 
 
 def usable_of_pairs(design: SensorDesign, judged: tuple[JudgedPair, ...]) -> float:
-    """Least depth of any facing pair from which on depth is not resolved any more, or the deepest press [mm]."""
+    """Least depth at which any facing pair stops resolving depth, or the deepest press [mm]."""
     ends = [pair.score.saturation_mm[0] for pair in judged if pair.score.saturation_mm is not None]
     return min([*ends, design.operating.max_depth_mm])
 
 
 def _pairs_near(cavity: CavityGeometry, places_mm: FloatArray, tips: float) -> BoolArray:
-    """(place, emitter, receiver) pairs whose chord runs near each location; the others hardly change there."""
+    """(place, emitter, receiver) whether the pair's chord passes within `tips` tip radii of the location."""
     near = np.zeros((len(places_mm), len(cavity.emitters), len(cavity.receivers)), dtype=np.bool_)
     for number, (x_mm, y_mm) in enumerate(places_mm.tolist()):
         for i, j in np.argwhere(direct_path_pairs(cavity)):
@@ -705,7 +720,7 @@ def _pairs_near(cavity: CavityGeometry, places_mm: FloatArray, tips: float) -> B
 
 
 def _is_further(cavity: CavityGeometry, places_mm: FloatArray, place_mm: tuple[float, float]) -> bool:
-    """Whether a location is in this design's workspace, and not already in the map."""
+    """Whether a location is in this design's workspace and is not yet in the map."""
     return (
         bool(cavity.workspace.contains(*place_mm, 0.0))
         and not (np.abs(places_mm - place_mm).max(axis=1) < 1e-9).any()

@@ -1,8 +1,8 @@
 """Maps of a pad as an xarray data set with units and provenance: the content of ``sims/maps.nc`` in a bundle.
 
-``xarray.open_dataset("sims/maps.nc")`` opens one. Bounds have the axes ``y``, ``x``, ``depth``; readings have ``y``,
-``x``, ``press_depth``, ``pair``, since they are traced at more depths. Infinite means not resolved, or not detected;
-NaN is outside the workspace of a disc.
+``xarray.open_dataset("sims/maps.nc")`` opens the file. Bounds have the axes ``y``, ``x``, ``depth``. Readings have
+``y``, ``x``, ``press_depth``, ``pair``, since they are traced at more depths. Infinite means not resolved, or not
+detected. NaN means outside the workspace of a disc.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from sims.score.result import ContinuityScore
 
 VERSIONED = ("optopad", "numpy", "numba", "mujoco", "xarray")
-"""Packages whose versions a file records."""
+"""Packages whose versions are recorded in the file."""
 
 
 def provenance(design: SensorDesign, seed: int) -> dict[str, Any]:
@@ -37,7 +37,7 @@ def provenance(design: SensorDesign, seed: int) -> dict[str, Any]:
 
 
 def bounds_dataset(bounds: PadBounds) -> xr.Dataset:
-    """Bounds of location and depth, weights of voxels, detection threshold, and bounds with each component failed."""
+    """Bounds of location and depth, volume shares of voxels, and summaries with each component failed, as a data set."""
     axes = ("y", "x", "depth")
     dataset = xr.Dataset(
         {
@@ -61,11 +61,11 @@ def bounds_dataset(bounds: PadBounds) -> xr.Dataset:
 
 
 def maps_dataset(design: SensorDesign, score: ContinuityScore) -> xr.Dataset:
-    """All results of a score by location.
+    """All results of a score by location, as a data set with units.
 
     Raises
     ------
-    ValueError : the score has no map (out of the models' scope, or of a verdict only)
+    ValueError : the score has no map, because it is out of the models' scope or was computed for the verdict only
     """
     if score.pad_map is None or score.pad_signals is None or score.readout is None:
         raise ValueError("score: it has no map; score the design with verdict_only=False")
@@ -86,7 +86,7 @@ def maps_dataset(design: SensorDesign, score: ContinuityScore) -> xr.Dataset:
 
 
 def pair_names_of(design: SensorDesign) -> list[str]:
-    """Names of all pairs of a design, emitter outermost."""
+    """Names of all pairs of a design, such as E1-R3, in emitter-major order."""
     from design.shape.cavity import cavity_of
 
     return list(pair_names(cavity_of(design)))

@@ -1,20 +1,22 @@
-"""Figures of a design for a search: those of the score, cheapest first, and only the requested ones.
+"""Figures of a design for a search: the requested figures of its score, computed in order of increasing cost.
 
     rules ──► parts and height ──► untouched light ──► pairs ──► map of the pad ──► bounds
-      a step ends the evaluation when a limit can no longer be met; the reason is kept
+      the evaluation ends after the first step that breaks a limit, and records the reason
 
-The stages are those of a score (`sims.score.judge`), with the settings of a search or of a score. The figures are
-those of the score's headline: the governing pair's for facing rows, the medians over judged pairs for a pad.
-Left out: the tolerance of unmeasured parameters.
+The stages are those of a score (`sims.score.judge`), with the settings of a search or of a score. Figures are those of
+the governing pair for facing rows, and medians over judged pairs for a pad. The tolerance of unmeasured parameters is
+not computed.
 
-A verdict in seconds, for a layout that is being moved by hand: coarse light, depths and bounds (`SETTINGS["draft"]`).
+The module also has a verdict in seconds, for a layout that is being moved by hand. Its light, depths and bounds are
+coarse (`SETTINGS["draft"]`):
 
     curves_under   pairs whose chord runs under one press, each judged alone         a third of a second
     draft_score    verdict and map of the pad, or of all facing pairs                one to six seconds
     with_draft_bounds   bounds of location and depth, at two depths                  two to ten more
 
-Times are for a pad of 48 pairs and two cores; the longer ones apply without symmetry. Locations of a pad close to the
-threshold are traced again, finely. Left out: tolerance, sensitivity to each parameter, single pairs of a pad.
+Times are for a pad of 48 pairs and two cores; the longer times are for layouts without symmetry. Locations of a pad
+with a margin close to the deadband threshold are traced again with finer light. A draft has no tolerance, no
+sensitivity to parameters, and no single pairs of a pad.
 """
 
 from __future__ import annotations
@@ -46,21 +48,21 @@ from sims.verdict.presses import accuracy_of_pairs, curves_of, states_of
 Pair = tuple[int, int]
 
 MOST_PAIRS = 8
-"""Most pairs under a press that are traced, the nearest first."""
+"""Largest number of pairs under a press that are traced; the nearest chords are taken first."""
 FEWEST_PAIRS = 3
-"""Number of nearest pairs that are traced where no chord runs under the tip."""
+"""Number of pairs that are traced where no chord runs under the tip: those with the nearest chords."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class PlaceCurves:
-    """Pairs under one press, each judged alone.
+    """Pairs near one press, each judged alone; the chord of a pair is the straight line between its components.
 
     Attributes
     ----------
     place_mm : (x, y) of the press [mm]
     readout : gains of the receivers
-    pairs : the nearest chord first
-    is_draft : whether the light is that of a draft, not of a score
+    pairs : judged pairs, the nearest chord first
+    is_draft : whether the light has the accuracy of a draft; otherwise that of a score
     """
 
     place_mm: tuple[float, float]
@@ -70,7 +72,10 @@ class PlaceCurves:
 
 
 def pairs_under(cavity: CavityGeometry, place_mm: tuple[float, float]) -> tuple[Pair, ...]:
-    """Judged pairs whose chord runs under the tip at a location, the nearest first; the nearest few where none does."""
+    """Judged pairs whose chord runs under the tip at a location, the nearest chord first.
+
+    Where no chord does, these are the `FEWEST_PAIRS` nearest pairs.
+    """
     distances = {pair: beside_chord(cavity, pair, place_mm)[0] for pair in judged_pairs(cavity)}
     nearest = sorted(distances, key=lambda pair: round(distances[pair], 6))
     under = [pair for pair in nearest if distances[pair] <= cavity.tip_radius_mm]
@@ -85,12 +90,13 @@ def curves_under(
     seed: int = 0,
     on_step: OnStep | None = None,
 ) -> PlaceCurves:
-    """Light of the pairs under a press against its depth, and the score of each.
+    """Signal against depth for the pairs under one press, and the score of each pair.
 
     Parameters
     ----------
     place_mm : (x, y) in the cavity frame [mm]
-    is_draft : whether light and depths are those of a draft, on a round pad's surface; else of a score's single pairs
+    is_draft : whether to use the coarse light and depths of a draft and a rotationally symmetric contact surface;
+        otherwise the settings of a score
 
     Raises
     ------
@@ -127,7 +133,7 @@ def curves_under(
 
 
 def draft_score(design: SensorDesign, *, seed: int = 0, on_step: OnStep | None = None) -> ContinuityScore:
-    """Verdict and map in seconds; bounds come with `with_draft_bounds`.
+    """Verdict and map in seconds, without bounds; `with_draft_bounds` adds these.
 
     Raises
     ------
@@ -139,10 +145,7 @@ def draft_score(design: SensorDesign, *, seed: int = 0, on_step: OnStep | None =
 def with_draft_bounds(
     design: SensorDesign, draft: ContinuityScore, *, on_step: OnStep | None = None
 ) -> ContinuityScore:
-    """A pad's draft score with bounds added: of location and depth from one frame, and the detection threshold.
-
-    A score without a map, such as that of facing rows, is returned unchanged.
-    """
+    """A pad's draft score with the bounds of location and depth from one frame, and the detection threshold."""
     if draft.pad_map is None or draft.readout is None or draft.pad_signals is None:
         return draft
     judge = Judge(design, "draft", seed=draft.seed, on_step=on_step)
@@ -154,11 +157,12 @@ MAP_FIGURES = frozenset({"verdict", "deadband_mm", "usable_depth_mm", "margin"})
 PAIR_FIGURES = frozenset({"evenness", "continuity", "swing", "resolvable_steps"})
 
 _ONE_AT_A_TIME = threading.Lock()
-"""Two threads of a process must not enter the compiled kernels at once; workers of a cluster have several threads."""
+"""Lock around the compiled kernels, which two threads must not enter at once; a cluster's workers have several
+threads."""
 
 
 class _PrunedError(Exception):
-    """Ends the judging of a design; its text is the reason."""
+    """Ends the judging of a design early; the text is the reason."""
 
 
 def judge(
@@ -174,12 +178,12 @@ def judge(
 
     Parameters
     ----------
-    limits : limits that it must keep; the evaluation stops at the first step that breaks one
-    wanted : requested figures, in addition to those of the limits (`design.search.figures`, or "verdict")
-    accuracy : a row of `sims.score.judge.SETTINGS` by name
-    also_mm : (x, y) of further locations of a pad's map, such as one that is known to decide; those outside a design's
-        workspace are left out [mm]
-    seed : seed of the light's offsets
+    limits : limits that the design must keep; the evaluation ends after the first step that breaks one
+    wanted : requested figures (names in `design.search.figures`, or "verdict"), in addition to those of the limits
+    accuracy : name of the settings in `sims.score.judge.SETTINGS`
+    also_mm : (x, y) of further locations of a pad's map, such as one known to decide the verdict [mm]; locations
+        outside the design's workspace are left out
+    seed : random seed of the light model
     """
     needed = {*wanted, *(limit.figure for limit in limits)}
     with _ONE_AT_A_TIME:
@@ -187,7 +191,7 @@ def judge(
 
 
 class _Search:
-    """One design on its way through the steps; `figures` fills up."""
+    """Evaluation of one design, step by step; each step adds to `figures`."""
 
     def __init__(self, stages: Judge, limits: tuple[Limit, ...], needed: set[str]) -> None:
         self.stages, self.limits, self.needed = stages, limits, needed
@@ -195,7 +199,7 @@ class _Search:
         self.verdict, self.may_be = "", False
 
     def outcome(self) -> Judged:
-        """Go through the steps until the end, or until a limit cannot be met."""
+        """Run the steps until all figures are known or a limit is broken."""
         reason = ""
         try:
             self._steps()
@@ -237,7 +241,7 @@ class _Search:
         self.figures["strength"] = float(np.median([flux[pair] for pair in chosen])) if chosen else 0.0
 
     def _facing(self) -> None:
-        """Judge the middle pair first, which rejects most designs; judge the others only where it has no deadband."""
+        """Judge the middle pair first, which rejects most designs; judge the others only if it has no deadband."""
         names = self.stages.names
         judged = self.stages.judged(names[:1])
         self._headline(judged)
@@ -248,7 +252,10 @@ class _Search:
         self._bounds()
 
     def _headline(self, judged: tuple[JudgedPair, ...]) -> None:
-        """The governing pair's figures; usable depth and margin are the least of any pair."""
+        """Set the figures of facing rows: those of the governing pair, except usable depth and margin.
+
+        Usable depth and margin are the least of any pair.
+        """
         design, score = self.stages.design, governing_pair(judged, True).score
         margins = [pair_margin(design, self.stages.readout, pair.curves, pair.score) for pair in judged]
         self.may_be = min(margin + error for margin, error in margins) >= DEADBAND_THRESHOLD
@@ -301,11 +308,11 @@ class _Search:
 
 
 def price_of(cavity: CavityGeometry) -> float:
-    """Price of all emitters and receivers, in the one currency of the catalogue's prices.
+    """Price of all emitters and receivers, in the currency of the catalogue's prices.
 
     Raises
     ------
-    DesignError : a component has no price, or the prices are in two currencies.
+    DesignError : a component has no price, or the prices are in different currencies.
     """
     costs = {part.part_id: part.part.cost for part in cavity.parts}
     missing = sorted(name for name, cost in costs.items() if cost is None)

@@ -1,8 +1,7 @@
-"""The result of a score: verdict, pairs, pad, tolerance, warnings; and its form as plain data.
+"""The result of a score: verdict, pairs, pad, tolerance and warnings, and its form as plain data for JSON.
 
-The words of a verdict are the same wherever one is shown, and include its qualifications.
-
-Warnings to a verdict: how near it is to changing, and on which unmeasured parameters it depends.
+The text of a verdict is the same wherever it is shown, and includes whether the verdict is undecided. Warnings say how
+near the verdict is to changing, and on which unmeasured parameters it depends.
 """
 
 from __future__ import annotations
@@ -28,9 +27,9 @@ from sims.verdict.tolerance import FieldSteps, ToleranceBand, ToleranceRow
 from sims.verdict.trial import Trial
 
 RESTS, UNDECIDED = "the verdict rests on unmeasured parameters", "the verdict is undecided"
-"""First words of two warnings that the screen shows in a line of their own."""
+"""Beginnings of two warnings that the screen shows on a line of their own."""
 NEGLIGIBLE_MM = 5e-4
-"""Usable depths this near to the required depth count as that depth, since plain data is rounded [mm]."""
+"""Difference below which a usable depth counts as equal to the required depth, since plain data is rounded [mm]."""
 
 
 def headline(
@@ -41,13 +40,13 @@ def headline(
     asked_mm: float | None,
     is_short: bool = False,
 ) -> str:
-    """The verdict, whether it is undecided, and the usable depth where the design requires more.
+    """Text of the verdict: whether it is undecided, and the usable depth where the design requires more.
 
     Parameters
     ----------
     is_open : whether the numerical error of the light model leaves the verdict undecided
-    usable_mm, asked_mm : usable depth, and deepest press of the design; None where nothing was judged [mm]
-    is_short : for the column of a table
+    usable_mm, asked_mm : usable depth and deepest press of the design [mm]; None where nothing was judged
+    is_short : whether to use the short form for a table column
     """
     words = f"{verdict}, undecided" if is_open else verdict
     if usable_mm is None or asked_mm is None or usable_mm > asked_mm - NEGLIGIBLE_MM:
@@ -58,13 +57,13 @@ def headline(
 
 
 def _depth(usable_mm: float, asked_mm: float) -> str:
-    """Depth to a tenth, or with enough digits to differ from the required depth."""
+    """A depth rounded to a tenth of a millimetre, or with enough digits to differ from the required depth."""
     digits = next(n for n in (1, 2, 3) if n == 3 or round(usable_mm, n) < asked_mm - NEGLIGIBLE_MM)
     return f"{usable_mm:.{digits}f}"
 
 
 def margin_caution(pad_map: PadMap) -> list[str]:
-    """A pad so near to a deadband at some location that the numerical error leaves the verdict undecided."""
+    """Warning if the numerical error leaves a pad's verdict undecided; otherwise empty."""
     if not pad_map.is_open:
         return []
     place = min((one for one in pad_map.places if one.depths.most.deadbands_mm), key=lambda one: one.margin)
@@ -77,7 +76,7 @@ def margin_caution(pad_map: PadMap) -> list[str]:
 
 
 def band_caution(band: ToleranceBand | None) -> str | None:
-    """One line: the unmeasured parameters of the verdict, the strongest effect first."""
+    """Warning that names the unmeasured parameters behind the verdict, the strongest effect first; None if none."""
     if band is None or not (band.rows or band.unbanded):
         return None
     ranked = [f"{row.path} {row.values[0]:.3g} to {row.values[1]:.3g} ({_effect(row)})" for row in band.rows]
@@ -98,7 +97,7 @@ def _effect(row: ToleranceRow) -> str:
 
 
 def noise_caution(judged: tuple[JudgedPair, ...]) -> str | None:
-    """A line where the numerical error of the light model can pass for signal."""
+    """Warning where the numerical error of the light model is large enough to look like signal; otherwise None."""
     margins = [pair.score.noise_margin for pair in judged if pair.score.noise_margin is not None]
     if not margins or max(margins) <= TRACE_ERROR_LIMIT:
         return None
@@ -111,8 +110,10 @@ Interval = tuple[float, float]
 
 @dataclass(frozen=True, kw_only=True)
 class JudgedPair:
-    """One judged pair: its name (as E1-R3), light against depth, score, loads at the boundaries of its modes, and the
-    standard errors of its figures by name (`sims.verdict.figure_errors`); None where not computed.
+    """One judged pair: name, signal against depth, score, loads and errors.
+
+    `name` is, for example, E1-R3. `forces` are the loads at the boundaries of the modes, and `errors` the standard
+    errors of the figures by name (`sims.verdict.figure_errors`). Both are None where not computed.
     """
 
     name: str
@@ -129,15 +130,15 @@ class KeyFigures:
     Attributes
     ----------
     verdict : CONTIGUOUS, DEADBAND or OUT_OF_MODEL_SCOPE
-    reason : why the models do not cover the design; empty where they do
-    deadbands_mm : depths from and to of each deadband: of the governing facing pair, or the worst location of the pad
+    reason : why the models do not cover the design; empty if they do
+    deadbands_mm : (from, to) depth of each deadband of the governing facing pair, or of the worst location of the pad
         [mm]
-    usable_depth_mm : least depth of any location, or facing pair, from which on depth is not resolved, or the deepest
-        press [mm]
-    is_open : whether the numerical error of the light model may make or hide every deadband
-    mode_gap_mm : from the end of mode 1 to the start of mode 2, of the governing pair, or the median judged pair [mm];
-        None when open
-    continuity, evenness : of the governing pair, or the medians over judged pairs [-]
+    usable_depth_mm : least depth at which any location, or any facing pair, stops resolving depth, or the deepest press
+        [mm]; None where nothing was judged
+    is_open : whether the numerical error of the light model leaves the verdict undecided
+    mode_gap_mm : depth from the end of mode 1 to the start of mode 2, for the governing facing pair or as the median
+        over judged pairs [mm]; None where mode 2 does not start
+    continuity, evenness : figures of the governing facing pair, or medians over judged pairs [-]
     strength : baseline light and counts, swing, resolvable steps
     warnings : limits to the validity of the verdict
     """
@@ -160,25 +161,27 @@ class ContinuityScore(KeyFigures):
 
     Attributes
     ----------
-    digest, name, seed, fine, full : the design that was scored, and the settings
-    is_facing_rows : whether the verdict is that of facing pairs (else of the pad)
-    usable_range_mm : usable depth at least and at most, by the numerical error of the light model [mm]
-    margin : least distance of frames, or change of a facing pair's signal, over 0.3 mm of depth before the range ends
-        [noise units]; below 3 is a deadband
-    governing : name of the pair that represents the others: the middle facing one; of a pad the unclipped one with
-        most deadband, then least evenness
+    digest, name : the scored design's digest and name
+    seed, fine, full : arguments of `sims.score.scoring.score`
+    is_facing_rows : whether the verdict is that of facing pairs; otherwise that of the pad
+    usable_range_mm : smallest and largest usable depth within the numerical error of the light model [mm]
+    margin : least distance between frames (pad) or least signal change (facing pair) over 0.3 mm of depth within the
+        usable range [noise units]; a margin below 3 means a deadband
+    governing : name of the pair that represents the others (`sims.score.judge.governing_pair`)
     worst_pair_mm, worst_pair : largest summed deadband of a judged pair, and its name
     figure_errors : standard errors of continuity, evenness and strength by name; None where not computed
-    untouched_flux : (emitter, receiver) [-]; counts follow from readout
-    pairs : judged pairs in order; unjudged : names and untouched counts of the others
+    untouched_flux : (emitter, receiver) received over emitted power on the untouched pad [-]
+    pairs : judged pairs
+    unjudged : untouched counts of all other pairs by name
     clipped : names of judged pairs above full scale
-    tolerance, builds : verdict at both ends of every unmeasured parameter, one at a time; Monte Carlo, if requested
+    tolerance : verdict at both ends of every unmeasured parameter's band, one at a time; None where not computed
+    builds : Monte Carlo simulation of manufactured units; None where not requested
     steps : sensitivity to a small step of each field; None where not computed
     pad_map, pad_signals : the judged locations of the workspace, and their light
-    causes : why depth is not resolved, for every such interval of a location, or of a facing pair, the worst first
-    trial : the effect of moving heights or thickness on the worst of them; None where not tried
-    bounds : lower bounds on the error of a press's location and depth from all readings together, at the map's
-        locations; None for a verdict only
+    causes : reasons why depth is not resolved, one for each such interval of a location or a facing pair, the worst
+        first
+    trial : effect of changed component heights or layer thickness on the worst of these intervals; None where not tried
+    bounds : lower bounds on the error of a press's location and depth from one frame; None for a verdict only
     """
 
     digest: str
@@ -210,19 +213,19 @@ class ContinuityScore(KeyFigures):
 
     @property
     def deadband_total_mm(self) -> float:
-        """Summed length of the headline's deadbands [mm]."""
+        """Summed length of `deadbands_mm` [mm]."""
         return sum(end - start for start, end in self.deadbands_mm)
 
     @property
     def rise(self) -> Rise | None:
-        """The judged pair whose reading rises most above untouched under a press of the map; None where none rises."""
+        """The judged pair whose reading rises most above untouched under a press of the map; None if none rises."""
         if self.pad_signals is None or self.pad_signals.presses.ndim != 2:
             return None
         return rise_of(self.pad_signals, {pair.name: pair.curves.pair for pair in self.pairs})
 
     @property
     def pairs_with_deadband(self) -> int:
-        """How many judged pairs have a deadband of their own."""
+        """Number of judged pairs that have a deadband of their own."""
         return sum(bool(pair.score.deadbands_mm) for pair in self.pairs)
 
     def to_json(self) -> dict[str, Any]:
@@ -338,7 +341,7 @@ def _map_json(pad_map: PadMap) -> dict[str, Any]:
 
 
 def _in_a_row(pad_map: PadMap, of_places: list[float]) -> list[float | None]:
-    """One row after another, to three digits; None outside the workspace."""
+    """The map's values row by row (y), rounded to three digits; None outside the workspace."""
     return [value for row in _rows(pad_map.grid([round(one, 3) for one in of_places])) for value in row]
 
 

@@ -1,20 +1,22 @@
 """The verdict on a design: are the two modes contiguous, and where is depth not resolved?
 
     judged pairs, each under its own press ──► light ──► counts ──► modes, deadbands, strength
-    locations in the workspace ──► judged pairs together ──► map of the pad
+    locations in the workspace ──► all judged pairs ──► map of the pad
     unmeasured parameters, both ends of their bands ──► the governing pair again ──► confidence
 
-Facing rows: the verdict is that of the facing pairs, the middle one first (it governs). Pads: by all judged readings of
-a frame together (`sims.verdict.pad_map`): DEADBAND if some location does not resolve depth over 0.3 mm or more and
-the signal comes back below; where it does not come back, the usable depth ends.
+Facing rows are judged pair by pair, the middle pair first. A pad is judged by all readings of a frame together
+(`sims.verdict.pad_map`). It has a DEADBAND if any location does not resolve depth over 0.3 mm or more and resolves it
+again deeper. Where depth is not resolved again, the usable depth ends.
 
-How long a score, or a whole run, will take, reported before it begins: stages x states x cost of a state.
+The module also estimates how long a score or a whole run will take, before it begins: stages x states x cost of a
+state.
 
-Almost all of the time is light. Every stage traces states (a press at a location and a depth); states that a symmetry
-of the layout carries onto each other are traced once. The time of a state depends on the pairs on flat rectangles, on
-emitters and points of the top on discs and crowned pads. Light that is already stored costs nothing.
+Light takes almost all of the time. Every stage traces states: a press at a location and a depth. States that are equal
+by a symmetry of the layout are traced once, and stored light costs nothing. The time of a state depends on the number
+of pairs on flat rectangles. On discs and crowned pads it depends on the numbers of emitters and of points on the top.
 
-Left out: locations that the first light leaves open, the Monte Carlo over manufacturing tolerances, compiling.
+The estimate leaves out locations that the first light leaves undecided, the Monte Carlo over manufacturing tolerances,
+and compiling.
 """
 
 from __future__ import annotations
@@ -75,17 +77,17 @@ def score(
     tolerance: bool = True,
     on_step: OnStep | None = None,
 ) -> ContinuityScore:
-    """Judge a design.
+    """Verdict on a design, with all results that it follows from.
 
     Parameters
     ----------
-    full : 11 locations along the longer side and 0.1 mm steps for the map, in place of 5 and 0.2 mm
-    fine : the same, with finer light, and bounds at more depths
-    seed : of the light model's random shifts
-    verdict_only : leave out stages that the verdict does not need: tolerance, sensitivity, and the map of facing rows
-    tolerance : try both ends of every unmeasured parameter, a step of each field, and moves that would help, as
-        `with_tolerance`, `with_field_steps` and `with_trial` do afterwards
-    on_step : called with the stage's name and the share of it that is done
+    full : whether the map has 11 locations along the longer side and depth steps of 0.1 mm, instead of 5 and 0.2 mm
+    fine : as `full`, with finer light and with bounds at more depths
+    seed : random seed of the light model
+    verdict_only : leave out tolerance, sensitivity, bounds, and the map of facing rows, which the verdict does not need
+    tolerance : add tolerance, sensitivity and a trial of moves that would help (`with_tolerance`, `with_field_steps`,
+        `with_trial`)
+    on_step : called with the name of the running stage and the share of it that is done, 0 to 1
 
     Raises
     ------
@@ -107,11 +109,11 @@ def score(
 def verdict_of(
     design: SensorDesign, settings: str = "score", *, seed: int = 0, on_step: OnStep | None = None
 ) -> ContinuityScore:
-    """The verdict, with the map of a pad or the pairs of facing rows, and no stage that it does not need.
+    """The verdict, with the map of a pad or the pairs of facing rows, and without other stages.
 
     Parameters
     ----------
-    settings : a row of `sims.score.judge.SETTINGS`
+    settings : name of the settings in `sims.score.judge.SETTINGS`
 
     Raises
     ------
@@ -126,7 +128,7 @@ def verdict_of(
 
 
 def _base_of(design: SensorDesign, *, seed: int, fine: bool = False, full: bool = False) -> ContinuityScore:
-    """A score without results."""
+    """A score without results, marked as out of the models' scope."""
     return ContinuityScore(
         verdict="OUT_OF_MODEL_SCOPE",
         reason="",
@@ -140,7 +142,7 @@ def _base_of(design: SensorDesign, *, seed: int, fine: bool = False, full: bool 
 
 
 def _with_verdict(judge: Judge, base: ContinuityScore) -> ContinuityScore:
-    """The verdict of a pad's map or of facing pairs, with the map or pairs that it follows from."""
+    """A score with the verdict, and with the map or the pairs from which it follows."""
     facing = judge.is_facing
     return replace(
         base,
@@ -162,7 +164,7 @@ def _with_verdict(judge: Judge, base: ContinuityScore) -> ContinuityScore:
 
 
 def _scored(judge: Judge, base: ContinuityScore, *, verdict_only: bool) -> ContinuityScore:
-    """The stages of a score before its tolerance, in the order of the progress lines."""
+    """A score with the results of all stages before tolerance, in the order of the progress lines."""
     facing = judge.is_facing
     _ = judge.force
     judged, drawn = _with_errors(judge)
@@ -195,7 +197,7 @@ def _scored(judge: Judge, base: ContinuityScore, *, verdict_only: bool) -> Conti
 
 
 def _with_errors(judge: Judge) -> tuple[tuple[JudgedPair, ...], FloatArray]:
-    """All pairs with loads and errors, and their figures redrawn within the trace's error."""
+    """All pairs with loads and errors, and their figures drawn at random within the error of the light trace."""
     design, pairs = judge.design, judge.pairs
     drawn = drawn_figures(
         design, [pair.curves for pair in pairs], [pair.score for pair in pairs], judge.readout
@@ -222,7 +224,7 @@ class _Headline:
 
 
 def _headline(judged: tuple[JudgedPair, ...], governing: JudgedPair, facing: bool) -> _Headline:
-    """The governing facing pair's figures; for a pad the medians over judged pairs."""
+    """Figures of the governing facing pair; for a pad the medians over judged pairs."""
     shown = (governing,) if facing else judged
     gaps = [pair.score.modes.gap_mm for pair in shown]
     closed = [np.inf if gap is None else gap for gap in gaps]
@@ -267,17 +269,19 @@ def _warnings(
 
 
 ANSWERING_PAIRS = 0.35
-"""Share of a pad's pairs by which units are judged at its location of least margin: 0.17 to 0.7 on the presets."""
+"""Assumed share of a pad's pairs that respond at its location of least margin [-]; manufactured units are judged by
+these pairs. On the presets it is 0.17 to 0.7."""
 TRACED_AGAIN = 0.15
-"""Share of the bounds' deep voxels that the first light leaves open."""
+"""Assumed share of the voxels deeper than `SHALLOW_MM` that the first light leaves undecided [-]."""
 SAME_MIRRORS = 0.2
-"""Relative cost of a unit of a disc or crowned pad that differs in scattering only, not in mirrored light."""
+"""Relative cost of a disc or crowned unit that differs in scattering only, so that its mirrored light is reused [-]."""
 TRACED_TWICE = 1.25
-"""Cost of units of discs and crowned pads, over that of one trace: those close to a deadband take two."""
+"""Mean number of traces for a disc or crowned unit: units close to a deadband take two [-]."""
 REST_S, RUN_S = 10.0, 24.0
-"""Processor time of all but light [s]: of a score (start, contact, drawings), and added by a run (mold, report)."""
+"""Processor time of everything except light [s]: of a score (start, contact, drawings), and added by a run (mold,
+report)."""
 WORTH_SAYING_S = 20.0
-"""Shorter times are not reported."""
+"""Estimated time below which no estimate is shown [s]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -286,10 +290,10 @@ class ScoreCost:
 
     Attributes
     ----------
-    presses, pairs : numbers of presses and pairs of the map
+    presses, pairs : numbers of presses and of pairs in the map
     core_s : processor time [s]
     stages_s : processor time by stage [s]
-    job : score or run
+    job : "score" or "run"
     """
 
     presses: int
@@ -299,7 +303,7 @@ class ScoreCost:
     job: str = "score"
 
     def sentence(self, cores: int) -> str:
-        """The message before a score begins; empty for a short one."""
+        """The message about the time before a score begins; empty if the time is short."""
         seconds = self.core_s / cores
         if seconds < WORTH_SAYING_S:
             return ""
@@ -312,9 +316,9 @@ class ScoreCost:
 
 
 def score_cost(design: SensorDesign, *, fine: bool, full: bool, is_run: bool = False) -> ScoreCost:
-    """The cost of a score of a design, with `fine` and `full` as `sims.score.scoring.score` takes them.
+    """Estimated cost of a score, or of a whole `optopad run` if `is_run`.
 
-    is_run : the whole `optopad run`, with mold, report and the firmware's files
+    `fine` and `full` are the options of `sims.score.scoring.score`. A run adds mold, report and the firmware's files.
     """
     cavity = cavity_of(design)
     row = settings_of(fine=fine, full=full).for_pairs(len(judged_pairs(cavity)))
@@ -338,13 +342,13 @@ def score_cost(design: SensorDesign, *, fine: bool, full: bool, is_run: bool = F
 
 
 def _distinct(design: SensorDesign, places_mm: FloatArray) -> int:
-    """Number of (n, 2) locations that no symmetry of the layout carries onto another."""
+    """Number of (n, 2) locations that are not equal by a symmetry of the layout."""
     found = state_classes(scene_of(design), places_mm[:, None, :], [[1.0]] * len(places_mm))
     return len(found.first)
 
 
 def _pairs_s(design: SensorDesign, cavity: CavityGeometry, row: Settings) -> float:
-    """Time of single pairs, each under its own press; a pair's image under a symmetry is not traced again."""
+    """Processor time of single pairs, each under its own press [s]; pairs that are equal by symmetry are traced once."""
     settings = accuracy_of(accuracy_of_pairs(design, row.pairs))
     pairs = judged_pairs(cavity)
     alike = len(pairs) / max(_distinct_pairs(design, cavity), 1)
@@ -353,7 +357,7 @@ def _pairs_s(design: SensorDesign, cavity: CavityGeometry, row: Settings) -> flo
 
 
 def _distinct_pairs(design: SensorDesign, cavity: CavityGeometry) -> int:
-    """Number of judged pairs that no symmetry of the layout carries onto another, by the locations of their presses."""
+    """Number of judged pairs that are not equal by a symmetry of the layout, judged by the locations of their presses."""
     places = np.array([chord_midpoint_mm(cavity, pair) for pair in judged_pairs(cavity)])
     distinct = np.unique(np.round(places, 6), axis=0)
     return round(len(places) * _distinct(design, distinct) / len(distinct))
@@ -368,7 +372,7 @@ def _map_s(design: SensorDesign, places_mm: FloatArray, depth_mm: FloatArray, ro
 
 
 def _bounds_s(design: SensorDesign, places_mm: FloatArray, row: Settings) -> float:
-    """Time of both halves of all stencils."""
+    """Processor time of all presses for the bounds, in both halves [s]."""
     if is_facing_rows(cavity_of(design)):
         return 0.0
     scene, steps = scene_of(design), Steps()
@@ -388,7 +392,10 @@ def _bounds_s(design: SensorDesign, places_mm: FloatArray, row: Settings) -> flo
 
 
 def _builds_s(design: SensorDesign, cavity: CavityGeometry) -> float:
-    """Time of both ends of every unmeasured parameter, and of a step of each field either way."""
+    """Processor time of tolerance and sensitivity [s].
+
+    Tolerance judges both ends of every unmeasured parameter, sensitivity a step up and down of each field.
+    """
     settings, scene = accuracy_of_builds(design), scene_of(design)
     pairs = len(cavity.emitters) * len(cavity.receivers)
     is_facing, is_flat = is_facing_rows(cavity), scene.form is None
@@ -413,13 +420,13 @@ def _builds_s(design: SensorDesign, cavity: CavityGeometry) -> float:
 
 
 def _tried(design: SensorDesign, stepped: Sequence[SensorDesign]) -> list[tuple[SensorDesign, bool]]:
-    """Designs that are judged, and whether their bounds are required, too."""
+    """Designs that tolerance and sensitivity judge, each with whether its bounds are required, too."""
     ends = [(design.with_(**{used.path: end}), False) for used, both in tried_values(design) for end in both]
     return [(design, True), *ends, *((build, True) for build in stepped)]
 
 
 def _mirrors_alike(one: object, other: object) -> bool:
-    """Whether two scenes differ in scattering only."""
+    """Whether two scenes differ in scattering only, and not in mirrored light."""
     scatters = {"wall_reflectance", "bottom_reflectance", "tip_reflectance"}
     kept = [
         {name: repr(value) for name, value in vars(scene).items() if name not in scatters}

@@ -1,8 +1,8 @@
-"""One field of a design at several values: each value judged, as plain data for table, plot and file.
+"""Sweep of one field of a design: each value is judged, with the result as plain data for table, plot and file.
 
-A row is the score (without tolerance) and the light of one pair, so a finished row can be kept in a file and drawn
-later without new computation. For facing rows that pair is the middle one at every value, even where another decides
-the verdict, so the panels of a figure are comparable; for a pad it is the governing one.
+A row of a sweep is the result at one value: the score without tolerance, and the light of one pair. Rows are stored in
+a file and drawn later without new computation. For facing rows the pair is the middle one at every value, even where
+another pair decides the verdict, so that the panels of a figure are comparable. For a pad it is the governing pair.
 """
 
 from __future__ import annotations
@@ -19,18 +19,20 @@ from sims.verdict.figure_errors import BoundaryForces, boundary_forces, place_fo
 from sims.verdict.pair_score import total_length_mm
 
 SAMPLING_MM = 0.15
-"""Change of a deadband's length when depth steps are doubled (docs/understand/model.md) [mm]."""
+"""Error of a deadband's length from depth sampling: its change when the depth steps are doubled
+(docs/understand/model.md) [mm]."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class SweptCurve:
-    """Light of the pair that is shown, against depth.
+    """Light of the plotted pair against depth.
 
     Attributes
     ----------
-    pair : its name
+    pair : name of the pair, such as E1-R3
     depth_mm : depths [mm]
-    total, direct, top : light over the emitted power: total, direct, and mirrored by the top [-]
+    total, direct, top : received over emitted power at each depth: in total, on the direct path, and mirrored by the
+        top [-]
     standard_error : standard error of total, from the light trace [-]
     """
 
@@ -44,16 +46,18 @@ class SweptCurve:
 
 @dataclass(frozen=True, kw_only=True)
 class SweepRow:
-    """One value of a sweep.
+    """Result of a sweep at one value of the field.
 
     Attributes
     ----------
     value : the field's value
     score : the score as plain data, as in ``score.json``
-    curve : light of the pair that is shown; None out of the model's scope
-    forces_n : loads at its mode boundaries with the band of the modulus [N]; None likewise
-    possible_deadband_mm : summed deadband of that pair, with deadbands that the numerical error may hide [mm]
-    refined : the finer setting of `score` by which the row was judged again, full or fine; empty where it was not
+    curve : light of the plotted pair; None out of the models' scope
+    forces_n : loads at the plotted pair's mode boundaries, with the band of the modulus [N]; None out of the models'
+        scope
+    possible_deadband_mm : summed deadband of the plotted pair, including deadbands that the numerical error may hide
+        [mm]; None where not computed
+    refined : "full" or "fine" if the row was judged again with this option of `score`; otherwise empty
     """
 
     value: Any
@@ -70,33 +74,33 @@ class SweepRow:
 
     @property
     def shown(self) -> dict[str, Any]:
-        """The shown pair's part of the score; empty out of scope."""
+        """The plotted pair's part of the score as plain data; empty out of the models' scope."""
         name = None if self.curve is None else self.curve.pair
         return next((pair for pair in self.score["pairs"] if pair["pair"] == name), {})
 
     @property
     def is_of_another_pair(self) -> bool:
-        """Whether the deadband is that of a pair that is not shown."""
+        """Whether the score's deadband is that of a pair other than the plotted one."""
         return bool(self.score["deadband_mm"]["total"]) and self.score["governing_pair"] != self.shown.get(
             "pair"
         )
 
     @property
     def asked_mm(self) -> float | None:
-        """Deepest press that the design requires [mm]; None out of scope."""
+        """Deepest press that the design requires [mm]; None out of the models' scope."""
         force = self.score["force"]
         return None if force is None else float(force["depth_mm"][-1])
 
     @property
     def lost_mm(self) -> float:
-        """Part of the required depth that is not resolved: deadbands, and the depth beyond the usable depth [mm]."""
+        """Part of the required depth that is not resolved: deadbands, and depths beyond the usable depth [mm]."""
         asked, usable = self.asked_mm, self.score["usable_depth_mm"]
         beyond = 0.0 if asked is None or usable is None else max(asked - usable, 0.0)
         return float(self.score["deadband_mm"]["total"] or 0.0) + beyond
 
     @property
     def headline(self) -> str:
-        """The verdict in the words of `optopad score`, short."""
+        """The verdict in the words of `optopad score`, in short form."""
         return headline(
             self.score["verdict"],
             is_open=self.score["is_open"],
@@ -106,7 +110,7 @@ class SweepRow:
         )
 
     def to_json(self) -> dict[str, Any]:
-        """Plain data: the value, the keys of a score, headline, curve and loads."""
+        """Plain data for JSON: the value, the keys of a score, headline, light curve and loads."""
         return {
             "value": self.value,
             "headline": self.headline,
@@ -119,7 +123,7 @@ class SweepRow:
 
     @classmethod
     def from_json(cls, document: dict[str, Any]) -> SweepRow:
-        """The row of `to_json`."""
+        """The row from the plain data that `to_json` writes."""
         own = ("value", "headline", "refined", "curve", "mode_forces_n", "possible_deadband_mm")
         return cls(
             value=document["value"],
@@ -132,11 +136,13 @@ class SweepRow:
 
 
 def sweep_row(design: SensorDesign, value: Any, score: ContinuityScore) -> SweepRow:
-    """The row of one judged value.
+    """The row for one judged value of the swept field.
 
     Parameters
     ----------
-    design : with the field at that value
+    design : design with the field at that value
+    value : value of the field
+    score : score of that design
     """
     if not score.pairs:
         return SweepRow(
@@ -155,11 +161,11 @@ def sweep_row(design: SensorDesign, value: Any, score: ContinuityScore) -> Sweep
 
 
 def disputed(rows: Sequence[SweepRow]) -> tuple[int, ...]:
-    """Numbers of the rows at which neighbours disagree, and of their neighbours; none unless the values are numbers.
+    """Indices of rows that contradict both of their neighbours, and of these neighbours.
 
-    Neighbours disagree about a row where its verdict differs from both of theirs, or where it loses more depth than
-    either by more than the sampling error. A row that loses less than both may be an optimum. It is not known which of
-    the three is wrong.
+    A row contradicts its neighbours if its verdict differs from both, or if it loses more depth than both by more than
+    the sampling error. A row that loses less than both may be an optimum. It is not known which of the three is wrong.
+    The result is empty if the values are not numbers.
     """
     if not all(isinstance(row.value, int | float) for row in rows):
         return ()
@@ -180,11 +186,11 @@ def _stands_out(before: SweepRow, row: SweepRow, after: SweepRow) -> bool:
 
 
 def swept_designs(design: SensorDesign, path: str, values: Sequence[Any]) -> tuple[SensorDesign, ...]:
-    """The design at every value; all are checked before any computation, so that no finished value is lost.
+    """The design at every value of the field, all checked before any computation.
 
     Raises
     ------
-    DesignError : the field is unknown (the nearest names are offered), or a value breaks a rule.
+    DesignError : the field is unknown, or a value breaks a rule.
     InputError : a value is given twice.
     """
     doubled = [value for number, value in enumerate(values) if value in values[:number]]

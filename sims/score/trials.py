@@ -1,15 +1,16 @@
-"""A trial of moves that would help: component heights and layer thickness are moved, and the designs are traced.
+"""Search for a small change that removes a deadband: changes of component heights and layer thickness are tried.
 
-    cause of the worst interval ──► lines to move along ──► short verdicts on moves at that location
-        ──► the least move without a deadband ──► all locations of the moved pad ──► verdict
+    cause of the worst interval ──► fields to change ──► short verdicts on changes at that location
+        ──► the smallest sufficient change ──► all locations of the changed pad ──► verdict
 
-A line moves both heights, one of them, or the thickness. Its direction follows from the cause: components up or a
-thinner layer where the modes are too far apart, the other way where light is saturated, both ways otherwise. A move is
-enough where no deadband is left and the margin is `ENOUGH_MARGIN`. Where no move is enough, one more component a side
-is tried; where no chord runs near the location, that is tried first.
+A line (`Line`) is a set of fields that change together: both heights, one of them, or the thickness. A move is a change
+along a line by some length. Its direction follows from the cause. Components move up, or the layer gets thinner, where
+the two modes are too far apart. The direction is opposite where light is saturated, and both are tried otherwise. A
+move is sufficient if no deadband is left and the margin is at least `ENOUGH_MARGIN`. If no move is sufficient, one more
+component a side is tried. If no pair's chord runs near the location, this is tried first.
 
-Left out: causes that heights do not fix (saturated or dim readings); two lines at once; pitch, shift and gain, which
-`optopad improve` varies.
+Not tried: causes that heights do not fix (readings above full scale or too dim), two lines at once, and pitch, shift
+and gain, which `optopad improve` varies.
 """
 
 from __future__ import annotations
@@ -34,20 +35,21 @@ from sims.verdict.depth_curve import DEADBAND_THRESHOLD
 from sims.verdict.trial import Found, Move, Trial, TriedMove
 
 Line = tuple[tuple[str, int], ...]
-"""Fields that move together, each with its sign."""
+"""Fields that change together, each as (path, sign of the change)."""
 
 ENOUGH_MARGIN = 1.5 * DEADBAND_THRESHOLD
-"""Sufficient margin of a moved design: half of the threshold is a reserve for the light of a trial [noise units]."""
+"""Margin that a changed design must have [noise units]: the threshold and half of it again, because the light of a
+trial is coarse."""
 GAIN_MM = 0.3
-"""Usable depth that a move must add where none reaches the deepest press; a deadband's least length [mm]."""
+"""Usable depth that a move must add if no move reaches the deepest press [mm]: the least length of a deadband."""
 MOST_BRIEFS = 10
-"""Largest number of short verdicts (`Brief`): they take about a tenth of a score's processor time."""
+"""Largest number of short verdicts in a trial; this many take about a tenth of a score's processor time."""
 GRID_MM = 0.1
-"""Moves are multiples of this step, which a printer can place."""
+"""Step of which all moves are multiples [mm]: a resolution that printed molds can reach."""
 LENGTHS_MM = (0.8, 3.0)
-"""Least and largest first length of a move; the cause sets it where it has a length [mm]."""
+"""Smallest and largest length of the first move [mm]; within these, the cause sets the length if it has one."""
 SHARES = (0.5, 0.8, 0.25)
-"""Moves along the first line, as shares of that length, until one is enough."""
+"""Moves along the first line, as shares of the first length, tried in this order until one is sufficient."""
 BISECTIONS = 2
 FIXED_BY_HEIGHTS = ("apart", "used up", "cancel", "slight", "none near")
 MORE_PARTS = {
@@ -55,20 +57,22 @@ MORE_PARTS = {
     "facing_rows": "count",
     "disc_ring": "count",
 }
-"""Field of each pattern that sets its number of components."""
+"""Name of each layout pattern's field that sets its number of components."""
 NEARER = 0.94
-"""Pitch over an even spacing where that is too near to the corners [-]."""
+"""Pitch as a share of even spacing [-], tried where even spacing puts components too near to the corners."""
 
 
 def with_trial(
     design: SensorDesign, score: ContinuityScore, *, seed: int = 0, on_step: OnStep | None = None
 ) -> ContinuityScore:
-    """A score with a trial of moves that would help; unchanged where there is no cause, or heights do not fix it.
+    """A score with a trial of moves that would help.
+
+    It is returned unchanged if depth is resolved everywhere, or if heights do not fix the cause.
 
     Parameters
     ----------
-    score : of that design, with its map if it is a pad
-    on_step : called with the stage's name and the share of it that is done
+    score : score of that design, with the map if the design is a pad
+    on_step : called with the name of the running stage and the share of it that is done, 0 to 1
     """
     if score.readout is None or not score.causes or score.causes[0].lack not in FIXED_BY_HEIGHTS:
         return score
@@ -86,7 +90,7 @@ class _Tried:
 
 @dataclass(frozen=True, kw_only=True)
 class _Whole:
-    """Verdict on all locations of a moved pad, or on all facing pairs."""
+    """Verdict on all locations of a changed pad, or on all facing pairs."""
 
     verdict: str
     deadband_mm: float
@@ -96,7 +100,7 @@ class _Whole:
 
 
 class _Search:
-    """Moves along the lines of one cause, cheapest first."""
+    """Search for a sufficient move for the first cause of a score: fields that change together are tried in turn."""
 
     def __init__(self, design: SensorDesign, score: ContinuityScore, seed: int, tell: OnStep) -> None:
         self.design, self.score, self.seed, self.tell = design, score, seed, tell
@@ -108,7 +112,10 @@ class _Search:
         self.more_parts_tried = False
 
     def outcome(self) -> Trial:
-        """Search, and judge the moves found on the whole pad; try more components first where no chord runs near."""
+        """Result of the search.
+
+        Moves are tried before more components, unless no pair's chord runs near the location.
+        """
         steps = (self._move_that_helps, self._parts_that_help)
         for step in steps[::-1] if self.cause.lack == "none near" else steps:
             found = step()
@@ -137,7 +144,7 @@ class _Search:
         return [one for one in self.tried.values() if one is not None]
 
     def _candidates(self) -> list[_Tried]:
-        """The least useful move, then the one with the largest margin: another location may need more."""
+        """The smallest useful move, then the one with the largest margin, because another location may need more."""
         useful = [one for one in self._rows() if self._is_useful(one.brief)]
         if not useful:
             return []
@@ -184,7 +191,7 @@ class _Search:
                 self._reaches(line, share * least)
 
     def _shortened(self, line: Line, enough_mm: float) -> float:
-        """The least move along a line that is enough, by bisection against the longest that is not [mm]."""
+        """The smallest sufficient move along a line [mm], by bisection from a move of `enough_mm`, which suffices."""
         below = [
             length for (of, length), one in self.tried.items() if of == line and length < enough_mm and one
         ]
@@ -200,7 +207,10 @@ class _Search:
         return enough_mm
 
     def _reaches(self, line: Line, length_mm: float) -> bool:
-        """Whether a move is enough by its short verdict; False if it breaks a rule, or `MOST_BRIEFS` are used."""
+        """Whether a move is sufficient by its short verdict.
+
+        False if the move breaks a rule, or if `MOST_BRIEFS` verdicts have been made.
+        """
         length_mm = _on_grid(length_mm)
         if (line, length_mm) not in self.tried and line and length_mm > 0.0:
             if len(self._rows()) >= MOST_BRIEFS:
@@ -227,19 +237,19 @@ class _Search:
         return brief.deadband_mm == 0.0 and brief.margin >= ENOUGH_MARGIN and is_deep
 
     def _is_useful(self, brief: Brief) -> bool:
-        """Whether a move is enough, or extends the usable depth."""
+        """Whether a move is sufficient, or leaves no deadband and extends the usable depth by `GAIN_MM`."""
         deeper = self._usable(brief) - (self.score.usable_depth_mm or 0.0)
         is_clear = brief.deadband_mm == 0.0 and brief.margin >= ENOUGH_MARGIN
         return self._is_enough(brief) or (is_clear and self.cause.kind == "fade" and deeper >= GAIN_MM)
 
     def _is_better(self, whole: _Whole) -> bool:
-        """Whether the moved design has no deadband at any location, enough margin, and more depth if required."""
+        """Whether the changed pad has no deadband and enough margin, and more usable depth if that was the cause."""
         deeper = whole.usable_mm - (self.score.usable_depth_mm or 0.0)
         is_clear = whole.deadband_mm == 0.0 and whole.margin >= ENOUGH_MARGIN
         return is_clear and (self.cause.kind == "deadband" or deeper >= GAIN_MM)
 
     def _rank(self, one: _Tried) -> tuple[int, int, int, float]:
-        """Depth that is not usable in steps of `GAIN_MM`; new findings of the rules; fields; length."""
+        """Sort key of a move, smallest first: depth lost in steps of `GAIN_MM`, new rule findings, fields changed, length."""
         lost = round((self.deepest_mm - self._usable(one.brief)) / GAIN_MM)
         news = sum(str(finding) not in self.known for finding in check(one.build))
         return lost, news, len(one.line), one.length_mm
@@ -263,7 +273,7 @@ class _Search:
 def _judge_at(
     design: SensorDesign, score: ContinuityScore, cause: Cause, seed: int
 ) -> tuple[str, BuildJudge]:
-    """The function for short verdicts on moves: by all facing pairs, or at the location of a pad's cause."""
+    """Name of, and function for, short verdicts: on all facing pairs, or at the location of a pad's cause."""
     if score.is_facing_rows or score.pad_map is None:
         return facing_judge(seed=seed)
     here = min(
@@ -277,12 +287,12 @@ def _judge_at(
 
 
 def _sides(cause: Cause) -> tuple[int, ...]:
-    """1 to move components nearer to the top, -1 to move them away from it; both where the cause implies neither."""
+    """Directions to try: 1 moves components nearer to the top, -1 away from it."""
     return {"apart": (1,), "used up": (-1,)}.get(cause.lack, (1, -1))
 
 
 def _lines(design: SensorDesign, side: int) -> tuple[Line, Line, Line, Line]:
-    """Lines of both heights, the receivers', the emitters', and the thickness; empty where a field moves nothing."""
+    """Fields to change together: both heights, the receivers', the emitters', and the thickness; empty if not possible."""
     fields = {part.height_field for part in cavity_of(design).parts}
     emitters, receivers = (((path, side),) if path in fields else () for path in HEIGHTS)
     both = emitters + receivers if emitters and receivers else ()
@@ -299,7 +309,7 @@ def _changes(design: SensorDesign, line: Line, length_mm: float) -> dict[str, fl
 
 
 def _changed(design: SensorDesign, changes: dict[str, float]) -> SensorDesign | None:
-    """The design with these fields changed; None where that breaks a rule."""
+    """The design with these fields changed; None if the result breaks a rule."""
     try:
         build = design.with_(**changes)
         return None if any(one.severity == "error" for one in check(build)) else build
@@ -322,13 +332,15 @@ def _moves(design: SensorDesign, changes: dict[str, float]) -> tuple[Move, ...]:
 
 
 def _span(names: Sequence[str]) -> str:
-    """First and last of several names."""
+    """First and last of several component names, such as E1-E4."""
     return f"{names[0]}-{names[-1]}" if len(names) > 1 else "".join(names)
 
 
 def _with_more_parts(design: SensorDesign) -> Iterator[tuple[dict[str, float], SensorDesign]]:
-    """The design with one more component a side in its first pattern that has a number of them; two where one breaks
-    a rule, and nearer together where an even spacing does.
+    """Changes and design with one more component a side in the first layout pattern that has a number of components.
+
+    If one more breaks a rule, two more are tried, each also with a smaller pitch. The iterator is empty if none is
+    valid.
     """
     for number, pattern in enumerate(design.layout):
         name = MORE_PARTS.get(pattern.pattern)
@@ -349,7 +361,7 @@ def _with_more_parts(design: SensorDesign) -> Iterator[tuple[dict[str, float], S
 
 
 def _whole_pad(design: SensorDesign, seed: int) -> _Whole:
-    """All locations of a pad by the light of a trial."""
+    """Verdict on all locations of a pad, with the coarse light of a trial."""
     light = accuracy_of_builds(design)
     judge = Judge(
         design,
