@@ -1,4 +1,4 @@
-"""Score of a design: verdict, accuracy bounds and tolerance together, sweeps of one field, figures for a search.
+"""The score of a design: verdict, bounds and tolerance together, sweeps of one field, the figures of a search.
 
 This package imports `sims.bounds`, `sims.verdict` and the packages that these import.
 """

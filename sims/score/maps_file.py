@@ -37,7 +37,7 @@ def provenance(design: SensorDesign, seed: int) -> dict[str, Any]:
 
 
 def bounds_dataset(bounds: PadBounds) -> xr.Dataset:
-    """Bounds of location and depth, volume shares of voxels, and summaries with each component failed, as a data set."""
+    """Data set of the bounds, volume shares of the voxels, and summaries of the bounds with each component failed."""
     axes = ("y", "x", "depth")
     dataset = xr.Dataset(
         {

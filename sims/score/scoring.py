@@ -348,7 +348,7 @@ def _distinct(design: SensorDesign, places_mm: FloatArray) -> int:
 
 
 def _pairs_s(design: SensorDesign, cavity: CavityGeometry, row: Settings) -> float:
-    """Processor time of single pairs, each under its own press [s]; pairs that are equal by symmetry are traced once."""
+    """Processor time of single pairs, each under its own press [s]; pairs equal by symmetry are traced once."""
     settings = accuracy_of(accuracy_of_pairs(design, row.pairs))
     pairs = judged_pairs(cavity)
     alike = len(pairs) / max(_distinct_pairs(design, cavity), 1)
@@ -357,7 +357,7 @@ def _pairs_s(design: SensorDesign, cavity: CavityGeometry, row: Settings) -> flo
 
 
 def _distinct_pairs(design: SensorDesign, cavity: CavityGeometry) -> int:
-    """Number of judged pairs that are not equal by a symmetry of the layout, judged by the locations of their presses."""
+    """Number of judged pairs whose presses are not equal by a symmetry of the layout."""
     places = np.array([chord_midpoint_mm(cavity, pair) for pair in judged_pairs(cavity)])
     distinct = np.unique(np.round(places, 6), axis=0)
     return round(len(places) * _distinct(design, distinct) / len(distinct))

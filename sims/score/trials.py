@@ -249,7 +249,10 @@ class _Search:
         return is_clear and (self.cause.kind == "deadband" or deeper >= GAIN_MM)
 
     def _rank(self, one: _Tried) -> tuple[int, int, int, float]:
-        """Sort key of a move, smallest first: depth lost in steps of `GAIN_MM`, new rule findings, fields changed, length."""
+        """Sort key of a move, smallest first.
+
+        The key is depth lost in steps of `GAIN_MM`, number of new rule findings, number of fields, and length.
+        """
         lost = round((self.deepest_mm - self._usable(one.brief)) / GAIN_MM)
         news = sum(str(finding) not in self.known for finding in check(one.build))
         return lost, news, len(one.line), one.length_mm
@@ -292,7 +295,7 @@ def _sides(cause: Cause) -> tuple[int, ...]:
 
 
 def _lines(design: SensorDesign, side: int) -> tuple[Line, Line, Line, Line]:
-    """Fields to change together: both heights, the receivers', the emitters', and the thickness; empty if not possible."""
+    """Fields to change together: both heights, the receivers', the emitters', the thickness; empty if impossible."""
     fields = {part.height_field for part in cavity_of(design).parts}
     emitters, receivers = (((path, side),) if path in fields else () for path in HEIGHTS)
     both = emitters + receivers if emitters and receivers else ()
