@@ -1,4 +1,5 @@
 """The rules of the verdict: presses, modes, deadbands, manufactured units, the map of the pad.
 
-It imports readings, optics, contact and press. `pair_score` has the rules of one pair.
+This package imports `sims.readings`, `sims.optics`, `sims.contact` and `sims.press`. The rules for one pair are in
+`pair_score`.
 """

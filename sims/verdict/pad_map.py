@@ -1,32 +1,28 @@
-"""The pad as a whole: at every location of the workspace, the depths that all judged readings of a frame resolve.
-
-Depth from one frame of all judged readings at a location: resolved, deadband, end of the range.
+"""The pad as a whole: the depths that one frame of all judged readings resolves at each location of the workspace.
 
 Model
 -----
-A frame is the readings of all judged pairs, limited at full scale, on the scale of noise units u. Two depths are
-resolved if their frames are at least 3 noise units apart,
+A frame is the readings of all judged pairs, limited at full scale, in noise units u. Two depths a and b are resolved if
+their frames are at least 3 noise units apart:
 
     D²(a, b) = Σ over pairs (u(b) - u(a))²  >=  3².
 
 Depth is not resolved over an interval of at least 0.3 mm in which no two depths are resolved; overlapping intervals
-are merged. If the signal comes back below, it is a deadband; if it runs to the deepest press (fade), the usable range
-ends there. With one pair this is the pair's own deadband (`pair.deadbands`).
+are merged. An interval is a deadband if depth is resolved again below it. If it extends to the deepest press, the
+usable range ends at its start. A single pair has the same deadbands by this rule as in `sims.verdict.pair_score`.
 
-The numerical error would count as distance. Light traced twice with other random offsets gives independent halves A
-and B, and Σ ΔA ΔB has the mean D²: errors average out. The halves' scatter, σ² = Σ (ΔA - ΔB)² / 4n over n pairs, gives
-the standard deviation of that sum, 2 σ √(D² + n σ²); less than two of them from the threshold is open. Where light was
-traced once, D² is between the sum of squares and that less 2 Σ (s²(a) + s²(b)), with its standard errors s: those of
-two depths may add, though with common offsets they mostly cancel, so the sum itself is the best estimate.
+The numerical error of the light model adds to the distance. If light is traced twice with different seeds, the halves
+A and B are independent, and Σ ΔA ΔB has the mean D², free of bias. The scatter of the halves over n pairs,
+σ² = Σ (ΔA - ΔB)² / 4n, gives the standard deviation of that sum, 2 σ √(D² + n σ²). A distance less than two of these
+from the threshold is undecided. If light is traced once, D² is at most the sum of squares, and at least this sum less
+2 Σ (s²(a) + s²(b)), where s are the standard errors. The sum itself is then the best estimate, because most of the
+error is common to both depths.
 
-Between the depths traced, frames are on straight lines; windows start every 0.02 mm.
+Frames are interpolated linearly between the traced depths; windows of 0.3 mm start every 0.02 mm.
 
-Resolution of the pad at each depth of each location: the verdict's own rule, depth by depth.
-
-The verdict tests whether a location has 0.3 mm of depth in which no two frames are 3 noise units apart
-(`read_depths`). Here the largest distance of two frames is given for the 0.3 mm centred on each depth, and moved
-inward at both ends of the press, read every 0.05 mm. The numerical error is included: where the verdict removes it by
-a second trace, its margin can be smaller.
+A profile (`pad_profile`) applies the same rule depth by depth: it has the largest distance of two frames within 0.3 mm
+around each depth, sampled every 0.05 mm. Near both ends of the press the window is moved inward. The profile includes
+the numerical error, so the margin of the verdict can be smaller where a second trace has removed it.
 """
 
 from __future__ import annotations
@@ -56,23 +52,24 @@ from sims.verdict.depth_curve import (
 Interval = tuple[float, float]
 
 STEPS = 15
-"""Number of steps in a window of 0.3 mm."""
+"""Number of steps in a window of the shortest deadband length, 0.3 mm."""
 SURE = 2.0
-"""Standard deviations from the threshold beyond which a distance is no longer open."""
+"""Standard deviations from the threshold within which a distance is undecided."""
 BOUND = 2.0
-"""Most trace variances subtracted from distances of light traced once: errors of two depths may add or cancel."""
+"""Multiple of the trace variance that is subtracted from squared distances of light traced once: errors of two depths
+may add."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Frames:
-    """The readings at a location against depth.
+    """The readings at one location against depth.
 
     Attributes
     ----------
     depth_mm : (n,) increasing depths from 0 [mm]
-    halves : (2, n, pair) readings by independent traces, limited at full scale; twice the same where traced once
-        [noise units]
-    variance : (n,) variance of the trace, summed over pairs, where it was traced once; 0 elsewhere
+    halves : (2, n, pair) readings from two independent traces, limited at full scale [noise units]; equal where traced
+        once
+    variance : (n,) variance of the trace, summed over pairs [noise units²]; 0 where traced twice
     """
 
     depth_mm: FloatArray
@@ -82,12 +79,12 @@ class Frames:
 
 @dataclass(frozen=True, kw_only=True)
 class Blindness:
-    """The depths that are not resolved at a location.
+    """The depths at a location that are not resolved.
 
     Attributes
     ----------
-    deadbands_mm : intervals after which the signal comes back [mm]
-    usable_mm : start of the interval that runs to the deepest press, else the deepest press [mm]
+    deadbands_mm : (from, to) of intervals below which depth is resolved again [mm]
+    usable_mm : start of the unresolved interval that extends to the deepest press; without one the deepest press [mm]
     """
 
     deadbands_mm: tuple[Interval, ...]
@@ -96,16 +93,16 @@ class Blindness:
 
 @dataclass(frozen=True, kw_only=True)
 class DepthReading:
-    """The resolution of depth by a location's frames.
+    """Which depths the frames at one location resolve, and how certain this is.
 
     Attributes
     ----------
-    blind : intervals by the best estimate of the distances
-    least, most : the shortest and longest intervals that the numerical error allows
-    margin, margin_error : distance of the most distant frames in the least resolved 0.3 mm before the range ends, and
-        its possible numerical error [noise units]
-    margin_mm : depths of that window [mm]
-    open_mm : depths, in order, of windows that the numerical error leaves open; they may overlap [mm]
+    blind : unresolved depths by the best estimate of the distances
+    least, most : unresolved depths if the numerical error makes them as short, or as long, as possible
+    margin, margin_error : largest distance of two frames within the least resolved 0.3 mm of the usable range, and its
+        possible numerical error [noise units]
+    margin_mm : (from, to) of the least resolved 0.3 mm [mm]
+    open_mm : (from, to) of windows that the numerical error leaves undecided, in order of depth [mm]; they may overlap
     """
 
     blind: Blindness
@@ -118,25 +115,25 @@ class DepthReading:
 
     @property
     def is_open(self) -> bool:
-        """Whether the numerical error may make or hide a deadband."""
+        """Whether the numerical error decides if there is a deadband."""
         return bool(self.least.deadbands_mm) != bool(self.most.deadbands_mm)
 
     @property
     def usable_range_mm(self) -> Interval:
-        """Least and most depth that may be usable [mm]."""
+        """Smallest and largest usable depth within the numerical error [mm]."""
         return self.most.usable_mm, self.least.usable_mm
 
 
 def read_depths(
     frames: Frames, *, threshold: float = DEADBAND_THRESHOLD, min_length_mm: float = DEADBAND_MIN_LENGTH_MM
 ) -> DepthReading:
-    """Judge a location.
+    """Find the depths that the frames at a location resolve.
 
     Parameters
     ----------
-    frames : frames at the location, to a deepest press of at least the shortest deadband
+    frames : frames at the location
     threshold : distance at which two depths are resolved [noise units]
-    min_length_mm : shortest interval that counts [mm]
+    min_length_mm : shortest unresolved interval that counts [mm]
     """
     deepest = float(frames.depth_mm[-1])
     step = min(min_length_mm, deepest) / STEPS
@@ -163,7 +160,7 @@ def read_depths(
 
 
 def _square_distances(frames: Frames, at_mm: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """(m, m) squared distances of the frames at some depths: at least, best estimate, at most."""
+    """Squared distances of the frames at m depths, each (m, m): smallest possible, best estimate, largest possible."""
     one, two = (interpolated(frames.depth_mm, half, at_mm) for half in frames.halves)
     once = interpolated(frames.depth_mm, frames.variance[:, None], at_mm)[:, 0]
     pairs = one.shape[1]
@@ -176,7 +173,7 @@ def _square_distances(frames: Frames, at_mm: FloatArray) -> tuple[FloatArray, Fl
 
 
 def _from_products(products: FloatArray) -> FloatArray:
-    """(m, m) products of differences a(j) - a(i) with b(j) - b(i), from those of a(i) with b(j)."""
+    """(m, m) products (a(j) - a(i)) · (b(j) - b(i)), from the (m, m) products a(i) · b(j)."""
     own = np.diag(products)
     return np.asarray(own[:, None] + own[None, :] - products - products.T)
 
@@ -193,7 +190,7 @@ def _widest(square: FloatArray) -> FloatArray:
 
 
 def _blindness(starts: FloatArray, length: float, is_blind: BoolArray, deepest: float) -> Blindness:
-    """Deadbands and usable depth, from the windows in which depth is not resolved."""
+    """Deadbands and usable depth, from the starts of the windows in which depth is not resolved."""
     merged: list[list[float]] = []
     for start in starts[is_blind]:
         if merged and start <= merged[-1][1] + 1e-9:
@@ -212,13 +209,13 @@ FINE_PLACES = 11
 
 @dataclass(frozen=True, kw_only=True)
 class Place:
-    """One press location of the map.
+    """One press location of the map, with the depths that are resolved there.
 
     Attributes
     ----------
-    x_mm, y_mm : press centre in the cavity frame
-    depths : the resolution of depth by its frames
-    answering_pairs : number of judged pairs that change by the threshold or more over the whole press
+    x_mm, y_mm : press centre in the cavity frame [mm]
+    depths : the depths that are resolved
+    answering_pairs : number of judged pairs whose reading changes by 3 noise units or more over the whole press
     """
 
     x_mm: float
@@ -228,7 +225,7 @@ class Place:
 
     @property
     def deadbands_mm(self) -> tuple[Interval, ...]:
-        """Intervals over which depth is not resolved, and after which it is resolved again [mm]."""
+        """(from, to) of intervals over which depth is not resolved, and below which it is resolved again [mm]."""
         return self.depths.blind.deadbands_mm
 
     @property
@@ -238,12 +235,12 @@ class Place:
 
     @property
     def usable_mm(self) -> float:
-        """Depth from which on depth is not resolved any more, or the deepest press [mm]."""
+        """Depth from which depth is no longer resolved, or the deepest press [mm]."""
         return self.depths.blind.usable_mm
 
     @property
     def margin(self) -> float:
-        """Distance of frames over the least resolved 0.3 mm before the range ends [noise units]; below 3: deadband."""
+        """Distance of frames over the least resolved 0.3 mm of the usable range [noise units]; below 3: deadband."""
         return self.depths.margin
 
     def is_blind(self, depth_mm: float) -> bool:
@@ -253,12 +250,12 @@ class Place:
 
 @dataclass(frozen=True, kw_only=True)
 class PadMap:
-    """All locations of a rectangular grid that are in the workspace.
+    """Judged locations: all points of a rectangular grid that are in the workspace.
 
     Attributes
     ----------
-    x_mm : (nx,) and y_mm : (ny,) grid lines [mm]
-    places : locations of the grid in the workspace, y outermost; in a rectangle ny rows of nx
+    x_mm, y_mm : (nx,) and (ny,) coordinates of the grid [mm]
+    places : locations row by row, in rising y; a rectangle has ny rows of nx
     """
 
     x_mm: tuple[float, ...]
@@ -267,12 +264,12 @@ class PadMap:
 
     @property
     def worst(self) -> Place:
-        """The location with the most deadband; the first one of equals."""
+        """The location with the most deadband; the first of several equals."""
         return max(self.places, key=lambda place: place.deadband_total_mm)
 
     @property
     def weakest(self) -> Place:
-        """The location with the most deadband, then the least usable depth, then the least margin."""
+        """The location with the most deadband; of several equals, that with least usable depth, then least margin."""
         return min(
             self.places, key=lambda place: (-place.deadband_total_mm, round(place.usable_mm, 6), place.margin)
         )
@@ -284,23 +281,23 @@ class PadMap:
 
     @property
     def usable_range_mm(self) -> Interval:
-        """Usable depth at least and at most, by the numerical error of the light model [mm]."""
+        """Smallest and largest usable depth of the pad within the numerical error of the light model [mm]."""
         least, most = zip(*(place.depths.usable_range_mm for place in self.places), strict=True)
         return min(least), min(most)
 
     @property
     def is_open(self) -> bool:
-        """Whether the numerical error of the light model may make or hide every deadband."""
+        """Whether the numerical error of the light model leaves the pad's verdict undecided."""
         sure = any(place.depths.least.deadbands_mm for place in self.places)
         return not sure and any(place.depths.most.deadbands_mm for place in self.places)
 
     def doubtful(self, most: int) -> list[int]:
-        """Numbers of the locations that the numerical error leaves open, the least margin first."""
+        """Indices of at most `most` locations that the numerical error leaves undecided, the least margin first."""
         found = [number for number, place in enumerate(self.places) if place.depths.open_mm]
         return sorted(found, key=lambda number: self.places[number].margin)[:most]
 
     def open_depths(self, depth_mm: FloatArray, places: list[int]) -> BoolArray:
-        """(depth,) which of the traced depths leave some locations open."""
+        """(depth,) which of the traced depths belong to undecided windows at the given locations."""
         found = np.zeros(len(depth_mm), dtype=np.bool_)
         for number in places:
             for start_mm, end_mm in self.places[number].depths.open_mm:
@@ -308,7 +305,7 @@ class PadMap:
         return found
 
     def with_places(self, found: Mapping[int, Place]) -> PadMap:
-        """The map with some locations, by number, judged anew."""
+        """The map with some locations, given by index, replaced by a new judgement."""
         return replace(self, places=tuple(found.get(n, place) for n, place in enumerate(self.places)))
 
     @property
@@ -318,13 +315,13 @@ class PadMap:
 
     @property
     def cells(self) -> tuple[tuple[int, int], ...]:
-        """Row and column of each location in the grid."""
+        """(row, column) of each location in the grid; rows are y, columns are x."""
         return tuple(
             (_nearest(self.y_mm, place.y_mm), _nearest(self.x_mm, place.x_mm)) for place in self.places
         )
 
     def grid(self, of_places: Sequence[float] | FloatArray) -> FloatArray:
-        """(ny, nx, ...) from values of every location, (place, ...); NaN outside the workspace."""
+        """(ny, nx, ...) grid of one value per location, (place, ...); NaN outside the workspace."""
         values = np.asarray(of_places, dtype=np.float64)
         inside = np.zeros((len(self.y_mm), len(self.x_mm)), dtype=np.bool_)
         inside[tuple(np.array(self.cells).T)] = True
@@ -349,12 +346,15 @@ def place_of(
     *,
     threshold: float = DEADBAND_THRESHOLD,
 ) -> Place:
-    """Judge one location.
+    """Judge one location: find the depths that its readings resolve.
 
     Parameters
     ----------
-    counts : (2, depth, pair) unlimited counts of all judged pairs by independent traces, or twice by one
-    errors : (depth, pair) standard errors where there is one trace, else 0 [counts]
+    place_mm : (x, y) of the location [mm]
+    depth_mm : (depth,) traced depths [mm]
+    counts : (2, depth, pair) counts of all judged pairs from two independent traces, or from one trace twice; not
+        clipped
+    errors : (depth, pair) standard errors [counts]; 0 where there are two traces
     threshold : distance at which two depths are resolved [noise units]
     """
     noise = noise_of(design)
@@ -376,9 +376,9 @@ def place_of(
 
 
 def map_grid_mm(cavity: CavityGeometry, places: int) -> tuple[FloatArray, FloatArray]:
-    """Grid lines over the workspace: ``places`` along its longer side, at nearly the same pitch along the other [mm].
+    """x and y coordinates of a grid over the workspace [mm], with nearly the same pitch in both directions.
 
-    Both numbers are odd, so that the lines through the middle are among them.
+    The longer side has `places` coordinates. Both numbers are odd, so that the centre lines are part of the grid.
     """
     space = cavity.workspace
     spans = (space.x1_mm - space.x0_mm, space.y1_mm - space.y0_mm)
@@ -390,18 +390,18 @@ def map_grid_mm(cavity: CavityGeometry, places: int) -> tuple[FloatArray, FloatA
 
 
 def grid_inside(workspace: Outline, x_mm: FloatArray, y_mm: FloatArray) -> BoolArray:
-    """(ny, nx) which crossings of a grid's lines are press centres; round-off counts as inside."""
+    """(ny, nx) which points of a grid are in the workspace; points outside by round-off only count as inside."""
     return workspace.contains(x_mm[None, :], y_mm[:, None], 1e-6)
 
 
 def grid_places_mm(workspace: Outline, x_mm: FloatArray, y_mm: FloatArray) -> FloatArray:
-    """(place, 2) press centres of a grid, y outermost, clamped to the workspace against round-off [mm]."""
+    """(place, 2) press centres of a grid, row by row in rising y [mm]; round-off is clamped to the workspace."""
     inside = grid_inside(workspace, x_mm, y_mm)
     return np.array([workspace.clamped(float(x_mm[k]), float(y_mm[n])) for n, k in np.argwhere(inside)])
 
 
 def on_grid(of_places: FloatArray, inside: BoolArray) -> FloatArray:
-    """(ny, nx, ...) from (place, ...) in the order of `grid_places_mm`; NaN outside."""
+    """(ny, nx, ...) grid of values (place, ...) in the order of `grid_places_mm`; NaN outside the workspace."""
     found = np.full((*inside.shape, *of_places.shape[1:]), np.nan)
     found[inside] = of_places
     return found
@@ -424,13 +424,13 @@ READ_EVERY_MM = 0.05
 
 @dataclass(frozen=True, kw_only=True)
 class PadProfile:
-    """The pad against depth.
+    """Resolution of a pad at each depth and location.
 
     Attributes
     ----------
-    depth_mm : (depth,) increasing [mm]
-    change : (depth, place) largest distance of two frames within 0.3 mm around the depth [noise units]; None where the
-        light of the locations is not available
+    depth_mm : (depth,) increasing depths [mm]
+    change : (depth, place) largest distance of two frames within 0.3 mm around the depth [noise units]; None if the
+        light is not available
     is_dead : (depth, place) whether the depth is in a deadband of the location, or beyond its usable depth
     """
 
@@ -446,12 +446,13 @@ def pad_profile(
     readout: Readout | None,
     depth_mm: FloatArray,
 ) -> PadProfile:
-    """The pad against depth.
+    """Resolution of a pad at each depth and location.
 
     Parameters
     ----------
-    light, readout : of the map's presses, locations outermost; None leaves the change out
-    depth_mm : (depth,) depths of the profile [mm]; some of the light's own where there is light
+    light, readout : light of the map's presses (all depths of the first location, then the next) and gains; if either
+        is None, `change` is None, too
+    depth_mm : (depth,) depths of the profile [mm]; used only without light, otherwise the depths are those of the light
     """
     change = None
     if light is not None and readout is not None:
@@ -469,7 +470,10 @@ def pad_profile(
 def _change(
     design: SensorDesign, depth_mm: FloatArray, counts: FloatArray, full_scale_counts: float
 ) -> FloatArray:
-    """(depth,) change at one location, from the unlimited counts (depth, pair)."""
+    """(depth,) largest distance of two frames within 0.3 mm around each depth, at one location [noise units].
+
+    `counts` are (depth, pair) readings before clipping.
+    """
     knots_mm, readings = clipped(depth_mm, counts, full_scale_counts)
     units = noise_units(readings, **noise_of(design))
     length = min(DEADBAND_MIN_LENGTH_MM, float(depth_mm[-1]))

@@ -1,8 +1,13 @@
-"""The two modes of one emitter-receiver pair under a growing press, and the gap between them.
+"""The verdict on one emitter-receiver pair under one press: its two modes, the gap between them, and its deadbands.
 
-Mode 1: light that reflects off the top is lost or redirected as soon as the dimple reaches its
-footprint. Mode 2: the tip itself comes between emitter and receiver (Piacenza et al., ICRA 2017,
-in words). The definitions in numbers, with T the specularly top-reflected and D the direct light:
+    light by path ──► modes, end depth = min(end of mode 2, deepest press)
+    total x gain ──► counts, clipped at full scale ──► noise units ──► deadbands, evenness, strength
+
+Modes
+-----
+Mode 1: light that reflects off the top is lost or redirected as soon as the dimple reaches the point of reflection.
+Mode 2: the tip itself comes between emitter and receiver (Piacenza et al., ICRA 2017, in words). In numbers, with T the
+light specularly reflected by the top and D the direct light:
 
     mode 1   from the first depth where |T - T(0)| exceeds 5 % of T's range
              to the last depth where |T - T(deepest)| leaves 5 % of T's range
@@ -10,38 +15,27 @@ in words). The definitions in numbers, with T the specularly top-reflected and D
              to the depth after which D stays at or below 5 % of D(0)
     gap      onset of mode 2 - end of mode 1; negative when the modes overlap
 
-Boundaries are where the monotone cubic through the samples (Fritsch and Butland 1984) crosses the level: it overshoots
-nowhere, meets straight lines exactly and smooth curves to the third power of the step, and rounds off a kink by up to
-a seventh of the step. "Stays" is judged up to the deepest press only.
-Left out: whether the change of T or D exceeds the noise, which deadbands show.
+A boundary is where the monotone cubic through the samples (Fritsch and Butland 1984) crosses the level. This cubic
+never overshoots, is exact for straight lines, and has an error of the third power of the step on smooth curves. It
+rounds off a kink by up to a seventh of the step. "Stays" is judged up to the deepest press only. Whether the change of
+T or D exceeds the noise is left to the deadbands.
 
-Deadbands: depths over which a reading does not resolve depth.
+Deadbands
+---------
+A deadband is an interval of depth, at least 0.3 mm long, over which the signal in noise units varies by less than 3.
+Overlapping maximal intervals are merged, so a reported deadband is their *union*: every depth in it is in some flat
+stretch of 0.3 mm or more. The signal may still drift by more than 3 units from one end of a long deadband to the other:
+a slope below 10 units/mm is one deadband throughout. A steep step of more than 6 units keeps two plateaus apart, since
+the interval of each extends less than 3 units into the step. A smaller step does not.
 
-A deadband is an interval of depth, at least 0.3 mm long, over which the signal in noise units varies by
-less than 3. Overlapping maximal intervals are merged, so a reported deadband is their *union*: every
-depth in it is in some flat stretch of 0.3 mm or more, though the signal may drift by more than
-3 units from one end of a long deadband to the other (a slope below 10 units/mm is one deadband
-throughout). A steep step of more than 6 units between two plateaus keeps them apart, since the interval
-of each reaches less than 3 units into the step; a smaller one does not.
+Deadbands end at `end_mm`, the end of mode 2. Flatness beyond is *saturation*: the tip already blocks the pair, so no
+further change is expected. A plateau across `end_mm` counts as a deadband only if its part before `end_mm` is long
+enough. Several pairs together have a deadband only where all of them do: the largest of their ranges is below 3.
 
-Intervals are those of the press up to `end_mm`, the end of mode 2: a plateau that runs past it counts
-with the part before it, and only if that part is long enough. Flatness beyond is *saturation*: the
-tip already blocks the pair, so no further change is expected.
-
-Several pairs together (a pad) have a deadband only where all of them do: the largest of their ranges
-is below 3. A further pair can only shorten the pad's deadbands.
-
-The result is exact for straight lines, in noise units, between the depths given (`window_range`).
-Left out: gain drift, lag, and the error of the light trace itself, for which see `trace_noise`.
-
-The verdict on one emitter-receiver pair under one press, from its light alone.
-
-    light by path ──► modes, end depth = min(end of mode 2, deepest press)
-    total x gain ──► counts, clipped at full scale ──► noise units ──► deadbands, evenness, strength
-
-Definitions are in `modes`, `deadbands` and `noise_units`. A clipped reading is flat, so a signal over
-full scale shows as a deadband here; `peak_share_of_full_scale` distinguishes it from a bad layout.
-Left out: ambient light, amplifier offset and non-linearity, crosstalk between pairs.
+The result is exact for linear interpolation, in noise units, between the given depths. A clipped reading is flat, so a
+signal over full scale shows as a deadband; `peak_share_of_full_scale` distinguishes it from a bad layout.
+Not modelled: gain drift, lag, ambient light, amplifier offset and non-linearity, crosstalk between pairs. For the error
+of the light trace see `sims.verdict.depth_curve`.
 """
 
 from __future__ import annotations
@@ -76,19 +70,19 @@ from sims.verdict.depth_curve import (
 )
 
 HALVINGS = 50
-"""Number of halvings of a segment until the crossing is known to round-off."""
+"""Number of bisection steps, after which a crossing is known to round-off."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Modes:
-    """The depths at which the two modes act. None is an open end: not reached within the depths given.
+    """The depths at which the two modes act; None means not reached within the depths given.
 
     Attributes
     ----------
     mode1_mm : start and end of mode 1 [mm]; (0, 0) when the top-reflected light never changes
     mode2_mm : onset and end of mode 2 [mm], each None when not reached
     gap_mm : onset of mode 2 minus end of mode 1 [mm]; None when mode 2 never starts
-    gap_at_least_mm : lower bound of the gap [mm] when mode 2 never starts; else None
+    gap_at_least_mm : lower bound of the gap when mode 2 never starts [mm]; otherwise None
     """
 
     mode1_mm: tuple[float, float]
@@ -104,10 +98,11 @@ def find_modes(
 
     Parameters
     ----------
-    depth_mm : (n,) depths of the press [mm]; the first 0, increasing
-    top : (n,) specularly top-reflected light, skirt included [any one unit]
+    depth_mm : (n,) increasing depths of the press [mm]; the first is 0
+    top : (n,) light specularly reflected by the top, including the flank of the dimple [any one unit]
     direct : (n,) direct light [any one unit]
-    tolerance : share of T's range, and of D(0), that counts as "there" [-]; over 0, below 0.5
+    tolerance : share of the mirrored light's range, and of the untouched direct light, within which a mode counts as
+        not begun or as ended [-]; between 0 and 0.5
 
     Returns
     -------
@@ -147,7 +142,7 @@ def _mode1_mm(depth_mm: FloatArray, top: FloatArray, tolerance: float) -> tuple[
 
 
 def _stays_below_from_mm(depth_mm: FloatArray, values: FloatArray, level: float) -> float | None:
-    """Depth after which a curve that starts above a level stays at or below it; None when it does not."""
+    """Depth after which a curve stays at or below a level [mm]; None if it does not. The curve starts above it."""
     last_above = int(np.flatnonzero(values > level)[-1])
     if last_above == depth_mm.size - 1:
         return None
@@ -155,7 +150,7 @@ def _stays_below_from_mm(depth_mm: FloatArray, values: FloatArray, level: float)
 
 
 def _crossing_mm(depth_mm: FloatArray, values: FloatArray, segment: int, level: float) -> float:
-    """Depth where the monotone cubic through the samples meets a level between the ends of a segment."""
+    """Depth where the monotone cubic through the samples crosses a level within a segment [mm]."""
     cubic = PchipInterpolator(depth_mm, values).c[:, segment]
     low, high = 0.0, float(depth_mm[segment + 1] - depth_mm[segment])
     falls = values[segment] > values[segment + 1]
@@ -180,7 +175,7 @@ def deadband_intervals_mm(
 
     Parameters
     ----------
-    depth_mm : (n,) depths of the press [mm]; the first 0, increasing
+    depth_mm : (n,) increasing depths of the press [mm]; the first is 0
     counts : (n,) mean readings, clipped at full scale [counts]
     end_mm : end of mode 2 [mm]; None judges all depths
     read_noise_counts, relative_noise : noise of one reading [counts], [-]
@@ -213,11 +208,11 @@ def joint_deadband_intervals_mm(
     min_length_mm: float = DEADBAND_MIN_LENGTH_MM,
     threshold: float = DEADBAND_THRESHOLD,
 ) -> tuple[Interval, ...]:
-    """Deadbands of several pairs together: depths over which no pair changes by the threshold.
+    """Joint deadbands of several pairs: depths over which no pair changes by the threshold.
 
     Parameters
     ----------
-    depth_mm : (n,) depths of the press [mm]; the first 0, increasing
+    depth_mm : (n,) increasing depths of the press [mm]; the first is 0
     counts : (n, pair) mean readings, clipped at full scale [counts]
     end_mm : last depth that is judged [mm]; None judges all depths
     read_noise_counts, relative_noise : noise of one reading [counts], [-]
@@ -246,11 +241,11 @@ def saturation_interval_mm(
     min_length_mm: float = DEADBAND_MIN_LENGTH_MM,
     threshold: float = DEADBAND_THRESHOLD,
 ) -> Interval | None:
-    """The flat interval beyond the end of mode 2 that lasts to the deepest press.
+    """The flat interval beyond the end of mode 2 that extends to the deepest press.
 
     Parameters
     ----------
-    depth_mm : (n,) depths of the press [mm]; the first 0, increasing
+    depth_mm : (n,) increasing depths of the press [mm]; the first is 0
     counts : (n,) mean readings, clipped at full scale [counts]
     end_mm : end of mode 2 [mm]
     read_noise_counts, relative_noise : noise of one reading [counts], [-]
@@ -284,7 +279,7 @@ def longest_mm(intervals_mm: Sequence[Interval]) -> float:
 
 
 def continuity(deadbands_mm: Sequence[Interval], end_mm: float) -> float:
-    """Share of the judged depth that is not deadband; it decides the verdict.
+    """Share of the judged depth that is not in a deadband.
 
     Parameters
     ----------
@@ -308,20 +303,20 @@ def evenness(
     relative_noise: float = RELATIVE_NOISE,
     window_mm: float = EVENNESS_WINDOW_MM,
 ) -> float:
-    """How evenly one pair spreads its range over the depth; it ranks pairs without a deadband.
+    """How evenly a pair's signal range is spread over depth; serves to rank pairs without a deadband.
 
     Parameters
     ----------
-    depth_mm : (n,) depths of the press [mm]; the first 0, increasing
+    depth_mm : (n,) increasing depths of the press [mm]; the first is 0
     counts : (n,) mean readings, clipped at full scale [counts]
     end_mm : end of mode 2 [mm]; None judges all depths
     read_noise_counts, relative_noise : noise of one reading [counts], [-]
-    window_mm : window length [mm]; a press shorter than it is judged as one window
+    window_mm : window length [mm]; a shorter press is judged as one window
 
     Returns
     -------
-    smallest range within a window over whole range x window / end depth [-], at most 1; 0 when
-    nothing changes at all
+    smallest range within a window over its mean value, whole range x window / end depth [-]; at most 1, and 0 if the
+        signal is constant
     """
     depth = require_depths_mm(depth_mm)
     readings = require_samples("counts", counts, depth)
@@ -335,7 +330,7 @@ def evenness(
 
 
 def _end_within(depth_mm: FloatArray, end_mm: float | None) -> float:
-    """End of the judged depth; refused outside the depths given."""
+    """End of the judged depth [mm]; an error is raised if it is outside the depths given."""
     deepest = float(depth_mm[-1])
     if end_mm is None:
         return deepest
@@ -357,8 +352,8 @@ class Strength:
     Attributes
     ----------
     untouched_counts : reading of the untouched pad, clipped at full scale [counts]
-    swing : 1 - smallest / untouched reading, over all depths [-]
-    resolvable_steps : range of the signal up to the end depth over the deadband threshold [-]
+    swing : 1 - smallest reading over all depths / untouched reading [-]
+    resolvable_steps : number of deadband thresholds in the signal's range up to the end depth [-]
     """
 
     untouched_counts: float
@@ -368,24 +363,25 @@ class Strength:
 
 @dataclass(frozen=True, kw_only=True)
 class PairScore:
-    """Verdict on one pair. Lengths are depths [mm]; None is open, absent or not requested.
+    """Verdict on one pair. All lengths are depths.
 
     Attributes
     ----------
     end_mm : end of the judged depth: end of mode 2, or the deepest press if that comes first [mm]
     modes : the two modes and their gap
     deadbands_mm : disjoint intervals (from, to) up to the end depth [mm]
-    deadband_total_mm, deadband_longest_mm : their summed and their largest length [mm]
-    saturation_mm : flat interval beyond the end depth that lasts to the deepest press [mm]; changes within one
-        standard error of the light model count as flat
-    continuity : 1 - deadband / end depth [-], the gate
-    evenness : smallest over mean range of a 0.5 mm window [-], the rank
-    strength : counts, swing, steps
-    is_clipped : whether some reading exceeds full scale
+    deadband_total_mm, deadband_longest_mm : summed and largest length of the deadbands [mm]
+    saturation_mm : flat interval beyond the end depth that extends to the deepest press [mm]; None if there is none.
+        Changes within one standard error of the light model count as flat
+    continuity : 1 - deadband / end depth [-]
+    evenness : smallest over mean signal range of a 0.5 mm window [-]
+    strength : untouched counts, swing and resolvable steps
+    is_clipped : whether any reading exceeds full scale
     clipped_share : share of the judged depth at full scale [-]
-    peak_share_of_full_scale : largest unlimited reading over full scale [-]
-    noise_margin : largest standard error of the trace over the judged depth [noise units], if given
-    possible_deadbands_mm : deadbands that the trace's error may hide, with those found [mm], if given
+    peak_share_of_full_scale : largest reading before clipping over full scale [-]
+    noise_margin : largest standard error of the trace over the judged depth [noise units]; None without standard errors
+    possible_deadbands_mm : the deadbands found and those that the trace's error may hide [mm]; None without standard
+        errors
     """
 
     end_mm: float
@@ -424,10 +420,10 @@ def score_pair(
 
     Parameters
     ----------
-    depth_mm : (n,) depths of the press [mm]; the first 0, increasing; the last is the deepest judged
-    direct : (n,) direct light, as a fraction of emitted power [-]
-    top : (n,) specularly top-reflected light, skirt included [-]
-    total : (n,) all light that the receiver gets [-]
+    depth_mm : (n,) increasing depths of the press [mm]; the first is 0, the last is the deepest press
+    direct : (n,) direct light over emitted power [-]
+    top : (n,) light specularly reflected by the top, including the flank of the dimple, over emitted power [-]
+    total : (n,) all light that the receiver gets, over emitted power [-]
     gain_counts_per_flux : reading for a flux of 1 [counts]; common to the pairs that are compared
     full_scale_counts : largest reading of the converter [counts]
     standard_error : (n,) standard error of `total` from the trace [-]; None when it has none
@@ -479,7 +475,7 @@ def score_pair(
 def _unlimited_counts(
     depth_mm: FloatArray, total: ArrayLike, gain_counts_per_flux: float, full_scale_counts: float
 ) -> FloatArray:
-    """Counts of a converter without full scale; refused when they are no possible readings."""
+    """(n,) counts before clipping at full scale; an error is raised if they are not possible readings."""
     for name, value in (
         ("gain_counts_per_flux", gain_counts_per_flux),
         ("full_scale_counts", full_scale_counts),

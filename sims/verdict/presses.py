@@ -1,8 +1,8 @@
 """The presses that a verdict needs, and their light: one press per judged pair, and a map of the pad.
 
-A pair is pressed at the midpoint of its chord; pairs with the same midpoint share their states.
-Only the pairs judged at a state are traced there. Presses that a symmetry of the layout carries onto each
-other are traced once by the light engine.
+A state is a press at one location and depth. A pair is pressed at the midpoint of its chord, the straight line between
+its components. Pairs with the same midpoint share their states, and only the judged pairs are traced. Presses that are
+equal by a symmetry of the layout are traced once.
 """
 
 from __future__ import annotations
@@ -24,52 +24,55 @@ from sims.press import NEAR_CONTACT_MM, depth_schedule_mm
 Pair = tuple[int, int]
 
 NEAR_SHARE = 0.3
-"""Share of a map's progress for its depths near contact."""
+"""Share of a map's progress display that its depths near contact take [-]."""
 
 PAIR_ACCURACY = replace(
     ACCURACIES["standard"], image_step=0.1, top_rings=48, top_columns=120, repeat_share=1e-4
 )
-"""Settings of single pairs: a deadband is defined by changes of 3 noise units, about 1 % of the signal, so the jitter
-from depth to depth must stay well below one unit."""
+"""Light settings for single pairs. A deadband is defined by changes of 3 noise units, about 1 % of the signal, so the
+jitter from depth to depth must be well below one unit."""
 
 MAP_ACCURACY = ACCURACIES["score"]
-"""Settings of the quick map. Errors are below 0.3 % rms of the untouched signal (docs/validation/light.md); on the
-paper's pad margins differ between seeds as much as at "standard", 0.9 noise units rms."""
+"""Light settings for the quick map. Errors are below 0.3 % rms of the untouched signal (docs/validation/light.md). On
+the paper's pad, margins differ between seeds by 0.9 noise units rms, as much as with "standard" settings."""
 
 FORMED_PAIR_STEP = 0.35
-"""Least image step of single pairs in discs and crowned pads, whose lattices are closer: on the crowned preset and the
-dome, 0.6 mm deep and deeper, changes err by 0.05 to 0.25 % rms of the untouched signal, under a noise unit."""
+"""Smallest image step for single pairs in discs and crowned pads, whose integration points are closer together. On the
+crowned preset and the dome, at 0.6 mm and deeper, changes have errors of 0.05 to 0.25 % rms of the untouched signal,
+under a noise unit."""
 
 NEAR_MM = 0.4
-"""Signals of a good layout begin within this depth [mm]; up to it a map has more depths and finer light."""
+"""Depth up to which a map has more depths and finer light [mm]; signals of a good layout begin within it."""
 
 NEAR_ACCURACY = MIRRORED_FINER
-"""Settings of a map's light up to `NEAR_MM`."""
+"""Light settings for a map's depths up to `NEAR_MM`."""
 
 DOUBT_ACCURACIES = (ACCURACIES["standard"], PAIR_ACCURACY)
-"""Settings of locations that the map's own error leaves open, tried in turn. Offsets are common to all depths, so the
-difference of two depths has a smaller error than either: at (16, 11) mm of the paper's pad, 4.2 to 4.8 mm deep, 0.4,
-0.2 and 0.1 noise units (rms of pairs) with the map's, standard and the single pairs' settings."""
+"""Light settings for locations that the map's own error leaves undecided, tried in turn. Random shifts are common to
+all depths, so the difference of two depths has a smaller error than either depth. At (16, 11) mm of the paper's pad,
+4.2 to 4.8 mm deep, this error is 0.4 noise units (rms over pairs) with the map's settings, 0.2 with the first and 0.1
+with the second of these."""
 SECOND_SEED = 1_000_003
-"""Number added to the seed for a second, independent trace."""
+"""Number added to the seed for a second, independent trace of the same presses."""
 
 MOST_TRACED_AGAIN = 12
-"""Most locations that are traced again."""
+"""Largest number of undecided locations of a map that are traced again."""
 
 SPECULAR_CLASSES = ("top", "skirt")
-"""Path classes whose sum is the light reflected at the top surface, which mode 1 removes."""
+"""Path classes whose sum is the light mirrored by the top: its smooth part and the flank of the dimple ("skirt")."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class PairCurves:
-    """Light of one pair against depth, as a fraction of the emitted power.
+    """Light of one pair against depth, over the emitted power.
 
     Attributes
     ----------
-    pair : emitter and receiver number
-    press_mm : (x, y) of the press
-    depth_mm, direct, top, diffuse, total, standard_error : (n,) each; top is all specular light; errors of presses are
-        those of their difference from untouched
+    pair : (emitter, receiver) indices
+    press_mm : (x, y) of the press [mm]
+    depth_mm : (n,) depths [mm]
+    direct, top, diffuse, total : (n,) light on the direct path, mirrored by the top, scattered, and in total [-]
+    standard_error : (n,) standard error of `total` [-]; for pressed depths, of its difference from untouched
     """
 
     pair: Pair
@@ -85,14 +88,14 @@ class PairCurves:
 def untouched_flux(
     design: SensorDesign, cavity: CavityGeometry, *, seed: int, accuracy: str | Accuracy = "standard"
 ) -> FloatArray:
-    """(emitter, receiver) flux of the untouched pad [-]."""
+    """(emitter, receiver) received over emitted power on the untouched pad [-]."""
     presses = np.array([[cavity.length_mm / 2, cavity.width_mm / 2, 0.0]])
     light = trace(design, presses, seed=seed, accuracy=accuracy)
     return np.asarray(light.flux[0])
 
 
 def accuracy_of_pairs(design: SensorDesign, accuracy: str | Accuracy = PAIR_ACCURACY) -> str | Accuracy:
-    """Settings of a design's single pairs, from the requested ones."""
+    """Light settings for a design's single pairs: the given settings, coarser for discs and crowned pads."""
     if isinstance(accuracy, str) or plan_of(design).is_block:
         return accuracy
     return replace(accuracy, image_step=max(accuracy.image_step, FORMED_PAIR_STEP))
@@ -108,7 +111,7 @@ def pair_curves(
     seed: int,
     on_step: OnShare | None = None,
 ) -> tuple[PairCurves, ...]:
-    """Trace every pair under its own press, all depths of the schedule; pairs with one press share its states."""
+    """Light of every pair under a press at its own chord's midpoint, at all depths."""
     places = [chord_midpoint_mm(cavity, pair) for pair in pairs]
     distinct = list(dict.fromkeys(places))
     rows = [_rows(distinct.index(place), len(depth_mm)) for place in places]
@@ -133,19 +136,19 @@ def pad_light(
     seed: int,
     on_step: OnShare | None = None,
 ) -> LightSignals:
-    """Light of all pairs at every location and depth; states run through depths first.
+    """Light of all pairs at every location and depth: all depths of the first location, then the next.
 
     Parameters
     ----------
-    places_mm : (place, 2) press centres
-    depth_mm : (depth,) rising depths
+    places_mm : (place, 2) press centres [mm]
+    depth_mm : (depth,) rising depths [mm]
     """
     states = states_of(places_mm, depth_mm)
     return trace(design, states, accuracy=accuracy, seed=seed, on_step=_as_share(on_step))
 
 
 def map_depths_mm(max_depth_mm: float, step_mm: float) -> FloatArray:
-    """(depth,) depths of a map: a schedule with all depths near contact, for the detection threshold [mm]."""
+    """(depth,) depths of a map [mm]: equal steps, and more depths near contact for the detection threshold."""
     near = [depth for depth in NEAR_CONTACT_MM if depth < max_depth_mm]
     return np.unique(np.concatenate([near, depth_schedule_mm(max_depth_mm, step_mm)]))
 
@@ -160,7 +163,7 @@ def map_light(
     near: Accuracy = NEAR_ACCURACY,
     on_step: OnShare | None = None,
 ) -> LightSignals:
-    """Light as from `pad_light`, but with the settings `near` up to `NEAR_MM`."""
+    """Light as from `pad_light`, with the settings `near` for depths up to `NEAR_MM`."""
     is_near = depth_mm <= NEAR_MM
     stages = [(is_near, near), (~is_near, accuracy)]
     parts = [
@@ -174,13 +177,13 @@ def map_light(
 
 
 def _part_of(on_step: OnShare | None, part: int) -> OnShare | None:
-    """Progress of a map from the progress of one of its two parts."""
+    """Progress function for part 0 or 1 of a map, which reports the share of the whole map."""
     start, end = ((0.0, NEAR_SHARE), (NEAR_SHARE, 1.0))[part]
     return None if on_step is None else lambda share: on_step(start + (end - start) * share)
 
 
 def _joined(parts: Sequence[LightSignals], places: int) -> LightSignals:
-    """Light of the same locations with the depths of all parts joined: states run through depths first."""
+    """Light of the same locations with the depths of several parts joined in the order of `pad_light`."""
 
     def whole(arrays: Sequence[FloatArray]) -> FloatArray:
         columns = [array.reshape(places, -1, *array.shape[1:]) for array in arrays]
@@ -203,7 +206,7 @@ def _as_share(on_step: OnShare | None) -> Callable[[int, int], None] | None:
 
 
 def states_of(places_mm: FloatArray, depth_mm: FloatArray) -> FloatArray:
-    """(place x depth, 3) presses, depth innermost [mm]."""
+    """(place x depth, 3) presses as (x, y, depth): all depths of the first location, then the next [mm]."""
     return np.array([[x, y, depth] for x, y in places_mm for depth in depth_mm])
 
 
@@ -214,7 +217,7 @@ def _rows(place: int, depths: int) -> slice:
 def curves_of(
     light: LightSignals, pair: Pair, place: tuple[float, float], rows: slice, depth_mm: FloatArray
 ) -> PairCurves:
-    """One pair's light against depth, from the states of its press."""
+    """One pair's light against depth; `rows` are the states of its press."""
     at = (rows, *pair)
     return PairCurves(
         pair=pair,

@@ -1,10 +1,10 @@
-"""Confidence of a verdict: the unit is judged again at both ends of every unmeasured parameter's band.
+"""Confidence of a verdict: the design is judged again at both ends of every unmeasured parameter's band.
 
-One parameter moves at a time, with all others at their design value and the gain set anew (as it would
-be on that unit). Rows are ranked by whether an end changes the verdict, then by the change of margin.
-Left out: several parameters off together (`build_study` draws them), parameters without a band.
+One parameter is changed at a time, and the gain is set as it would be on that unit. Rows are ranked by whether an end
+changes the verdict, then by the change of margin. Several parameters at once are varied by `sims.verdict.builds`;
+parameters without a band cannot be tried.
 
-Sensitivity to small steps of a design's fields, as data: figures before and after, one field at a time.
+The module also has the data of a sensitivity study: figures before and after a small step of one field at a time.
 """
 
 from __future__ import annotations
@@ -21,20 +21,22 @@ from sims.verdict.builds import Brief
 from sims.verdict.depth_curve import DEADBAND_THRESHOLD
 
 AMPLE_MARGIN = 2.0 * DEADBAND_THRESHOLD
-"""Margin above which more margin has no weight, and accuracy is weighed instead [noise units]."""
+"""Margin above which a gain counts accuracy instead of more margin [noise units]."""
 WORTH_NOISE_UNITS = 0.1
-"""Depth that weighs as much as a noise unit of margin when changes are compared [mm]."""
+"""Depth that counts as much as one noise unit of margin when changes are compared [mm per noise unit]."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Effect:
-    """Figures of a design, or of one with a field moved.
+    """Figures of a design, as designed or with one field changed.
 
     Attributes
     ----------
     usable_mm, deadband_mm : usable depth and summed deadband of the judged pair or location [mm]
-    margin : distance of frames over the least resolved 0.3 mm of depth [noise units]; below 3 is a deadband
-    location_mm, depth_mm : bounds of location and depth [mm]; None where not resolved, and for location of facing rows
+    margin : distance between frames over the least resolved 0.3 mm of depth [noise units]; a margin below 3 means a
+        deadband
+    location_mm, depth_mm : accuracy bounds of location and depth [mm]; None where not resolved; facing rows have no
+        location
     """
 
     usable_mm: float
@@ -44,10 +46,11 @@ class Effect:
     depth_mm: float | None
 
     def gain_over(self, other: Effect) -> float:
-        """Gain over another effect [mm].
+        """Improvement over the figures of another design, expressed as a depth [mm].
 
-        It sums more usable depth, less deadband, a tenth of a mm per noise unit up to `AMPLE_MARGIN`, and from there on
-        a mm per factor e of the bound (of location; of depth where there is none).
+        It is the sum of added usable depth, removed deadband, and 0.1 mm per noise unit of margin up to `AMPLE_MARGIN`.
+        If the other design has this margin, 1 mm is added per factor e by which the location bound shrinks. Without
+        location bounds the depth bound is used.
         """
         reached, before = min(self.margin, AMPLE_MARGIN), min(other.margin, AMPLE_MARGIN)
         gain = (self.usable_mm - other.usable_mm) - (self.deadband_mm - other.deadband_mm)
@@ -55,7 +58,7 @@ class Effect:
         return gain + self._finer_than(other) if before == AMPLE_MARGIN else gain
 
     def _finer_than(self, other: Effect) -> float:
-        """Logarithm of the ratio of bounds; 1 where only this one is resolved, -1 where only the other is."""
+        """Logarithm of the ratio of bounds, positive if this design's is smaller; 1 or -1 if only one is resolved."""
         has_place = self.location_mm is not None or other.location_mm is not None
         now, was = (self.location_mm, other.location_mm) if has_place else (self.depth_mm, other.depth_mm)
         if now is None or was is None:
@@ -75,11 +78,13 @@ class Effect:
 
 @dataclass(frozen=True, kw_only=True)
 class FieldStep:
-    """One field a step down and a step up; None where that breaks a rule, or the models do not cover it.
+    """Effects of one field stepped down and up.
 
     Attributes
     ----------
-    path, step : dotted path and size of the step [unit of the field]
+    path : dotted path of the field
+    step : size of the step [unit of the field]
+    lower, higher : figures after a step down and up; None where a step breaks a rule or is out of the models' scope
     """
 
     path: str
@@ -88,19 +93,19 @@ class FieldStep:
     higher: Effect | None
 
     def gains(self, design: Effect) -> tuple[float | None, float | None]:
-        """Gain of each side over the unchanged design [mm]."""
+        """Improvement over the unchanged design by a step down and by a step up [mm]; None where not judged."""
         lower, higher = (None if one is None else one.gain_over(design) for one in (self.lower, self.higher))
         return lower, higher
 
 
 @dataclass(frozen=True, kw_only=True)
 class FieldSteps:
-    """All fields of a design that cost little to change.
+    """Effects of a small step of every field that costs little to change.
 
     Attributes
     ----------
-    judged : the judged pair's name, or the pad at its location of least margin
-    bounds_at_mm : (x, y, depth) of the bounds [mm]
+    judged : name of the judged pair, or the pad's location of least margin
+    bounds_at_mm : (x, y, depth) of the press for the accuracy bounds [mm]
     as_designed : figures of the unchanged design
     """
 
@@ -110,7 +115,7 @@ class FieldSteps:
     rows: tuple[FieldStep, ...]
 
     def better_sides(self) -> dict[str, int]:
-        """The better side of each field: -1 lower, 1 higher; fields in order of the gain of their step."""
+        """Fields that improve the design and their direction, -1 lower or 1 higher; the largest improvement first."""
         found = []
         for row in self.rows:
             known = [
@@ -143,16 +148,17 @@ class FieldSteps:
 
 @dataclass(frozen=True, kw_only=True)
 class ToleranceRow:
-    """One unmeasured parameter and the effect of its band on the governing pair.
+    """One unmeasured parameter and the effect of its band on the verdict.
 
     Attributes
     ----------
-    path, confidence : dotted path to measure, and the confidence of its value
-    values : the low and high end tried
-    gap_mm : mode gap at both ends [mm]; None when mode 2 is never reached
+    path, confidence : dotted path of the parameter, and the confidence of its value
+    values : low and high end of the band
+    gap_mm : mode gap at both ends [mm]; None when mode 2 is never reached, and for a pad
     deadband_mm : summed deadband at both ends [mm]
-    margin : change over the least responsive 0.3 mm of depth at both ends [noise units]; below 3 is a deadband
-    flips : whether either end has a deadband where the design has none, or the other way round
+    margin : signal change over the least responsive 0.3 mm of depth at both ends [noise units]; a margin below 3 means
+        a deadband
+    flips : whether the verdict at either end differs from that of the design
     """
 
     path: str
@@ -164,7 +170,7 @@ class ToleranceRow:
     flips: bool
 
     def effect(self, design: Brief) -> tuple[bool, float, float]:
-        """Sort key: whether the verdict changes; largest change of the deadband [mm]; of the margin [noise units]."""
+        """Sort key: whether the verdict changes; largest change of deadband [mm]; of margin [noise units]."""
         return (
             self.flips,
             max(abs(value - design.deadband_mm) for value in self.deadband_mm),
@@ -174,15 +180,15 @@ class ToleranceRow:
 
 @dataclass(frozen=True, kw_only=True)
 class ToleranceBand:
-    """All unmeasured parameters, the strongest effect on the verdict first.
+    """Effects of all unmeasured parameters, the strongest effect on the verdict first.
 
     Attributes
     ----------
-    judged : the governing pair's name, or the pad at its location of least margin
-    deadband_mm, gap_mm, margin : at the design's own values [mm], [mm], [noise units]
-    rows : ranked
+    judged : name of the governing pair, or the pad's location of least margin
+    deadband_mm, gap_mm, margin : deadband [mm], mode gap [mm] and margin [noise units] of the design itself
+    rows : one row per parameter
     unbanded : unmeasured parameters without a band, whose effect is unknown
-    untried : ends of bands at which no unit can be judged, and why
+    untried : ends of bands that cannot be judged, each with the reason
     """
 
     judged: str
@@ -201,7 +207,7 @@ class ToleranceBand:
 
     @property
     def flipping(self) -> tuple[str, ...]:
-        """Paths whose band changes the verdict."""
+        """Paths of the parameters whose band changes the verdict."""
         return tuple(row.path for row in self.rows if row.flips)
 
     def to_json(self) -> dict[str, Any]:
@@ -231,9 +237,9 @@ def tolerance_band(
 
     Parameters
     ----------
-    judged : the judged pair or location, for messages
-    judge : the brief of a unit; called for the unchanged design first
-    added : further values with bands, such as manufacturing tolerances; they replace parameters of the same path
+    judged : name of the judged pair or location, for messages
+    judge : function for the short verdict on a unit; called for the unchanged design first
+    added : further values with bands, such as manufacturing tolerances; these replace parameters with the same path
     """
     as_designed = judge(design)
     replaced = {used.path for used in added}
@@ -264,7 +270,7 @@ def tolerance_band(
 
 
 def tried_values(design: SensorDesign) -> list[tuple[UsedValue, tuple[float, float]]]:
-    """Unmeasured parameters that have a band, and its ends."""
+    """Unmeasured parameters that have a band, each with the low and high end of the band."""
     used = (one for one in used_values(design) if one.is_open or _band_is_wide(one))
     return [(one, ends) for one in used if (ends := _ends(one)) is not None]
 

@@ -1,4 +1,4 @@
-"""The result of a trial: a few fields moved, and the verdict on the design with them moved."""
+"""Result of a trial: which change of a few fields removes a deadband or extends the usable depth, and its verdict."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ Found = Literal["move", "more parts", "none"]
 
 @dataclass(frozen=True, kw_only=True)
 class Move:
-    """One field that is moved.
+    """Change of one field.
 
     Attributes
     ----------
     path : dotted path of the field
-    parts : names of the components that it moves, as "R1-R8"; empty where it moves none
-    was, to : values as designed and moved [unit of the field]; was is None for a field that the design leaves out
+    parts : names of the components that the change moves, such as "R1-R8"; empty if none
+    was, to : values before and after [unit of the field]; `was` is None if the design does not set the field
     """
 
     path: str
@@ -30,13 +30,14 @@ class Move:
 
 @dataclass(frozen=True, kw_only=True)
 class TriedMove:
-    """One move and its short verdict.
+    """One tried change of fields and its short verdict.
 
     Attributes
     ----------
-    changes : moved values by dotted path
+    changes : new values by dotted path of the field
     deadband_mm, usable_mm : summed deadband and usable depth of the judged pairs or location [mm]
-    margin : distance of frames over the least resolved 0.3 mm of depth [noise units]; below 3 is a deadband
+    margin : distance between frames over the least resolved 0.3 mm of depth [noise units]; a margin below 3 means a
+        deadband
     """
 
     changes: Mapping[str, float]
@@ -51,14 +52,15 @@ class Trial:
 
     Attributes
     ----------
-    kind : the problem to be fixed: "deadband", or "fade" where the usable depth ends early
-    found : "move" or "more parts", whichever helps; "none" where no trial helps
+    kind : the problem: "deadband", or "fade" if the usable depth ends before the deepest press
+    found : "move" or "more parts", whichever helps; "none" if nothing helps
     moves : the moves that help
-    verdict, deadband_mm, usable_mm, margin : on the moved design [-, mm, mm, noise units]; None where nothing helps
-    judged : the judged pairs or locations, and the light settings, in words
-    searched : the pairs or the location of the search's short verdicts, in words
-    tried : the moves that were traced for a short verdict, in order
-    farthest_mm : largest move that was tried [mm]
+    verdict, deadband_mm, usable_mm, margin : verdict, deadband [mm], usable depth [mm] and margin [noise units] of the
+        changed design; None if nothing helps
+    judged : text that names the judged pairs or locations, and the light settings
+    searched : text that names the pairs or the location for the short verdicts
+    tried : the moves that got a short verdict, in order
+    farthest_mm : largest change that was tried [mm]
     more_parts_tried : whether one more component a side was tried
     """
 
