@@ -1,4 +1,4 @@
-"""Pictures of an evaluation: touch by depth, error by depth, arrows over the pad, estimated against true depth.
+"""Plots of an estimator's evaluation: touches and errors against depth, arrows of location errors, depth estimates.
 
 The errors of several models share one logarithmic scale, as they differ by factors. The Cramér-Rao bound is dashed. An
 arrow runs from the true to the estimated location of the tip.
@@ -19,11 +19,14 @@ from sims.learning.tables import ErrorRow, JudgedPresses, PublishedTouch, TouchR
 from sims.plots.style import BLUE, GREEN, GREY, GRID, INK, MUTED, VERMILLION, WIDTH_IN
 
 LOOKS = ((BLUE, "-", "o"), (VERMILLION, "-", "s"), (GREEN, "-", "^"), (INK, ":", "D"), (GREY, "-.", "v"))
-"""Colour, line and mark of each model in turn: none is distinguished by colour alone."""
+"""Colour, line style and marker of each model in turn; no two models differ by colour alone."""
 
 
 def plot_touch(rows: Mapping[str, Sequence[TouchRow]], published: PublishedTouch | None = None) -> Figure:
-    """Share of samples classified correctly against depth, one line per model or set, and published points."""
+    """Share of correctly classified samples (touch or no touch) against depth, with published values if given.
+
+    `rows` has one line per model or data set.
+    """
     figure = Figure(figsize=(WIDTH_IN, 3.0), layout="constrained")
     ax = figure.add_subplot()
     for (name, of_name), (colour, line, mark) in zip(rows.items(), _looks(len(rows)), strict=True):
@@ -53,7 +56,8 @@ def plot_errors(
 
     Parameters
     ----------
-    bound : depth to least standard deviation of location and of depth [mm]
+    rows : errors by depth for each model
+    bound : by depth [mm], the Cramér-Rao bounds of location and of depth [mm]
     """
     figure = Figure(figsize=(WIDTH_IN * 1.35, 3.2), layout="constrained")
     panels = figure.subplots(1, 2)
@@ -91,7 +95,10 @@ def _error_line(
 
 
 def plot_arrows(presses: JudgedPresses, depths_mm: Sequence[float], workspace: Outline) -> Figure:
-    """Arrows from true to estimated location, one panel per depth; hollow where the model detects no touch."""
+    """Arrows from true to estimated location, one panel per depth.
+
+    A hollow mark is a press that the model does not detect.
+    """
     columns = min(3, len(depths_mm))
     lines = -(-len(depths_mm) // columns)
     figure = Figure(figsize=(2.3 * columns + 0.4, 2.4 * lines + 0.5), layout="constrained")
@@ -133,11 +140,11 @@ def _arrow_panel(ax: Axes, presses: JudgedPresses, depth_mm: float, workspace: O
 
 
 def plot_depths(presses: JudgedPresses, places_mm: FloatArray) -> Figure:
-    """Estimated against true depth at single locations, one panel each.
+    """Estimated against true depth, one panel per location.
 
     Parameters
     ----------
-    places_mm : (panel, 2) locations; the nearest press is shown [mm]
+    places_mm : (panel, 2) locations [mm]; each panel shows the press nearest to its location
     """
     figure = Figure(figsize=(2.2 * len(places_mm) + 0.4, 2.6), layout="constrained")
     panels = figure.subplots(1, len(places_mm), squeeze=False, sharex=True, sharey=True)[0]
@@ -167,13 +174,13 @@ def _nearest_press(presses: JudgedPresses, place_mm: FloatArray) -> JudgedPresse
 
 
 def shown_places_mm(workspace: Outline) -> FloatArray:
-    """(3, 2) the workspace's centre, and locations near the middles of two edges [mm]."""
+    """(3, 2) locations for the depth plots: the workspace's centre, and near the middles of two edges [mm]."""
     x_mm, y_mm = 0.5 * (workspace.x0_mm + workspace.x1_mm), 0.5 * (workspace.y0_mm + workspace.y1_mm)
     return np.array([(x_mm, y_mm), (workspace.x0_mm, y_mm), (x_mm, workspace.y0_mm)])
 
 
 def _plain(text: str) -> str:
-    """Text with dollar signs escaped, so that none begins a formula."""
+    """Text with dollar signs escaped, so that matplotlib does not typeset formulas."""
     return text.replace("$", r"\$")
 
 

@@ -1,11 +1,12 @@
 """Plots of a press: surface under the tip, load, contact radius, pressure, and the load over a protocol.
 
-The top of a pad under a press, in space and in the section by a vertical plane.
+The module also computes the top of a pad under a press, in space and in a vertical section.
 
-A press is along the normal of the untouched top. In its frame (`design.shape.top`) the top is the crown's fall, and
-the height of the press over it, a curve around the axis; where the curve runs back near the shank its lowest height
-is taken, as in `sims.contact.pad_surface`. The tip is its outline rotated about the axis. A vertical plane does not
-contain the axis, so its cut is found as the line along which points are neither inside nor outside.
+A press is along the normal of the untouched top, which is the third axis of its frame (`design.shape.top`). In this
+frame, the height of the pressed top is a curve rotated about the axis, less the fall of the crown below the tangent
+plane. Where the curve overhangs near the shank its lowest height is used, as in `sims.contact.pad_surface`. The tip is
+its outline rotated about the axis. On a crown a vertical section need not contain the axis, so it is found as the zero
+line of a field of points.
 """
 
 from __future__ import annotations
@@ -44,19 +45,19 @@ from sims.press import Indentation
 Place = tuple[float, float]
 
 CUT_POINTS = 500
-"""Number of points along and up a cut from which its line is found."""
+"""Number of points in each direction of the grid on which a section's line is found."""
 TIP_POINTS, TIP_LENGTH = 400, 6.0
 """Number of points of the tip's outline, and its length [tip radii]."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class PressFrame:
-    """Location and axis of a press.
+    """Coordinate frame of a press: its third axis is the axis of the press.
 
     Attributes
     ----------
     origin_mm : (3,) origin on the untouched top [mm]
-    axes : (3, 3) a row each, the third along the press, upward [-]
+    axes : (3, 3) unit vectors, one per row; the third is along the press and points upward [-]
     top : the untouched top in the frame
     """
 
@@ -65,27 +66,27 @@ class PressFrame:
     top: Top
 
     def places_mm(self, across_mm: FloatArray, aside_mm: FloatArray, over_mm: FloatArray) -> FloatArray:
-        """(..., 3) points in the cavity frame, from (...,) first and second axis and height along the third [mm]."""
+        """(..., 3) points in the cavity frame, from their (...,) coordinates along the three axes of the press [mm]."""
         return np.asarray(self.origin_mm + np.stack([across_mm, aside_mm, over_mm], axis=-1) @ self.axes)
 
     def seen_from_it(self, places_mm: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """The inverse of `places_mm`."""
+        """Coordinates along the three axes of the press, each (...,), of (..., 3) points in the cavity frame [mm]."""
         along = (places_mm - self.origin_mm) @ self.axes.T
         return along[..., 0], along[..., 1], along[..., 2]
 
     def fall_mm(self, across_mm: FloatArray, aside_mm: FloatArray) -> FloatArray:
-        """(...,) distance of the untouched top below the frame's plane [mm]."""
+        """(...,) distance of the untouched top below the tangent plane at the frame's origin [mm]."""
         fall = self.top.sag_mm(across_mm, aside_mm)
         return np.asarray(np.where(np.isnan(fall), self.top.radius_mm, fall))
 
     def top_mm(self, press: Indentation | None, across_mm: FloatArray, aside_mm: FloatArray) -> FloatArray:
-        """(...,) height of the pressed top along the third axis [mm]; None: untouched."""
+        """(...,) height of the pressed top along the third axis [mm]; if `press` is None, of the untouched top."""
         fall = self.fall_mm(across_mm, aside_mm)
         return -fall if press is None else curve_height_mm(press, np.hypot(across_mm, aside_mm)) - fall
 
 
 def press_frame(design: SensorDesign, at_mm: Place) -> PressFrame:
-    """The frame of a press at a location; upright on a flat top."""
+    """The frame of a press at a location; its axis is vertical on a flat top."""
     top = plan_of(design).top
     origin, axes = top.press_frame(*at_mm)
     return PressFrame(origin_mm=origin, axes=axes, top=top.in_frame)
@@ -93,14 +94,14 @@ def press_frame(design: SensorDesign, at_mm: Place) -> PressFrame:
 
 @dataclass(frozen=True, kw_only=True)
 class CutPlane:
-    """A vertical plane through a pad.
+    """A vertical section plane through a pad; its coordinates are a horizontal distance and a height.
 
     Attributes
     ----------
-    start_mm : (x, y) origin of its distances [mm]
-    direction : (x, y) unit vector along it [-]
-    reach_mm : least and greatest distance that is drawn [mm]
-    ceiling_mm : height up to which it is drawn [mm]
+    start_mm : (x, y) where the horizontal distance is 0 [mm]
+    direction : (x, y) unit vector along the plane [-]
+    reach_mm : smallest and largest distance that is drawn [mm]
+    ceiling_mm : height up to which the plane is drawn [mm]
     """
 
     start_mm: Place
@@ -109,22 +110,25 @@ class CutPlane:
     ceiling_mm: float
 
     def places_mm(self, along_mm: FloatArray, height_mm: FloatArray) -> FloatArray:
-        """(..., 3) points of the plane [mm]."""
+        """(..., 3) points in the cavity frame, from their distance and height in the plane [mm]."""
         (x, y), (dx, dy) = self.start_mm, self.direction
         return np.stack([x + along_mm * dx, y + along_mm * dy, height_mm], axis=-1)
 
     def untouched_mm(self, plan: Plan) -> FloatArray:
-        """(n, 2) distance and height of the untouched top [mm]."""
+        """(n, 2) distance and height of the untouched top in the plane [mm]."""
         along = np.linspace(*self.reach_mm, CUT_POINTS)
         places = self.places_mm(along, np.zeros_like(along))
         return np.column_stack([along, [plan.top_mm(float(x), float(y)) for x, y, _ in places]])
 
     def line_mm(self, beyond_mm: Callable[[FloatArray], FloatArray], through_mm: FloatArray) -> FloatArray:
-        """(n, 2) distance and height of the longest line along which a field of points is zero; empty without one.
+        """(n, 2) distance and height of the longest line in the plane along which a scalar field is zero [mm].
+
+        It is empty (0, 2) if there is no such line.
 
         Parameters
         ----------
-        through_mm : (3,) a point next to which the line is found exactly, as the foot of a press's axis [mm]
+        beyond_mm : field: (..., 3) points in the cavity frame [mm] to (...,) values
+        through_mm : (3,) point near which the line is found exactly, such as the foot of a press's axis [mm]
         """
         foot = (through_mm[:2] - np.array(self.start_mm)) @ np.array(self.direction)
         along = np.union1d(np.linspace(*self.reach_mm, CUT_POINTS), np.clip(foot, *self.reach_mm))
@@ -138,7 +142,7 @@ class CutPlane:
 
 
 def cut_top_mm(frame: PressFrame, press: Indentation, plane: CutPlane) -> FloatArray:
-    """(n, 2) distance and height of the cut of the pressed top by a vertical plane [mm]."""
+    """(n, 2) distance and height of the pressed top in a vertical section plane [mm]."""
 
     def beyond(places: FloatArray) -> FloatArray:
         across, aside, over = frame.seen_from_it(places)
@@ -148,7 +152,7 @@ def cut_top_mm(frame: PressFrame, press: Indentation, plane: CutPlane) -> FloatA
 
 
 def seen_tip_mm(design: SensorDesign, frame: PressFrame, depth_mm: float, plane: CutPlane) -> FloatArray:
-    """(n, 2) distance and height of the tip's outline through its axis, as seen square to a vertical plane [mm]."""
+    """(n, 2) distance and height of the tip's outline, projected onto a vertical section plane [mm]."""
     radius, tall = tip_points_mm(design.indenter, TIP_LENGTH, TIP_POINTS).T
     (right, up), upward = plane.direction, frame.axes[2]
     sideways = np.cross(np.array([-up, right, 0.0]), upward)
@@ -161,7 +165,7 @@ def seen_tip_mm(design: SensorDesign, frame: PressFrame, depth_mm: float, plane:
 
 
 def cut_tip_mm(design: SensorDesign, frame: PressFrame, depth_mm: float, plane: CutPlane) -> FloatArray:
-    """(n, 2) distance and height of the cut of the tip by a vertical plane [mm]; empty where it misses the tip."""
+    """(n, 2) distance and height of the tip's section by a vertical plane [mm]; empty if the plane misses the tip."""
     radius, tall = tip_points_mm(design.indenter, TIP_LENGTH, TIP_POINTS).T
 
     def beyond(places: FloatArray) -> FloatArray:
@@ -194,13 +198,13 @@ def plot_profile(
     *,
     crown_radius_mm: float | None = None,
 ) -> Axes:
-    """Section through tip and pad: height [mm] against distance from the axis [mm], to one scale.
+    """Section through tip and pad: height [mm] against distance from the axis [mm], at equal scales.
 
     Parameters
     ----------
     press : the deformed surface
-    tip_mm : radius and height above its apex of the tip's outline, from the apex up the shank [mm]
-    crown_radius_mm : radius of the sphere with a crowned top's mean curvature, which the press is over; None: flat
+    tip_mm : radius and height above the apex of points on the tip's outline, from the apex up the shank [mm]
+    crown_radius_mm : radius of the sphere with the mean curvature of a crowned top [mm]; None for a flat top
     """
     untouched = np.zeros_like(press.radius_mm)
     if crown_radius_mm is not None:
@@ -244,7 +248,7 @@ def plot_profile(
 
 
 def _mirrored(radius: FloatArray, height: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """A section's curve from left to right, from one that starts on the axis."""
+    """Radius and height of a whole section from left to right, from its right half, which starts on the axis."""
     return np.concatenate([-radius[::-1], radius]), np.concatenate([height[::-1], height])
 
 
@@ -290,8 +294,8 @@ def plot_force(
 
     Parameters
     ----------
-    modulus : Young's modulus of the loads [MPa]
-    measured : depth [mm], force [N] and label of measurements for comparison
+    modulus : Young's modulus for which the loads are computed [MPa]
+    measured : (depth [mm], force [N], label) of measurements for comparison
     """
     ax = axes_or_new(ax, HEIGHT_IN)
     if force.has_band:
@@ -312,7 +316,7 @@ def plot_force(
 
 
 def plot_force_near(force: ForceCurve, modulus: Quantity, measured: tuple[float, float, str]) -> Axes:
-    """The same around one measured point, from contact to twice its depth."""
+    """Load [N] against depth [mm] around one measured point, from contact to twice its depth."""
     ax = plot_force(force, modulus, measured=[measured])
     deepest = min(2.0 * measured[0], float(force.depth_mm[-1]))
     ax.set_xlim(0.0, deepest)
@@ -329,7 +333,7 @@ def plot_contact_radius(force: ForceCurve, ax: Axes | None = None) -> Axes:
 
 
 def plot_load_protocol(history: LoadHistory, ax: Axes | None = None) -> Axes:
-    """Load [N] against depth [mm] over a protocol; points: the load at the end of each pause."""
+    """Load [N] against depth [mm] over a load protocol; points mark the load at the end of each pause."""
     ax = axes_or_new(ax, HEIGHT_IN)
     turn = history.turn
     inward = "pressing" if history.has_relaxation else "pressing and retracting: the same, elastic"
@@ -350,7 +354,7 @@ def plot_load_protocol(history: LoadHistory, ax: Axes | None = None) -> Axes:
 
 
 def plot_load_over_time(history: LoadHistory, ax: Axes | None = None) -> Axes:
-    """Load [N] against time [s] over a protocol, with the load of the elastic press."""
+    """Load [N] against time [s] over a load protocol, with the load of a purely elastic pad."""
     ax = axes_or_new(ax, HEIGHT_IN)
     ax.plot(history.time_s, history.load_n, color=BLUE, linewidth=1.6, label="load")
     if history.has_relaxation:

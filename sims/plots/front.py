@@ -1,7 +1,7 @@
-"""Pictures of a search: the Pareto front, parallel coordinates, and the importance of fields.
+"""Plots of a search: the Pareto front, parallel coordinates, and the importance of fields.
 
-Every picture distinguishes front, other designs and base by shape and line as well as by colour. Designs that were
-stopped early are not shown.
+Front, other designs and base differ in shape and line as well as in colour. Designs whose evaluation was stopped early
+are not shown.
 """
 
 from __future__ import annotations
@@ -22,11 +22,11 @@ from sims.plots.style import BLUE, GREY, GRID, INK, MUTED, VERMILLION, axes_or_n
 
 PANEL_IN = (4.6, 3.4)
 AXIS_IN = 1.05
-"""Width of a parallel coordinate: space for its name and its two ends."""
+"""Width per axis of a parallel-coordinates plot, with space for its name and two ends [inch]."""
 
 
 def front_svg(space: SearchSpace, base: Judged, tried: Sequence[Tried], front: Sequence[Tried]) -> str:
-    """All of `front_panels` on one sheet, as SVG text."""
+    """All panels of `front_panels` on one sheet, as SVG text."""
     with plain_style():
         pairs = _pairs(space)
         columns = min(2, max(1, len(pairs)))
@@ -48,7 +48,10 @@ def front_svg(space: SearchSpace, base: Judged, tried: Sequence[Tried], front: S
 def front_panels(
     space: SearchSpace, base: Judged, tried: Sequence[Tried], front: Sequence[Tried]
 ) -> tuple[str, ...]:
-    """The front in every pair of objectives, each as SVG text; of one objective, its course over the search."""
+    """The Pareto front in every pair of objectives, each as SVG text.
+
+    For a single objective it is the course of the search.
+    """
     drawn = []
     with plain_style():
         for number, (x, y) in enumerate(_pairs(space)):
@@ -71,7 +74,7 @@ def _svg_of(ax: Axes, salt: str) -> str:
 def plot_front(
     x: str, y: str, base: Judged, tried: Sequence[Tried], front: Sequence[Tried], ax: Axes | None = None
 ) -> Axes:
-    """Designs judged to the end, by two figures; the front and the base stand out."""
+    """Fully judged designs by two figures `x` and `y`; the front and the base design are highlighted."""
     ax = axes_or_new(ax, PANEL_IN[1], PANEL_IN[0])
     on_front = {one.number for one in front}
     rest = [one.judged for one in tried if one.number not in on_front]
@@ -109,7 +112,7 @@ def plot_course(space: SearchSpace, base: Judged, tried: Sequence[Tried], ax: Ax
 
 
 def parallel_svg(space: SearchSpace, tried: Sequence[Tried], front: Sequence[Tried]) -> str:
-    """Fields and objectives side by side, one line per design that was judged to the end, as SVG text."""
+    """Parallel coordinates of fields and objectives, one line per fully judged design, as SVG text."""
     with plain_style():
         return _svg_of(plot_parallel(space, tried, front), "parallel")
 
@@ -117,7 +120,7 @@ def parallel_svg(space: SearchSpace, tried: Sequence[Tried], front: Sequence[Tri
 def plot_parallel(
     space: SearchSpace, tried: Sequence[Tried], front: Sequence[Tried], ax: Axes | None = None
 ) -> Axes:
-    """Parallel coordinates; every axis runs from its smallest value below to its largest above."""
+    """Parallel coordinates of fields and objectives, one line per fully judged design; values increase upwards."""
     names = [field.path for field in space.fields] + [objective.figure for objective in space.objectives]
     ax = axes_or_new(ax, 3.6, max(4.6, AXIS_IN * len(names)))
     on_front = {one.number for one in front}
@@ -152,7 +155,7 @@ def plot_parallel(
 
 
 def importance_svg(space: SearchSpace, importance: dict[str, dict[str, float]]) -> str:
-    """Share of every field in every objective, as SVG text."""
+    """Importance of every field for every objective, as SVG text."""
     with plain_style():
         return _svg_of(plot_importance(space, importance), "importance")
 
@@ -160,7 +163,7 @@ def importance_svg(space: SearchSpace, importance: dict[str, dict[str, float]]) 
 def plot_importance(
     space: SearchSpace, importance: dict[str, dict[str, float]], ax: Axes | None = None
 ) -> Axes:
-    """Bars of importance [-], one a field and objective."""
+    """Bars of the importance of every field for every objective [-]."""
     fields = [field.path for field in space.fields]
     ax = axes_or_new(ax, 1.0 + 0.22 * len(fields) * max(1, len(importance)))
     looks = ((VERMILLION, ""), (BLUE, "//"), (GREY, ".."), (INK, "xx"), (MUTED, "--"), (GRID, "\\\\"))
@@ -188,24 +191,24 @@ def plot_importance(
 
 
 def axis_label(figure: str) -> str:
-    """A figure's name with its unit."""
+    """A figure's name with its unit in brackets."""
     unit = FIGURES[figure].unit
     return f"{words(figure)} [{'-' if unit == '1' else unit}]"
 
 
 def words(name: str) -> str:
-    """A figure's or field's name without unit and underscores."""
+    """Name of a figure or field as words, without unit suffix and underscores."""
     return name.removesuffix("_mm").replace("_", " ")
 
 
 def short_name(path: str) -> str:
-    """The last word of a dotted path and its section, on two lines."""
+    """Last word of a dotted path, and the name of its section on a second line."""
     head, _, leaf = path.rpartition(".")
     return f"{words(leaf)}\n{head.split('.')[0]}" if head else words(leaf)
 
 
 def choice_text(label: str) -> str:
-    """A choice in short: a value itself, or the distinguishing part of a pattern."""
+    """Short text for one of a field's choices: the value itself, or the settings of a layout pattern."""
     value = json.loads(label)
     if isinstance(value, list | dict):
         parts = value if isinstance(value, list) else [value]

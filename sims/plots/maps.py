@@ -4,7 +4,7 @@ A cell represents the press at its centre; nothing is interpolated between locat
 reach half a pitch beyond the workspace, which is drawn dashed; there is no cell outside the workspace.
 Locations without a finite value are hatched. Maps of several depths share one scale for comparison.
 
-A pad, its workspace and its parts from above, as marks of a plot.
+The module also draws a pad, its workspace and its components from above.
 """
 
 from __future__ import annotations
@@ -28,26 +28,26 @@ from sims.plots.style import BLUE, INK, MUTED, VERMILLION, WIDTH_IN, axes_or_new
 from sims.verdict.pad_map import PadMap, Place
 
 NAME_POINTS = 5
-"""Distance of a part's name from its mark [points]."""
+"""Distance of a component's name from its mark [points]."""
 
 
 def outline_patch(plan: Plan, **look: Any) -> Patch:
-    """A pad's outline."""
+    """A pad's outline as a matplotlib patch."""
     return Polygon(outline_mm(plan), **look)
 
 
 def workspace_patch(space: Outline, **look: Any) -> Patch:
-    """The workspace, in which presses are judged."""
+    """The workspace, in which presses are judged, as a matplotlib patch."""
     return Polygon(space.points(TURN_RAD), **look)
 
 
 def clip_to_pad(artist: Any, ax: Any, cavity: CavityGeometry) -> None:
-    """Clip cells to the pad."""
+    """Clip an artist, such as the cells of a map, to the pad's outline."""
     artist.set_clip_path(outline_patch(cavity.plan, transform=ax.transData))
 
 
 def draw_part(ax: Axes, part: PlacedPart, colour: str, *, size: float, is_named: bool) -> None:
-    """A part from above: an emitter as a dot, a receiver as an open square, its name outward of it.
+    """A component from above: an emitter is a dot, a receiver an open square, with the name further outward.
 
     Parameters
     ----------
@@ -75,12 +75,12 @@ def draw_part(ax: Axes, part: PlacedPart, colour: str, *, size: float, is_named:
 
 Quantity = Literal["location", "depth"]
 Lines = tuple[tuple[float, ...], tuple[float, ...]]
-"""x and y of a map's locations [mm]."""
+"""x and y coordinates of a map's grid [mm]."""
 
 DEAD_COLOURS = LinearSegmentedColormap.from_list("deadband", ["#f7f4ef", "#f2b98a", VERMILLION, "#5c2200"])
 CHANGE_COLOURS = LinearSegmentedColormap.from_list("change", ["#f2f6f9", "#9cc9e6", BLUE, "#002e4a"])
 NONE, HATCH = "#e4e7eb", "////"
-"""Look of a location without a value."""
+"""Colour and hatch of a cell without a finite value."""
 UM_PER_MM = 1000.0
 COLUMNS, PANEL_IN, LEAST_WIDTH_IN = 3, 2.9, 3.0
 LABELS = {
@@ -88,15 +88,16 @@ LABELS = {
     "depth": "depth bound, location unknown, one frame [µm]",
 }
 MOST_NUMBERED = 13
-"""Most locations along a side with numbers in their cells; more would not be legible."""
+"""Largest number of locations along a side for which cells show numbers."""
 FEW, LETTERS = 7, ((7.0, 4.6), (8.0, 5.5))
-"""Size of numbers in a panel of a sheet and in a large map, with few locations along a side and with more [points]."""
+"""Number of locations along a side up to which numbers are large, and the number sizes (large, small) in a panel of a
+sheet and in a large map [points]."""
 MOST_NAMED = 32
-"""Most parts with their names next to them; more would overlap."""
+"""Largest number of components whose names are shown."""
 
 
 def plot_deadband_map(pad_map: PadMap, cavity: CavityGeometry, ax: Axes | None = None) -> Axes:
-    """Summed deadband at each location [mm], with the worst location framed if there is any deadband."""
+    """Summed deadband at each location [mm]; the worst location is framed if there is any deadband."""
     dead_mm = pad_map.deadband_grid_mm()
     norm = Normalize(0.0, max(float(np.nanmax(dead_mm)), 1e-9))
     framed = pad_map.worst if pad_map.worst.deadbands_mm else None
@@ -108,11 +109,11 @@ def plot_deadband_map(pad_map: PadMap, cavity: CavityGeometry, ax: Axes | None =
 def plot_margin_map(
     pad_map: PadMap, cavity: CavityGeometry, ax: Axes | None = None, *, most: float | None = None
 ) -> Axes:
-    """Distance of frames over the least resolved 0.3 mm of depth [noise units]; the location of least margin framed.
+    """Distance of frames over the least resolved 0.3 mm of depth [noise units]; the least margin is framed.
 
     Parameters
     ----------
-    most : end of the colours [noise units]; None for the largest margin
+    most : upper end of the colour scale [noise units]; None for the largest margin
     """
     margin = pad_map.grid([place.margin for place in pad_map.places])
     norm = Normalize(0.0, most or float(np.nanmax(margin)) or 1.0)
@@ -121,14 +122,14 @@ def plot_margin_map(
 
 
 def plot_usable_map(pad_map: PadMap, cavity: CavityGeometry, ax: Axes | None = None) -> Axes:
-    """Depth to which depth is resolved at each location [mm]; the worst location framed."""
+    """Usable depth, down to which depth is resolved, at each location [mm]; the worst location is framed."""
     usable = pad_map.usable_grid_mm()
     norm = Normalize(0.0, float(np.nanmax(usable)) or 1.0)
     return _plot_map(ax, pad_map, cavity, usable, norm, "usable depth [mm]", pad_map.weakest)
 
 
 def plot_felt_map(detection: DetectionThreshold, cavity: CavityGeometry, ax: Axes | None = None) -> Axes:
-    """Detection threshold by location [N]."""
+    """Detection threshold at each location [N]."""
     ax = axes_or_new(ax, _height_in(cavity))
     norm = _log_scale(detection.force_n)
     draw_map(ax, cavity, (detection.x_mm, detection.y_mm), detection.force_n, CHANGE_COLOURS, norm)
@@ -153,7 +154,7 @@ def map_sheet(cavity: CavityGeometry, titles: Sequence[str], panel_in: float) ->
 
     Parameters
     ----------
-    panel_in : width of one of them [inch]
+    panel_in : width of one map [inch]
     """
     columns = min(COLUMNS, len(titles))
     rows = -(-len(titles) // columns)
@@ -181,15 +182,15 @@ def draw_map(
     is_numbered: bool = True,
     is_large: bool = False,
 ) -> None:
-    """Cells of a map, with the pad's outline and parts.
+    """Cells of a map, with the pad's outline and components.
 
     Parameters
     ----------
-    lines : x and y of the locations [mm]
-    values : (ny, nx); NaN where there is no cell
-    hatched : (ny, nx) cells that stand out; None: those that are infinite
-    is_numbered : whether the cells have numbers, where those are legible
-    is_large : whether there is space for names of parts and the workspace
+    lines : x and y coordinates of the locations [mm]
+    values : (ny, nx) values; NaN where there is no cell
+    hatched : (ny, nx) cells to hatch; None hatches cells with infinite values
+    is_numbered : whether to write numbers into the cells if they are legible
+    is_large : whether there is space for the names of components and for the workspace
     """
     x, y = _edges_mm(lines, cavity)
     known = np.ma.masked_invalid(values)
@@ -221,7 +222,7 @@ def draw_map(
 def add_scale(
     figure: Figure | None, panels: Sequence[Axes], label: str, colours: Colormap, norm: Normalize
 ) -> None:
-    """A colour bar next to the panels; a logarithmic one has ticks at 1, 2 and 5 times powers of ten."""
+    """A colour bar next to the panels; logarithmic scales have ticks at 1, 2 and 5 times powers of ten."""
     assert figure is not None
     assert norm.vmin is not None
     assert norm.vmax is not None
@@ -246,7 +247,7 @@ def _plot_map(
     framed: Place | None,
     colours: Colormap = CHANGE_COLOURS,
 ) -> Axes:
-    """A large map with its scale; a frame around one location's cell has the group identifier ``marked``."""
+    """A large map with its colour bar; the frame around a location's cell has the group identifier ``marked``."""
     ax = axes_or_new(ax, _height_in(cavity))
     lines = pad_map.x_mm, pad_map.y_mm
     draw_map(ax, cavity, lines, values, colours, norm, is_large=True)
@@ -270,7 +271,10 @@ def _log_scale(values: FloatArray) -> LogNorm:
 
 
 def _edges_mm(lines: Lines, cavity: CavityGeometry) -> tuple[FloatArray, FloatArray]:
-    """Cell borders half-way between locations, kept inside the cavity; a single line has the others' pitch [mm]."""
+    """x and y of cell borders half-way between locations, within the cavity [mm].
+
+    A direction with a single location has the pitch of the other direction.
+    """
     space = cavity.workspace
     side = max(space.x1_mm - space.x0_mm, space.y1_mm - space.y0_mm, 1.0)
     pitch = next((line[1] - line[0] for line in lines if len(line) > 1), side)
@@ -282,7 +286,7 @@ def _edges_mm(lines: Lines, cavity: CavityGeometry) -> tuple[FloatArray, FloatAr
 
 
 def _cell(x: FloatArray, y: FloatArray, row: int, column: int, **look: Any) -> Rectangle:
-    """A cell between borders [mm]."""
+    """The cell in this row and column, from the x and y of the cell borders [mm]."""
     wide, tall = float(x[column + 1] - x[column]), float(y[row + 1] - y[row])
     return Rectangle((float(x[column]), float(y[row])), wide, tall, **look)
 

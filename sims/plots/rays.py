@@ -1,11 +1,11 @@
-"""Sample paths of light in a vertical section and in plan, with the power of each kind.
+"""Sample paths of light in a vertical section and in plan view, with the power of each kind of path.
 
-The section is cut along a line between two walls, for a pair its chord. Paths are projected onto it straight
-from the side, so a path that leaves the section's plane may seem to end at a wall that it does not touch; the
-plan next to it shows its way. Tip and pressed top are cut where the plane meets them in space
-(`sims.plots.contact`); when the tip's axis is not in the plane, its outline through the axis is drawn dotted.
+The section is along a line between two walls: the chord of a pair, the line straight across from a component, or a line
+through a point. Paths are projected onto the section's plane. A path outside the plane may therefore seem to end at a
+wall that it does not touch; the plan view shows its true course. Tip and pressed top are drawn where the plane cuts
+them (`sims.plots.contact`). If the tip's axis is not in the plane, its projected outline is dotted.
 
-Lines are samples, as `sims.rays` explains; powers are in the legend and come from the light model.
+The lines are samples (`sims.rays`). The powers in the legend come from the light model.
 
 The line of a section: a pair's chord, straight across from a part, or through a point.
 """
@@ -44,12 +44,12 @@ SILHOUETTE_POINTS = 60
 
 @dataclass(frozen=True, kw_only=True)
 class Cut:
-    """The line of a section from wall to wall, seen from its left side.
+    """The line of a vertical section from wall to wall, viewed from the left side of its direction.
 
     Attributes
     ----------
-    start_mm, end_mm : (x, y) of its ends [mm]
-    name : its description, for the axis
+    start_mm, end_mm : (x, y) of the line's ends [mm]
+    name : description for the axis label
     """
 
     start_mm: tuple[float, float]
@@ -67,22 +67,22 @@ class Cut:
         return np.subtract(self.end_mm, self.start_mm) / self.length_mm
 
     def plane(self, ceiling_mm: float) -> CutPlane:
-        """The vertical plane over the line, up to a height [mm]."""
+        """The vertical plane through the line, up to a height [mm]."""
         right, up = self.direction.tolist()
         reach = 0.0, self.length_mm
         return CutPlane(start_mm=self.start_mm, direction=(right, up), reach_mm=reach, ceiling_mm=ceiling_mm)
 
     def reach_mm(self, cavity: CavityGeometry) -> tuple[float, float]:
-        """Ends of the whole block as seen from the side, along the line [mm]."""
+        """Smallest and largest distance along the line of the whole block, projected onto the section [mm]."""
         along = self.along_mm(outline_mm(cavity.plan))
         return float(along.min()), float(along.max())
 
     def along_mm(self, places_mm: FloatArray) -> FloatArray:
-        """(...,) distance from the start along the line of (..., 2 or 3) points [mm]."""
+        """(...,) distance along the line from its start [mm], for (..., 2 or 3) points in the cavity frame."""
         return np.asarray((places_mm[..., :2] - np.array(self.start_mm)) @ self.direction)
 
     def silhouette_mm(self, cavity: CavityGeometry, reach: tuple[float, float]) -> FloatArray:
-        """(n, 2) distance and height of the clear layer's outline as seen from the side [mm]."""
+        """(n, 2) distance and height of the clear layer's outline, projected onto the section [mm]."""
         along = np.linspace(*reach, SILHOUETTE_POINTS)
         size = cavity.plan.radius_mm
         aside = np.linspace(-2.0 * size, 2.0 * size, 4 * SILHOUETTE_POINTS)
@@ -95,20 +95,20 @@ class Cut:
         return np.column_stack([[reach[0], *along, reach[1]], [0.0, *tops, 0.0]])
 
     def beside_mm(self, place_mm: tuple[float, float]) -> float:
-        """Distance of a point from the line [mm]."""
+        """Distance of an (x, y) point from the line [mm]."""
         ahead, aside = np.subtract(place_mm, self.start_mm), self.direction[::-1] * [-1.0, 1.0]
         return float(abs(ahead @ aside))
 
 
 def cut_of_pair(cavity: CavityGeometry, pair: tuple[int, int]) -> Cut:
-    """The chord of a pair, from emitter to receiver."""
+    """The section along a pair's chord, from emitter to receiver."""
     ends = cavity.emitters[pair[0]], cavity.receivers[pair[1]]
     start, end = (part.position_mm[:2] for part in ends)
     return Cut(start_mm=start, end_mm=end, name=f"along the chord from {ends[0].name} to {ends[1].name}")
 
 
 def cut_across(cavity: CavityGeometry, part: PlacedPart) -> Cut:
-    """The line from a part straight across to the opposite wall."""
+    """The section from a component straight across to the opposite wall."""
     x, y, _ = part.position_mm
     right, up = part.line.outward
     far = cavity.plan.outline.way_out_mm((x, y), (-right, -up))
@@ -117,7 +117,7 @@ def cut_across(cavity: CavityGeometry, part: PlacedPart) -> Cut:
 
 
 def cut_through(cavity: CavityGeometry, x_mm: float, y_mm: float) -> Cut:
-    """The line through a point from wall to wall along the longer side; for a disc along x."""
+    """The section through a point from wall to wall along the longer side; for a disc along x."""
     outline, place = cavity.plan.outline, (x_mm, y_mm)
     if cavity.length_mm >= cavity.width_mm:
         back, far = (outline.way_out_mm(place, (way, 0.0)) for way in (-1.0, 1.0))
@@ -131,19 +131,19 @@ def cut_through(cavity: CavityGeometry, x_mm: float, y_mm: float) -> Cut:
 SECTION_IN = (6.6, 2.3)
 PLAN_IN = (3.6, 3.2)
 BLACK = "#33383f"
-"""Colour of the black layer; not quite black, so that marks on it are visible."""
+"""Colour of the black layer, slightly lighter than black so that marks on it are visible."""
 RAY_WIDTH, LOST_WIDTH = 0.55, 0.8
 HEAD_ROOM = 0.95
-"""Height of a section above the undisturbed surface [tip radii]."""
+"""Height above the undisturbed surface up to which a section is drawn [tip radii]."""
 SECTION_ROOM, PLAN_ROOM = 0.07, 0.11
-"""Margin around the block, over its length in view [-]."""
+"""Margin around the block in section and in plan view, as a share of its length [-]."""
 ON_AXIS_MM = 0.05
-"""Distance of the press's axis from the section's plane below which they count as one [mm]."""
+"""Distance of the press's axis from the section's plane below which the axis counts as in the plane [mm]."""
 CUT_FACE_MM = 0.15
-"""Half the drawn thickness of a face that the section cuts [mm]."""
+"""Half the drawn thickness of a component's face that the section cuts [mm]."""
 RING_POINTS = 72
 MOST_LABELS, MOST_LABELS_IN_SECTION = 32, 2
-"""Most parts with their names next to them; more would overlap."""
+"""Largest number of components with names, in plan view and in section."""
 
 
 def plot_ray_section(
@@ -154,13 +154,14 @@ def plot_ray_section(
     cut: Cut,
     untouched: float | None = None,
 ) -> Axes:
-    """Vertical section: height above the clear layer's bottom [mm] against distance along a cut [mm].
+    """Vertical section: height above the clear layer's bottom [mm] against distance along a line [mm].
 
     Parameters
     ----------
     state : the press, the paths and their powers
-    cut : the section's line
-    untouched : reference power of the legend's shares, over that of the emitters [-]; None: the emitters' power
+    cut : line of the section
+    untouched : reference for the shares in the legend, as a share of the emitters' power [-]; None for the emitters'
+        power itself
     """
     ax = axes_or_new(ax, SECTION_IN[1], SECTION_IN[0])
     cavity = cavity_of(design)
@@ -187,13 +188,14 @@ def draw_cut_pad(
     place_mm: tuple[float, float],
     press: Indentation | None,
 ) -> None:
-    """Layers, pressed top and tip where a section cuts them; the axes get their limits.
+    """Draw layers, pressed top and tip where a section cuts them, and set the limits of the axes.
 
     Parameters
     ----------
-    reach_mm : least and greatest distance along the section that is drawn; beyond the walls the block is pale
-    place_mm : (x, y) of the press
-    press : the deformed top; None: untouched
+    reach_mm : smallest and largest distance along the section that is drawn [mm]; the block beyond the section's ends
+        is pale
+    place_mm : (x, y) of the press [mm]
+    press : the deformed top; None for the untouched pad
     """
     cavity = cavity_of(design)
     plane = cut.plane(ceiling_mm(design))
@@ -222,7 +224,7 @@ def ceiling_mm(design: SensorDesign) -> float:
 def plot_ray_plan(
     state: RayState, design: SensorDesign, ax: Axes | None = None, *, cut: Cut | None = None
 ) -> Axes:
-    """The same from above: y [mm] against x [mm], with the press's contact circle and the cut, dashed."""
+    """Plan view of the light paths: y [mm] against x [mm], with contact circle and dashed section line."""
     ax = axes_or_new(ax, PLAN_IN[1], PLAN_IN[0])
     cavity = cavity_of(design)
     size = cavity.length_mm, cavity.width_mm
@@ -251,7 +253,7 @@ def plot_ray_plan(
 
 
 def _draw_block(ax: Axes, cavity: CavityGeometry, cut: Cut, reach: tuple[float, float]) -> None:
-    """Clear layer and black layer: pale beyond the section, full where it cuts them."""
+    """Clear layer and black layer: pale beyond the section's ends, darker where the section cuts them."""
     for (start, end), alpha in ((reach, 0.25), ((0.0, cut.length_mm), 0.45)):
         corner = (start, -cavity.black_mm)
         ax.add_patch(Rectangle(corner, end - start, cavity.black_mm, color=BLACK, alpha=alpha + 0.4, lw=0))
@@ -275,7 +277,7 @@ def _draw_block(ax: Axes, cavity: CavityGeometry, cut: Cut, reach: tuple[float, 
 
 
 def _draw_tip(ax: Axes, design: SensorDesign, cut: Cut, frame: PressFrame, depth_mm: float) -> None:
-    """The cut of the tip by the section; its outline through the axis is dotted if the axis is not in the plane."""
+    """The tip's section; if its axis is not in the plane, also its projected outline, dotted."""
     plane = cut.plane(ceiling_mm(design))
     outline = cut_tip_mm(design, frame, depth_mm, plane)
     if len(outline):
@@ -290,14 +292,14 @@ def _draw_tip(ax: Axes, design: SensorDesign, cut: Cut, frame: PressFrame, depth
 
 
 def _draw_paths(ax: Axes, state: RayState, projected: Any) -> None:
-    """Lines and marks of every kind, lost light below the rest."""
+    """Paths and marks of every kind of light, with lost light below the others."""
     _draw_kind(ax, LOST, state.lost, projected, zorder=2.0)
     for kind, paths in paths_by_kind(state.paths):
         _draw_kind(ax, kind, paths, projected, zorder=2.2)
 
 
 def paths_by_kind(paths: Sequence[LightPath]) -> list[tuple[LightKind, list[LightPath]]]:
-    """Paths of each kind that occurs, in the order of a legend."""
+    """Paths grouped by kind of light, in the order of the legend."""
     found: dict[str, tuple[LightKind, list[LightPath]]] = {}
     for path in paths:
         kind = kind_of(path.fate)
@@ -338,11 +340,11 @@ def _mark(kind: LightKind) -> dict[str, Any]:
 
 
 def legend_handles(state: RayState, untouched: float | None) -> list[Line2D]:
-    """The look of every kind that is drawn or has power, with its share of the power in words.
+    """Legend entries for every kind of light that is drawn or has power, each with its share of the power.
 
     Parameters
     ----------
-    untouched : reference power of the shares, over that of the emitters [-]; None: the emitters' power
+    untouched : reference for the shares, as a share of the emitters' power [-]; None for the emitters' power itself
     """
     unit, power = untouched or 1.0, state.power_by_kind
     drawn = {kind.key: kind for kind, _ in paths_by_kind(state.paths)}
@@ -364,14 +366,14 @@ def _handle(kind: LightKind, label: str) -> Line2D:
 
 
 def percent(share: float) -> str:
-    """A share in per cent; a small one is never shown as zero."""
+    """A share in per cent; small shares keep enough digits that they are not shown as zero."""
     if 0.0 < share < 0.0005:
         return "under 0.05 %"
     return f"{100 * share:.1f} %"
 
 
 def _shown_parts(state: RayState, cavity: CavityGeometry) -> set[str]:
-    """Names of the parts between which the drawn light runs."""
+    """Names of the components at which the drawn paths begin or end."""
     paths = (*state.paths, *state.lost)
     return {cavity.emitters[path.emitter].name for path in paths} | {
         cavity.receivers[path.receiver].name for path in state.paths
@@ -379,7 +381,7 @@ def _shown_parts(state: RayState, cavity: CavityGeometry) -> set[str]:
 
 
 def draw_cut_faces(ax: Axes, cavity: CavityGeometry, cut: Cut, names: Collection[str]) -> None:
-    """Active faces of named parts: those that the section cuts, and outlines of the others."""
+    """Active faces of the named components: filled where the section cuts them, otherwise as outlines."""
     for part in cavity.parts:
         if part.name not in names:
             continue
@@ -432,7 +434,7 @@ def _draw_dimple(ax: Axes, state: RayState, design: SensorDesign) -> None:
 
 
 def _ring(frame: PressFrame, radius_mm: float, over_mm: float, **look: Any) -> Patch:
-    """A circle about the press from above: tilted off a crown's top, hence an ellipse."""
+    """A circle about the press's axis, seen from above; on a crown it is tilted, hence an ellipse."""
     turn = np.linspace(0.0, 2.0 * np.pi, RING_POINTS)
     across, aside = radius_mm * np.cos(turn), radius_mm * np.sin(turn)
     return Polygon(frame.places_mm(across, aside, np.full_like(turn, over_mm))[:, :2], **look)

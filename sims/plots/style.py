@@ -1,11 +1,11 @@
-"""Colours and sizes of the plots, and their export as SVG text with the same bytes each time.
+"""Colours and sizes of the plots, and their reproducible export as SVG text.
 
-Figures are plain objects without window or global state; inside `plain_style` a plot looks the same with
-any settings of the user. Colours are those of Okabe and Ito (2008), distinct with the common colour
-blindnesses; every colour has its own line style, hatch or shape, so that nothing depends on colour alone.
-Text stays text in the SVG, hence in the reader's own fonts.
+Figures are objects without window or global state. Within `plain_style` a plot does not depend on the user's matplotlib
+settings. Colours are those of Okabe and Ito (2008), which remain distinct with the common colour blindnesses. Every
+colour has its own line style, hatch or shape, so that nothing depends on colour alone. Text remains text in the SVG and
+is shown in the reader's own fonts.
 
-All judged pairs in one plot: the depths of each one's modes and deadbands.
+The module also has one plot of the modes and deadbands of all judged pairs (`plot_spans`).
 """
 
 from __future__ import annotations
@@ -33,14 +33,14 @@ PALE_BLUE: Final = "#cfe6f5"
 PALE_ORANGE: Final = "#fbe0cc"
 
 WIDTH_IN: Final = 5.2
-"""Width of a plot [inch]: its text is still legible on a phone, where the page scales it to 0.75."""
+"""Width of a plot [inch], chosen so that text is legible on a phone, where the page scales plots to 0.75."""
 
 _METADATA = {"Creator": None, "Date": None, "Format": None, "Type": None}
 
 
 @contextmanager
 def plain_style() -> Iterator[None]:
-    """Draw and export inside: matplotlib's own defaults with our sizes; the caller's settings are restored after."""
+    """Context for drawing and export with matplotlib's defaults and optopad's sizes; it restores the user's settings."""
     with matplotlib.rc_context():
         matplotlib.rcdefaults()
         matplotlib.rcParams.update(
@@ -69,7 +69,7 @@ def plain_style() -> Iterator[None]:
 
 
 def axes_or_new(ax: Axes | None, height_in: float, width_in: float = WIDTH_IN) -> Axes:
-    """The axes given, or those of a new figure of this size [inch]."""
+    """The given axes, or new axes in a figure of this size [inch] if `ax` is None."""
     if ax is not None:
         return ax
     return Figure(figsize=(width_in, height_in), layout="constrained").add_subplot()
@@ -80,7 +80,7 @@ def svg_text(figure: Figure, salt: str) -> str:
 
     Parameters
     ----------
-    salt : makes the identifiers inside differ from those of other plots on the same page
+    salt : text that makes the SVG's identifiers differ from those of other plots on the same page
     """
     buffer = io.StringIO()
     with matplotlib.rc_context({"svg.fonttype": "none", "svg.hashsalt": salt}):
@@ -93,7 +93,10 @@ FRAME_IN = 1.1
 
 
 def plot_spans(pairs: Sequence[JudgedPair], ax: Axes | None = None) -> Axes:
-    """One row per pair over depth [mm]: mode 1 above, mode 2 below, deadbands framed and hatched."""
+    """Modes and deadbands of all pairs over depth [mm], one row per pair.
+
+    Mode 1 is the upper bar, mode 2 the lower; deadbands are framed and hatched.
+    """
     ax = axes_or_new(ax, FRAME_IN + ROW_IN * len(pairs))
     for row, pair in enumerate(pairs):
         _draw_row(ax, row, pair)

@@ -1,10 +1,9 @@
-"""A sweep as small multiples: signal against depth, one panel per value, modes and deadbands shaded.
+"""Plot of a sweep: signal against depth, one panel per value of the field, with modes and deadbands shaded.
 
-All panels share one scale, the brightest untouched signal of the sweep, so that a value's effects on signal and on
-modes are seen together. The middle one of facing pairs is shown, or the governing pair of a pad; a deadband in another
-pair is named in the title. A title has the verdict's words and the deadband; a line marks the usable depth of the
-design where that is less than the design requires. A value outside the models' scope has an empty panel with the
-reason.
+All panels share one scale, so that effects on signal and on modes can be compared; 1 is the brightest untouched signal
+of the sweep. A panel shows the middle facing pair, or the governing pair of a pad. Its title has the verdict and the
+deadband, and says if the deadband is that of another pair. A line marks the usable depth where it is less than the
+design requires. A value outside the models' scope has an empty panel with the reason.
 """
 
 from __future__ import annotations
@@ -30,7 +29,8 @@ MOST_COLUMNS = 4
 FRAME_IN = 0.75
 REASON_CHARACTERS = 30
 SHORT_VALUE, LONGEST_LINE = 10, 27
-"""Longest value without its own line, and longest line of a title that fits in a panel [characters]."""
+"""Longest value that shares its title line with other text, and longest title line that fits in a panel
+[characters]."""
 TITLE_LINE_IN = 0.14
 
 
@@ -64,11 +64,11 @@ def plot_sweep(path: str, rows: Sequence[SweepRow]) -> Figure:
 
 
 def plot_swept_value(row: SweepRow, brightest: float, ax: Axes) -> Axes:
-    """One value's panel.
+    """One value's panel: light over the brightest untouched signal [-] against depth [mm].
 
     Parameters
     ----------
-    brightest : light over emitted power that is shown as 1 [-]
+    brightest : received over emitted power that is shown as 1 [-]
     """
     ax.set_title(_title(row), fontsize=8, loc="left")
     ax.grid(color=GRID, linewidth=0.5)
@@ -86,7 +86,7 @@ def plot_swept_value(row: SweepRow, brightest: float, ax: Axes) -> Axes:
 
 
 def _title(row: SweepRow) -> str:
-    """Value, verdict in its own words, deadband; wrapped where they are wider than a panel."""
+    """Title of a panel: value, verdict and deadband, wrapped to the width of the panel."""
     value = f"{row.value:g}" if isinstance(row.value, float) else str(row.value)
     words = "out of scope" if row.curve is None else row.headline
     lines = textwrap.wrap(f"{value}: {words}", LONGEST_LINE)

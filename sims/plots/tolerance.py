@@ -1,4 +1,4 @@
-"""Confidence and sensitivity: figures at both ends of unmeasured parameters' bands, and for a step of each field."""
+"""Plots of confidence and sensitivity: effects of unmeasured parameters' bands, and of a step of each field."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ ROW_IN = 0.42
 FRAME_IN = 1.0
 NOTHING = "mode 2 not reached"
 WIDE = 1.35
-"""Width of five panels next to each other, over that of one plot [-]."""
+"""Width of five panels next to each other, as a multiple of the width of one plot [-]."""
 BAR = 0.36
-"""Height of a bar, of a row [-]."""
+"""Height of a bar as a share of the height of a row [-]."""
 EFFECTS = (
     ("usable_mm", "usable depth\n[mm]"),
     ("deadband_mm", "deadband\n[mm]"),
@@ -27,11 +27,11 @@ EFFECTS = (
     ("location_mm", "location bound\n[mm]"),
     ("depth_mm", "depth bound\n[mm]"),
 )
-"""Figures that a step of a field changes, and their names."""
+"""Figures that a step of a field changes, and the label of each panel."""
 
 
 def plot_tolerance(band: ToleranceBand, ax: Axes | None = None) -> Axes:
-    """Summed deadband [mm] at the low and the high end of each value; rows that change the verdict are starred."""
+    """Summed deadband [mm] at the low and high end of each parameter; a star marks rows that change the verdict."""
     ax = axes_or_new(ax, FRAME_IN + ROW_IN * len(band.rows))
     _draw_bars(ax, [row.deadband_mm for row in band.rows], band.deadband_mm)
     most = max([band.deadband_range_mm[1], 0.1])
@@ -43,7 +43,7 @@ def plot_tolerance(band: ToleranceBand, ax: Axes | None = None) -> Axes:
 
 
 def plot_gap_tolerance(band: ToleranceBand, ax: Axes | None = None) -> Axes:
-    """Mode gap [mm] at the low and the high end of each value; an end without mode 2 is given as text."""
+    """Mode gap [mm] at the low and high end of each parameter; an end without mode 2 is given as text."""
     ax = axes_or_new(ax, FRAME_IN + ROW_IN * len(band.rows))
     _draw_bars(ax, [row.gap_mm for row in band.rows], band.gap_mm)
     for number, row in enumerate(band.rows):
@@ -71,7 +71,10 @@ def plot_gap_tolerance(band: ToleranceBand, ax: Axes | None = None) -> Axes:
 
 
 def plot_margin_tolerance(band: ToleranceBand, ax: Axes | None = None) -> Axes:
-    """Change over the least responsive 0.3 mm of depth [noise units] at both ends; a deadband left of the line."""
+    """Signal change over the least responsive 0.3 mm of depth [noise units] at both ends of each parameter.
+
+    Values to the left of the line mean a deadband.
+    """
     ax = axes_or_new(ax, FRAME_IN + ROW_IN * len(band.rows))
     _draw_bars(ax, [row.margin for row in band.rows], band.margin)
     ax.axvline(DEADBAND_THRESHOLD, color=VERMILLION, linewidth=1.0, linestyle=":")
@@ -83,11 +86,13 @@ def plot_margin_tolerance(band: ToleranceBand, ax: Axes | None = None) -> Axes:
 
 
 def plot_field_steps(steps: FieldSteps, unit_of: Callable[[str], str]) -> Figure:
-    """Change of each figure by a step down and a step up of each field; figures that no step changes are left out.
+    """Change of each figure by a step down and a step up of each field, one panel per figure.
+
+    A figure that no step changes is left out.
 
     Parameters
     ----------
-    unit_of : unit of a field by its path, with the space before it
+    unit_of : function from a field's path to its unit, including a leading space
     """
     shown = [one for one in EFFECTS if any(_changes(steps, one[0]))]
     figure = Figure(figsize=(WIDE * WIDTH_IN, FRAME_IN + ROW_IN * len(steps.rows)), layout="constrained")
@@ -127,7 +132,7 @@ def plot_field_steps(steps: FieldSteps, unit_of: Callable[[str], str]) -> Figure
 
 
 def _changes(steps: FieldSteps, name: str) -> list[float]:
-    """Changes of a figure by steps, where known and not zero."""
+    """Known changes of a figure by all steps, without zeros."""
     known = (
         _change(steps.as_designed, effect, name) for row in steps.rows for effect in (row.lower, row.higher)
     )
@@ -135,13 +140,13 @@ def _changes(steps: FieldSteps, name: str) -> list[float]:
 
 
 def _change(design: Effect, stepped: Effect | None, name: str) -> float | None:
-    """Change of a figure; None where either is unknown."""
+    """Change of a figure by a step; None where either value is unknown."""
     before, after = getattr(design, name), None if stepped is None else getattr(stepped, name)
     return None if before is None or after is None else after - before
 
 
 def row_label(row: ToleranceRow) -> str:
-    """The value's path without its section of measurements, starred if it changes the verdict, and the ends tried."""
+    """Path of the parameter without the section of measurements, a star if it changes the verdict, and both ends."""
     name = row.path.removeprefix("part_measurements.")
     return f"{'* ' if row.flips else ''}{name}\n{row.values[0]:.3g} / {row.values[1]:.3g}"
 
