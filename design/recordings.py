@@ -65,6 +65,40 @@ def sets_json(sets: Iterable[SetEntry]) -> str:
     return json.dumps([asdict(entry) for entry in sets])
 
 
+def lit_emitters(emitter_count: int, dark: str = "frame") -> tuple[int | None, ...]:
+    """Index of the lit emitter in each state of a frame, None in a dark state.
+
+    Parameters
+    ----------
+    dark : ``frame``: one dark state at the end; ``each``: one after each emitter's state
+    """
+    after = () if dark == "frame" else (None,)
+    last = (None,) if dark == "frame" else ()
+    return (*(state for number in range(emitter_count) for state in (number, *after)), *last)
+
+
+def with_one_dark(counts: NDArray[Number], full_scale: float) -> NDArray[Number]:
+    """Readings with one dark state, from readings with a dark state after each emitter's.
+
+    Every emitter's row is reduced by the dark row after it, and raised by the largest dark reading of the frame. So
+    `signals_of` gives the difference to the emitter's own dark state, and no reading is below 0. A row is at full scale
+    where one of its readings was, or where the sum exceeds it.
+
+    Parameters
+    ----------
+    counts : (..., 2 x emitter, receiver) readings in a signed number type: E1, dark, E2, dark, ... [counts]
+    full_scale : largest reading [counts]
+
+    Returns
+    -------
+    (..., emitter + 1, receiver) readings in the same number type; the last row has the largest dark readings [counts]
+    """
+    lit, dark = counts[..., 0::2, :], counts[..., 1::2, :]
+    common = dark.max(axis=-2, keepdims=True)
+    moved = np.where(lit >= full_scale, full_scale, np.minimum(lit - dark + common, full_scale))
+    return np.concatenate([moved.astype(counts.dtype), common], axis=-2)
+
+
 def signals_of(counts: NDArray[Number]) -> NDArray[Number]:
     """Signals: the readings with each emitter lit, minus the readings in the dark state, which is the last state.
 

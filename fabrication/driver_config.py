@@ -19,6 +19,7 @@ from design.circuit import pins as timing
 from design.circuit.pins import board_of
 from design.circuit.transimpedance import feedbacks_of
 from design.parts.catalog import Board
+from design.recordings import lit_emitters
 from design.shape.cavity import plan_of, workspace_of
 from design.shape.outline import PLAIN
 from design.spec import SensorDesign
@@ -56,9 +57,9 @@ TABLE_COMMENTS = {
     "timing": "sum of all states' switching, settling and conversion times and of the sending",
     "workspace": "press centres that the verdict covers, seen from above; outline disc: within the four sides",
     "surface": "the untouched top, by its highest point; a press moves against its normal",
-    "ambient": "subtract this state's readings from those of every other state",
+    "ambient": "subtract this state's readings from all others; absent: from each emitter's, those of the next state",
     "gain": "counts if one receiver received an emitter's total power (median; each); absent if not simulated",
-    "states": "in order: each emitter alone, then all off",
+    "states": "in order: the emitter that is lit alone; empty: all off",
     "emitters": "active_mm: emitting area along the wall and upward; normal points into the cavity",
     "expected": "simulated untouched pad: one row per emitter, one column per receiver; absent if not simulated",
     "receivers": "column: index within a state's readings; channel_number: index among the board's channels, or the "
@@ -85,6 +86,7 @@ def driver_config(
     connections, board = connections_of(design), board_of(design)
     lit = [one.part.name for one in connections.emitters]
     counts = len(lit), len(connections.receivers)
+    states = lit_emitters(len(lit), design.board.dark)
     config = DriverConfig(
         format_version=FORMAT_VERSION,
         design=design.name,
@@ -93,19 +95,21 @@ def driver_config(
         content_sha256="",
         units=Units(length="mm", time="us or ms, as named", rate="Hz", reading="ADC counts"),
         board=_board(design, board),
-        frame=_frame(timing.adc_bits(design), *counts),
+        frame=_frame(design, *counts),
         timing=_timing(design, board, *counts),
         workspace=_workspace(design),
         surface=_surface(design),
-        ambient=AmbientRule(subtract_state=counts[0]),
+        ambient=AmbientRule(subtract_state=counts[0] if design.board.dark == "frame" else None),
         gain=_gain(design, counts_per_flux, counts[1]),
-        states=tuple(StateEntry(number=k, emitter=name) for k, name in enumerate([*lit, ""])),
+        states=tuple(
+            StateEntry(number=k, emitter="" if one is None else lit[one]) for k, one in enumerate(states)
+        ),
         emitters=tuple(
             EmitterEntry(
                 name=one.part.name,
                 pin=one.pin_number,
                 output=None if design.board.emitters is None else one.pin,
-                state=one.number,
+                state=states.index(one.number),
                 **_place(one),
             )
             for one in connections.emitters
@@ -185,9 +189,10 @@ def _reference_words(design: SensorDesign, board: Board) -> str:
     return f"board supply, taken as {volts:g} V" if board.divides_clock else f"{volts:g} V"
 
 
-def _frame(bits: int, emitter_count: int, receiver_count: int) -> FrameLayout:
-    states = timing.state_count(emitter_count)
-    total = timing.frame_bytes(emitter_count, receiver_count, bits)
+def _frame(design: SensorDesign, emitter_count: int, receiver_count: int) -> FrameLayout:
+    bits, dark = timing.adc_bits(design), design.board.dark
+    states = timing.state_count(emitter_count, dark)
+    total = timing.frame_bytes(emitter_count, receiver_count, bits, dark)
     head = timing.MAGIC_BYTES + timing.VERSION_BYTES + timing.SEQUENCE_BYTES + timing.TIME_BYTES
     return FrameLayout(
         order=("state", "receiver"),
@@ -207,7 +212,7 @@ def _frame(bits: int, emitter_count: int, receiver_count: int) -> FrameLayout:
 
 def _timing(design: SensorDesign, board: Board, emitter_count: int, receiver_count: int) -> TimingBudget:
     use, driver = design.board, timing.driver_of(design)
-    sent = timing.frame_bytes(emitter_count, receiver_count, timing.adc_bits(design))
+    sent = timing.frame_bytes(emitter_count, receiver_count, timing.adc_bits(design), use.dark)
     frame_ms = timing.design_frame_time_ms(design, emitter_count, receiver_count, board, use)
     switch_ms = timing.switch_time_ms(driver, emitter_count)
     return TimingBudget(

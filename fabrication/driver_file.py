@@ -236,9 +236,12 @@ class SurfaceEntry:
 
 @dataclass(frozen=True, kw_only=True)
 class AmbientRule:
-    """Correction of ambient light: the readings of `subtract_state` are subtracted from those of the other states."""
+    """Correction of ambient light: the readings of the dark state `subtract_state` are subtracted from the others.
 
-    subtract_state: int
+    None: from each emitter's readings, those of the dark state after it are subtracted.
+    """
+
+    subtract_state: int | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -377,6 +380,7 @@ def _check_consistent(config: DriverConfig, where: str) -> None:
 def _claims(config: DriverConfig) -> dict[str, bool]:
     frame, lit = config.frame, [emitter.name for emitter in config.emitters]
     names = lit + [receiver.name for receiver in config.receivers]
+    has_one_dark = config.ambient.subtract_state is not None
     head = frame.magic_bytes + frame.version_bytes + frame.sequence_bytes + frame.time_bytes
     return {
         "design must be a file's name: letters, digits, dots, dashes": bool(
@@ -386,9 +390,12 @@ def _claims(config: DriverConfig) -> dict[str, bool]:
             text.isprintable() for text in (*names, *(receiver.channel for receiver in config.receivers))
         ),
         "states must be numbered from 0": [s.number for s in config.states] == list(range(frame.states)),
-        "each state but the last lights its emitter": [s.emitter for s in config.states] == [*lit, ""],
+        "each emitter must be lit in turn, with a dark state at the end or after each": [
+            s.emitter for s in config.states
+        ]
+        == ([*lit, ""] if has_one_dark else [name for one in lit for name in (one, "")]),
         "emitters must be in the order of states": [e.state for e in config.emitters]
-        == list(range(len(lit))),
+        == list(range(0, len(lit) * (1 if has_one_dark else 2), 1 if has_one_dark else 2)),
         "receivers must be in the order of columns": [r.column for r in config.receivers]
         == list(range(frame.receivers)),
         "names must be unique": len(set(names)) == len(names),
@@ -398,7 +405,8 @@ def _claims(config: DriverConfig) -> dict[str, bool]:
         "readings must fit their bytes": frame.reading_bytes
         == -(-frame.readings * frame.bits_per_reading // 8),
         "the frame's bytes must add up": frame.total_bytes == head + frame.reading_bytes + frame.check_bytes,
-        "the last state must be the one subtracted": config.ambient.subtract_state == frame.states - 1,
+        "the last state must be the one subtracted, or none named": config.ambient.subtract_state
+        in {None, frame.states - 1},
         "the readings' order must be state, receiver": frame.order == ("state", "receiver"),
         "the expected pattern must be emitters x receivers": config.expected is None
         or [len(row) for row in config.expected.untouched_counts] == [frame.receivers] * len(lit),

@@ -34,6 +34,7 @@ from design.errors import DesignError
 from design.fields.finding import Finding, error
 from design.parts import catalog
 from design.parts.catalog import Board, Chip, Converter, LedDriver, Multiplexer, ShiftRegister
+from design.recordings import lit_emitters
 from design.shape.cavity import cavity_of
 from design.spec import BoardUse, SensorDesign
 from design.spec.properties import entries_of
@@ -631,7 +632,6 @@ SEQUENCE_BYTES = 4
 TIME_BYTES = 4
 CHECK_BYTES = 4
 """Length of a frame's check value, the CRC-32 over all preceding bytes."""
-
 LINE_BITS_PER_BYTE = 10
 """Bits on the serial line for each byte: start bit, 8 data bits, stop bit."""
 
@@ -646,14 +646,14 @@ US_PER_MS = 1e3
 US_PER_S = 1e6
 
 
-def state_count(emitter_count: int) -> int:
-    """Number of states of a frame: each emitter lit alone, then all off."""
-    return emitter_count + 1
+def state_count(emitter_count: int, dark: str = "frame") -> int:
+    """Number of states of a frame, see `lit_emitters`."""
+    return len(lit_emitters(emitter_count, dark))
 
 
-def frame_bytes(emitter_count: int, receiver_count: int, adc_bits: int) -> int:
+def frame_bytes(emitter_count: int, receiver_count: int, adc_bits: int, dark: str = "frame") -> int:
     """Length of a packed frame [bytes]: header, readings packed bit by bit, check value."""
-    readings = state_count(emitter_count) * receiver_count
+    readings = state_count(emitter_count, dark) * receiver_count
     packed = math.ceil(readings * adc_bits / 8)
     return MAGIC_BYTES + VERSION_BYTES + SEQUENCE_BYTES + TIME_BYTES + packed + CHECK_BYTES
 
@@ -730,8 +730,8 @@ def frame_time_ms(
     state = switch_time_ms(driver, emitter_count)
     state += _lit_ms(board, use, receiver_count, multiplexer, converter)
     bits = board.adc_bits if converter is None else converter.bits
-    sent = frame_bytes(emitter_count, receiver_count, bits)
-    return state_count(emitter_count) * state + sending_time_ms(board, use, sent)
+    sent = frame_bytes(emitter_count, receiver_count, bits, use.dark)
+    return state_count(emitter_count, use.dark) * state + sending_time_ms(board, use, sent)
 
 
 def design_frame_time_ms(

@@ -75,7 +75,7 @@ def descriptor_of(config: DriverConfig) -> Descriptor:
     return Descriptor(
         design=config.design,
         digest=config.digest,
-        states=tuple(state.emitter or OFF for state in config.states),
+        states=(*(emitter.name for emitter in config.emitters), OFF),
         emitters=_parts(config.emitters, [entry.output or f"D{entry.pin}" for entry in config.emitters]),
         receivers=_parts(config.receivers, [entry.channel for entry in config.receivers]),
         workspace=config.workspace,

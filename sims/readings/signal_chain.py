@@ -46,8 +46,9 @@ For emitter e and receiver r, in a frame that begins at t, with flux F (share of
                                                          over the board's averages
     counts   = whole number within 0 and full scale
 
-States follow one another as on the board: every emitter alone, then all off; in each, receiver after receiver
-(`design.circuit.pins`). Subtraction of the off state leaves the flicker between its time and the others'.
+States follow one another as on the board: every emitter alone, then all off, or all off after each emitter; in each,
+receiver after receiver (`design.circuit.pins`). Subtraction of a dark state leaves the lamps' flicker between its time
+and that of the emitter's state.
 
 Left out: settling of amplifiers (the firmware waits for it), crosstalk of the converter's inputs, ambient light that
 the finger shadows, the converter's nonlinearity, temperature except for the drift.
@@ -73,10 +74,12 @@ from design.circuit.pins import (
     multiplexer_of,
     reading_time_ms,
     receiver_paths,
+    state_count,
     switch_time_ms,
 )
 from design.circuit.transimpedance import emitted_mw, feedbacks_of, responsivity_at
 from design.errors import ModelScopeError
+from design.recordings import lit_emitters, with_one_dark
 from design.shape.cavity import cavity_of
 from design.spec import SensorDesign
 from design.spec.sensor import PURE, Noise
@@ -248,7 +251,8 @@ class SignalChain:
     full_scale_counts : largest reading [counts]
     noise : the design's parameters
     shot_variance_per_count : (receiver,) variance over counts [counts]
-    read_at_s : (state, receiver) time of each reading, from the frame's start; off is last [s]
+    read_at_s : (state, receiver) time of each reading, from the frame's start, in the states of `lit_emitters` [s]
+    dark : ``frame`` or ``each``, see `lit_emitters`
     """
 
     gains: FloatArray
@@ -256,6 +260,7 @@ class SignalChain:
     noise: Noise
     shot_variance_per_count: FloatArray
     read_at_s: FloatArray
+    dark: str = "frame"
 
     def draw_set(self, rng: np.random.Generator, *, is_ambient: bool) -> SetDraw:
         """Drift and lamps of a new data set."""
@@ -299,16 +304,21 @@ class SignalChain:
         """
         held = self.draw_set(rng, is_ambient=is_ambient) if drawn is None else drawn
         emitters, receivers = self.gains.shape
+        states = lit_emitters(emitters, self.dark)
+        is_lit = np.array([one is not None for one in states])
         lit = flux * self.gains * held.gain(time_s)
         lit *= 1.0 + self.noise.led_fluctuation * rng.standard_normal((len(flux), emitters, 1))
-        light = np.zeros((len(flux), emitters + 1, receivers))
-        light[:, :-1] = lit
+        light = np.zeros((len(flux), len(states), receivers))
+        light[:, is_lit] = lit
         light += self._ambient(np.asarray(time_s, dtype=np.float64), held)
         sigma = np.sqrt(self.noise.read_noise_counts**2 + self.shot_variance_per_count * light)
         reading = light + self.noise.dark_counts + sigma * rng.standard_normal(light.shape)
         if self.noise.quantised:
             np.rint(reading, out=reading)
-        return np.clip(reading, 0.0, self.full_scale_counts).astype(np.float32)
+        np.clip(reading, 0.0, self.full_scale_counts, out=reading)
+        if self.dark == "each":
+            reading = with_one_dark(reading, self.full_scale_counts)
+        return reading.astype(np.float32)
 
     def pair_sigma_counts(self, signal: FloatArray) -> FloatArray:
         """Standard deviation from frame to frame of a pair's signal, the off state subtracted [counts].
@@ -328,9 +338,10 @@ class SignalChain:
     def flicker_sigma_counts(self) -> FloatArray:
         """(emitter, receiver) residual of the lamps' flicker with the off state subtracted, rms over phases [counts].
 
-        It is A m sqrt(1 - cos(2 pi f dt)), with dt the time between a pair's reading and the off state's.
+        It is A m sqrt(1 - cos(2 pi f dt)), with dt the time between a pair's reading and that of its dark state.
         """
-        apart_s = self.read_at_s[-1] - self.read_at_s[:-1]
+        is_lit = np.array([one is not None for one in lit_emitters(len(self.gains), self.dark)])
+        apart_s = self.read_at_s[~is_lit] - self.read_at_s[is_lit]
         turn = 1.0 - np.cos(2.0 * np.pi * self.noise.flicker_hz * apart_s)
         return np.asarray(
             self.noise.ambient_counts * self.noise.ambient_flicker * np.sqrt(np.maximum(turn, 0.0))
@@ -357,16 +368,17 @@ def chain_of(design: SensorDesign, readout: Readout) -> SignalChain:
         noise=design.noise.model_copy(update={"read_noise_counts": design.value_noise_counts}),
         shot_variance_per_count=shot_variance_per_count(design, readout),
         read_at_s=reading_times_s(design),
+        dark=design.board.dark,
     )
 
 
 def reading_times_s(design: SensorDesign) -> FloatArray:
-    """(state, receiver) start of each value's first reading, from the frame's start: every emitter alone, then off [s].
+    """(state, receiver) time from the frame's start to each value's first reading, in the states of `lit_emitters` [s].
 
     The multiplexers settle before the first reading at an address. LED drivers take their data before they light.
     """
     emitters = len(cavity_of(design).emitters)
-    states = emitters + 1
+    states = state_count(emitters, design.board.dark)
     addresses = np.array([path.address or 0 for path in receiver_paths(design)])
     multiplexer = multiplexer_of(design)
     wait_s = 0.0 if multiplexer is None else multiplexer.settle_us.value / US_PER_S

@@ -166,9 +166,9 @@ def check_hello(hello: Hello, config: DriverConfig, *, where: str, accept_digest
     ------
     DeviceError : frames of another shape, or another design that was not accepted by its digest.
     """
-    frame = config.frame
+    layout = frame_format(config)
     has = (hello.emitters, hello.receivers, hello.bits)
-    wanted = (frame.states - 1, frame.receivers, frame.bits_per_reading)
+    wanted = (layout.emitters, layout.receivers, layout.bits)
     if has != wanted:
         raise DeviceError(
             f"{where}: firmware for {has[0]} emitters, {has[1]} receivers, {has[2]} bits; driver.toml of "

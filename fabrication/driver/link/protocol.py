@@ -31,6 +31,7 @@ from numpy.typing import NDArray
 
 from design.arrays import IntArray
 from design.errors import DeviceError
+from design.recordings import with_one_dark
 from fabrication.driver_file import DriverConfig
 
 VERSION = 1
@@ -75,11 +76,23 @@ COMMAND_BYTES = _COMMAND.size + CRC_BYTES
 
 @dataclass(frozen=True, kw_only=True)
 class FrameFormat:
-    """Number of readings in a frame, and their bits."""
+    """Number of readings in a frame, and their bits.
+
+    Attributes
+    ----------
+    states : states on the line
+    dark : ``frame``: each emitter alone, then a dark state; ``each``: a dark state after each emitter's
+    """
 
     states: int
     receivers: int
     bits: int
+    dark: str = "frame"
+
+    @property
+    def emitters(self) -> int:
+        """Number of emitters."""
+        return self.states // 2 if self.dark == "each" else self.states - 1
 
     @property
     def readings(self) -> int:
@@ -147,7 +160,11 @@ class SelfTest:
 
 @dataclass(frozen=True, kw_only=True)
 class Unpacked:
-    """Frames as arrays: sequence (n,) and device time (n,) [us] as sent, counts (n, state, receiver)."""
+    """Frames as arrays: sequence (n,) and device time (n,) [us] as sent, counts (n, state, receiver).
+
+    The last state of the counts is dark. Frames with a dark state after each emitter's are brought to this form by
+    `design.recordings.with_one_dark`.
+    """
 
     sequence: CountArray
     device_us: CountArray
@@ -162,7 +179,12 @@ def frame_format(config: DriverConfig) -> FrameFormat:
     DeviceError : its frame is not that of this version of the protocol.
     """
     frame = config.frame
-    found = FrameFormat(states=frame.states, receivers=frame.receivers, bits=frame.bits_per_reading)
+    found = FrameFormat(
+        states=frame.states,
+        receivers=frame.receivers,
+        bits=frame.bits_per_reading,
+        dark="frame" if config.ambient.subtract_state is not None else "each",
+    )
     if found.total_bytes != frame.total_bytes or found.bits > MAX_BITS:
         raise DeviceError(
             f"driver.toml: frames of {frame.total_bytes} bytes and {found.bits} bits a reading; protocol "
@@ -201,7 +223,7 @@ def pack_frames(layout: FrameFormat, sequence: Any, device_us: Any, counts: Any)
     Parameters
     ----------
     sequence, device_us : (n,) counters; they wrap at 2^32
-    counts : (n, state, receiver) readings, 0 to full scale
+    counts : (n, state, receiver) readings in the states on the line, 0 to full scale
     """
     values = np.asarray(counts).reshape(-1, layout.readings)
     rows = np.zeros(len(values), _record_type(layout))
@@ -289,13 +311,16 @@ def _record_type(layout: FrameFormat) -> np.dtype[np.void]:
 
 
 def _unpacked(layout: FrameFormat, packed: NDArray[np.uint8]) -> NDArray[np.uint16]:
-    """(n, state, receiver) readings of (n, bytes): each spans at most three bytes, as it has at most 16 bits."""
+    """(n, emitter + 1, receiver) readings of (n, bytes): each spans at most three bytes, as it has at most 16 bits."""
     first, shift = _places(layout)
     padded = np.zeros((len(packed), layout.reading_bytes + 2), dtype=np.uint32)
     padded[:, :-2] = packed
     words = padded[:, :-2] | padded[:, 1:-1] << 8 | padded[:, 2:] << 16
     values = (words[:, first] >> shift) & np.uint32(layout.full_scale)
-    return values.astype(np.uint16).reshape(-1, layout.states, layout.receivers)
+    readings = values.reshape(-1, layout.states, layout.receivers)
+    if layout.dark == "each":
+        readings = with_one_dark(readings.astype(np.int32), layout.full_scale)
+    return readings.astype(np.uint16)
 
 
 @cache

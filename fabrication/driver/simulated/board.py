@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from design.arrays import FloatArray
+from design.recordings import lit_emitters
 from fabrication.driver.link.protocol import (
     COMMAND_BYTES,
     COMMAND_MAGIC,
@@ -143,9 +144,10 @@ class FakeBoard:
         return frame
 
     def counts(self, now_s: float) -> NDArray[np.uint16]:
-        """(state, receiver) readings at a time [counts]."""
+        """(state, receiver) readings at a time, in the states on the line [counts]."""
         signals = self._faults.applied(self._table.at(self.press_mm(now_s))[0])
-        light = np.vstack([signals, np.zeros(signals.shape[1])])  # the last state is dark
+        light = np.zeros((self._layout.states, signals.shape[1]))
+        light[[one is not None for one in lit_emitters(len(signals), self._layout.dark)]] = signals
         light *= 1.0 + LIGHT_NOISE * self._rng.standard_normal((len(light), 1))
         levels = light + AMBIENT_COUNTS + READ_NOISE_COUNTS * self._rng.standard_normal(light.shape)
         levels[:, self._faults.is_saturated] = np.inf
@@ -186,7 +188,7 @@ class FakeBoard:
         hello = Hello(
             firmware=FIRMWARE,
             board=board.link_number,
-            emitters=frame.states - 1,
+            emitters=self._layout.emitters,
             receivers=frame.receivers,
             bits=frame.bits_per_reading,
             prescaler_exponent=0 if board.adc_prescaler is None else board.adc_prescaler.bit_length() - 1,

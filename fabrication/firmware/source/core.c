@@ -51,7 +51,7 @@ typedef struct {
 
 #define LED(letter, bit) {&PORT##letter, &DDR##letter, 1 << (bit)}
 #define NO_LED {&GPIOR0, &GPIOR0, 0} /* the dark state switches no pin, only an unused register */
-static const emitter_pin emitters[N_STATES] = {EMITTERS, NO_LED};
+static const emitter_pin emitters[N_EMITTERS + 1] = {EMITTERS, NO_LED};
 #define FIRST emitters
 #define DARK (emitters + N_EMITTERS)
 #if SHIFT_BITS
@@ -84,12 +84,17 @@ static void pulse(enum shift_line line) {
     *shift_lines[line].port &= ~shift_lines[line].mask;
 }
 
-/* A single bit moves along the chain and out of it; any other change to darkness fills the chain with zeros. */
+/* A single bit moves along the chain and out of it; any other change to darkness fills the chain with zeros, and any
+   other change to an emitter shifts the bit in again. */
 static void shift_to(const emitter_pin *next) {
     const emitter_pin *data = &shift_lines[DATA];
-    uint16_t zeros = next == DARK && lit != DARK - 1 ? SHIFT_BITS : 1;
-    if (next == FIRST) *data->port |= data->mask;
-    else *data->port &= ~data->mask;
+    bool moves = next == lit + 1;
+    uint16_t zeros = moves ? 1 : next == DARK ? SHIFT_BITS : next - FIRST;
+    if (!moves && next != DARK) {
+        *data->port |= data->mask;
+        pulse(CLOCK);
+    }
+    *data->port &= ~data->mask;
     for (; zeros; zeros--) pulse(CLOCK);
     pulse(LATCH);
 }
@@ -207,15 +212,17 @@ static inline __attribute__((always_inline)) void pack_reading(packer *frame, ui
 /* Reads every state. When it runs freely, the first conversion of the next frame is left in progress. */
 static void read_frame(void) {
     packer frame = {0};
+    const emitter_pin *next_lit = FIRST;
     if (!is_converting) begin_frame();
     open_frame(&frame.message, began_us);
     for (bool ends_frame = false; !ends_frame;) {
         bool is_chained;
         change to_next;
         uint32_t sum;
-        ends_frame = lit == DARK;
+        if (lit != DARK) next_lit++;
+        ends_frame = lit == DARK && next_lit == DARK;
         is_chained = ends_frame && !interval_us;
-        to_next = change_to(is_chained ? FIRST : ends_frame ? DARK : lit + 1);
+        to_next = change_to(is_chained ? FIRST : ends_frame || (DARK_AFTER_EACH && lit != DARK) ? DARK : next_lit);
         clock_us();
         for (uint8_t next = 1; next < N_RECEIVERS; next++) {
             sum = most_of_value();

@@ -101,11 +101,18 @@ static void pulse(shift_line line) {
     put(line, false);
 }
 
-/* Lights the emitter of a state, whose neighbour was lit: a single bit moves along the chain and out of it. */
-static void light(uint8_t state) {
-    put(DATA, !state);
-    pulse(CLOCK);
+/* A single bit moves along the chain and out of it; after another dark state it is shifted in again. */
+static void light(uint8_t emitter) {
+    static uint8_t lit = N_EMITTERS;
+    bool moves = emitter == lit + 1;
+    uint16_t zeros = moves ? 1 : emitter == N_EMITTERS ? SHIFT_BITS : emitter;
+    if (!moves && emitter != N_EMITTERS) {
+        put(DATA, true);
+        pulse(CLOCK);
+    }
+    for (put(DATA, false); zeros; zeros--) pulse(CLOCK);
     pulse(LATCH);
+    lit = emitter;
 }
 #elif DRIVER_OUTPUTS
 static void put(driver_line line, bool is_high) {
@@ -113,13 +120,13 @@ static void put(driver_line line, bool is_high) {
     delayMicroseconds(1);
 }
 
-/* Sends the data of all outputs, the last output first: full grayscale for the emitter of a state, 0 for the others. The
+/* Sends the data of all outputs, the last output first: full grayscale for the one that is lit, 0 for the others. The
    new data are latched while the outputs are blank, and the end of blanking begins a PWM period, so that the emitter is
    on from DRIVER_ON_US later until the end of the period. */
-static void light(uint8_t state) {
+static void light(uint8_t emitter) {
     uint8_t bytes[DRIVER_BYTES] = {}; /* what comes back replaces them */
-    uint16_t at = DRIVER_BYTES * 8 - (state + 1) * GRAYSCALE_BITS;
-    for (uint16_t bit = at; state < N_EMITTERS && bit < at + GRAYSCALE_BITS; bit++) bytes[bit / 8] |= 0x80 >> bit % 8;
+    uint16_t at = DRIVER_BYTES * 8 - (emitter + 1) * GRAYSCALE_BITS;
+    for (uint16_t bit = at; emitter < N_EMITTERS && bit < at + GRAYSCALE_BITS; bit++) bytes[bit / 8] |= 0x80 >> bit % 8;
     SPI.beginTransaction(SPISettings(DRIVER_HZ, MSBFIRST, SPI_MODE0));
     SPI.transfer(bytes, sizeof bytes);
     SPI.endTransaction();
@@ -130,9 +137,11 @@ static void light(uint8_t state) {
     delayMicroseconds(DRIVER_ON_US);
 }
 #else
-static void light(uint8_t state) {
-    if (state) digitalWrite(emitter_pins[state - 1], LOW);
-    if (state < N_EMITTERS) digitalWrite(emitter_pins[state], HIGH);
+static void light(uint8_t emitter) {
+    static uint8_t lit = N_EMITTERS;
+    if (lit < N_EMITTERS) digitalWrite(emitter_pins[lit], LOW);
+    if (emitter < N_EMITTERS) digitalWrite(emitter_pins[emitter], HIGH);
+    lit = emitter;
 }
 #endif
 
@@ -217,7 +226,7 @@ static void read_frame(void) {
     uint32_t held = 0;
     uint8_t held_bits = 0;
     for (uint8_t state = 0; state < N_STATES; state++) {
-        light(state);
+        light(!DARK_AFTER_EACH ? state : state % 2 ? N_EMITTERS : state / 2);
         settle_for(SETTLE_US);
         if (!state) open_frame(&frame, clock_us());
         for (uint8_t j = 0; j < N_RECEIVERS; j++) {
