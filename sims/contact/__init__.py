@@ -1,4 +1,4 @@
-"""Contact: deformed surface, force and contact radius, solved with MuJoCo's soft contact."""
+"""Mechanical contact: deformed surface, force and contact radius of a press, solved with MuJoCo's soft contact."""
 
 from sims.contact.indentation import indent
 from sims.press import Indentation
