@@ -1,4 +1,4 @@
-"""Mechanical contact: deformed surface, force and contact radius of a press, solved with MuJoCo's soft contact."""
+"""Contact: deformed surface, force and contact radius, solved with MuJoCo's soft contact."""
 
 from sims.contact.indentation import indent
 from sims.press import Indentation

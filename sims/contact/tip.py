@@ -185,7 +185,7 @@ def tip_coordinate(
 def tip_outline(
     coordinate: FloatArray, depth: float, tip: TipOutline = HEMISPHERE
 ) -> tuple[FloatArray, FloatArray]:
-    """Radius and height (...) of the outline at arc lengths (...) from the apex, with the tip at `depth`; in tip radii."""
+    """Radius and height (...) of the outline at arc lengths (...) from the apex of a tip at `depth`; in tip radii."""
     if tip == HEMISPHERE:
         angle = np.minimum(coordinate, 0.5 * np.pi)
         above_equator = np.maximum(coordinate - 0.5 * np.pi, 0.0)
