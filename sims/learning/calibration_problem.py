@@ -310,9 +310,7 @@ class Problem:
         self.rounded_mm[:, :2] = np.round(self.press_mm[:, :2] / PLACE_MM) * PLACE_MM
 
     def _offset_information(self) -> FloatArray:
-        """Inverse covariance of the tips' offsets from the stage [1/mm²]; rows are x, y, depth of the first press, and
-        so on.
-        """
+        """Inverse covariance of the tips' offsets from the stage [1/mm²], in the order x, y, depth press by press."""
         found = np.diag(np.tile(self.stage_mm**-2.0, self.samples.presses))
         is_same_set = self.samples.press_set[:, None] == self.samples.press_set
         own = self.stage_mm[2] ** 2 * np.eye(self.samples.presses)
@@ -342,7 +340,7 @@ class Problem:
         return self.shared.whitened(values.reshape(self.signals.size, -1), self.shared_spread)
 
     def flux(self, values: FloatArray, *, moved_mm: FloatArray | None = None, half: int = 0) -> FloatArray:
-        """Light (sample, pair) for parameters, at the rounded presses plus `moved_mm` (3,); the last row is untouched."""
+        """Light (sample, pair) for parameters, at the rounded presses plus `moved_mm`; the last row is untouched."""
         press_mm = self.rounded_mm.copy()
         if moved_mm is not None:
             press_mm[:-1] += moved_mm
