@@ -39,7 +39,7 @@ def crown_drop(radius: FloatArray, crown: float) -> FloatArray:
 
 
 def crown_slope(radius: FloatArray, crown: float) -> FloatArray:
-    """Slope (...) of the drop `crown_drop` over the radius, at radii (...) below 1/crown [-]."""
+    """Slope (...) of `crown_drop` over the radius [-], at radii (...) below 1/crown [tip radii]."""
     bent = crown * np.asarray(radius, dtype=np.float64)
     return np.asarray(bent / np.sqrt(1.0 - bent**2), dtype=np.float64)
 

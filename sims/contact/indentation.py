@@ -84,7 +84,7 @@ def crowned_press(design: SensorDesign, at_mm: Place | None) -> SmoothPress:
 
 
 def round_walls_mm(design: SensorDesign, at_mm: Place | None) -> tuple[float, float] | None:
-    """Distance to the nearest and to the farthest wall of a pad with round walls [mm]; None for a pad without."""
+    """Distance of a location from the nearest and the farthest wall [mm]; None if the pad has no round walls."""
     outline = plan_of(design).outline
     place = outline.centre_mm if at_mm is None else at_mm
     return (float(outline.gap_mm(*place)), outline.farthest_mm(*place)) if outline.arcs else None

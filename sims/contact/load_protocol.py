@@ -150,7 +150,7 @@ class LoadHistory:
 
     @property
     def turn(self) -> int:
-        """Index of the last sample at the deepest press."""
+        """Index of the last sample at the largest depth, where retraction starts."""
         return int(self.pause_ends[self.pause_ends.size // 2 - 1])
 
     @property

@@ -114,7 +114,7 @@ def graded_spacing(length: float, fine_length: float, fine: float, largest: floa
 
 
 def finer_towards_end(coordinates: FloatArray, last: float, growth: float) -> FloatArray:
-    """Refine coordinates towards their end, down to about the spacing `last`; finer ones stay unchanged.
+    """Refine coordinates towards their end to about the spacing `last`, unless they are already finer.
 
     Parameters
     ----------
@@ -132,7 +132,7 @@ def finer_towards_end(coordinates: FloatArray, last: float, growth: float) -> Fl
 
 
 def _crossed(columns: int, rows: int) -> IntArray:
-    """Triangles (4 * cells, 3) over a grid of nodes that is followed by one middle node per cell."""
+    """Node indices (4 * cells, 3) of the triangles; the grid's nodes come first, then one middle node per cell."""
     column, row = np.meshgrid(np.arange(columns - 1), np.arange(rows - 1), indexing="ij")
     corner = (column * rows + row).ravel()
     middle = columns * rows + np.arange(corner.size)

@@ -63,7 +63,7 @@ class PadSurface:
 
 
 def curve_height_mm(press: Indentation, radius_mm: FloatArray) -> FloatArray:
-    """Height (...) of a press's curve [mm] at distances (...) from its axis [mm]; beyond its end, its last height."""
+    """Height (...) of a press's curve [mm] at distances (...) from its axis [mm]; constant beyond the curve's end."""
     farthest = np.maximum.accumulate(press.radius_mm)
     kept = np.append(True, np.diff(farthest) > _STEP)
     radius, height = press.radius_mm[kept], press.height_mm[kept]

@@ -197,7 +197,7 @@ def tip_outline(
 def outside_tip(
     radius: FloatArray, height: FloatArray, depth: float, tip: TipOutline = HEMISPHERE
 ) -> tuple[FloatArray, FloatArray]:
-    """Points (...) with those inside the tip moved onto its surface; all in tip radii."""
+    """Move points (...) that are inside the tip onto its surface; all in tip radii."""
     inside = tip_gap(radius, height, depth, tip) < 0.0
     on_radius, on_height = tip_outline(tip_coordinate(radius, height, depth, tip), depth, tip)
     return np.where(inside, on_radius, radius), np.where(inside, on_height, height)

@@ -84,12 +84,12 @@ class QuadraticAxis:
         }
 
     def _places(self, shape: Shape) -> IntArray:
-        """Node numbers (element, shape function) of every element."""
+        """Indices (element, shape function) of the nodes of every element."""
         step, count = (1, 2) if shape == "pressure" else (2, 3)
         return step * np.arange(len(self.ticks) - 1)[:, None] + np.arange(count)
 
     def matrix(self, left: Shape, right: Shape, weight: Weight | None = None) -> csr_matrix:
-        """Integrals (left, right) of products of two kinds of shape functions and a weight of the position.
+        """Integrals (left, right) of products of two kinds of shape functions; `weight` is a function of position.
 
         A kind is "value" (quadratic functions), "slope" (their derivatives) or "pressure" (linear functions).
         """
@@ -338,7 +338,7 @@ class RoundLayer:
         self._solve = splu(matrix[self._free][:, self._free]).solve
 
     def field(self, pressure: Weight) -> LayerField:
-        """Displacement field under a downward pressure on the top, a function of radius over the shear modulus."""
+        """Displacement field under a downward pressure on the top; `pressure` is over the shear modulus."""
         count = len(self._r.nodes), len(self._z.nodes)
         nodes = count[0] * count[1]
         load = np.zeros(self._size)
@@ -408,7 +408,7 @@ class Surroundings:
 
 
 def surroundings(layer: float, wall: float, size: Size, at: tuple[float, float]) -> Surroundings:
-    """How the walls of a pad respond to unit loads at a location; the last pads' results are cached.
+    """Responses of a pad to unit loads at a location; the results of the last pads are cached.
 
     Parameters
     ----------

@@ -170,12 +170,12 @@ def _reaction(state: PressState) -> float:
 
 
 def _balances(force: float, reaction: float) -> bool:
-    """Whether the force on the tip equals that on the bonded surfaces; False if either is not a number."""
+    """Whether force on the tip and reaction agree within tolerance; False if either is not a number."""
     return abs(force - reaction) <= BALANCE_LIMIT * max(force, BALANCE_FLOOR)
 
 
 def is_balanced(state: PressState) -> bool:
-    """Whether the force on the tip equals that on the bonded surfaces."""
+    """Whether the force on the tip agrees with the reaction of the bonded surfaces, within tolerance."""
     return _balances(state.contact_force, _reaction(state))
 
 
@@ -191,7 +191,7 @@ def _penetration(state: PressState) -> float:
 
 
 def measure_press(state: PressState) -> StepCheck:
-    """Compute the quantities to check of a solved state, without judging them."""
+    """Compute the quantities by which a solved state is checked, without checking them."""
     rest_volumes = volumes(state.rest, state.elements)
     present_volumes = volumes(state.deformed, state.elements)
     energy = elastic_energy(state.rest, state.deformed, state.elements, 1.0, state.poisson_ratio)
@@ -227,7 +227,7 @@ def _complaints(check: StepCheck) -> list[str]:
 
 
 def check_press(state: PressState) -> StepCheck:
-    """Compute the quantities to check, and raise `ContactSolveError` if a check fails."""
+    """Check a solved state; raise `ContactSolveError` if a check fails."""
     where = f"contact solver at a depth of {state.depth:.4f} tip radii"
     if not np.isfinite(state.deformed).all():
         raise ContactSolveError(f"{where}: positions are not finite; use a finer mesh")
@@ -280,7 +280,7 @@ def convex_chains(outline: FloatArray) -> list[FloatArray]:
 
 
 def _prolonged(chain: FloatArray, outline: FloatArray) -> FloatArray:
-    """A part of the outline, with its last line extended while that line stays above the outline."""
+    """Extend the last line of a part of the outline, as far as the line stays above the outline."""
     (r0, h0), (r1, h1) = chain[-2], chain[-1]
     beyond = outline[outline[:, 0] > r1 + 1e-12]
     if len(beyond) == 0 or r1 - r0 < 1e-12:
@@ -378,7 +378,10 @@ def set_options(spec: mujoco.MjSpec, iterations: int, memory: int) -> None:
 
 
 def add_round_tip(spec: mujoco.MjSpec) -> None:
-    """Add a hemisphere of radius 1 with a straight shank, on a body 1 above the apex that is moved explicitly."""
+    """Add a hemispherical tip of radius 1 with a straight shank.
+
+    Its body is moved explicitly; the body's origin is 1 above the apex.
+    """
     tip = spec.worldbody.add_body(name="tip", mocap=True, pos=[0.0, 0.0, 2.0])
     size, pos = [1.0, _TIP_HALF_LENGTH, 0.0], [0.0, 0.0, _TIP_HALF_LENGTH]
     tip.add_geom(type=mujoco.mjtGeom.mjGEOM_CAPSULE, size=size, pos=pos, **CONTACT)
@@ -401,7 +404,7 @@ def add_flex(
 
 
 class _Quiet:
-    """Number of running solves that silence MuJoCo's warnings, and the handler to restore after the last of them."""
+    """Number of running solves that silence MuJoCo's warnings, and the handler to restore after the last solve."""
 
     lock, solves, previous = Lock(), 0, None
 
@@ -536,7 +539,10 @@ def sweep(mesh: RadialMesh) -> Tetrahedra:
 
 
 def _add_tip(spec: mujoco.MjSpec, shape: TipOutline) -> None:
-    """Add a tip of radius 1 with a straight shank, on a body 1 above the apex that is moved explicitly."""
+    """Add a tip of radius 1 with a straight shank.
+
+    Its body is moved explicitly; the body's origin is 1 above the apex.
+    """
     if shape == HEMISPHERE:
         add_round_tip(spec)
         return
@@ -650,7 +656,7 @@ class _Press(PressedFlex):
         return self._state(depth, self.force(), last_step, 0.0, count)
 
     def _state(self, depth: float, force: float, last_step: float, chatter: float, steps: int) -> PressState:
-        """The present state of the wedge."""
+        """The present state of the wedge, with the given force and convergence figures."""
         overlap = max(0.0, -float(self.data.contact.dist.min())) if self.data.ncon else 0.0
         return PressState(
             depth=depth,

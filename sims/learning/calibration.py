@@ -329,7 +329,7 @@ class _State:
 
     @property
     def rms(self) -> float:
-        """Root mean square residual of the readings with weight, in standard deviations."""
+        """Root mean square residual of the unclipped readings, in standard deviations of the noise."""
         counted = self.problem.weight.ravel() > 0
         residual = self._residual(self.flux, self.log_gains, self.offset_mm)
         return float(np.sqrt((residual[counted] ** 2).mean()))
@@ -414,7 +414,10 @@ class _State:
         return np.asarray(block_diag(GAIN_SPREAD**-2.0 * np.eye(gains), self.problem.offset_information))
 
     def _normal(self) -> tuple[FloatArray, FloatArray]:
-        """Matrix AᵀA + P of the normal equations and their right-hand side; parameters, then gains and offsets."""
+        """Matrix AᵀA + P of the normal equations, and their right-hand side.
+
+        Unknowns are in the order parameters, gains, offsets.
+        """
         problem = self.problem
         nuisance, gains = self._columns(self.flux, self.log_gains, self.offset_mm)
         level = np.exp(problem.parts @ self.log_gains) * problem.weight
@@ -535,7 +538,7 @@ class FittedValue:
 
 @dataclass(frozen=True, kw_only=True)
 class CalibrationReport:
-    """A calibration in numbers and words.
+    """Report on a calibration: fitted values, and sentences for the user.
 
     Attributes
     ----------
@@ -574,7 +577,7 @@ class CalibrationReport:
 
 
 def report_of(found: Calibration) -> CalibrationReport:
-    """The report of a calibration."""
+    """Make the report on a calibration."""
     fit = found.fitted
     rows = zip(found.unknowns, found.values, found.deviations, strict=True)
     before, after = fit.rms

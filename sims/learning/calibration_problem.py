@@ -68,7 +68,7 @@ class SharedError:
         return np.asarray(np.add.reduceat(values[self.order], self.starts, axis=0))
 
     def whitened(self, values: FloatArray, shared: FloatArray) -> FloatArray:
-        """Values (reading, column) transformed to be independent, as if no error were shared.
+        """Transform residuals or slopes (reading, column) so that their errors are independent.
 
         Parameters
         ----------
@@ -82,7 +82,7 @@ class SharedError:
 
 
 def shared_error(light: FloatArray) -> SharedError:
-    """Groups of readings whose light is equal, from the light (sample, pair), flattened."""
+    """Group readings with equal light; `light` is (sample, pair), and readings are its flattened elements."""
     _, group = np.unique(np.round(light.ravel() / np.abs(light).max(), DIGITS), return_inverse=True)
     group = group.reshape(-1)
     order = np.argsort(group, kind="stable")
@@ -109,7 +109,7 @@ NORMAL_ENDS = 2.0
 
 @dataclass(frozen=True, kw_only=True)
 class Unknown:
-    """One parameter to fit.
+    """One parameter to fit, with its prior.
 
     Attributes
     ----------
@@ -368,7 +368,7 @@ class Problem:
         return np.array(found)
 
     def press_slopes(self, values: FloatArray, flux: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Slopes (3, sample, pair) of light by x, y, depth [1/mm], and its rms deviation from these (sample, pair)."""
+        """Slopes (3, sample, pair) of light by x, y, depth [1/mm], and rms residual (sample, pair) of this fit."""
         found, left = [], np.zeros(flux.shape)
         for step in PRESS_STEP * np.diag(self.spread_mm):
             above, below = (self.flux(values, moved_mm=side * step) for side in (1.0, -1.0))

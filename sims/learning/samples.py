@@ -65,7 +65,7 @@ def counts_scaling(kept: NDArray[np.intp]) -> FeatureScaling:
 
 
 def standard_scaling(kept: NDArray[np.intp], signals: NDArray[np.float32]) -> FeatureScaling:
-    """Scaling of every pair by its mean and standard deviation over samples (n, pair), at least the noise.
+    """Scaling by each pair's mean and standard deviation over samples (n, pair); at least `LEAST_SCALE_COUNTS`.
 
     Parameters
     ----------
@@ -145,7 +145,7 @@ def spread_samples(press: IntArray, depth_mm: FloatArray, count: int, rng: np.ra
 
 
 def _shares(sizes: IntArray, count: int, rng: np.random.Generator) -> IntArray:
-    """Number of samples to take from each press, in proportion to its size; rounding is settled at random."""
+    """Number of samples to take from each press, in proportion to its size; leftovers go to random presses."""
     exact = sizes * (count / sizes.sum())
     shares: IntArray = np.floor(exact).astype(np.int64)
     order = rng.permutation(len(sizes))
@@ -240,7 +240,7 @@ class TrainingData:
 
 
 def prepared(train: PressData) -> TrainingData:
-    """Check data and leave out pairs without information.
+    """Check data, and leave out pairs that clip while untouched or never change.
 
     Raises
     ------

@@ -272,7 +272,7 @@ def measured_error(
     accuracy: str | Accuracy = "draft",
     on_step: OnStep | None = None,
 ) -> MapError:
-    """Compare a map with presses that are traced with another seed, at random locations and uniform √depth."""
+    """Compare a map with presses traced with another seed, at random locations and depths (uniform in √depth)."""
     seed = found.seed + ERROR_SEED_GAP
     chance = np.random.default_rng(seed).uniform(size=(presses, 3))
     press_mm = np.column_stack(

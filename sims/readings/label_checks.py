@@ -115,7 +115,10 @@ def counts_factor(found: xr.Dataset, design: SensorDesign | None) -> float:
 
 
 def known_design(design: SensorDesign | None, digest: str | None) -> SensorDesign | None:
-    """The design of data with a digest: `design` if its digest agrees or none is given, otherwise a preset or None."""
+    """The design that belongs to data with a digest; None if unknown.
+
+    It is `design` if its digest agrees or the data have none, otherwise the preset with this digest.
+    """
     from design.preset import PRESETS, preset
 
     if digest is None or (design is not None and design.digest.startswith(digest)):

@@ -93,11 +93,11 @@ class PressData:
         return tuple(f"{e}-{r}" for e in self.emitter_names for r in self.receiver_names)
 
     def signals(self) -> NDArray[np.float32]:
-        """Readings minus those of the off state (sample, emitter, receiver) [counts]."""
+        """Signals (sample, emitter, receiver): readings minus those of the off state [counts]."""
         return signals_of(self.counts)
 
     def features(self) -> NDArray[np.float32]:
-        """Readings minus those of the off state (sample, pair), receivers of the first emitter first [counts]."""
+        """Signals (sample, pair): readings minus those of the off state [counts]; pairs are as in `pair_names`."""
         return self.signals().reshape(len(self), -1)
 
     def only(self, mask: BoolArray | IntArray) -> PressData:
@@ -341,7 +341,7 @@ class PressCurves:
 
     @cached_property
     def _end_slope(self) -> FloatArray:
-        """Slope (place, emitter, receiver) of the flux with depth, as a straight line over the last piece [1/mm]."""
+        """Slope (place, emitter, receiver) of the flux between the last two traced depths [1/mm]."""
         span = self.depth_mm[-1] - self.depth_mm[-2]
         return np.asarray((self.flux[:, -1] - self.flux[:, -2]) / span)
 
@@ -431,11 +431,11 @@ class InterpolationError:
     flux: FloatArray
 
     def rms_counts(self, gains: FloatArray) -> float:
-        """Root mean square difference [counts] over all values; `gains` are (emitter, receiver) in counts."""
+        """Root mean square difference [counts]; `gains` (emitter, receiver) are in counts per flux."""
         return float(np.sqrt(((self.flux * gains) ** 2).mean()))
 
     def worst_counts(self, gains: FloatArray) -> float:
-        """Largest absolute difference [counts]; `gains` are (emitter, receiver) in counts."""
+        """Largest absolute difference [counts]; `gains` (emitter, receiver) are in counts per flux."""
         return float(np.abs(self.flux * gains).max())
 
 

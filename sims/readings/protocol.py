@@ -211,7 +211,7 @@ def data_header(curves: ProtocolCurves, chain: SignalChain, seed: int) -> PressD
 
 
 class _DrawnSet:
-    """One set of a simulated protocol: draws its presses from what they share, such as drift and order."""
+    """Draws the presses of one set of a protocol; stores what they share, such as drift and order."""
 
     def __init__(self, curves: ProtocolCurves, chain: SignalChain, number: int, seed: int) -> None:
         self.curves, self.chain, self.number, self.seed = curves, chain, number, seed
@@ -245,7 +245,10 @@ class _DrawnSet:
 
     @property
     def _frame_s(self) -> float:
-        """Period of the frames [s]. They run freely, so a frame starts within one period after the stage arrives."""
+        """Period of the frames [s].
+
+        Frames run freely, so that one starts within a period after the stage arrives.
+        """
         return 1.0 / self.curves.design.board.frame_rate_hz
 
     def _begins_s(self, k: int) -> FloatArray:

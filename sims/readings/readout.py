@@ -57,7 +57,7 @@ class Readout:
 
     @property
     def gains(self) -> FloatArray:
-        """Gains (receiver,), or () if common, to multiply an array whose last axis is the receiver [counts]."""
+        """Gains by which to multiply flux whose last axis is the receiver [counts]: (receiver,), or () if common."""
         return np.array(self.by_receiver or self.counts_per_flux)
 
     def of_receiver(self, receiver: int) -> float:
@@ -108,7 +108,7 @@ def readout_of(design: SensorDesign, untouched_flux: FloatArray, reference: Bool
 
 
 def _each(design: SensorDesign, flux: FloatArray, reference: BoolArray) -> tuple[float, ...]:
-    """Gain of each receiver, from its pairs in `reference`; a receiver without such pairs uses all of them."""
+    """Gain of each receiver from its pairs in the mask `reference`, or from all pairs in it if it has none."""
     found, most = [], HEADROOM * full_scale_counts(design)
     for receiver in range(flux.shape[1]):
         own = np.zeros_like(reference)

@@ -163,7 +163,7 @@ def _length_mm(table: CsvTable, axis: str) -> FloatArray | None:
 
 
 def _checked_digest(file: Path, stated: object) -> str | None:
-    """A stated digest of the design, or its first digits, in lower case; None if none is stated."""
+    """Check a stated digest of the design, or its first digits; returns it in lower case, or None if none is stated."""
     if stated is None:
         return None
     digest = str(stated).strip().lower()

@@ -115,7 +115,7 @@ def with_loose_walls(design: SensorDesign) -> SensorDesign:
 
 
 def blended(bonded: FloatArray, loose: FloatArray, share: FloatArray) -> FloatArray:
-    """Flux (n, emitter, receiver) if a share (n,) of the walls is loose, from that with all bonded and all loose."""
+    """Flux (n, emitter, receiver) if a share (n,) of the walls is loose, from the flux for all bonded and all loose."""
     u = share[:, None, None]
     return np.asarray((1.0 - u) * bonded + u * loose)
 
@@ -178,7 +178,7 @@ def shot_variance_per_count(design: SensorDesign, readout: Readout) -> FloatArra
 
 
 def relative_power(design: SensorDesign) -> FloatArray:
-    """Photocurrent (emitter, receiver) at equal flux, over its mean over the emitters [-].
+    """Photocurrent (emitter, receiver) at equal flux, relative to the mean of the emitters [-].
 
     It is 1 if all emitters are the same part, or if the power of one is unknown. A readout's gains are for the mean
     emitter.

@@ -73,7 +73,7 @@ DEPTHS_PER_INTERVAL = 3
 
 
 def _resampled(points: FloatArray, wall_radius: float) -> FloatArray:
-    """Points (sample, 2) on a dense curve (n, 2) of radius and height, at the arc lengths of `sample_arcs`."""
+    """Resample a dense curve (n, 2) of radius and height to the arc lengths of `sample_arcs` (sample, 2)."""
     length = np.append(0.0, np.cumsum(np.hypot(*np.diff(points, axis=0).T)))
     return np.asarray(
         CubicSpline(length, points)(sample_arcs(float(length[-1]), wall_radius)), dtype=np.float64
@@ -81,7 +81,7 @@ def _resampled(points: FloatArray, wall_radius: float) -> FloatArray:
 
 
 def tributary_areas(radius: FloatArray, height: FloatArray) -> FloatArray:
-    """Area (node,) that loads each node of a surface of revolution: ∫ N 2πr ds with the node's hat function N.
+    """Area (node,) whose load each node of a surface of revolution takes: ∫ N 2πr ds with hat function N.
 
     The surface is given by its radii and heights (node,). A node on the axis gets a third of the disc that reaches its
     neighbour, not the quarter up to the middle between them.
@@ -213,7 +213,7 @@ def mesh_size(design: SensorDesign, mesh_mm: float | None) -> float:
 def live_press(
     design: SensorDesign, spacing: float, deepest: float, on_step: OnShare | None
 ) -> tuple[UnitPress, SmoothPress, tuple[str, ...]]:
-    """The press of a design's tip, from the cache of live solves or solved now.
+    """The press of a design's tip, solved live, or from the cache of earlier live solves.
 
     Parameters
     ----------
@@ -246,7 +246,7 @@ def live_press(
 def both_ratios(
     inputs: PressInputs, on_step: OnShare | None
 ) -> tuple[UnitPress, SmoothPress, tuple[str, ...]]:
-    """Solve a press at both `POISSON_RATIOS` and extrapolate; returns and errors are those of `live_press`.
+    """Solve a press at Poisson's ratios 0.48 and 0.49, and extrapolate; returns and errors are those of `live_press`.
 
     Parameters
     ----------
@@ -338,9 +338,9 @@ def entry_press(layer: float, wall_radius: float = WALL_RADIUS, crown: float = 0
 
 
 def slope_and_bow(flat: SmoothPress, crowned: Sequence[SmoothPress]) -> tuple[FloatArray, FloatArray]:
-    """Linear and quadratic factors (coefficient, VALUES) of the crown in the change that it makes to a flat pad.
+    """Factors a and b (coefficient, VALUES): a crown changes the spline coefficients by a crown + b crown².
 
-    They are solved for exactly from the presses of one pad without a crown and under two crowns.
+    They follow exactly from the presses of one pad that is flat, and under two crowns.
     """
     powers = np.array([[press.crown, press.crown**2] for press in crowned])
     changes = np.array([press.coefficients - flat.coefficients for press in crowned])
@@ -353,7 +353,7 @@ def crown_changes(
 ) -> CrownChanges:
     """Changes of a flat pad's spline coefficients by crowns, for every combination of layer and wall radius.
 
-    Only some combinations are solved. Elsewhere the linear factors' changes by layer and by wall are added up.
+    Only some combinations are solved. For the others, changes of the linear factor by layer and by wall are added.
 
     Parameters
     ----------

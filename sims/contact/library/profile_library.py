@@ -141,7 +141,7 @@ Chart = tuple[slice, CubicSpline]
 
 
 def _charts(layers: FloatArray) -> tuple[Chart, Chart]:
-    """Range of entries and interpolation weights, for layers up to `CORNER` and for layers from there on."""
+    """Split entries at `CORNER` into thin and thick layers; each part's range, and a spline of its weights."""
     corner = int(np.argmin(np.abs(layers - CORNER)))
     thin, thick = slice(0, corner + 1), slice(corner, len(layers))
     # abscissae of a spline must increase, so 1/layer is taken in reverse order
@@ -281,7 +281,7 @@ class Library:
         )
 
     def _change(self, layer: float, radius: float) -> FloatArray | float:
-        """Change (coefficient, VALUES) of the entries' coefficients by another wall radius; 0 at their own."""
+        """Change (coefficient, VALUES) of the spline coefficients by another wall radius; 0 at the entries' own."""
         if radius == self.wall_radius:
             return 0.0
         part, weights = self._wall_charts[int(layer > CORNER)]

@@ -93,7 +93,7 @@ def contact_tolerance(spacing: float, wedge_angle: float) -> float:
 
 
 def hertz_gap(ratio: FloatArray) -> FloatArray:
-    """Gap outside a Hertz contact over contact radius²/tip radius [-], at `ratio` = radius over contact radius >= 1."""
+    """Gap outside a Hertz contact, in contact radius²/tip radius, at `ratio` = radius/contact radius >= 1."""
     free = (2.0 - ratio**2) * np.arcsin(1.0 / ratio) + np.sqrt(ratio**2 - 1.0)
     return np.asarray(ratio**2 / 2.0 - 1.0 + free / np.pi, dtype=np.float64)
 
@@ -238,7 +238,7 @@ def _tangent_angles(along: FloatArray, tip: TipOutline) -> FloatArray:
 
 
 def _free_angles(radius: FloatArray, height: FloatArray, first: float) -> FloatArray:
-    """Tangent angle (n,) to the radial direction [rad] of a spline through points; `first` is that at the first one."""
+    """Tangent angle (n,) to the radial direction [rad] of a spline through points that starts with the angle `first`."""
     points = np.stack([radius, height], axis=1)
     chord = np.append(0.0, np.cumsum(np.hypot(*np.diff(points, axis=0).T)))
     start = np.array([np.cos(first), np.sin(first)])
@@ -359,7 +359,7 @@ def _arc_shares() -> FloatArray:
 
 
 def arc_shares() -> FloatArray:
-    """(sample,) shares of the free surface's arc length, from 0 at the contact edge to 1 at the wall [-]."""
+    """Samples (sample,) on the free surface as shares of its arc length, 0 at the contact edge, 1 at the wall."""
     return _arc_shares().copy()
 
 
@@ -419,7 +419,7 @@ def on_crown(curve: TopCurve, crown: float) -> TopCurve:
 
 
 def off_crown(points: FloatArray, wall_radius: float, crown: float) -> FloatArray:
-    """Points (n, 2) with heights above the undeformed crown instead of above its apex [tip radii].
+    """Convert heights of points (n, 2) above the crown's apex to heights above the undeformed crown.
 
     Parameters
     ----------

@@ -115,7 +115,7 @@ def touch_told(
 
 
 def begun(train: PressData, seed: int, settings: FitSettings, on_step: OnStep) -> Begun:
-    """Check data, fit the tuned touch classifier and choose samples, for trees and network; errors of `touch_told`."""
+    """Start the fit of trees or network: check data, fit the tuned touch classifier, choose samples in contact."""
     told = touch_told(train, fit_tuned_touch, seed=seed, settings=settings, on_step=on_step)
     samples = press_samples(told.data, settings.network_samples, told.rng)
     return Begun(
@@ -469,7 +469,7 @@ def searched_grid(
 
 
 def _at_border(relative: float, ridge: float) -> list[str]:
-    """Which of γ and λ is at an end of its grid, so that a better value may be outside."""
+    """Names of those of γ and λ that are at an end of their grid, so that a better value may be outside."""
     return [
         name
         for name, value, grid in (("gamma", relative, GAMMA_TIMES_MEDIAN), ("lambda", ridge, RIDGES))

@@ -110,7 +110,7 @@ def fit_tuned_touch(
 
 
 def with_few_false_alarms(plane: TouchSvm, data: TrainingData) -> tuple[TouchSvm, dict[str, Any]]:
-    """Shift a plane if a new set would exceed `FALSE_ALARMS`; also returns the shift, `touch_moved` [-]."""
+    """Shift a classifier's plane if a new set would have too many false alarms; also returns the shift [-]."""
     moved = max(untouched_limit(plane, data), 0.0)
     return replace(plane, bias=plane.bias - moved), {"touch_moved": moved}
 

@@ -81,7 +81,10 @@ class ExtraTreesModel(TrustedModel):
     forest: Forest
 
     def press_and_spread_mm(self, signals: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Mean over the trees (n, 3) and their deviation (n, 3), with `LEAST_SPREAD_MM` added in quadrature."""
+        """Mean (n, 3) over the trees and raw deviation (n, 3) [mm].
+
+        The deviation is that over the trees, with `LEAST_SPREAD_MM` added in quadrature.
+        """
         features = self.scaling.features(signals).astype(np.float32)
         press_mm, spread_mm = np.empty((2, len(features), 3))
         for start in range(0, len(features), FRAMES_AT_ONCE):

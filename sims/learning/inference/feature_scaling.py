@@ -42,7 +42,7 @@ class FeatureScaling:
         return np.asarray((signals[:, self.kept] - self.centre) / self.scale)
 
     def arrays(self, prefix: str) -> dict[str, NDArray[np.generic]]:
-        """The scaling's arrays, by their names in a model file, which start with `prefix`."""
+        """The scaling's arrays for a model file, by names that start with `prefix`."""
         return {
             f"{prefix}_kept": self.kept.astype(np.int32),
             f"{prefix}_centre": self.centre,

@@ -76,7 +76,7 @@ class KernelRidgeModel:
 
 
 def l1_distances(samples: Float32Array, feature: Float32Array) -> Float32Array:
-    """L1 distances (kept,) of one sample (feature,) from many samples (kept, feature)."""
+    """L1 distances (kept,) between one sample (feature,) and the stored samples (kept, feature)."""
     distances = np.empty(len(samples), np.float32)
     ones = np.ones(samples.shape[1], np.float32)
     work = np.empty((min(BLOCK, len(samples)), samples.shape[1]), np.float32)

@@ -41,7 +41,7 @@ class Network:
     activation: str
 
     def outputs(self, features: NDArray[np.float32]) -> NDArray[np.float32]:
-        """(n, output) outputs for features (n, feature) [-]."""
+        """Outputs (n, output) of the network for features (n, feature) [-]."""
         found = features
         for weights, bias in zip(self.weights[:-1], self.biases[:-1], strict=True):
             found = found @ weights + bias

@@ -181,7 +181,7 @@ def fitted_spline(signals: FloatArray, start: FloatArray, step: FloatArray) -> T
 
 
 def _solver(count: int, is_flat_at_start: bool) -> FloatArray:
-    """Matrix (count + 2, count) from values at nodes along one axis to spline coefficients."""
+    """Matrix (count + 2, count) that turns values at the nodes of one axis into spline coefficients."""
     if count < FEWEST_NODES:
         raise ValueError(f"{count} nodes along an axis, needs {FEWEST_NODES} or more")
     rows = np.zeros((count + 2, count + 2))
@@ -217,7 +217,7 @@ def _products(weights: FloatArray) -> FloatArray:
 
 @cache
 def _offsets(across: int, along: int) -> IntArray:
-    """Distances (64,) in the flattened coefficients from a cell's first coefficient to each of its 64."""
+    """Offsets (64,), in the flattened coefficients, of a cell's 64 coefficients from its first one."""
     i, j, k = np.meshgrid(np.arange(4), np.arange(4), np.arange(4), indexing="ij")
     return ((i * across + j) * along + k).ravel()
 
@@ -353,7 +353,7 @@ class Box:
 
     @property
     def prior_information(self) -> FloatArray:
-        """Information (3, 3) of a uniform prior in the box [1/mm²]; it makes the covariance finite without any data."""
+        """Inverse covariance (3, 3) of a uniform prior in the box [1/mm²], which limits the covariance without data."""
         return np.asarray(np.diag(12.0 / (self.high - self.low) ** 2))
 
 
@@ -402,7 +402,7 @@ class CoarseTable:
         return tuple((np.ascontiguousarray(part), np.ascontiguousarray(part**2)) for part in parts)
 
     def _squares(self, signals: FloatArray, seen: Whitening) -> FloatArray:
-        """Differences in χ² (n, t) between the presses of the table, up to a constant of each frame."""
+        """χ² (n, t) of n frames for every press of the table, up to a constant per frame."""
         count, gains, pairs = seen.shared.shape
         own = (seen.shared @ signals[:, :, None]).astype(np.float32)
         shared = seen.shared.reshape(count * gains, pairs).astype(np.float32)

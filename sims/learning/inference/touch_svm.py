@@ -32,7 +32,10 @@ class TouchSvm:
     bias: float
 
     def score(self, signals: FloatArray) -> FloatArray:
-        """Score (n,) of frames (n, pair): signed distance from the plane in margins, above 0 for touch [-]."""
+        """Score (n,) of frames (n, pair); above 0 means touch [-].
+
+        It is the signed distance from the plane, in units of the margin.
+        """
         return np.asarray(self.scaling.features(signals) @ self.weights + self.bias)
 
     def arrays(self) -> dict[str, NDArray[np.generic]]:
