@@ -3,7 +3,7 @@
 A press is taken from the shipped library of solved presses, or solved live where a mesh is requested. Both are
 dimensionless: lengths scale with the tip radius R, forces with E R² (E is Young's modulus), because a frictionless
 neo-Hookean layer has no other length or force. The pad is modelled as a round pad of the same area
-(`scope.wall_radius`). For a block (a flat rectangular pad) the effect of its own four walls is added, at every location
+(`scope.wall_radius`). For a flat rectangular pad ("block") the effect of its four walls is added, at every location
 (`library.solved_press`). Other pads use the model below.
 
 Presses on pads with another outline or top ------------------------------------------- The tip presses along the normal
@@ -244,7 +244,7 @@ def _placed(
 
 
 def _require_inside(design: SensorDesign, at_mm: tuple[float, float]) -> None:
-    """Refuse a location (x, y) outside the cavity, or one that is not finite [mm]."""
+    """Refuse a location (x, y) [mm] that is outside the cavity or not finite."""
     for letter, value, limit in zip(
         "xy", at_mm, (design.cavity.length_mm, design.cavity.width_mm), strict=True
     ):

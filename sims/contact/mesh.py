@@ -59,7 +59,7 @@ GROWTH = 1.08
 LARGEST_RADIAL_SPACING = 0.25
 """Largest radial spacing [tip radii]."""
 FEWEST_ROWS = 20
-"""Layer thickness over the largest axial spacing [-]; the axial spacing is never less than that under the tip."""
+"""Layer thickness over the largest axial spacing [-]; this spacing is at least the spacing under the tip."""
 
 RIM_SPACING = 0.02
 """Radial spacing next to the wall of a crowned pad [tip radii]. Half of it changes a press by less than a micrometre.

@@ -469,7 +469,7 @@ DAMPING = 4.0
 MASS_PER_RADIUS = 0.004
 """Vertex mass over (spacing · angle · radius) [E R]; sets the contact stiffness."""
 SMALLEST_MASS_RADIUS = 0.7
-"""Vertices nearer to the axis have the mass of those at this radius [tip radii]."""
+"""Vertices nearer to the axis than this radius have the mass of vertices at it [tip radii]."""
 HOOP_STIFFNESS = 3300.0
 """Stiffness that prevents motion out of the radial plane [E R]."""
 DAMPING_FACTORS = (1.0, 4.0, 16.0)

@@ -346,7 +346,7 @@ class _State:
                 return
 
     def _take(self, trial: FloatArray, step: FloatArray) -> bool:
-        """Take a step if it lowers the cost, else half or a quarter of it; return whether one was taken."""
+        """Take a step if it lowers the cost, otherwise half or a quarter of it; return whether any was taken."""
         before = self._cost(self.values, self.flux, self.log_gains, self.offset_mm)
         for _ in range(3):
             flux = self.problem.flux(trial)
@@ -498,7 +498,7 @@ def _information_error(
 
 
 DETERMINED = 0.5
-"""Largest spread after the fit, over that before, at which a parameter or a combination counts as determined [-]."""
+"""A parameter or combination counts as determined if the fit reduces its spread to this share or less [-]."""
 NAMED = 0.3
 """Least weight of a parameter in a combination, at which the report names it [-]."""
 GOOD_RMS = 2.0
@@ -527,12 +527,12 @@ class FittedValue:
 
     @property
     def share_left(self) -> float:
-        """Standard deviation after the fit over that before [-]."""
+        """Standard deviation after the fit over the standard deviation before [-]."""
         return self.after_spread / self.before_spread
 
     @property
     def is_determined(self) -> bool:
-        """Whether the data reduce the prior's standard deviation to `DETERMINED` of it or less."""
+        """Whether the fit reduced the prior's standard deviation to half of it or less (`DETERMINED`)."""
         return self.share_left <= DETERMINED
 
 

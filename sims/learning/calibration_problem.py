@@ -44,8 +44,7 @@ from sims.learning.map_learner import Untouched, gain_parts, untouched_of
 from sims.readings.dataset import PressData
 
 DIGITS = 11
-"""Decimal digits, relative to the brightest light, to which values agree that are one value of the model by symmetry.
-"""
+"""Light values that agree to this many digits, relative to the brightest, count as one value of the model."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -142,7 +141,7 @@ class Unknown:
 
 
 def unknowns_of(design: SensorDesign) -> tuple[Unknown, ...]:
-    """The optical parameters of a design to fit, in a fixed order: those whose value is not measured.
+    """The optical parameters of a design that were not measured, in a fixed order.
 
     Raises
     ------
@@ -246,7 +245,7 @@ def calibration_samples(data: PressData, deepest_mm: float) -> CalibrationSample
 
 
 def _rows_of(depth_mm: FloatArray, rows: IntArray, depths: int, deepest_mm: float) -> IntArray:
-    """Indices of the frames nearest to the required depths, in one press on its way in."""
+    """Indices of the frames of one press, on its way in, that are nearest to the required depths."""
     way_in = rows[: int(np.argmax(depth_mm[rows])) + 1]
     end = min(float(depth_mm[way_in].max()), 0.9 * deepest_mm)
     wanted = np.linspace(np.sqrt(SHALLOWEST_MM), np.sqrt(end), depths) ** 2
@@ -377,7 +376,7 @@ class Problem:
         return np.array(found), np.sqrt(left)
 
     def mean_flux(self, values: FloatArray) -> FloatArray:
-        """Mean light (sample, pair) of several seeds, which are not those of the slopes."""
+        """Mean light (sample, pair) of several seeds, other than the seeds of the slopes."""
         lights = [self.flux(values, half=HALVES + light) for light in range(LIGHTS)]
         return np.asarray(np.mean(lights, axis=0))
 

@@ -358,7 +358,7 @@ def _sensor_noise(
 
 
 def _moved_by_touches(model: SignalMapModel, untouched: Untouched, data: PressData, seed: int) -> FloatArray:
-    """Untouched signals (pair,) without clipping; those of clipped pairs are estimated from touched frames.
+    """Untouched signals (pair,) as if nothing clipped; for clipped pairs they are estimated from touched frames.
 
     The estimate is the median of reading over simulated ratio, in touched frames whose reading is below full scale.
     """

@@ -65,7 +65,7 @@ def counts_scaling(kept: NDArray[np.intp]) -> FeatureScaling:
 
 
 def standard_scaling(kept: NDArray[np.intp], signals: NDArray[np.float32]) -> FeatureScaling:
-    """Scaling by each pair's mean and standard deviation over samples (n, pair); at least `LEAST_SCALE_COUNTS`.
+    """Scaling by each pair's mean and standard deviation over samples (n, pair); the scale is at least 1 count.
 
     Parameters
     ----------

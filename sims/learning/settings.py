@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 @dataclass(frozen=True, kw_only=True)
 class FitSettings:
-    """Limits of a fit; every learner uses those that concern it.
+    """Limits of the work of a fit; a learner ignores the limits of other learners.
 
     Attributes
     ----------

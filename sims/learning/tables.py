@@ -2,10 +2,10 @@
 
 Touch is the share of samples at a depth that are classified correctly: untouched below 0 mm, touched from 0 mm on.
 Errors are median, mean and standard deviation of the distance in x and y, and of the absolute error of depth. They are
-stated for all samples in contact at a depth (the regressor alone), and for those that the model also detects, with
-their number. Standard errors come from resampling locations and sessions, not samples: press and retraction at one
-location have similar signals, and all presses of a session share drift and reference depth. With a single session the
-standard error leaves out differences between sessions.
+stated for all samples in contact at a depth (the regressor alone), and for the samples that the model also detects.
+Standard errors come from resampling locations and sessions, not samples: press and retraction at one location have
+similar signals, and all presses of a session share drift and reference depth. With a single session the standard error
+leaves out differences between sessions.
 
 `needed_samples` selects the samples that tables and pictures use. `JudgedPresses` are samples with a model's
 predictions. `published_touch` is a sensor's published touch detection, for comparison. Its untouched rows limited the

@@ -259,7 +259,7 @@ class MapError:
     truth: FloatArray
 
     def of_ratio(self, untouched: FloatArray) -> FloatArray:
-        """Root mean square error (pair,) over the untouched light (pair,) [-]."""
+        """Root mean square error (pair,) of the map's light, over the untouched light (pair,) [-]."""
         off = (self.found - self.truth).reshape(len(self.press_mm), -1) / untouched
         return np.asarray(np.sqrt((off**2).mean(axis=0)))
 

@@ -306,7 +306,7 @@ class PressCurves:
         return found
 
     def only(self, place_number: IntArray) -> PressCurves:
-        """The curves at selected locations."""
+        """The curves at some locations, selected by their indices (n,) in `places_mm`."""
         return PressCurves(
             places_mm=self.places_mm[place_number], depth_mm=self.depth_mm, flux=self.flux[place_number]
         )

@@ -190,7 +190,7 @@ def simulate_protocol(
 
 
 def data_header(curves: ProtocolCurves, chain: SignalChain, seed: int) -> PressData:
-    """The common part of all samples, without samples: names, sets, digest, protocol, parameters of the chain."""
+    """Data without samples, with what all samples share: names, sets, digest, protocol, parameters of the chain."""
     cavity = cavity_of(curves.design)
     states = (*(one.name for one in cavity.emitters), OFF)
     receivers = tuple(one.name for one in cavity.receivers)

@@ -108,7 +108,7 @@ def readout_of(design: SensorDesign, untouched_flux: FloatArray, reference: Bool
 
 
 def _each(design: SensorDesign, flux: FloatArray, reference: BoolArray) -> tuple[float, ...]:
-    """Gain of each receiver from its pairs in the mask `reference`, or from all pairs in it if it has none."""
+    """Gain of each receiver, from its pairs in the mask `reference`; without any, from all pairs in the mask."""
     found, most = [], HEADROOM * full_scale_counts(design)
     for receiver in range(flux.shape[1]):
         own = np.zeros_like(reference)

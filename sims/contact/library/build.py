@@ -120,7 +120,7 @@ def _load_inside(
 
 
 def _state(unit: UnitPress, index: int) -> StateValues:
-    """The numbers that describe one solved state (one depth), as the splines fit them."""
+    """The numbers by which the splines describe one solved state, which is that of one depth."""
     depth = float(unit.depths[index])
     radius, height = unit.radii[index], unit.heights[index]
     tolerance = contact_tolerance(unit.mesh_size, unit.wedge_angle)
@@ -313,7 +313,7 @@ def library_depths(layer: float) -> tuple[float, ...]:
 def entry_inputs(
     layer: float, poisson_ratio: float, wall_radius: float = WALL_RADIUS, crown: float = 0.0
 ) -> PressInputs:
-    """Inputs of the solve of one library entry; layer thickness and wall radius in tip radii."""
+    """Inputs of one solve for the shipped library; layer thickness and wall radius in tip radii."""
     return PressInputs(
         layer=layer,
         mesh_size=LIBRARY_MESH,
@@ -327,12 +327,12 @@ def entry_inputs(
 def solve_entry(
     layer: float, poisson_ratio: float, wall_radius: float = WALL_RADIUS, crown: float = 0.0
 ) -> UnitPress:
-    """Solved states of one library entry, from the cache or solved now and cached; lengths in tip radii."""
+    """Solved states for the shipped library, from the cache or solved now and cached; lengths in tip radii."""
     return stored_press(entry_inputs(layer, poisson_ratio, wall_radius, crown))[0]
 
 
 def entry_press(layer: float, wall_radius: float = WALL_RADIUS, crown: float = 0.0) -> SmoothPress:
-    """One nearly incompressible library entry, fitted from its solves at both Poisson's ratios."""
+    """One nearly incompressible press of the shipped library, from its solves at both Poisson's ratios."""
     soft, stiff = (fit_press(solve_entry(layer, ratio, wall_radius, crown)) for ratio in POISSON_RATIOS)
     return nearly_incompressible(soft, stiff)
 
@@ -340,7 +340,7 @@ def entry_press(layer: float, wall_radius: float = WALL_RADIUS, crown: float = 0
 def slope_and_bow(flat: SmoothPress, crowned: Sequence[SmoothPress]) -> tuple[FloatArray, FloatArray]:
     """Factors a and b (coefficient, VALUES): a crown changes the spline coefficients by a crown + b crown².
 
-    They follow exactly from the presses of one pad that is flat, and under two crowns.
+    They follow exactly from three presses of one pad: flat, and under two crowns.
     """
     powers = np.array([[press.crown, press.crown**2] for press in crowned])
     changes = np.array([press.coefficients - flat.coefficients for press in crowned])
@@ -391,7 +391,7 @@ def assembled(
 
     Parameters
     ----------
-    presses : the entries in the pad of default wall radius, thinnest layer first
+    presses : presses in the pad of default wall radius, thinnest layer first
     pads : for each of `WALL_LAYERS` its presses at the other wall radii, smallest first
     crowned : changes of the flat pads' coefficients by crowns
     """

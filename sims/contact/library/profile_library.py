@@ -63,7 +63,7 @@ CROWN_LAYERS = (CORNER, 3.0, 6.0)
 CROWN_RADII = (WALL_RADIUS_RANGE[0], WALL_RADIUS)
 """Wall radii at which crowns are solved [tip radii]; flat pads are solved there too."""
 CROWN_CENTRE = (3.0, WALL_RADIUS)
-"""Layer thickness and wall radius that all crowned solves share at least one of [tip radii]."""
+"""Layer thickness and wall radius [tip radii]; every other solve under a crown has one of the two in common with it."""
 LARGEST_REACH = 0.8
 """Largest radius of the wall over that of the crown [-]: the top then slopes by 53 degrees at the wall."""
 _JOIN = 1e-9
@@ -75,7 +75,7 @@ def deepest_press(layer: float) -> float:
 
 
 def largest_crown(layer: float, wall_radius: float) -> float:
-    """The largest crown [-] that `require_crown` accepts, in steps of 0.0001.
+    """The largest crown (tip radius over crown radius) that the library covers [-], in steps of 0.0001.
 
     Parameters
     ----------
@@ -203,7 +203,8 @@ class Library:
     coefficients : (layer, coefficient, VALUES) spline coefficients of the numbers that describe a press
     wall_layers : (wall layer,) increasing layer thicknesses at which other walls are solved, `CORNER` among them
     pad_radii : (pad,) increasing radii of these other walls
-    wall_changes : (wall layer, pad, coefficient, VALUES) their coefficients minus those of the entry
+    wall_changes : (wall layer, pad, coefficient, VALUES) coefficients in these other pads minus the coefficients of the
+        entry
     crowned : changes of the coefficients by crowns
     residual : (layer, 6) residuals of the spline fits, in the order of `FitResidual`
     recipe : version of the solver that computed the library

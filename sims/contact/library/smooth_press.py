@@ -207,7 +207,7 @@ def contact_radius_at(edge: float, tip: TipOutline = HEMISPHERE) -> float:
 
 
 def _inside_contact(edge: float, tip: TipOutline) -> FloatArray:
-    """Arc lengths (n,) along the tip's outline up to the contact edge, dense enough to draw it, with its kinks."""
+    """Arc lengths (n,) along the tip's outline up to the contact edge, dense enough to draw the tip; kinks included."""
     even = np.linspace(0.0, edge, max(2, int(np.ceil(edge / NEAR_SPACING)) + 1))
     kinks = tip.kinks[tip.kinks < edge]
     return even if kinks.size == 0 else np.unique(np.concatenate([even, kinks]))
@@ -238,7 +238,7 @@ def _tangent_angles(along: FloatArray, tip: TipOutline) -> FloatArray:
 
 
 def _free_angles(radius: FloatArray, height: FloatArray, first: float) -> FloatArray:
-    """Tangent angle (n,) to the radial direction [rad] of a spline through points that starts with the angle `first`."""
+    """Tangent angle (n,) to the radial direction [rad] of a spline through points, which starts at `first`."""
     points = np.stack([radius, height], axis=1)
     chord = np.append(0.0, np.cumsum(np.hypot(*np.diff(points, axis=0).T)))
     start = np.array([np.cos(first), np.sin(first)])
@@ -295,7 +295,7 @@ NEARLY_INCOMPRESSIBLE = 0.499
 
 
 def extrapolation_weight() -> float:
-    """Factor of the difference between the two solves that is added to the one at ν = 0.49 [-]: 0.9."""
+    """Factor by which the change from Poisson's ratio 0.48 to 0.49 is continued to reach 0.499 [-]: 0.9."""
     soft, stiff = POISSON_RATIOS
     return (NEARLY_INCOMPRESSIBLE - stiff) / (stiff - soft)
 
@@ -396,7 +396,7 @@ def outward(curve: TopCurve) -> tuple[FloatArray, FloatArray]:
 
 
 def above_crown(curve: TopCurve, crown: float) -> TopCurve:
-    """Convert a curve's heights above the apex, and its angles, to those relative to the undeformed crown.
+    """Convert a curve's heights and angles from the apex's plane to the undeformed crown as reference.
 
     Parameters
     ----------

@@ -200,7 +200,7 @@ class SolvedPress:
     smooth : the presses in the round pad, in tip radii and E R²
     tip_radius_mm : radius of the tip [mm]
     youngs_modulus_mpa : modulus of the layer [MPa]; it scales the force only
-    placed : the presses at a location between the walls of a rectangular pad; None: those of the round pad apply
+    placed : the presses at a location between the walls of a rectangular pad; None: `smooth` applies as it is
     walls_mm : distances of the nearest and the farthest wall from the press axis, in a pad with round walls [mm]; None:
         all walls are straight
     unit : the solver's states if the press was solved live; None if it is from the library

@@ -64,7 +64,7 @@ class PressInputs:
     crown: float = 0.0
 
     def key(self) -> str:
-        """Name of the stored solution: a hash of all inputs. `crown` is part of it only where it is not 0."""
+        """Name of the stored solution: a hash of all inputs, without `crown` if it is 0."""
         return entry_key(
             {
                 "layer": round(self.layer, 9),
@@ -144,7 +144,7 @@ def entry_key(inputs: Mapping[str, object]) -> str:
 
 
 def entry_path(key: str) -> Path:
-    """Path of the entry file with a key."""
+    """Path of the file of a stored press with a key."""
     return cache_folder() / f"{key}.npz"
 
 

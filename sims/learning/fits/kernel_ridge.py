@@ -469,7 +469,7 @@ def searched_grid(
 
 
 def _at_border(relative: float, ridge: float) -> list[str]:
-    """Names of those of γ and λ that are at an end of their grid, so that a better value may be outside."""
+    """Whether γ, λ or both are at an end of their grid, where a better value may be outside; their names."""
     return [
         name
         for name, value, grid in (("gamma", relative, GAMMA_TIMES_MEDIAN), ("lambda", ridge, RIDGES))

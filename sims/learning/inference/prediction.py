@@ -16,9 +16,9 @@ class Prediction:
     is_touched : (n,) whether the model detects a touch
     touch_score : (n,) score of this decision [-]: touch above 0, the more certain the higher; not a probability
     press_mm : (n, 3) x, y, depth [mm]; given for every frame, but meaningful only if there is touch
-    sigma_mm : (n, 3) standard deviations of `press_mm` [mm]; NaN if the model has none. For a signal map they are of
-        the tip's true position, for other models of the stage's reported one; `sigma_of` in the header's settings
-        states it
+    sigma_mm : (n, 3) standard deviations of `press_mm` [mm]; NaN if the model has none. For a signal map they refer to
+        the tip's true position, for other models to the position that the stage reports; `sigma_of` in the header's
+        settings states which
     force_n : (n,) force from the force curve of the model's header [N], 0 without touch; None if there is no such curve
     """
 

@@ -287,7 +287,7 @@ class Whitening:
     shared: FloatArray
 
     def square(self, residual: FloatArray) -> FloatArray:
-        """Squares rᵀC⁻¹r (n,) of residuals (n, pair) [counts]."""
+        """χ² = rᵀC⁻¹r (n,) of residuals r (n, pair) [counts], with the frames' covariance C."""
         shared = (self.shared @ residual[:, :, None])[:, :, 0]
         return np.asarray((self.weight * residual**2).sum(axis=1) - (shared**2).sum(axis=1))
 
