@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 HALF_WIDTH = 16 / 3
 """Half width of the published pad [tip radii]: 16 mm for a 3 mm tip."""
 WALL_RADIUS = 16 / 3
-"""Default radius at which the wall of a round pad is bonded [tip radii]."""
+"""Default wall radius of a round pad [tip radii]."""
 FIRST_DEPTHS = (0.02 / 3, 0.05 / 3, 0.1 / 3, 0.15 / 3, 0.2 / 3)
 """First solved depths [tip radii]. They are close together, because mode 1 of a pair can end in the first 0.2 mm."""
 DEPTH_STEP = 0.1 / 3

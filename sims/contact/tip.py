@@ -100,7 +100,7 @@ class TipOutline:
         )
 
     def tangent_angle(self, coordinate: float) -> float:
-        """Tangent angle to the radial direction [rad] at an arc length from the apex; at a kink, the angle before it."""
+        """Tangent angle to the radial direction [rad] at an arc length from the apex; at a kink, before the kink."""
         piece = max(int(np.searchsorted(self.starts, coordinate, side="left")) - 1, 0)
         first, last = self.angles[piece]
         share = (coordinate - self.starts[piece]) / self.lengths[piece]

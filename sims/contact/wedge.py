@@ -245,7 +245,7 @@ TOP_HEIGHT = 6.0
 DENSE_HALF_ANGLE = 0.06
 """Half of the sector in which meridians are dense [rad]; the wedge has 0.05."""
 DENSE_COUNT, SPARSE_COUNT = 5, 12
-"""Number of meridians in that sector, and in the rest of the circle; the middle of each facet has a dense one."""
+"""Number of meridians in the dense sector, and in the rest of the circle; one is at the middle of each facet."""
 _SLOPE_NOISE = 1e-9
 
 
@@ -315,7 +315,7 @@ CHATTER_LIMIT = 2e-3
 mesh's error at the depths where cycles occur.
 """
 DRIFT_LIMIT = 3e-4
-"""Largest difference between the means of two windows [tip radii]: 0.9 µm for a 3 mm tip."""
+"""Largest difference between the means of two successive windows [tip radii]: 0.9 µm for a 3 mm tip."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -65,8 +65,8 @@ LOCATED_MM = 0.2
 """Least depth of the presses by which deviations are scaled [mm]: a lighter press is detected but not located."""
 CHECK_FRAMES = 4
 TRUST_BINS = 5
-"""Number of frames of each such press, and number of depth bins. With ten presses in a bin, a factor is known to 16 %
-in x and y and to 22 % in depth.
+"""Number of frames of each press that scales deviations, and number of depth bins. With ten presses in a bin, a factor
+is known to 16 % in x and y and to 22 % in depth.
 """
 MOST_FOR_THRESHOLD = 1500
 """Largest number of untouched frames that set the threshold, of all sets together."""

@@ -167,7 +167,7 @@ class _Nodes:
     def filled(self, at_places: FloatArray, untouched: FloatArray) -> FloatArray:
         """Light (node, ...) from light at the traced locations (place, ...).
 
-        Nodes outside are mirrored at the border, in the root of the ratio to the untouched light.
+        For nodes outside the border, √(light / untouched light) is mirrored at the border.
         """
         root = np.sqrt(at_places / np.where(untouched > 0.0, untouched, 1.0))
         mirrored = np.maximum(2.0 * root[self.border] - root[self.inner], 0.0) ** 2 * untouched

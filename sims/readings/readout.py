@@ -34,8 +34,9 @@ from design.spec.properties import entries_of
 from sims.optics.light_signals import LightSignals
 
 HEADROOM = 0.75
-"""Largest reading without contact of a receiver's brightest judged pair, over full scale, by the rule `each` [-]. The
-rest is for dimples, which on the published layouts mirror up to a quarter more light onto the brightest pairs.
+"""Largest untouched reading of a receiver's brightest pair in the verdict, over full scale, if gains are per receiver
+[-]. The rest is for dimples, which on the published layouts mirror up to a quarter more light onto the brightest
+pairs.
 """
 
 

@@ -102,7 +102,7 @@ def _load_inside(
     ----------
     force, radius, height : (node,) force on each top node, and its position
     along : (node,) arc length along the tip's outline at each node
-    edge : the same at the contact edge
+    edge : arc length at the contact edge
     """
     count = int(np.flatnonzero(force > 0.0)[-1]) + 1
     inside = np.cumsum(force[:count]) / force[:count].sum()
@@ -298,7 +298,7 @@ Pad = tuple[float, float]
 """Layer thickness and wall radius of a round pad [tip radii]."""
 
 LIBRARY_MESH = 1 / 15
-"""Node spacing under the tip of the library's entries [tip radii]: 0.2 mm for a 3 mm tip."""
+"""Node spacing under the tip for the library's presses [tip radii]: 0.2 mm for a 3 mm tip."""
 
 
 def library_depths(layer: float) -> tuple[float, ...]:
@@ -338,7 +338,7 @@ def entry_press(layer: float, wall_radius: float = WALL_RADIUS, crown: float = 0
 
 
 def slope_and_bow(flat: SmoothPress, crowned: Sequence[SmoothPress]) -> tuple[FloatArray, FloatArray]:
-    """Factors a and b (coefficient, VALUES): a crown changes the spline coefficients by a crown + b crown².
+    """Factors a and b (coefficient, VALUES): a crown changes the spline coefficients by a·crown + b·crown².
 
     They follow exactly from three presses of one pad: flat, and under two crowns.
     """

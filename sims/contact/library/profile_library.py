@@ -10,10 +10,10 @@ Other walls: their effect is solved at the fewer thicknesses `WALL_LAYERS`, at e
 change of every coefficient is a cubic spline in 1/radius (zero at `WALL_RADIUS`). Between thicknesses it is linear in
 1/thickness for thin layers and a parabola for thick ones. Nothing is extrapolated outside the entries.
 
-Crowns (spherical tops, pressed at the apex): their effect is added too. The change of every coefficient is a crown + b
-crown², where crown is tip radius over crown radius. Surface heights are then above the undeformed top. Both factors are
-solved from two crowns in one pad, `CROWN_CENTRE`, and b is used everywhere. The slope a follows from the largest crown
-of the other `CROWN_LAYERS` at that wall radius, and of that layer at the other `CROWN_RADII`. The change of a by
+Crowns (spherical tops, pressed at the apex): their effect is added too. The change of every coefficient is a·crown +
+b·crown², where crown is tip radius over crown radius. Surface heights are then above the undeformed top. Both factors
+are solved from two crowns in one pad, `CROWN_CENTRE`, and b is used everywhere. The slope a follows from the largest
+crown of the other `CROWN_LAYERS` at that wall radius, and of that layer at the other `CROWN_RADII`. The change of a by
 another wall is assumed to be the same in every layer. It is a parabola in 1/thickness and linear in 1/radius, continued
 to the largest pad (contact-interpolation.md measures a press there).
 
@@ -49,9 +49,9 @@ MOST_BYTES = 50_000_000
 CORNER = DEEPEST_PRESS / LARGEST_SHARE_OF_LAYER
 """Layer thickness at which the two limits of the press depth meet [tip radii]: 2.125."""
 LAYERS = (1.3, 1.45, 1.63, 1.85, CORNER, 2.4, 2.7, 3.0, 3.5, 4.2, 5.0, 6.0)
-"""Layer thicknesses of the entries [tip radii], about evenly spaced in 1/thickness; 3.0 is the published pad's."""
+"""Layer thicknesses in the library [tip radii], about evenly spaced in 1/thickness; 3.0 is the published pad's."""
 WALL_LAYERS = (1.3, CORNER, 3.0, 6.0)
-"""Layer thicknesses at which other wall radii are solved [tip radii]; each is also an entry."""
+"""Layer thicknesses at which other wall radii are solved [tip radii]; each is also in `LAYERS`."""
 PAD_RADII = (
     WALL_RADIUS_RANGE[0],
     *(round(round_radius(2.0 * half, 2.0 * half), 9) for half in (4.0, HALF_WIDTH)),
@@ -59,13 +59,13 @@ PAD_RADII = (
 )
 """Other solved wall radii [tip radii]: round pads with the area of a preset's pad, and the largest."""
 CROWN_LAYERS = (CORNER, 3.0, 6.0)
-"""Layer thicknesses at which crowns are solved [tip radii]; each is also an entry."""
+"""Layer thicknesses at which crowns (spherical tops) are solved [tip radii]; each is also in `LAYERS`."""
 CROWN_RADII = (WALL_RADIUS_RANGE[0], WALL_RADIUS)
-"""Wall radii at which crowns are solved [tip radii]; flat pads are solved there too."""
+"""Wall radii at which crowns (spherical tops) are solved [tip radii]; flat pads are solved there too."""
 CROWN_CENTRE = (3.0, WALL_RADIUS)
 """Layer thickness and wall radius [tip radii]; every other solve under a crown has one of the two in common with it."""
 LARGEST_REACH = 0.8
-"""Largest radius of the wall over that of the crown [-]: the top then slopes by 53 degrees at the wall."""
+"""Largest wall radius over the crown's radius [-]: the top then slopes by 53 degrees at the wall."""
 _JOIN = 1e-9
 
 

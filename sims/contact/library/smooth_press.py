@@ -289,9 +289,9 @@ def surface_curve(
 
 
 POISSON_RATIOS = (0.48, 0.49)
-"""Poisson's ratios that are solved [-]."""
+"""Poisson's ratios at which presses are solved [-]."""
 NEARLY_INCOMPRESSIBLE = 0.499
-"""Poisson's ratio of the result [-]."""
+"""Poisson's ratio to which solved presses are extrapolated [-]."""
 
 
 def extrapolation_weight() -> float:
