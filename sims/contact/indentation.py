@@ -6,9 +6,10 @@ neo-Hookean layer has no other length or force. The pad is modelled as a round p
 (`scope.wall_radius`). For a flat rectangular pad ("block") the effect of its four walls is added, at every location
 (`library.solved_press`). Other pads use the model below.
 
-Presses on pads with another outline or top ------------------------------------------- The tip presses along the normal
-of the undeformed top at its location (x, y), to a depth d from first touch. The press is modelled as the axisymmetric
-press at the apex of a round pad
+Presses on pads with another outline or top
+-------------------------------------------
+The tip presses along the normal of the undeformed top at its location (x, y), to a depth d from first touch. The press
+is modelled as the axisymmetric press at the apex of a round pad
 
 - as thick as the pad is there, along the normal (this agrees better with finite elements than the vertical thickness),
 - under a sphere of the top's mean curvature: 1/C under a sphere of radius C, 1/(2C) under a cylinder,

@@ -10,8 +10,9 @@ by the model below. Depth counts from first contact. A pause follows every step,
 
 Left out: acceleration of the stage, and errors of the zero of depth.
 
-Viscoelastic model ------------------ The standard linear solid (a spring parallel to a spring and a dashpot in series)
-relaxes after a step as
+Viscoelastic model
+------------------
+The standard linear solid (a spring parallel to a spring and a dashpot in series) relaxes after a step as
 
     g(t) = 1 + s/(1 - s) exp(-t/τ)
 
@@ -27,7 +28,8 @@ exp(-Δ/τ) + ΔF_e (1 - exp(-Δ/τ)) τ/Δ and F = F_e + s/(1 - s) q.
 While the contact grows this is Lee and Radok's solution for a linear solid (J. Appl. Mech. 27, 1960, 438-444), because
 Hertz' force is one function of depth. For large strains it is an assumption.
 
-What the viscoelastic model leaves out --------------------------------------
+What the viscoelastic model leaves out
+--------------------------------------
 * The true contact in retraction. The skin recovers more slowly than the tip leaves, so the contact shrinks faster than
   the elastic one, and the force depends on that (Ting, J. Appl. Mech. 33, 1966, 845-854). Here the elastic contact is
   assumed, which gives negative forces at the end of a fast retraction. A tip without adhesion cannot pull, so they

@@ -2,35 +2,39 @@
 
 Lengths in tip radii. Displacements are in units of load over shear modulus, which is 1 here.
 
-Quadratic finite elements along one axis (`QuadraticAxis`) ---------------------------------------------------------- On
-a grid that is a product of axes, every integral of products of shape functions is a Kronecker product of
+Quadratic finite elements along one axis (`QuadraticAxis`)
+----------------------------------------------------------
+On a grid that is a product of axes, every integral of products of shape functions is a Kronecker product of
 one-dimensional integrals. Displacements have quadratic shape functions (nodes at the ends and in the middle of every
 element), pressures linear ones. Together they are the Taylor-Hood element, which is stable for incompressible solids
 (Elman, Silvester and Wathen, Finite Elements and Fast Iterative Solvers, 2014, section 3.3).
 
 A rectangular incompressible layer whose four walls are moved (`BlockLayer`)
----------------------------------------------------------------------------- Stress -p 1 + 2 μ ε, div u = 0, u = 0 on
-the bottom, u given on the walls, the top free. The grid's steps are small near the walls; elsewhere the field is smooth
-on the scale of the layer's thickness. The two middle planes split every field into four parts, even or odd across each
-plane, so a quarter of the block is enough. The matrix from the motion of the walls' nodes to the top's is stored, so
-every further press is one matrix product.
+----------------------------------------------------------------------------
+Stress -p 1 + 2 μ ε, div u = 0, u = 0 on the bottom, u given on the walls, the top free. The grid's steps are small near
+the walls; elsewhere the field is smooth on the scale of the layer's thickness. The two middle planes split every field
+into four parts, even or odd across each plane, so a quarter of the block is enough. The matrix from the motion of the
+walls' nodes to the top's is stored, so every further press is one matrix product.
 
 A press in a wide layer moves the points where the walls are. Moving the walls back by this motion, and adding the
 result to the press in the wide layer, gives the press between fixed walls.
 
 A round incompressible layer under axisymmetric loads (`RoundLayer`)
--------------------------------------------------------------------- Stress -p 1 + 2 μ ε, div u = 0, u = 0 on bottom and
-wall, the top free except for the load. The Taylor-Hood elements are factorised once.
+--------------------------------------------------------------------
+Stress -p 1 + 2 μ ε, div u = 0, u = 0 on bottom and wall, the top free except for the load. The Taylor-Hood elements are
+factorised once.
 
-Loads that replace a press far from the tip (`FarPress`) --------------------------------------------------------
+Loads that replace a press far from the tip (`FarPress`)
+--------------------------------------------------------
 Outside the dimple strains are small, so the top there is that of a `RoundLayer` under loads near the axis. Two loads,
 p(r) = 5 / (2 π w²) (1 - r²/w²)^(3/2) with the widths w of `LOAD_RADII`, give any force and spread. Their amplitudes are
 fitted by least squares to the solved round pad's top, from `START` beyond the contact to its wall. Nothing is fitted to
 results in three dimensions. Amplitudes have the unit of a force over the shear modulus.
 
 Change of a press at one location by the walls (`Surroundings`)
---------------------------------------------------------------- With the loads q of the press, the top G of a layer
-under unit loads, and ρ the round pad in which the press was solved, the change of the top is
+---------------------------------------------------------------
+With the loads q of the press, the top G of a layer under unit loads, and ρ the round pad in which the press was solved,
+the change of the top is
 
     D = Σ q (G_block - G_ρ) = Σ q (G_wide + C - G_ρ),
 

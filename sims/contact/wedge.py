@@ -1,6 +1,7 @@
 """A round tip pressed into a bonded elastic layer, solved by MuJoCo as a thin axisymmetric wedge.
 
-Model -----
+Model
+-----
 * Lengths are in tip radii R, forces in E·R² (E is Young's modulus), so that the problem has two numbers: layer
   thickness and press depth. The layer's shape does not depend on its modulus because the tip is frictionless.
 * The layer is a wedge of 0.1 rad around the press axis, made of the r-z triangles of `mesh`, each swept into a prism of
@@ -25,7 +26,8 @@ faces of the wedge differ a little (9 µm at 3 mm depth on a 0.45 mm mesh); thei
 Sources: feasibility study of this project, section "Contact"; MuJoCo 4.0 documentation, `flex` and the `discrete`
 integrator.
 
-Checks of a solved press ------------------------
+Checks of a solved press
+------------------------
 
 The checks use the deformed shape alone, independent of MuJoCo.
 
@@ -33,7 +35,8 @@ A state passes if it is at rest and finite, no element is inverted, the top has 
 the tip equals the reaction of the bonded bottom and wall. That reaction is computed from the deformed shape by
 `mesh.nodal_forces`. A state that fails raises an error; nothing is repaired.
 
-Shape of the tip ----------------
+Shape of the tip
+----------------
 
 MuJoCo replaces a mesh by its convex hull, so the tip is made of convex bodies.
 
@@ -45,7 +48,8 @@ while it stays inside the tip. Otherwise the solver could push an overlapping fa
 Arcs become polylines with a sagitta of 1e-6 tip radii; a coarser one of 1e-4 made the contact chatter. Around the axis,
 points are dense over the wedge and sparse elsewhere.
 
-Convergence -----------
+Convergence
+-----------
 
 An iteration is at rest when its steps have become negligible, or when it cycles closely around a fixed point.
 

@@ -2,8 +2,9 @@
 
 Gains of the components and offsets of the tip are fitted along with them.
 
-Model ----- Signals of sample s and pair (i, j) under unknown parameters u (in prior standard deviations about the prior
-mean) are
+Model
+-----
+Signals of sample s and pair (i, j) under unknown parameters u (in prior standard deviations about the prior mean) are
 
     y_s,ij = gᵢ hⱼ F_s,ij(u, press_s + δ) + n,     F the light model, g, h the gains of emitter and receiver
 
@@ -20,8 +21,9 @@ sample, without δ. The noise n is the sum of
     of a standard normal z has q = (F₊ + F₋ - 2 F₀) / 6 and leaves q z², of mean square 3 q²; b is the slope
     (statistical linearisation by three Gauss-Hermite points: Särkkä 2013, section 6.2)
 
-First steps: Broyden's rule --------------------------- The cost is minimised by Gauss-Newton steps on all unknowns at
-once,
+First steps: Broyden's rule
+---------------------------
+The cost is minimised by Gauss-Newton steps on all unknowns at once,
 
     (AᵀA + P) Δ = Aᵀr - P(Δ₀),    A and r in standard deviations of n, P the priors' information
 
@@ -32,8 +34,10 @@ F is rough in u, because the error of its adaptive integration changes at every 
 which of two costs is less, and noise in the slopes counts as information. Such a descent stops early, far from the
 minimum along poorly determined directions. So from there on costs are not compared.
 
-Last steps: significant information only ---------------------------------------- Slopes U are computed twice by fresh
-differences to both sides, with light of two seeds, whose noise is independent. Then
+Last steps: significant information only
+----------------------------------------
+Slopes U are computed twice by fresh differences to both sides, with light of two seeds, whose noise is independent.
+Then
 
     I = Uᵀ(1 - N(NᵀN + P)⁻¹Nᵀ)U        information on u with gains and offsets free; N the slopes by these
 

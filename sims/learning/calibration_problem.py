@@ -1,20 +1,23 @@
 """Samples, light, noise and unknown parameters of one calibration; `sims.learning.calibration` has the equations.
 
-Unknown parameters ------------------ They are the optical ones of the design's tolerances (`design.spec.tolerances`):
-heights of emitters and receivers, the emitting area, the emitters' half angle, reflectances, refractive index and
-absorption, thickness of the clear layer. Each is one number for all components of a kind. A uniform prior enters the
-fit as a normal one of the same spread, and the fit stays within its limits. Left out: the cavity's length and width and
-the tip's radius, which a caliper measures; the black layer; scatter from component to component.
+Unknown parameters
+------------------
+They are the optical ones of the design's tolerances (`design.spec.tolerances`): heights of emitters and receivers, the
+emitting area, the emitters' half angle, reflectances, refractive index and absorption, thickness of the clear layer.
+Each is one number for all components of a kind. A uniform prior enters the fit as a normal one of the same spread, and
+the fit stays within its limits. Left out: the cavity's length and width and the tip's radius, which a caliper measures;
+the black layer; scatter from component to component.
 
 Samples are readings at some depths of every press on its way in. Light is traced at locations rounded to `PLACE_MM`, so
 that symmetric locations remain symmetric.
 
-Errors of the light model that readings share --------------------------------------------- Locations that are equal by
-symmetry are traced once. A pair whose light misses the dimple keeps its untouched light. So on a grid of presses
-several readings are compared with one number of the light model, and share its error. A parameter is the same for all
-components of a kind. Its slopes are therefore as symmetric as the errors, which add up instead of averaging out. If
-they were treated as independent, the standard deviation would be too small by up to the root of the number of readings
-that share one. So
+Errors of the light model that readings share
+---------------------------------------------
+Locations that are equal by symmetry are traced once. A pair whose light misses the dimple keeps its untouched light. So
+on a grid of presses several readings are compared with one number of the light model, and share its error. A parameter
+is the same for all components of a kind. Its slopes are therefore as symmetric as the errors, which add up instead of
+averaging out. If they were treated as independent, the standard deviation would be too small by up to the root of the
+number of readings that share one. So
 
     residual rᵢ = own noise + cᵢ ε_g,   ε_g standard normal, one for a group g,   cᵢ in standard deviations of own noise
 

@@ -1,6 +1,8 @@
 """The Cramér-Rao bound of a press's location and depth, with unknown drift, reference depth and stage position.
 
-Model ----- One frame of signals y (lit minus off, all pairs) at the stage's position θ = (x, y, depth) has
+Model
+-----
+One frame of signals y (lit minus off, all pairs) at the stage's position θ = (x, y, depth) has
 
     y = D(e, r) m(θ + δ) + n,     D(e, r) = diag (1 + e_i + r_j) for the pair of emitter i and receiver j
 
@@ -8,7 +10,7 @@ Model ----- One frame of signals y (lit minus off, all pairs) at the stage's pos
     e, r  gains: fluctuation of an emitter within the frame and drift of the set; drift of a receiver since its
           untouched signal was taken; normal, mean 0
     δ     offset of the tip from the stage's position: error of positioning in x and y, of the reference depth (set and
-    location), half the backlash; normal, mean 0, covariance Δ
+          location), half the backlash; normal, mean 0, covariance Δ
 
 e, r and δ have priors, so the bound is a hybrid one (Van Trees 1968, section 2.4; Messer 2006). The priors' information
 is added to that of the data, and e, r and δ are eliminated by a Schur complement. For e and r that leaves

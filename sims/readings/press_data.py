@@ -5,10 +5,11 @@ position of the tip as the stage reports it. Samples belong to presses (one appr
 Presses belong to sets (one session of one pattern). Splits into training and test data keep presses whole, because
 samples of one press are too similar to be on both sides. `sims.readings.dataset` reads and writes the files.
 
-Light against depth (`PressCurves`) ----------------------------------- A press moves through depth at one location. So
-light is traced at a few depths ("knots") per location and interpolated between them, and thousands of samples need only
-one curve per location. The interpolation is modified Akima (makima, Hermite pieces with local slopes) over the square
-root of depth, because the contact radius grows with that root.
+Light against depth (`PressCurves`)
+-----------------------------------
+A press moves through depth at one location. So light is traced at a few depths ("knots") per location and interpolated
+between them, and thousands of samples need only one curve per location. The interpolation is modified Akima (makima,
+Hermite pieces with local slopes) over the square root of depth, because the contact radius grows with that root.
 
 It was chosen by measurement (`python -m tests.validation.learning.press_curve_table`: six locations of the paper's pad,
 73 depths, a median pair of 300 counts). With the knots below, makima, pchip and a cubic spline all differ from light

@@ -1,7 +1,8 @@
 """From flux to counts, frame by frame, with drift, noise, ambient light, errors of the stage and loose walls.
 
-Signal chain ------------ For emitter e and receiver r, in a frame that begins at t, with flux F (share of the emitted
-power):
+Signal chain
+------------
+For emitter e and receiver r, in a frame that begins at t, with flux F (share of the emitted power):
 
     lit      = F x power_e x gain_r                      counts of a still sensor (`sims.readings.readout`)
     drifted  = lit x (1 + a_e)(1 + b_r)                  a, b: drawn for a set, with a constant hourly rate within it
@@ -18,9 +19,11 @@ ambient light's flicker remains when the off state is subtracted.
 Left out: settling of amplifiers (the firmware waits for it), crosstalk of the converter's inputs, ambient light that
 the finger shadows, the converter's nonlinearity, temperature except for the drift.
 
-Shot noise, and emitters of unequal power ----------------------------------------- The current i of a photodiode has
-the spectral density 2 q i (Schottky). A transimpedance amplifier with feedback R and C has the noise bandwidth 1 / (4 R
-C). A step of the converter is V = supply / 2^bits, so n counts are i R = n V. In counts
+Shot noise, and emitters of unequal power
+-----------------------------------------
+The current i of a photodiode has the spectral density 2 q i (Schottky). A transimpedance amplifier with feedback R and
+C has the noise bandwidth 1 / (4 R C). A step of the converter is V = supply / 2^bits, so n counts are i R = n V. In
+counts
 
     variance = 2 q i R^2 / (4 R C V^2) = n q / (2 C V)
 
@@ -28,7 +31,9 @@ The variance per count depends only on the capacitor, neither on the light nor o
 of 5 V it is 6e-7 per count. This is 0.01 counts at 300, far below the reading noise of any board here. Left out: the
 resistor's thermal noise, as the data sheets lack figures; `read_noise_counts` includes it.
 
-Position of the tip ------------------- The true position differs from the one that the stage reports:
+Position of the tip
+-------------------
+The true position differs from the one that the stage reports:
 
     depth = reported + offset of the set + offset of the location, and on the way back + lag, never beyond the turn
     x, y  = reported + error of the press
@@ -38,9 +43,10 @@ turn the tip stays until the stage has taken up the lag. Light is traced at the 
 depth. So the error in x and y is subtracted from the reported location instead, which has the same spread, and one
 trace serves all seeds. Left out: a stage that is not square or not level, errors that depend on the location.
 
-Loose walls ----------- By the paper, elastomer and wall bond and unbond over 5 to 10 s. It shows this as hysteresis,
-without a magnitude. Here a press of depth d unbonds at least the share s d / d_max of all walls, and the loose share u
-heals:
+Loose walls
+-----------
+By the paper, elastomer and wall bond and unbond over 5 to 10 s. It shows this as hysteresis, without a magnitude. Here
+a press of depth d unbonds at least the share s d / d_max of all walls, and the loose share u heals:
 
     du/dt = -u / T,   u >= s max(d, 0) / d_max
 

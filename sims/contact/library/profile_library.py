@@ -239,7 +239,7 @@ class Library:
 
     @cached_property
     def _pad_weights(self) -> CubicSpline:
-        """Spline that gives the weights of `pad_radii` at 1/radius; all are 0 at the entries' own wall radius."""
+        """Spline that gives the weights of `pad_radii` at 1/radius; all are 0 at the default wall radius."""
         before = int(np.searchsorted(self.pad_radii, self.wall_radius))
         radii = np.insert(self.pad_radii, before, self.wall_radius)
         weights = np.insert(np.eye(len(self.pad_radii)), before, 0.0, axis=0)

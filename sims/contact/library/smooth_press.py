@@ -18,11 +18,11 @@ force follow the powers that theory gives at first touch (1/2 and 3/2 under a ro
 with the depth. Nothing is extrapolated beyond the deepest solved depth.
 
 Surface nodes become a curve for the light model: the exact tip inside the contact, smooth outside
--------------------------------------------------------------------------------------------------- The nodes of the
-finite-element top touch the tip only to within a few micrometres (facets are chords of a round tip, and contact is a
-stiff penalty). So inside the contact the curve is the tip itself. The contact edge, of radius a, is where the gap
-vanishes. The first free node, at distance s from the edge, is assumed to have Hertz' gap (Johnson, Contact Mechanics,
-1985, eq. 3.42):
+--------------------------------------------------------------------------------------------------
+The nodes of the finite-element top touch the tip only to within a few micrometres (facets are chords of a round tip,
+and contact is a stiff penalty). So inside the contact the curve is the tip itself. The contact edge, of radius a, is
+where the gap vanishes. The first free node, at distance s from the edge, is assumed to have Hertz' gap (Johnson,
+Contact Mechanics, 1985, eq. 3.42):
 
     gap = a²/R G(1 + s/a),  G(x) = x²/2 - 1 + ((2 - x²) arcsin(1/x) + sqrt(x² - 1)) / π
 
@@ -35,11 +35,11 @@ From the edge a cubic spline runs through the free nodes. It starts tangent to t
 resampled densely and never enters the tip.
 
 Two slightly compressible solves are extrapolated to the nearly incompressible layer
------------------------------------------------------------------------------------- Silicone is nearly incompressible,
-but linear tetrahedra lock as Poisson's ratio ν nears 1/2. At ν = 0.49 they are accurate but compressible: for a press 3
-mm deep in 9 mm, compression takes 16 % of the dimple's volume, and the free surface is 17 µm too low. The press depends
-smoothly on the compressibility 1/K = 3 (1 - 2ν) / E. So two solves, at ν = 0.48 and 0.49, are extrapolated linearly in
-1 - 2ν to ν = 0.499,
+------------------------------------------------------------------------------------
+Silicone is nearly incompressible, but linear tetrahedra lock as Poisson's ratio ν nears 1/2. At ν = 0.49 they are
+accurate but compressible: for a press 3 mm deep in 9 mm, compression takes 16 % of the dimple's volume, and the free
+surface is 17 µm too low. The press depends smoothly on the compressibility 1/K = 3 (1 - 2ν) / E. So two solves, at ν =
+0.48 and 0.49, are extrapolated linearly in 1 - 2ν to ν = 0.499,
 
     f(0.499) = f(0.49) + 0.9 (f(0.49) - f(0.48)),
 
@@ -48,11 +48,12 @@ finite-element solution at ν = 0.499.
 
 Left out: the second order in 1 - 2ν, and the remaining locking, which grows by about a half.
 
-A round pad's surface stands in for a square pad's -------------------------------------------------- A round pad of the
-same area has its wall outside the square's walls, 1.13 half widths from the axis, so its surface is still raised at
-half the width. The curve is followed up to there. Only the corners are beyond: towards them the curve fades to the
-undeformed height in a cubic that never crosses that height. docs/validation/walls.md has the error from an independent
-solution in three dimensions. It is largest in the strip next to the walls, where the square pad is bonded.
+A round pad's surface stands in for a square pad's
+--------------------------------------------------
+A round pad of the same area has its wall outside the square's walls, 1.13 half widths from the axis, so its surface is
+still raised at half the width. The curve is followed up to there. Only the corners are beyond: towards them the curve
+fades to the undeformed height in a cubic that never crosses that height. docs/validation/walls.md has the error from an
+independent solution in three dimensions. It is largest in the strip next to the walls, where the square pad is bonded.
 
 In a pad with round walls the curve is followed to the nearest wall, and fades out to the farthest one.
 """
@@ -238,7 +239,7 @@ def _tangent_angles(along: FloatArray, tip: TipOutline) -> FloatArray:
 
 
 def _free_angles(radius: FloatArray, height: FloatArray, first: float) -> FloatArray:
-    """Tangent angle (n,) to the radial direction [rad] of a spline through points, which starts at `first`."""
+    """Tangent angle (n,) to the radial direction [rad] of a spline through points; it begins with `first`."""
     points = np.stack([radius, height], axis=1)
     chord = np.append(0.0, np.cumsum(np.hypot(*np.diff(points, axis=0).T)))
     start = np.array([np.cos(first), np.sin(first)])

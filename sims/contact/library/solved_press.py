@@ -2,9 +2,11 @@
 
 The library holds presses into a round pad. `PlacedPress` corrects them for the walls of a rectangular pad.
 
-Model ----- The walls lift the top by a small and smooth D(x, y) (`sims.contact.walls`). Near the tip D is nearly
-constant, D₀. So the tip meets a top that is D₀ higher: the press is that of the round pad at the depth d' = d + D₀(d'),
-lifted by D₀. Force and contact are those at d'. The top is
+Model
+-----
+The walls lift the top by a small and smooth D(x, y) (`sims.contact.walls`). Near the tip D is nearly constant, D₀. So
+the tip meets a top that is D₀ higher: the press is that of the round pad at the depth d' = d + D₀(d'), lifted by D₀.
+Force and contact are those at d'. The top is
 
     S(x, y) = w h(r) + (1 - w) G(r) + D(x, y)
 

@@ -327,7 +327,7 @@ def _nystroem(
     ridge: float,
     on_share: OnShare,
 ) -> FloatArray:
-    """Weights of the landmarks by the Nyström method, preconditioned by the Cholesky factor of K_mm."""
+    """Weights of the landmarks by the Nyström method, preconditioned by the Cholesky factor of their kernel matrix."""
     points = features[landmarks]
     among = np.exp(-gamma * cdist(points, points, "cityblock"))
     among.flat[:: len(among) + 1] += RIDGE_OF_LANDMARKS

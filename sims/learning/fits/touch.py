@@ -1,8 +1,9 @@
 """Fit the touch classifier, a linear support vector machine, and scale a model's own deviations (`trust_of`).
 
-Touch classifier ---------------- It separates samples above the surface from samples at depth 0 or more, which count as
-touched. It is scikit-learn's LinearSVC: min ½ |w|² + C Σ max(0, 1 - y (w · s + b))², with the offset b counted as part
-of w. There are two settings:
+Touch classifier
+----------------
+It separates samples above the surface from samples at depth 0 or more, which count as touched. It is scikit-learn's
+LinearSVC: min ½ |w|² + C Σ max(0, 1 - y (w · s + b))², with the offset b counted as part of w. There are two settings:
 
     plain   the paper's: it tunes its regression only, so C is scikit-learn's default of 1, and the readings
             have one scale for all pairs, their median untouched signal
@@ -22,8 +23,9 @@ count as touched. The score of these frames has the variance
 Between sets the gain of every emitter and every receiver changes. The standard deviation of these changes is estimated
 from the sets' mean untouched signals; the rest is independent for each pair. A single set gives no estimate.
 
-Scale of a model's own deviations --------------------------------- A learner is fitted without a share of the
-locations. Its estimates there are compared with the truth, by depth:
+Scale of a model's own deviations
+---------------------------------
+A learner is fitted without a share of the locations. Its estimates there are compared with the truth, by depth:
 
     factor = rms(error) / rms(raw spread)
 

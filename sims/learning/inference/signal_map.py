@@ -1,8 +1,8 @@
 """The model "signal-map": presses by least squares against the simulated signals of a design; needs numpy only.
 
 Signals as a cubic spline over location and depth (`TensorSpline`)
------------------------------------------------------------------- On nodes at equal steps in (x, y, s), s = √depth,
-every pair's signal is a sum of products of uniform cubic B-splines,
+------------------------------------------------------------------
+On nodes at equal steps in (x, y, s), s = √depth, every pair's signal is a sum of products of uniform cubic B-splines,
 
     f(x, y, s) = Σ c[i + a, j + b, k + c] wₐ(x) w_b(y) w_c(s),   a, b, c = 0 ... 3  (de Boor 1978, chapter IX),
 
@@ -14,8 +14,8 @@ neighbouring node ("not a knot"). The spline is not defined beyond its nodes: lo
 Left out: kinks at the ends of shadows, which are rounded over a step.
 
 Errors of readings as one normal distribution per frame (`ReadingNoise`, `Whitening`)
------------------------------------------------------------------------------------- Signals y of all pairs (lit reading
-minus the off state) have the covariance
+-------------------------------------------------------------------------------------
+Signals y of all pairs (lit reading minus the off state) have the covariance
 
     C = V + G Gᵀ,   V = diag (floor² + shot y + (relative y)²),   G = [δₑ y by emitter | δᵣ y by receiver]
 
@@ -31,9 +31,10 @@ tried, so that likelihoods of all presses, and of no press, can be compared. A r
 
 Left out: the log-determinant's change with the press, drift of the off state, other errors that pairs share.
 
-The press that explains a frame best (`found_presses`) ------------------------------------------------------ For a
-press θ = (x, y, depth) the signals have the mean m(θ) and the covariance C. The search minimises the square of the
-residual in C⁻¹, which is minus twice the log-likelihood except for a constant,
+The press that explains a frame best (`found_presses`)
+------------------------------------------------------
+For a press θ = (x, y, depth) the signals have the mean m(θ) and the covariance C. The search minimises the square of
+the residual in C⁻¹, which is minus twice the log-likelihood except for a constant,
 
     χ²(θ) = (y - m)ᵀ C⁻¹ (y - m),      step: (A + λ diag A) Δ = g,   A = JᵀC⁻¹J,   g = JᵀC⁻¹(y - m)
 
@@ -46,7 +47,8 @@ less.
 Left out: presses beyond the box, two tips at once, other minima (the other starts are compared by χ² only), and the
 spread of a flat χ²: if the touch is too light to be located, A⁻¹ is only approximate.
 
-The model (`SignalMapModel`) ----------------------------
+The model (`SignalMapModel`)
+----------------------------
     signal of a pair = its untouched signal x (spline of √ratio over x, y, √depth)²,    limited at full scale
 
 The untouched signals are those of the sensor itself, so gains need not be known. The ratio of a signal to its untouched
