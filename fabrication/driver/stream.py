@@ -3,8 +3,8 @@
     port -> scanner -> decoder -> queue -> Sensor
                   \\-> recorder
 
-It reconnects after the loss of the port: it looks for the board ten times per second, greets it as the first time and
-starts it again. Other faults are kept as an error, which the next read of a frame raises.
+If the port is lost, the thread searches for the board ten times per second, identifies it and starts it again. Other
+faults are stored as an error, which the next read of a frame raises.
 """
 
 from __future__ import annotations
