@@ -13,11 +13,11 @@ from fabrication.gain import SimulatedGain, clipped_pairs, feedbacks_for
 from fabrication.sheets.table import number, plain
 
 SHOWN_CLIPPED = 24
-"""Largest number of clipped pairs that are named individually; others are counted."""
+"""Largest number of clipped pairs that are named individually; further ones are only counted."""
 
 
 def gain_lines(design: SensorDesign, gain: SimulatedGain | None) -> Iterator[str]:
-    """The section's lines."""
+    """Lines of the build sheet's section on the amplifiers, as Markdown."""
     yield "## Set the gain"
     yield ""
     feedbacks = feedbacks_for(design, gain)
