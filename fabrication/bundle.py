@@ -1,12 +1,12 @@
 """The bundle: one folder per design, complete or absent after any interruption.
 
-Work takes place in a hidden folder next to the bundle, which starts with the bundle's files. At the
-end the manifest is written and the folders are swapped. If the machine stopped during the swap, the next
-writer restores the bundle. Everything is on the disk before the swap.
+A command works in a hidden folder next to the bundle, into which it first copies the bundle's files. At the end it
+writes the manifest, flushes everything to the disk, and swaps the two folders. If the machine stopped during the swap,
+the next writer restores the bundle.
 
 Several commands, processes and threads may work on one bundle at a time. Each has its own hidden folder, which is
-locked while it is in use. Before the swap it receives the files that others have finished meanwhile; a file that both
-wrote is the later one's. Copies and swaps wait for one another.
+locked while it is in use. Before the swap it receives the files that other commands have finished meanwhile. If two
+commands wrote the same file, that of the later swap remains. Copies and swaps wait for one another.
 
 A bundle has no links: a link in place of the bundle, or of a folder that commands write into, is refused.
 
@@ -37,7 +37,7 @@ from design.spec import SensorDesign
 
 MANIFEST = "manifest.json"
 FOLDERS = ("cad", "fabrication", "sims")
-"""Folders of a bundle that commands write into; everything else in it is the user's."""
+"""Subfolders of a bundle that commands write into; everything else in the bundle belongs to the user."""
 WAY_OUT = "choose another folder with --out (an earlier bundle is intact)"
 RECORDED_PACKAGES = ("optopad", "numpy", "scipy", "numba", "mujoco", "cadquery", "trimesh", "manifold3d")
 
@@ -48,21 +48,22 @@ def bundle_name(design: SensorDesign) -> str:
 
 
 _UNDER_WAY: set[Path] = set()
-"""Hidden folders of the work in progress."""
+"""Hidden folders of this process in which work is in progress."""
 
 
 @contextmanager
 def bundle(design: SensorDesign, out: Path, *, seed: int) -> Iterator[Path]:
-    """A folder to write into, which becomes the bundle if the block succeeds.
+    """Yield a folder to write into, which becomes the design's bundle if the block succeeds.
 
     Parameters
     ----------
-    out : folder of the bundles; created if missing
-    seed : recorded in the manifest
+    out : folder that contains the bundles; created if missing
+    seed : seed of random numbers, recorded in the manifest
 
     Raises
     ------
-    OutputError : the folder cannot be written, the disk is full, or a link is in the way; the old bundle is intact.
+    OutputError : the folder cannot be written, the disk is full, or a link is in the way. The previous bundle is
+        intact.
     """
     final = out / bundle_name(design)
     staging = final.parent / f".{final.name}.{secrets.token_hex(4)}.partial"
@@ -96,7 +97,7 @@ def bundle(design: SensorDesign, out: Path, *, seed: int) -> Iterator[Path]:
 
 
 def abandon() -> None:
-    """Remove the work in progress of a process that ends at once; finished bundles are kept."""
+    """Remove the hidden folders of this process, which ends at once; finished bundles remain."""
     for staging in tuple(_UNDER_WAY):
         shutil.rmtree(staging, ignore_errors=True)
 
@@ -121,11 +122,11 @@ def write_manifest(folder: Path, design: SensorDesign, seed: int) -> None:
 
 
 def altered_files(folder: Path) -> tuple[str, ...]:
-    """Names of files that are missing or differ from the bundle's manifest.
+    """Names of the files that are missing or differ from the bundle's manifest, relative to the bundle.
 
     Raises
     ------
-    InputError : a missing or damaged manifest.
+    InputError : the manifest is missing or damaged.
     """
     try:
         manifest = json.loads((folder / MANIFEST).read_text(encoding="utf-8"))
@@ -155,7 +156,7 @@ def versions() -> dict[str, str]:
 
 
 def _fill(staging: Path, final: Path) -> None:
-    """Make the folder of the work in progress, with the files of the bundle."""
+    """Create the hidden folder of a command, and copy the bundle's files into it."""
     former = _former(final)
     if former.exists() and not os.path.lexists(final):
         former.rename(final)  # a swap was interrupted
@@ -168,7 +169,7 @@ def _fill(staging: Path, final: Path) -> None:
 
 
 def _require_no_link(final: Path) -> None:
-    """Refuse links that would be written through, and lost afterwards."""
+    """Refuse symbolic links in the bundle: files would be written through them, and the links lost in the swap."""
     if final.is_symlink():
         raise OutputError(
             f"{final}: is a link, and a bundle is a folder; remove the link, or give the folder that holds the bundle "
@@ -185,7 +186,7 @@ def _require_no_link(final: Path) -> None:
 
 @contextmanager
 def _alone(out: Path) -> Iterator[None]:
-    """Prevent other commands from copying and swapping bundles of a folder during the block."""
+    """Prevent other processes from copying and swapping bundles in a folder during the block."""
     if os.name == "nt":  # it has no locks of folders
         yield
         return
@@ -201,9 +202,9 @@ def _alone(out: Path) -> Iterator[None]:
 
 
 def _locked(folder: Path) -> int | None:
-    """A descriptor of a folder, locked; None if another process has locked it, or there are no locks.
+    """An open descriptor of a folder, locked; None if another process has locked it, or locks are not supported.
 
-    The lock ends with the descriptor, and with the process in any case.
+    The lock ends when the descriptor is closed or the process ends.
     """
     if os.name == "nt":
         return None
@@ -219,12 +220,12 @@ def _locked(folder: Path) -> int | None:
 
 
 def _digests(folder: Path) -> dict[str, str]:
-    """SHA-256 of every file but the manifest."""
+    """SHA-256 of every file except the manifest, by relative path."""
     return {name: _record(folder / name)["sha256"] for name in _files(folder)}
 
 
 def _fetch(staging: Path, final: Path, begun_with: dict[str, str]) -> None:
-    """Apply the files that others have added to the bundle, or removed, since this command began."""
+    """Apply the changes that other commands have made to the bundle's files since this command began."""
     _require_no_link(final)
     now = _digests(final)
     if now == begun_with or not final.exists():
@@ -273,14 +274,14 @@ def _former(final: Path) -> Path:
 
 
 def _remove(folder: Path) -> None:
-    """Remove a folder, or a link to one without its target."""
+    """Remove a folder; of a symbolic link, remove only the link."""
     if folder.is_symlink():
         folder.unlink()
     shutil.rmtree(folder, ignore_errors=True)
 
 
 def _sweep(final: Path) -> None:
-    """Remove work in progress that no process has locked."""
+    """Remove hidden folders that no process has locked, left by interrupted commands."""
     pattern = re.compile(re.escape(f".{final.name}.") + r"[0-9a-f]+\.partial")
     for left in final.parent.iterdir():
         if pattern.fullmatch(left.name) and (lock := _locked(left)) is not None:
@@ -299,7 +300,7 @@ def _record(file: Path) -> dict[str, Any]:
 
 
 def _former_manifest(folder: Path) -> dict[str, Any]:
-    """Runs and files of the previous manifest; none if it is missing or damaged."""
+    """Runs and files of the previous manifest; empty if it is missing or damaged."""
     nothing: dict[str, Any] = {"runs": [], "files": {}}
     try:
         document = json.loads((folder / MANIFEST).read_text(encoding="utf-8"))
@@ -311,7 +312,7 @@ def _former_manifest(folder: Path) -> dict[str, Any]:
 
 
 def _is_elsewhere(err: OSError, out: Path) -> bool:
-    """Whether an error names a file outside the bundles' folder, and so is not about writing there."""
+    """Whether an error is about a file outside the bundles' folder."""
     if not isinstance(err.filename, str):
         return False
     return not Path(err.filename).absolute().is_relative_to(out.absolute())

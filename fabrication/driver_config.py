@@ -1,7 +1,7 @@
-"""Driver configuration of a design's exact geometry: `driver.toml`.
+"""Writing of a design's driver configuration, `driver.toml`.
 
-Every index, pin and position comes from `fabrication.connections`; times and bytes come from
-`design.circuit.pins`. The records, and their reader, are in `fabrication.driver_file`.
+Every index, pin and position comes from `fabrication.connections`; times and bytes come from `design.circuit.pins`. The
+data classes and the reader are in `fabrication.driver_file`.
 """
 
 from __future__ import annotations
@@ -76,12 +76,13 @@ def driver_config(
 
     Parameters
     ----------
-    counts_per_flux : simulated gain, one for all receivers or one for each [counts]; None omits it
+    counts_per_flux : simulated gain [counts]: reading of a receiver that gets all of an emitter's power. One number for
+        all receivers or one for each; None omits the gain
     untouched_counts : (emitter, receiver) expected readings of the untouched pad [counts]; None omits them
 
     Raises
     ------
-    DesignError : pins or parts that the board or the catalogue does not have.
+    DesignError : the catalogue does not have a part, or the board does not have a pin.
     """
     connections, board = connections_of(design), board_of(design)
     lit = [one.part.name for one in connections.emitters]
@@ -135,7 +136,7 @@ def dump_driver_config(
     counts_per_flux: float | Sequence[float] | None = None,
     untouched_counts: FloatArray | None = None,
 ) -> str:
-    """The configuration as TOML text with comments; parameters and errors as `driver_config`."""
+    """The driver configuration as TOML text with comments; parameters and errors are those of `driver_config`."""
     text = tomlkit.document()
     for line in HEADING:
         text.add(tomlkit.comment(line))

@@ -1,9 +1,8 @@
-"""Uploading: an image over an AVR board's boot loader by avrdude, a sketch to any other board by arduino-cli.
+"""Compiling and uploading of firmware: avrdude writes an image to AVR boards, arduino-cli a sketch to all other boards.
 
-The command is a pure function of board, image and port, so that it can be shown without being run. avrdude
-checks the chip's signature before it writes and reads everything back afterwards.
-
-avr-gcc compiles the sketch without the Arduino IDE to an image for the boot loader, and reports its size.
+The command is a pure function of board, image and port, so that it can be shown without being run. avrdude checks the
+chip's signature before it writes, and reads everything back afterwards. avr-gcc compiles the image without the Arduino
+IDE, and its size is reported.
 """
 
 from __future__ import annotations
@@ -34,7 +33,7 @@ OPTIONS = (
     "-Wl,--gc-sections",
 )
 COMPILE_LIMIT_S = 60.0
-"""Time limit of a compilation, which takes about a second."""
+"""Time limit of a compilation, which usually takes about a second [s]."""
 
 GET_COMPILER = (
     "install it (Debian and Ubuntu: gcc-avr and avr-libc), or open the sketch folder in the Arduino IDE"
@@ -43,12 +42,12 @@ GET_COMPILER = (
 
 @dataclass(frozen=True, kw_only=True)
 class Image:
-    """A compiled program.
+    """A compiled program for an AVR chip.
 
     Attributes
     ----------
-    hex_text : Intel HEX, as avrdude takes it
-    flash_bytes, ram_bytes : memory that it uses on the chip; the latter excludes the stack
+    hex_text : the program in the format Intel HEX, which avrdude reads
+    flash_bytes, ram_bytes : program memory, and RAM without the stack, that the program uses
     """
 
     hex_text: str
@@ -62,12 +61,12 @@ def has_compiler() -> bool:
 
 
 def compiled_image(design: SensorDesign) -> Image:
-    """The program of a design.
+    """Compile the firmware of a design.
 
     Raises
     ------
     DesignError : as `sketch_texts`.
-    DeviceError : no compiler, or a failed compilation.
+    DeviceError : no compiler is installed, or the compilation failed.
     """
     with temporary_folder() as scratch:
         folder = Path(scratch)
@@ -79,11 +78,11 @@ def compiled_image(design: SensorDesign) -> Image:
 
 
 def compile_elf(design: SensorDesign, folder: Path, changes: Sequence[str] = ()) -> Path:
-    """The linked program, in a folder with its sources.
+    """Compile and link the firmware of a design in a folder; return the path of the program (ELF).
 
     Parameters
     ----------
-    changes : definitions in place of those in config.h, as PRESCALER_EXPONENT=5
+    changes : macro definitions that replace those in config.h, as PRESCALER_EXPONENT=5
 
     Raises
     ------
@@ -115,7 +114,7 @@ def _command(chip: BoardFirmware, clock_hz: int) -> list[str]:
 
 
 def avr_chip(settings: FirmwareSettings) -> BoardFirmware:
-    """The chip of an AVR board; DeviceError for another board."""
+    """The catalogue's entry of an AVR chip; raises DeviceError for other boards."""
     if not isinstance(settings.chip, BoardFirmware):
         raise DeviceError(
             f"the program of the {settings.board_title} is compiled by {ARDUINO} (`optopad driver flash`) or the "
@@ -125,7 +124,7 @@ def avr_chip(settings: FirmwareSettings) -> BoardFirmware:
 
 
 def _sizes(elf: Path) -> tuple[int, int, int]:
-    """Bytes of program, of variables with a first value, and of those without."""
+    """Sizes [bytes] of the program, of variables with an initial value, and of variables without."""
     row = _run([SIZER, str(elf)]).splitlines()[1].split()
     return int(row[0]), int(row[1]), int(row[2])
 
@@ -145,7 +144,8 @@ def _run(command: list[str], folder: Path | None = None) -> str:
 
 UPLOADER, ARDUINO = "avrdude", "arduino-cli"
 UPLOAD_LIMIT_S = {UPLOADER: 180.0, ARDUINO: 900.0}
-"""Time limits of uploads: a whole chip at 115200 baud takes a minute, a core's first compilation some minutes."""
+"""Time limits of an upload by each program [s]. A whole chip at 115200 baud takes a minute, arduino-cli's first
+compilation some minutes."""
 
 SHOWN_LINES = 3
 
@@ -162,7 +162,7 @@ CAUSES: Mapping[str, str] = MappingProxyType(
         "platform not installed": "install the board's core: `arduino-cli core install teensy:avr`, say",
     }
 )
-"""Messages of the uploader in lower case, and their ways out."""
+"""Parts of the uploader's error messages, in lower case, each with what to do about it."""
 
 
 def upload_command(chip: BoardFirmware, image: Path, port: str) -> list[str]:
@@ -181,7 +181,7 @@ def sketch_command(chip: ArduinoProgram, sketch: Path, port: str) -> list[str]:
 
 
 def require_uploader(chip: BoardFirmware | ArduinoProgram, sketch: Path, port: str) -> None:
-    """Refuse an upload that cannot start: DeviceError for no avrdude or arduino-cli, or no such port."""
+    """Refuse an upload that cannot start; raises DeviceError if the uploader or the port is missing."""
     by_hand = f"in the Arduino IDE, open {sketch}, select the board {chip.arduino_board}, and press Upload"
     if isinstance(chip, BoardFirmware) and shutil.which(UPLOADER) is None:
         raise DeviceError(
@@ -194,11 +194,11 @@ def require_uploader(chip: BoardFirmware | ArduinoProgram, sketch: Path, port: s
 
 
 def upload(command: Sequence[str], port: str) -> None:
-    """Run the result of `upload_command` or `sketch_command`.
+    """Run an upload command from `upload_command` or `sketch_command`.
 
     Raises
     ------
-    DeviceError : the uploader cannot start, does not end, or fails; with its own message and the way out.
+    DeviceError : the uploader cannot start, does not end, or fails. The message quotes it and says what to do.
     """
     uploader = command[0]
     limit_s = UPLOAD_LIMIT_S[uploader]

@@ -1,12 +1,10 @@
-"""The sketch folder, which the Arduino IDE opens. For AVR chips the compiler takes it together with `main.c`.
+"""The sketch folder of a design: the firmware's sources and `config.h`, which the Arduino IDE opens.
 
-The firmware's settings of a design are derived from the wiring's own connections.
+For AVR chips the compiler takes the folder together with `main.c`.
 
-`fabrication.connections` assigns pins to emitters and inputs to receivers, for the wiring table, `driver.toml` and the
-firmware alike. The board's entry gives the port and multiplexer setting of a pin, or its name in the board's Arduino
-core. No number is entered twice.
-
-`config.h`: a design's firmware settings as C.
+`config.h` contains the firmware's settings as C. `fabrication.connections` assigns pins to emitters and inputs to
+receivers, for the wiring table, `driver.toml` and the firmware. The board's catalogue entry gives the port and
+multiplexer setting of a pin, or its name in the board's Arduino core. So each number is entered only once.
 """
 
 from __future__ import annotations
@@ -45,7 +43,7 @@ from fabrication.connections import connections_of
 
 @dataclass(frozen=True, kw_only=True)
 class EmitterPin:
-    """An emitter's name, and its pin's number on the board."""
+    """An emitter's name, and the number of its pin on the board."""
 
     name: str
     number: int
@@ -53,9 +51,9 @@ class EmitterPin:
 
 @dataclass(frozen=True, kw_only=True)
 class ReceiverInput:
-    """A receiver's name, its terminal, its input's name and index among the board's inputs, its address.
+    """A receiver's name, its terminal, name and number of the board's input for it, and its multiplexer address.
 
-    With converters the index is the converter's, the address is its input, and the name of a board's input is "".
+    With converters the number is the converter's, the address is its input, and the name of the board's input is "".
     """
 
     name: str
@@ -67,9 +65,16 @@ class ReceiverInput:
 
 @dataclass(frozen=True, kw_only=True)
 class ConverterSettings:
-    """Converters on the SPI bus: the commands, inputs of one, bus, and the pins of their chip selects.
+    """Converters on the SPI bus.
 
-    `range_code` is 0 where the commands have none; `gap_us` is in whole microseconds.
+    Attributes
+    ----------
+    commands : name of the commands that the firmware sends, such as ``mcp3208``
+    channels : inputs of one converter
+    clock_hz, spi_mode : clock and mode of the bus
+    gap_us : time with chip select high between two readings, in whole microseconds
+    range_code : value of the range registers; 0 for converters without them
+    pins : chip select of each converter
     """
 
     commands: str
@@ -83,7 +88,16 @@ class ConverterSettings:
 
 @dataclass(frozen=True, kw_only=True)
 class DriverSettings:
-    """A chain of LED drivers on the SPI bus: all outputs, data of one, bus, wait, and the pins of latch and blank."""
+    """A chain of LED drivers on the SPI bus.
+
+    Attributes
+    ----------
+    outputs : outputs of the whole chain
+    grayscale_bits : bits that the chain takes for each output
+    clock_hz : clock of the bus
+    turn_on_us : wait until an output is on after blanking
+    pins : pins of latch and blank
+    """
 
     outputs: int
     grayscale_bits: int
@@ -94,15 +108,15 @@ class DriverSettings:
 
 @dataclass(frozen=True, kw_only=True)
 class FirmwareSettings:
-    """Everything in `config.h`.
+    """All settings in `config.h`.
 
     Attributes
     ----------
-    board_number : the board's number for the host
-    settle_us : whole microseconds, rounded up from the design's
-    frame_interval_us : 1 over the design's frame rate, rounded up, so that it is never exceeded
+    board_number : number by which the board names its kind to the host
+    settle_us : settling time of the design, rounded up to whole microseconds [us]
+    frame_interval_us : 1 over the design's frame rate, rounded up, so that the rate is not exceeded [us]
     digest : digest of the design, 32 bytes
-    is_internal : whether full scale is the internal reference and not the supply
+    is_internal : whether the converter's full scale is the internal reference; otherwise it is the supply
     has_own_darks : whether a dark state follows each emitter's state, in place of one at the end of a frame
     """
 
@@ -147,7 +161,8 @@ class FirmwareSettings:
         return bool(self.address_pins) or self.converter is not None
 
     def config_block(self) -> bytes:
-        """The bytes that the program has about itself; a self-test returns their CRC-32."""
+        """The settings as bytes, in the form in which the firmware contains them; its self-test returns their
+        CRC-32."""
         head = [
             self.board_number,
             len(self.emitters),
@@ -180,16 +195,16 @@ class FirmwareSettings:
         return self.is_internal + 2 * self.has_own_darks
 
     def config_crc(self) -> int:
-        """CRC-32 of the config block."""
+        """CRC-32 of the settings as bytes, which the self-test reports."""
         return zlib.crc32(self.config_block())
 
 
 def firmware_settings(design: SensorDesign) -> FirmwareSettings:
-    """The settings of a valid design.
+    """The firmware's settings of a valid design.
 
     Raises
     ------
-    DesignError : the design breaks a rule, or its board's entry is not sufficient to program it.
+    DesignError : the design breaks a rule, or the catalogue does not contain all data of the board.
     """
     require_valid(design)
     gaps = firmware_gaps(design)
@@ -264,14 +279,14 @@ def _driver_settings(design: SensorDesign, board: Board, emitter_count: int) -> 
 
 
 def firmware_gaps(design: SensorDesign) -> tuple[str, ...]:
-    """Reasons why no firmware can be made for the design's board; empty if it can."""
+    """Reasons why no firmware can be made for the design's board; empty if firmware can be made."""
     cavity = cavity_of(design)
     found = firmware_findings(design, board_of(design), len(cavity.emitters), len(cavity.receivers))
     return tuple(str(finding) for finding in found)
 
 
 def plain(text: str) -> str:
-    """A text that is safe in a comment or a string of C; other characters become spaces."""
+    """A text that is safe inside a comment or string of C; other characters are replaced by spaces."""
     return re.sub(r"[^A-Za-z0-9 ._+():-]", " ", text)
 
 
@@ -398,23 +413,23 @@ def _heading(settings: FirmwareSettings) -> Iterable[str]:
 
 
 def _chip_macro(mcu: str) -> str:
-    """The macro that the compiler defines for a chip: __AVR_ATmega2560__, __AVR_ATmega328P__."""
+    """The macro that avr-gcc defines for a chip, as __AVR_ATmega2560__."""
     number = mcu.removeprefix("atmega")
     return f"__AVR_ATmega{number.upper()}__"
 
 
 def _tunable(name: str, value: str, comment: str) -> tuple[str, ...]:
-    """A setting that a compiler option may override, for the tables of rates."""
+    """Lines of C that define a setting which a compiler option may override; used to measure frame rates."""
     return (f"#ifndef {name}", f"#define {name} {value} /* {comment} */", "#endif")
 
 
 def _list(name: str, items: Iterable[str]) -> Iterable[str]:
-    """A list without braces in one line."""
+    """A line of C that defines a macro as a list of items without braces."""
     yield f"#define {name} {', '.join(items)}"
 
 
 def _commented_list(name: str, items: Iterable[str]) -> Iterable[str]:
-    """A list without braces, one item and its comment per line."""
+    """Lines of C that define a macro as a list without braces, one item with its comment per line."""
     *most, last = items
     yield f"#define {name} \\"
     yield from (f"    {_with_comma(item)} \\" for item in most)
@@ -427,30 +442,31 @@ def _with_comma(item: str) -> str:
 
 
 SKETCH = "optopad"
-"""Name of the folder and of the .ino in it, which the Arduino IDE requires to be equal."""
+"""Name of the sketch folder and of its .ino file; the Arduino IDE requires equal names."""
 
 IMAGE = f"{SKETCH}.hex"
 CONFIG = "config.h"
 SHARED_FILES = ("optopad.ino", "core.h", "crc.h", "session.h")
 AVR_FILES = ("core.c", "clock.h", "line.h")
 PORTABLE_FILES = ("core.cpp",)
-"""Files that are the same for every design: for all boards, for AVR chips, for boards with another Arduino core."""
+"""Source files, equal for every design: `SHARED_FILES` for all boards, `AVR_FILES` for AVR chips, `PORTABLE_FILES` for
+other boards."""
 
 MAIN = "main.c"
-"""The main function that an Arduino core provides; it is not in the sketch folder, to avoid two of them."""
+"""File with the main function. It is not in the sketch folder, because an Arduino core has its own."""
 
 
 def source_text(name: str) -> str:
-    """A packaged source file."""
+    """Text of a source file of the firmware."""
     return files("fabrication").joinpath("firmware", "source", name).read_text(encoding="utf-8")
 
 
 def sketch_texts(design: SensorDesign) -> dict[str, str]:
-    """Text of every file of the sketch folder by name.
+    """Text of every file in the sketch folder, by file name.
 
     Raises
     ------
-    DesignError : the design breaks a rule, or its board's entry is not sufficient to program it.
+    DesignError : the design breaks a rule, or the catalogue does not contain all data of the board.
     """
     settings = firmware_settings(design)
     is_avr = isinstance(settings.chip, BoardFirmware)
@@ -459,7 +475,7 @@ def sketch_texts(design: SensorDesign) -> dict[str, str]:
 
 
 def write_sketch(design: SensorDesign, folder: Path) -> Path:
-    """Write the sketch folder into a folder; files of another board and outdated images are removed.
+    """Write the sketch folder into a folder, and remove files of another board and outdated images.
 
     Returns
     -------

@@ -3,8 +3,8 @@
     port -> scanner -> decoder -> queue -> Sensor
                   \\-> recorder
 
-It reconnects after the loss of the port: it looks for the board ten times per second, greets it as the first time and
-starts it again. Other faults are kept as an error, which the next read of a frame raises.
+If the port is lost, the thread searches for the board ten times per second, identifies it and starts it again. Other
+faults are stored as an error, which the next read of a frame raises.
 """
 
 from __future__ import annotations
@@ -25,24 +25,24 @@ from fabrication.driver.link.scanner import Message
 from fabrication.driver.recording.raw import Recorder
 
 LOOK_EVERY_S = 0.1
-"""Interval of the search for a lost port."""
+"""Interval of the search for a lost port [s]."""
 
 START_AGAIN_S = 1.0
-"""A started board that is silent for this time is started again: the command may have been damaged."""
+"""Silence after which a started board is started again, because the command may have been damaged [s]."""
 
 LATE_HELLO_S = 1.5
-"""Time after a greeting in which a hello may still be the reply to a repeated request."""
+"""Time after the identification of a board in which a further hello is taken for a repeated reply, not a reset [s]."""
 
 QUEUE_FRAMES = 4096
-"""Length of the queue: ten seconds at 400 Hz."""
+"""Largest number of frames in the queue; ten seconds at 400 Hz."""
 
 Connect = Callable[[Callable[[], bool]], tuple[Link, Hello]]
-"""Function that opens a port and greets the board, until its argument returns true."""
+"""Function that opens a port and identifies the board; it stops waiting when its argument returns True."""
 
 
 @dataclass
 class LinkCounts:
-    """Counts of events on the line since it was opened.
+    """Numbers of events on the line since it was opened.
 
     Attributes
     ----------
@@ -51,7 +51,7 @@ class LinkCounts:
     damaged : candidates for a message whose CRC was wrong
     skipped_bytes : bytes that belonged to no complete message
     overrun : frames dropped because they were not read in time
-    reconnects : connections after the first: the board was plugged in again, or restarted
+    reconnects : connections after the first one, because the board was plugged in again or restarted
     doubled : frames that arrived twice, with the same number and time; the second was dropped
     """
 
@@ -69,10 +69,10 @@ class Stream:
 
     Parameters
     ----------
-    connect : opens a port and greets the board, until its argument returns true
+    connect : function that opens a port and identifies the board, see `Connect`
     decoder : decoder of the frames
-    interval_us : frame interval [us]; 0 for the board's fastest
-    checked : returns a hello, or raises DeviceError for one of another design
+    interval_us : frame interval [us]; 0 is the board's shortest
+    checked : function that returns a hello, or raises DeviceError for another design's
     """
 
     def __init__(
@@ -102,15 +102,15 @@ class Stream:
         self._thread.start()
 
     def end(self, *, is_clean: bool) -> None:
-        """Stop board and thread, close port and recordings; safe after an error and on a second call.
+        """Stop board and thread, and close port and recordings; harmless after an error and on a second call.
 
         Parameters
         ----------
-        is_clean : whether open recordings get a clean end
+        is_clean : whether open recordings are marked as ended regularly
 
         Raises
         ------
-        OutputError : a recording could not be ended; everything else has ended.
+        OutputError : a recording could not be closed; everything else was stopped.
         """
         self._stopping.set()
         if self._thread.is_alive():
@@ -121,18 +121,18 @@ class Stream:
                 recordings.callback(recorder.close, is_clean=is_clean)
 
     def record(self, recorder: Recorder) -> None:
-        """Send every frame from now on to a recorder as well."""
+        """Also pass every frame from now on to a recorder."""
         with self._changed:
             recorder.hello(self.link.hello_message, time.time())
             self._recorders.append(recorder)
 
     def taken(self, timeout_s: float) -> Frame | None:
-        """The oldest waiting frame; None if none arrived in time.
+        """Take the oldest frame from the queue; None if no frame arrived in time.
 
         Raises
         ------
-        DeviceError : a fault that the thread could not fix, after all earlier frames.
-        OutputError : a recording stopped, raised at once and only once; the frames continue.
+        DeviceError : a fault that the thread could not fix; raised after all earlier frames.
+        OutputError : a recording failed; raised at once and only once, while the frames continue.
         """
         with suppress(IndexError):  # the queue is empty
             if self._notice is None:
@@ -154,12 +154,12 @@ class Stream:
         return len(self._queue)
 
     def forget_waiting(self) -> None:
-        """Drop all frames of the queue, so that the next one is new; they do not count as lost."""
+        """Discard all frames in the queue, so that the next one is new; they do not count as lost."""
         with self._changed:
             self._queue.clear()
 
     def self_test(self, timeout_s: float) -> SelfTest:
-        """Request the board's self-test; DeviceError if it does not answer."""
+        """Request the board's self-test; raises DeviceError if there is no reply in time."""
         with self._changed:
             self._self_test = None
             for _ in range(3):  # request or reply may be damaged on the line
@@ -171,7 +171,7 @@ class Stream:
 
     @property
     def counts(self) -> LinkCounts:
-        """Counts of events so far."""
+        """Numbers of events on the line so far."""
         scanner = self.link.scanner
         return LinkCounts(
             frames=self._decoder.frames,
@@ -255,7 +255,7 @@ class Stream:
         return found
 
     def _began_anew(self, message: bytes) -> None:
-        """Handle an unrequested hello: the board was reset while it streamed."""
+        """Restart the stream after a hello that was not requested: the board was reset."""
         if time.monotonic() - self._greeted_at < LATE_HELLO_S:
             return
         self._greeted_at = time.monotonic()  # a repeated hello is one reset

@@ -1,13 +1,15 @@
 """Detection of exchanged wires: the order of emitters and receivers for which readings fit the expected pattern.
 
-On the scale log(max(., floor)) a reading is the expected one times a common factor, a factor of the emitter, one of
-the receiver, and one of the pair. Parts scatter by `PART_SPREAD`, and pairs by `PAIR_SPREAD` or by more if the best
-fit requires it. A misfit is the sum of squares over these spreads, with fitted factors (ridge regression, unknown
-common factor free). The contrast between pairs reveals a wrong wire, not the brightness.
+A reading is modelled as the expected one times a common factor, a factor of the emitter, one of the receiver, and one
+of the pair. The logarithms of these factors are fitted by ridge regression, the common factor without a penalty.
+Factors of parts scatter by `PART_SPREAD`; those of pairs by `PAIR_SPREAD`, or more if the best fit requires it. The
+misfit is the sum of the squared logarithms over these spreads. Readings below a floor are set to the floor. So the
+contrast between pairs reveals a wrong wire, not the brightness.
 
-From the correct wiring on, the exchange of two emitters or of two receivers with the greatest improvement is applied,
-then the next. So several pairs are separated, and a ring of three becomes two exchanges. Pairs that are dark in both
-readings and expectation have no weight. A pair at full scale in only one of them counts by the other's distance below.
+The search starts at the correct wiring. In each step it applies the exchange of two emitters or of two receivers that
+reduces the misfit most. A cyclic permutation of three becomes two exchanges. Pairs that are dark both as measured and
+as expected have no weight. A pair that is at full scale only as measured, or only as expected, counts by the other
+value's distance below full scale.
 """
 
 from __future__ import annotations
@@ -30,19 +32,21 @@ from fabrication.driver.pattern import (
 Order = tuple[int, ...]
 
 PART_SPREAD = 0.3
-"""Standard deviation of ln of a part's factor: resistors 5 %, bins of LEDs a factor of 1.5, seating."""
+"""Standard deviation of the logarithm of a part's factor [-]: resistors 5 %, LED bins a factor of 1.5, seating."""
 
 PAIR_SPREAD = 0.12
-"""Standard deviation of ln of a pair's own factor: positions and heights of parts, the model's own errors."""
+"""Standard deviation of the logarithm of a pair's factor [-]: positions and heights of parts, errors of the model."""
 
 LARGEST_MISS = 5.0
-"""Largest distance of a single pair in the misfit [spreads]: one outlier must not outweigh the others."""
+"""Largest contribution of a single pair to the misfit, before squaring [spreads], so that one outlier does not
+dominate."""
 
 EVIDENCE = 20.0
-"""Least reduction of the misfit by an exchange: odds of e^10 to one under the model."""
+"""Least reduction of the misfit for which an exchange is accepted [-]; under the model, odds of e^10 to one."""
 
 EQUAL = 8.0
-"""Exchanges within this misfit of the best one explain the readings equally well: odds of 50 to one."""
+"""Exchanges whose misfit is within this value of the best one's are reported as equally likely [-]: odds of 50 to
+one."""
 
 NORMAL_MEDIAN_SQUARE = 0.455
 """Median of the square of a standard normal variable."""
@@ -50,7 +54,7 @@ NORMAL_MEDIAN_SQUARE = 0.455
 
 @dataclass(frozen=True, kw_only=True)
 class _Fit:
-    """Misfit in spreads squared, and the pairs' own spread in units of the assumed one, at least 1."""
+    """Misfit of a wiring (see the module), and the pairs' spread over `PAIR_SPREAD`, at least 1 [-]."""
 
     misfit: float
     spread: float
@@ -58,13 +62,13 @@ class _Fit:
 
 @dataclass(frozen=True, kw_only=True)
 class _Exchange:
-    """Two exchanged emitters (axis 0) or receivers (axis 1)."""
+    """Exchange of two emitters (axis 0) or of two receivers (axis 1); `pair` contains their indices."""
 
     axis: int
     pair: tuple[int, int]
 
     def applied(self, rows: Order, columns: Order) -> tuple[Order, Order]:
-        """The orders with these two exchanged."""
+        """The orders of emitters (rows) and receivers (columns) after this exchange."""
         orders = [list(rows), list(columns)]
         a, b = self.pair
         order = orders[self.axis]
@@ -73,15 +77,16 @@ class _Exchange:
 
 
 def exchanged_wires(pattern: Pattern, usable: BoolArray) -> tuple[list[int], list[int], list[Problem]]:
-    """The exchanges that explain the readings.
+    """Find the exchanges of wires that explain the readings.
 
     Parameters
     ----------
-    usable : (emitter, receiver) pairs whose parts work
+    pattern : measured and expected readings
+    usable : (emitter, receiver) whether both parts of a pair work
 
     Returns
     -------
-    the expected rows and columns in their wired order, and one problem per exchange
+    order of the emitters as wired, order of the receivers as wired, one problem per exchange
     """
     rows: Order = tuple(range(usable.shape[0]))
     columns: Order = tuple(range(usable.shape[1]))
@@ -108,7 +113,8 @@ def _exchanges(usable: BoolArray) -> list[_Exchange]:
 
 
 def _fitted(pattern: Pattern, usable: BoolArray, rows: Order, columns: Order) -> _Fit:
-    """Misfit of readings to the expected pattern, with its rows (emitters) and columns (receivers) in this order."""
+    """Misfit between the readings and the expected pattern, with emitters (rows) and receivers (columns) in this
+    order."""
     expected = pattern.expected[list(rows)][:, list(columns)]
     meant = pattern.is_meant_to_clip[list(rows)][:, list(columns)]
     difference = _scaled(pattern.measured) - _scaled(expected)
@@ -128,7 +134,10 @@ def _fitted(pattern: Pattern, usable: BoolArray, rows: Order, columns: Order) ->
 
 
 def _part_factors(difference: FloatArray, told: BoolArray) -> tuple[FloatArray, FloatArray, float]:
-    """Ridge regression of (emitter, receiver) differences on emitters, receivers and a common term."""
+    """Fit of differences (emitter, receiver) by ridge regression, over the pairs where `told` is true.
+
+    Returns the terms of the emitters, those of the receivers, and a common term.
+    """
     emitters, receivers = difference.shape
     weight = told.astype(np.float64)
     target = np.where(told, difference, 0.0)

@@ -39,7 +39,7 @@ def wiring_csv(design: SensorDesign) -> str:
 
     Raises
     ------
-    DesignError : parts or pins that the catalogue or the board does not have.
+    DesignError : the catalogue does not have a part, or the board does not have a pin.
     """
     return csv_text(COLUMNS, (_cells(one) for one in connections_of(design).all))
 
@@ -65,11 +65,11 @@ def sheet_texts(design: SensorDesign, gain: SimulatedGain | None = None) -> dict
 
     Parameters
     ----------
-    gain : the simulated gain; None omits everything that depends on it
+    gain : the simulated gain; None omits everything that depends on the gain
 
     Raises
     ------
-    DesignError : parts, pins or materials that the catalogue or the board does not have.
+    DesignError : the catalogue does not have a part or material, or the board does not have a pin.
     """
     return {
         "driver.toml": dump_driver_config(

@@ -1,8 +1,8 @@
 """Bill of materials: items to buy, print and weigh for one sensor.
 
-References extend the names of the layout: E3-Q is the transistor of emitter E3. A cost is the
-catalogue's, with currency, date and source, or marked as blank. Where no part is chosen (transistor, amplifier) the
-value gives the requirements; where the gain decides (feedback), it refers to the gain.
+References extend the names of the layout: E3-Q is the transistor of emitter E3. Costs are the catalogue's, with
+currency, date and source; unknown costs are blank. For a transistor or amplifier the value gives the requirements,
+because no part is chosen. For feedback components without a known gain it refers to the gain.
 """
 
 from __future__ import annotations
@@ -60,12 +60,12 @@ NO_PRICE = "no price known"
 
 @dataclass(frozen=True, kw_only=True)
 class BomRow:
-    """One item to obtain.
+    """One item of the bill of materials.
 
     Attributes
     ----------
-    quantity, unit : pieces or grams; None where it is not known
-    references : its designators, in the order of the layout
+    quantity, unit : number of pieces or grams; None if not known
+    references : reference designators of the item, in the order of the layout
     cost : quoted cost of one unit, if any
     """
 
@@ -81,11 +81,11 @@ class BomRow:
 
 
 def bom_rows(design: SensorDesign, gain: SimulatedGain | None = None) -> tuple[BomRow, ...]:
-    """All items of one sensor.
+    """All items of the bill of materials for one sensor.
 
     Parameters
     ----------
-    gain : the simulated gain; without it a gain by a rule leaves the feedback undecided
+    gain : the simulated gain; if it is None and a rule sets the gain, the feedback components have no values
     """
     cavity, board = cavity_of(design), board_of(design)
     return (
@@ -235,7 +235,7 @@ def _amplifier_rows(
 
 
 def _open_feedback_rows(design: SensorDesign, names: Sequence[str]) -> Iterator[BomRow]:
-    """Resistor and capacitor whose values are not known yet."""
+    """Items of the amplifiers' resistors and capacitors while their values are not known."""
     rule = (
         f"so that the median judged pair reads {design.gain.target_counts:g} counts untouched, and none clips"
     )
@@ -394,7 +394,7 @@ def _tools(design: SensorDesign) -> Iterator[tuple[str, str]]:
 
 
 def _by_entry(placed: Sequence[PlacedPart]) -> Iterator[tuple[PlacedPart, tuple[str, ...]]]:
-    """One part of each catalogue entry with the names of all that share it."""
+    """Parts grouped by catalogue entry: one part of each, with the names of all parts of that entry."""
     for part_id in dict.fromkeys(part.part_id for part in placed):
         same = [part for part in placed if part.part_id == part_id]
         yield same[0], tuple(part.name for part in same)

@@ -13,11 +13,11 @@ from fabrication.sheets.table import number, plain
 from sims.readings.readout import full_scale_counts
 
 SHOWN_CLIPPED = 24
-"""Largest number of clipped pairs that are named individually; others are counted."""
+"""Largest number of clipped pairs that are named individually; further ones are only counted."""
 
 
 def gain_lines(design: SensorDesign, gain: SimulatedGain | None) -> Iterator[str]:
-    """The section's lines."""
+    """Lines of the build sheet's section on the amplifiers, as Markdown."""
     yield "## Set the gain"
     yield ""
     feedbacks = feedbacks_for(design, gain)

@@ -51,7 +51,7 @@ from fabrication.sheets.svg import Element, Point
 
 
 def circuit_lines(design: SensorDesign) -> Iterator[str]:
-    """The section's lines."""
+    """Lines of the build sheet's section on the emitters' switches, as Markdown."""
     kinds = {one.part_id: one.part for one in cavity_of(design).emitters}
     board, current = board_of(design), supply_current(design)
     driver, most_ma = most_drive_ma(design, board)
@@ -88,7 +88,7 @@ def circuit_lines(design: SensorDesign) -> Iterator[str]:
 
 CELL_X, CELL_Y = 264.0, 210.0
 PIN_ROOM = 36.0
-"""Width added to a cell for the longer names of a multiplexer's channels."""
+"""Additional width of a cell for the longer pin names of multiplexer channels [drawing units]."""
 MARGIN = 24.0
 HEADING_PX, TEXT_PX, VALUE_PX = 20.0, 14.0, 12.0
 HEAD = 64.0
@@ -104,11 +104,11 @@ def schematic_svg(design: SensorDesign, gain: SimulatedGain | None = None) -> st
 
     Parameters
     ----------
-    gain : the simulated gain; without it a gain by a rule leaves the feedback undecided
+    gain : the simulated gain; if it is None and a rule sets the gain, the feedback components have no values
 
     Raises
     ------
-    DesignError : parts or pins that the catalogue or the board does not have.
+    DesignError : the catalogue does not have a part, or the board does not have a pin.
     """
     connections, feedbacks = connections_of(design), feedbacks_for(design, gain)
     notes, sink = _notes(design), current_sink(design)
@@ -158,7 +158,7 @@ def _corner(place: int, across: int, cell_x: float, top: float) -> Point:
 
 
 def _switch(one: Connection, board: Board, corner: Point) -> Element:
-    """One emitter's cell."""
+    """Drawing of one emitter's switch: LED, resistors and transistor."""
     x, y = corner[0] + 150, corner[1]
     switch = emitter_switch(one.part.part, board)
     series = "none fits" if switch.series_ohm is None else ohm_text(switch.series_ohm)
@@ -204,7 +204,7 @@ def _sunk(one: Connection, board: Board, sink: CurrentSink, corner: Point) -> El
 
 
 def _amplifier(one: Connection, feedback: Feedback | None, corner: Point) -> Element:
-    """One receiver's cell."""
+    """Drawing of one receiver's amplifier with its photodiode and feedback."""
     x, y, name = corner[0] + 60, corner[1], one.part.name
     ohms = UNKNOWN if feedback is None else ohm_text(feedback.standard_ohm)
     farads = UNKNOWN if feedback is None else f"{feedback.capacitor_pf:g} pF"
@@ -263,7 +263,7 @@ class _Block:
         return 26 + BLOCK_LINE * (max(len(self.left), len(self.right)) + len(self.below)) + 40
 
     def drawn(self, corner: Point) -> Element:
-        """The cell of the circuit."""
+        """Drawing of the circuit as a block, with its corner at a point."""
         x, y = corner[0] + 84, corner[1] + 26
         bottom = y + BLOCK_LINE * max(len(self.left), len(self.right)) + 8
         cell = svg.group(f"{self.name}: {self.title}")

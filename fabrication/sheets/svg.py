@@ -37,13 +37,13 @@ def drawing(width: float, height: float, title: str, description: str) -> Elemen
 
 
 def to_text(root: Element) -> str:
-    """The file's text."""
+    """The drawing as text of an SVG file."""
     ElementTree.indent(root)
     return '<?xml version="1.0" encoding="UTF-8"?>\n' + ElementTree.tostring(root, encoding="unicode") + "\n"
 
 
 def group(label: str = "") -> Element:
-    """Shapes that belong together; their label is shown under the mouse."""
+    """A group of shapes; its label appears when the mouse points at it."""
     element = Element("g")
     if label:
         ElementTree.SubElement(element, "title").text = one_line(label)
@@ -74,7 +74,7 @@ def polygon(points: list[Point], **style: str) -> Element:
 
 
 def outline(corners: list[Point], **style: str) -> Element:
-    """A closed outline; four corners with sides along those of the sheet become a rectangle."""
+    """A closed outline; four corners that form an upright rectangle become a rectangle element."""
     if len(corners) == 4 and {corners[0], corners[2]} <= {
         (x, y) for x, _ in corners[1::2] for _, y in corners[1::2]
     }:
@@ -88,7 +88,7 @@ def polyline(points: list[Point], **style: str) -> Element:
 
 
 def text(at: Point, content: str, size: float, **style: str) -> Element:
-    """A line of text; `anchor` is start, middle or end."""
+    """A line of text. The style `anchor` (start, middle or end) says which part of it is at the point."""
     element = _shape("text", style, x=_px(at[0]), y=_px(at[1]))
     element.set("font-size", _px(size))
     element.text = one_line(content)
@@ -131,7 +131,7 @@ LINE = "#222222"
 WIRE = {"stroke": LINE, "stroke_width": "1.6"}
 BOX = {"fill": "#ffffff", "stroke": LINE, "stroke_width": "1.6"}
 LONG, SHORT = 34.0, 11.0
-"""A resistor's length and width."""
+"""Length and width of a resistor symbol [drawing units]."""
 
 
 def wire(*points: Point) -> Element:
@@ -145,7 +145,7 @@ def dot(at: Point) -> Element:
 
 
 def resistor(centre: Point, *, upright: bool) -> Element:
-    """A resistor; wires end at half its length from the centre."""
+    """A resistor symbol, upright or lying; the wires end at half its length from the centre."""
     half = (SHORT / 2, LONG / 2) if upright else (LONG / 2, SHORT / 2)
     low = centre[0] - half[0], centre[1] - half[1]
     return rectangle(low, (centre[0] + half[0], centre[1] + half[1]), **BOX)
@@ -164,7 +164,7 @@ def ground(at: Point) -> list[Element]:
 
 
 def diode(centre: Point, *, emits: bool) -> list[Element]:
-    """An LED, current downward, or a photodiode with its cathode up; 10 units to each end."""
+    """An LED (current downward) or a photodiode (cathode at the top); each lead is 10 units long."""
     x, y = centre
     way = 1.0 if emits else -1.0
     triangle = [(x - 9, y - 8 * way), (x + 9, y - 8 * way), (x, y + 8 * way)]
@@ -177,7 +177,7 @@ def diode(centre: Point, *, emits: bool) -> list[Element]:
 
 
 def npn(base: Point) -> list[Element]:
-    """An NPN transistor: base at the left, collector 24 right and 22 up, emitter 24 right and 22 down."""
+    """An NPN transistor: base at the left, collector 24 units right and 22 up, emitter 24 right and 22 down."""
     x, y = base
     bar = x + 8
     return [
@@ -190,7 +190,7 @@ def npn(base: Point) -> list[Element]:
 
 
 def amplifier(tip: Point) -> list[Element]:
-    """An operational amplifier, its output at the tip; inputs 46 left of it, - 12 up and + 12 down."""
+    """An operational amplifier with its output at the tip. Its inputs are 46 units left, - 12 up and + 12 down."""
     x, y = tip
     body = polygon([(x - 46, y - 25), (x - 46, y + 25), (x, y)], **BOX)
     signs = [text((x - 41, y - 8), "−", 14), text((x - 41, y + 16), "+", 14)]
@@ -198,5 +198,5 @@ def amplifier(tip: Point) -> list[Element]:
 
 
 def terminal(at: Point) -> Element:
-    """An end that a cable continues."""
+    """An open end of a wire, where a cable is connected."""
     return circle(at, 4.0, **BOX)

@@ -1,4 +1,4 @@
-"""Conversion of 32-bit counters that wrap to numbers that do not."""
+"""Counters without overflow: 32-bit counters of the board, which wrap around, become numbers that do not."""
 
 from __future__ import annotations
 
@@ -10,16 +10,17 @@ from design.arrays import IntArray
 from fabrication.driver.link.protocol import STAMP, WRAP, CountArray
 
 REMEMBERED_FRAMES = 256
-"""Number of frames in the search for repeats: 0.6 s at 400 Hz."""
+"""Number of past frames among which repeats are searched; 0.6 s at 400 Hz."""
 
 
 class WrappingCounter:
-    """One counter of a board, tracked from its first value.
+    """Follows a 32-bit counter of the board, and removes its wraps.
 
     Parameters
     ----------
-    goes_back : True for sequence numbers, where a step backward means a restart of the board: steps are -2^31 to
-        2^31 - 1. False for device time, which only rises: steps are 0 to 2^32 - 1, in microseconds 71.6 minutes.
+    goes_back : whether the counter may step backward. True for sequence numbers, which a restart of the board sets
+        back; a step is from -2^31 to 2^31 - 1. False for device time, which only rises; a step is from 0 to 2^32 - 1
+        (71.6 minutes in microseconds).
     """
 
     def __init__(self, *, goes_back: bool) -> None:
@@ -27,7 +28,10 @@ class WrappingCounter:
         self._last: int | None = None
 
     def next(self, value: int) -> tuple[int, int]:
-        """One value without wraps, and the step to it; as `extended`, but much faster for single values."""
+        """The unwrapped number of one counter value, and the step since the previous value; 1 for the first value.
+
+        The result is that of `extended`, but much faster for single values.
+        """
         if self._last is None:
             self._last = value
             return value, 1
@@ -38,9 +42,9 @@ class WrappingCounter:
         return self._last, step
 
     def extended(self, values: CountArray) -> tuple[IntArray, IntArray]:
-        """Values without wraps, and the step to each from the previous one; 1 to the very first.
+        """The unwrapped numbers of (n,) counter values, and the step from each previous value; both (n,).
 
-        values : (n,) as sent; both results are (n,)
+        The step of the very first value is 1.
         """
         if not len(values):
             return np.zeros(0, np.int64), np.zeros(0, np.int64)
@@ -55,9 +59,9 @@ class WrappingCounter:
 
 
 class Repeats:
-    """Detection of frames that the line delivers twice: number and time equal those of one of the last 256 frames.
+    """Detects frames that the line delivers twice: sequence number and time equal those of one of the last 256 frames.
 
-    A restarted board repeats its numbers, but never a number with its time.
+    A restarted board repeats its numbers, but not with the same times.
     """
 
     def __init__(self) -> None:
@@ -65,7 +69,7 @@ class Repeats:
         self._seen: set[bytes] = set()
 
     def has(self, message: bytes) -> bool:
-        """Whether a complete message of readings arrived before; a new one is remembered."""
+        """Whether a complete message of readings repeats a remembered one; a new message is remembered."""
         stamp = message[STAMP]
         if stamp in self._seen:
             return True
@@ -77,9 +81,11 @@ class Repeats:
 
 
 def restarts(values: CountArray, last: int) -> IntArray:
-    """Indices of (n,) sequence numbers at a restart of the board: not above the previous number, modulo 2^32.
+    """Indices of the sequence numbers (n,) at which the board was restarted.
 
-    last : the number before the first
+    A restart is a number that is not above the previous one, modulo 2^32.
+
+    last : sequence number before the first one
     """
     steps: IntArray = np.diff(values.astype(np.int64), prepend=last).astype(np.int64) % WRAP
     places: IntArray = np.flatnonzero((steps == 0) | (steps >= WRAP // 2))

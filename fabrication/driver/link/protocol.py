@@ -39,10 +39,10 @@ MAGIC = b"\xa5\x5a"
 COMMAND_MAGIC = b"\xc5\x5c"
 CRC_BYTES = 4
 WRAP = 2**32
-"""Value at which sequence number and device time wrap."""
+"""Number of values of the 32-bit counters: sequence number and device time start again from 0 after WRAP - 1."""
 
 STAMP = slice(3, 11)
-"""Position of sequence number and device time in a message of readings."""
+"""Bytes of a message of readings that hold sequence number and device time."""
 
 CountArray = NDArray[np.uint32]
 _HELLO = struct.Struct("<2sB7BHII32s")
@@ -52,7 +52,7 @@ _CRC = struct.Struct("<I")
 
 
 class Kind(IntEnum):
-    """Kinds of the board's messages."""
+    """Kinds of messages from the board, as the low half of byte 2."""
 
     READINGS = 0
     HELLO = 1
@@ -60,7 +60,8 @@ class Kind(IntEnum):
 
 
 class Command(IntEnum):
-    """Commands of the host to the board; RATE takes the frame interval [us], 0 for the board's fastest."""
+    """Commands from the host to the board. The argument of RATE is the frame interval [us]; 0 is the board's
+    shortest."""
 
     START = 1
     STOP = 2
@@ -76,7 +77,7 @@ COMMAND_BYTES = _COMMAND.size + CRC_BYTES
 
 @dataclass(frozen=True, kw_only=True)
 class FrameFormat:
-    """Number of readings in a frame, and their bits.
+    """Shape of a frame: numbers of states and receivers, and bits of each reading.
 
     Attributes
     ----------
@@ -96,17 +97,17 @@ class FrameFormat:
 
     @property
     def readings(self) -> int:
-        """Number of readings in a frame."""
+        """Number of readings in a frame: states times receivers."""
         return self.states * self.receivers
 
     @property
     def reading_bytes(self) -> int:
-        """Bytes of the packed readings."""
+        """Number of bytes of the packed readings."""
         return -(-self.readings * self.bits // 8)
 
     @property
     def total_bytes(self) -> int:
-        """Bytes of the complete message."""
+        """Number of bytes of a complete message of readings."""
         return int(_record_type(self).itemsize)
 
     @property
@@ -122,9 +123,9 @@ class Hello:
     Attributes
     ----------
     firmware : major and minor version
-    board : its number in the catalogue of boards
-    prescaler_exponent : the converter's clock is the board's over 2 to this
-    interval_us : requested time from frame to frame [us]; 0 is the board's fastest
+    board : number of the kind of board in the catalogue
+    prescaler_exponent : the converter's clock is the board's clock divided by 2 to this power
+    interval_us : requested frame interval [us]; 0 is the board's shortest
     digest : SHA-256 of the design that the firmware was made for, 64 hexadecimal digits
     """
 
@@ -142,14 +143,15 @@ class Hello:
 
 @dataclass(frozen=True, kw_only=True)
 class SelfTest:
-    """A board's self-test.
+    """Result of a board's self-test.
 
     Attributes
     ----------
-    reference_counts : the internal 1.1 V reference, read against the supply
-    late_frames : frames that began later than the interval requires
-    least_free_ram_bytes : lowest seen since the reset
-    config_crc : CRC-32 of the configuration in the program
+    reference_counts : reading of the internal 1.1 V reference, with the supply as full scale [counts]; 0 if not
+        measured
+    late_frames : number of frames that began later than the frame interval requires
+    least_free_ram_bytes : least free memory since the reset [bytes]
+    config_crc : CRC-32 of the configuration that was compiled into the program
     """
 
     reference_counts: int
@@ -160,10 +162,10 @@ class SelfTest:
 
 @dataclass(frozen=True, kw_only=True)
 class Unpacked:
-    """Frames as arrays: sequence (n,) and device time (n,) [us] as sent, counts (n, state, receiver).
+    """Frames as arrays: sequence number (n,), device time (n,) [us], readings (n, state, receiver) [counts].
 
-    The last state of the counts is dark. Frames with a dark state after each emitter's are brought to this form by
-    `design.recordings.with_one_dark`.
+    Sequence number and device time are as sent, so they wrap at 2^32. The last state of the readings is dark. Frames
+    with a dark state after each emitter's are brought to this form by `design.recordings.with_one_dark`.
     """
 
     sequence: CountArray
@@ -172,11 +174,11 @@ class Unpacked:
 
 
 def frame_format(config: DriverConfig) -> FrameFormat:
-    """The frame of a driver configuration.
+    """Shape of the frames of a driver configuration.
 
     Raises
     ------
-    DeviceError : its frame is not that of this version of the protocol.
+    DeviceError : the configuration's frame does not have the layout of this version of the protocol.
     """
     frame = config.frame
     found = FrameFormat(
@@ -194,11 +196,11 @@ def frame_format(config: DriverConfig) -> FrameFormat:
 
 
 MAX_BITS = 16
-"""Largest number of bits of a reading that fits the arrays."""
+"""Largest number of bits per reading, limited by the type of the arrays."""
 
 
 def message_lengths(layout: FrameFormat) -> dict[int, int]:
-    """Length of each message of the board by its byte 2."""
+    """Length in bytes of each kind of message from the board, by its byte 2."""
     lengths = {
         Kind.READINGS: layout.total_bytes,
         Kind.HELLO: HELLO_BYTES,
@@ -208,22 +210,23 @@ def message_lengths(layout: FrameFormat) -> dict[int, int]:
 
 
 def sealed(content: bytes) -> bytes:
-    """Content followed by its CRC."""
+    """A message: its content followed by the content's CRC."""
     return content + _CRC.pack(zlib.crc32(content))
 
 
 def is_whole(message: bytes | memoryview) -> bool:
-    """Whether a message's CRC is that of its content."""
+    """Whether the CRC at the end of a message matches its content."""
     return zlib.crc32(message[:-CRC_BYTES]) == int.from_bytes(message[-CRC_BYTES:], "little")
 
 
 def pack_frames(layout: FrameFormat, sequence: Any, device_us: Any, counts: Any) -> list[bytes]:
-    """Packed frames.
+    """Messages of readings, one per frame.
 
     Parameters
     ----------
-    sequence, device_us : (n,) counters; they wrap at 2^32
-    counts : (n, state, receiver) readings in the states on the line, 0 to full scale
+    layout : shape of the frames
+    sequence, device_us : (n,) sequence numbers and device times [us]; both wrap at 2^32
+    counts : (n, state, receiver) readings in the states on the line, from 0 to full scale [counts]
     """
     values = np.asarray(counts).reshape(-1, layout.readings)
     rows = np.zeros(len(values), _record_type(layout))
@@ -239,7 +242,7 @@ def pack_frames(layout: FrameFormat, sequence: Any, device_us: Any, counts: Any)
 
 
 def unpack_frames(layout: FrameFormat, frames: Iterable[bytes]) -> Unpacked:
-    """Complete frames of readings as arrays; their CRC has been checked before."""
+    """Arrays of the frames in complete messages of readings, whose CRC the caller has checked."""
     rows = np.frombuffer(b"".join(frames), _record_type(layout))
     return Unpacked(
         sequence=rows["sequence"].astype(np.uint32),
@@ -249,7 +252,7 @@ def unpack_frames(layout: FrameFormat, frames: Iterable[bytes]) -> Unpacked:
 
 
 def pack_hello(hello: Hello) -> bytes:
-    """A packed hello."""
+    """The message of a hello."""
     head = (*hello.firmware, hello.board, hello.emitters, hello.receivers, hello.bits)
     rest = hello.prescaler_exponent, hello.settle_us, hello.baud, hello.interval_us
     version = VERSION << 4 | Kind.HELLO
@@ -275,7 +278,7 @@ def unpack_hello(message: bytes) -> Hello:
 
 
 def pack_self_test(found: SelfTest) -> bytes:
-    """A packed result of a self-test."""
+    """The message of a self-test's result."""
     numbers = found.reference_counts, found.late_frames, found.least_free_ram_bytes, found.config_crc
     return sealed(_SELF_TEST.pack(MAGIC, VERSION << 4 | Kind.SELF_TEST, *numbers))
 
@@ -287,12 +290,12 @@ def unpack_self_test(message: bytes) -> SelfTest:
 
 
 def pack_command(command: Command, argument: int = 0) -> bytes:
-    """A packed command."""
+    """The message of a command."""
     return sealed(_COMMAND.pack(COMMAND_MAGIC, VERSION << 4 | command, argument))
 
 
 def unpack_command(message: bytes) -> tuple[Command, int]:
-    """Command and argument of a complete message; ValueError for a command that this version does not have."""
+    """Command and argument of a complete message; raises ValueError for an unknown command."""
     _, kind, argument = _COMMAND.unpack_from(message)
     return Command(kind & 0x0F), argument
 
@@ -311,7 +314,10 @@ def _record_type(layout: FrameFormat) -> np.dtype[np.void]:
 
 
 def _unpacked(layout: FrameFormat, packed: NDArray[np.uint8]) -> NDArray[np.uint16]:
-    """(n, emitter + 1, receiver) readings of (n, bytes): each spans at most three bytes, as it has at most 16 bits."""
+    """(n, emitter + 1, receiver) readings of (n, bytes) packed ones.
+
+    A reading has at most 16 bits, so it spans three bytes or fewer.
+    """
     first, shift = _places(layout)
     padded = np.zeros((len(packed), layout.reading_bytes + 2), dtype=np.uint32)
     padded[:, :-2] = packed
@@ -325,6 +331,9 @@ def _unpacked(layout: FrameFormat, packed: NDArray[np.uint8]) -> NDArray[np.uint
 
 @cache
 def _places(layout: FrameFormat) -> tuple[IntArray, CountArray]:
-    """First byte of each reading, and the number of its bits that belong to the previous one; both (readings,)."""
+    """Index of each reading's first byte, and the number of low bits in it that belong to the previous reading.
+
+    Both arrays are (readings,).
+    """
     first, shift = np.divmod(np.arange(layout.readings) * layout.bits, 8)
     return first, shift.astype(np.uint32)

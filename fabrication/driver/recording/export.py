@@ -28,7 +28,8 @@ if TYPE_CHECKING:
 
 US_PER_S = 1e6
 CLOCK_SLACK_S = 1.0
-"""Tolerance of the order of record times; a larger step back means that the clock was set back."""
+"""Largest step back in the times of successive records that is tolerated [s]; a larger one means that the clock was set
+back."""
 
 COMPRESSION = {"zlib": True, "complevel": 4}
 
@@ -39,15 +40,16 @@ class Recorded:
 
     Attributes
     ----------
-    config : configuration of the sensor
+    config : driver configuration of the sensor
     counts : (time, state, receiver) readings [counts]
-    connection, sequence : (time,)
+    connection, sequence : (time,) number of the connection, from 1, and of the frame within the connection
     device_s : (time,) the board's clock since its reset [s]
     host_s : (time,) this machine's clock since 1970 [s]
-    labels : press of each frame; None if the recording has none
-    lost, doubled : frames missing by the sequence numbers; frames that arrived twice, of which one is kept
-    stray_bytes : bytes of the file that belong to no complete record of this configuration
-    ended_cleanly : whether the recorder was closed
+    labels : press of each frame; None if the recording contains no presses
+    lost : number of frames missing by the sequence numbers
+    doubled : number of frames that arrived twice; one of the two is kept
+    stray_bytes : number of bytes in the file that belong to no complete record
+    ended_cleanly : whether the recorder closed the file regularly
     """
 
     config: DriverConfig
@@ -64,7 +66,7 @@ class Recorded:
 
     @property
     def press_mm(self) -> FloatArray | None:
-        """(time, 3) x, y, depth [mm]; None if the recording has none."""
+        """(time, 3) press of each frame: x, y, depth [mm]; None if the recording contains no presses."""
         return None if self.labels is None else self.labels.press_mm
 
     @property
@@ -73,7 +75,7 @@ class Recorded:
         return signals_of(self.counts.astype(np.float64))
 
     def only(self, kept: BoolArray) -> Recorded:
-        """A part of the frames, with the same counts of lost frames."""
+        """The recording with only the frames selected by `kept` (time,); the counts of lost frames do not change."""
         values = {field.name: getattr(self, field.name) for field in fields(self)}
         cut: dict[str, Any] = {
             name: value[kept] for name, value in values.items() if isinstance(value, np.ndarray)
@@ -82,15 +84,15 @@ class Recorded:
 
 
 def read_recorded(file: Path, path: FingerPath | None = None) -> Recorded:
-    """All complete records of a recording.
+    """Read all complete records of a recording.
 
     Parameters
     ----------
-    path : presses by the board's clock; None takes the presses in the recording
+    path : presses over the board's clock; None takes the presses in the recording
 
     Raises
     ------
-    InputError : not a recording, or one without a complete frame.
+    InputError : the file is not a recording, or contains no complete frame.
     """
     _, config, every, stray = read_records(file)
     layout = frame_format(config)
@@ -122,7 +124,7 @@ def read_recorded(file: Path, path: FingerPath | None = None) -> Recorded:
 
 
 def dataset_of(recorded: Recorded, name: str) -> xr.Dataset:
-    """The recording with named axes and units."""
+    """The recording as an xarray data set with named axes and units; `name` is the attribute `source`."""
     import xarray as xr
 
     said = descriptor_of(recorded.config)
@@ -194,9 +196,10 @@ def write_netcdf(recorded: Recorded, out: Path, name: str) -> None:
 
 
 def write_csv(recorded: Recorded, out: Path, name: str) -> None:
-    """Write frames as a table for `optopad compare`, one row per frame, one column per pair; as `write_netcdf`.
+    """Write frames as a table for `optopad compare`: one row per frame, one column per pair.
 
-    Signals are readings less the dark state's [counts]; positions are included if the recording has them [mm].
+    Signals are readings less the dark state's [counts]. Positions are included if the recording has them [mm].
+    Parameters and errors are those of `write_netcdf`.
     """
     require_suffix(out, (".csv",))
     said, labels = descriptor_of(recorded.config), recorded.labels
@@ -243,7 +246,10 @@ def _without_repeats(records: list[Record]) -> list[Record]:
 
 
 def _connections(records: list[Record], found: Unpacked) -> IntArray:
-    """(time,) number of the connection from 1, raised at every hello between frames and decrease of a sequence."""
+    """Number of each frame's connection, (time,), from 1.
+
+    The number rises at every hello between frames, and where the sequence number decreases.
+    """
     begins, number = np.zeros(len(found.sequence), dtype=bool), 0
     is_new = False
     for record in records:
@@ -270,13 +276,16 @@ def _unwrapped(found: Unpacked, connection: IntArray) -> tuple[IntArray, IntArra
 
 
 def _fits(record: Record, frame_bytes: int) -> bool:
-    """Whether a record's content has its kind's length: any other is meaningless, even with a correct CRC."""
+    """Whether a record's content has the length that its kind requires; other lengths have no meaning."""
     lengths = {RecordKind.FRAME: frame_bytes, RecordKind.PRESS: PRESS_BYTES}
     return len(record.content) == lengths.get(record.kind, len(record.content))
 
 
 def _presses(records: list[Record], host_s: FloatArray) -> PressLabels | None:
-    """The last recorded press before each frame, untouched before the first; None if there is none."""
+    """Press of each frame: the last one recorded before it, or none before the first press.
+
+    Returns None if the recording contains no presses.
+    """
     said = [record for record in records if record.kind == RecordKind.PRESS]
     if not said:
         return None

@@ -1,10 +1,12 @@
 """A simulated board: the messages of the firmware, for a pad with simulated light.
 
 It supports the full protocol: hello at the reset and once per second until it is started, frames at the requested
-interval, replies between frames. Readings are the press table's signals, an ambient level and noise, rounded and
-clipped as the converter does. It takes bytes and times and returns bytes; `fake_port` connects it to a port.
+interval, replies between frames. Readings are the sum of the press table's signals, an ambient level and noise, rounded
+and clipped as by the converter. The board takes bytes and times and returns bytes; `port.FakePort` connects it to a
+port.
 
-It leaves out settling of LED and amplifier, drift, and the baud rate: only the timing budget limits the frame rate.
+The simulation has no settling of LED and amplifier, no drift and no baud rate; only the timing budget limits the frame
+rate.
 """
 
 from __future__ import annotations
@@ -37,10 +39,10 @@ from fabrication.driver.simulated.press_table import PressTable
 from fabrication.driver_file import DriverConfig
 
 AMBIENT_COUNTS = 2.0
-"""Level of every reading in the dark: an assumption that agrees with the paper's untouched rows."""
+"""Ambient level in every reading [counts]: an assumption that agrees with the paper's untouched rows."""
 
 READ_NOISE_COUNTS = 0.5
-"""Standard deviation of a reading in the dark, as the verdict assumes."""
+"""Standard deviation of a reading in the dark, the same as the verdict assumes [counts]."""
 
 LIGHT_NOISE = 0.002
 """Standard deviation of an emitter's light over its mean, within the limits of the published touch rows [-]."""
@@ -50,7 +52,7 @@ US_PER_S = 1e6
 REFERENCE_V, SUPPLY_V = 1.1, 5.0
 FREE_RAM_BYTES = 4096
 FIRMWARE = (0, 0)
-"""Version 0.0, which means no firmware."""
+"""Version 0.0 marks the simulated board, which has no firmware."""
 
 
 class FakeBoard:
@@ -61,11 +63,11 @@ class FakeBoard:
     config : configuration of its design
     table : readings of its pad under presses
     path : path of the finger
-    faults : faults of the simulated unit; None for none
+    faults : faults of the simulated unit; None for a unit without faults
     seed : seed of the noise
     digest : digest to report in place of the configuration's
-    clock_offset_us : device time at the reset [us], to test its wrap
-    sequence_offset : sequence number of the first frame, to test its wrap
+    clock_offset_us : device time at the reset, to test the counter's wrap [us]
+    sequence_offset : sequence number of the first frame, to test the counter's wrap
     """
 
     def __init__(
@@ -96,7 +98,7 @@ class FakeBoard:
         self.reset(0.0)
 
     def reset(self, now_s: float) -> None:
-        """Restart, as when the port is opened; `now_s` is any clock that rises [s]."""
+        """Restart, as when the port is opened, at time `now_s` of any clock that only rises [s]."""
         self._reset_s = now_s
         self._due_s = now_s
         self._is_started = False
@@ -107,12 +109,12 @@ class FakeBoard:
 
     @property
     def due_s(self) -> float:
-        """Time of the next message that it sends without a request [s]."""
+        """Time of the next message that the board sends without a request [s]."""
         return self._due_s
 
     @property
     def is_started(self) -> bool:
-        """Whether it sends frames."""
+        """Whether the board sends frames."""
         return self._is_started
 
     def press_mm(self, now_s: float) -> FloatArray:
@@ -128,7 +130,7 @@ class FakeBoard:
         return answer
 
     def spoken(self, now_s: float) -> bytes:
-        """Bytes that it sends without a request at this time; none before `due_s`."""
+        """Bytes that the board sends without a request at this time; empty before `due_s`."""
         if now_s < self._due_s:
             return b""
         if not self._is_started:

@@ -1,7 +1,7 @@
-"""Readings of a pad under presses, from a table over locations and depths: the input of the simulated board.
+"""Signals of a pad under presses, in a table over locations and depths; they are the input of the simulated board.
 
-The table is linear between the grid's lines in x, y and depth. Beyond the last location or depth the nearest one is
-used, and depth 0 or less is the untouched pad. Signals are not linear between depths 0.2 mm apart, so the table serves
+The table is interpolated linearly in x, y and depth. Presses beyond its last location or depth take the nearest values,
+and depth 0 or less is the untouched pad. Real signals are not linear over depth steps of 0.2 mm, so the table serves
 tests of software, not the judgement of a layout.
 """
 
@@ -22,18 +22,18 @@ if TYPE_CHECKING:
     import xarray as xr
 
 MOST_BYTES = 500_000_000
-"""Largest size of the unpacked arrays: 6,000 states of 1,024 pairs have 50 MB."""
+"""Largest size of the unpacked arrays [bytes]; 6,000 states of 1,024 pairs need 50 MB."""
 SAME_MM = 1e-6
-"""Tolerance within which two lines of a grid are one [mm]."""
+"""Tolerance within which two coordinates of the grid are equal [mm]."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class PressTable:
-    """Signals over a full grid of presses.
+    """Signals over a full grid of presses in x, y and depth.
 
     Attributes
     ----------
-    x_mm, y_mm, depth_mm : (nx,), (ny,), (nd,) rising grid lines [mm]; the first depth is 0
+    x_mm, y_mm, depth_mm : (nx,), (ny,), (nd,) rising coordinates of the grid [mm]; the first depth is 0
     counts : (nx, ny, nd, emitter, receiver) signals without ambient light, not clipped [counts]
     """
 
@@ -50,11 +50,14 @@ class PressTable:
 
     @property
     def knows_presses(self) -> bool:
-        """Whether it has any press, and not only the untouched pad."""
+        """Whether the table contains any press, and not only the untouched pad."""
         return len(self.depth_mm) > 1
 
     def at(self, presses: ArrayLike) -> FloatArray:
-        """(n, emitter, receiver) signals under presses, (n, 3) x, y, depth [mm]."""
+        """(n, emitter, receiver) signals under presses, interpolated linearly [counts].
+
+        presses : (n, 3) x, y, depth [mm]
+        """
         rows = np.atleast_2d(np.asarray(presses, dtype=np.float64))
         found = np.zeros((len(rows), *self.counts.shape[3:]))
         corners = [
@@ -68,7 +71,7 @@ class PressTable:
 
 
 def _neighbours(line: FloatArray, values: FloatArray) -> list[tuple[NDArray[np.intp], FloatArray]]:
-    """The grid lines on both sides of each value, and their shares."""
+    """Indices of the grid coordinates below and above each value, each with its weight in linear interpolation."""
     place = np.interp(values, line, np.arange(len(line)))
     low = np.minimum(place.astype(np.intp), max(len(line) - 2, 0))
     share = place - low
@@ -76,11 +79,11 @@ def _neighbours(line: FloatArray, values: FloatArray) -> list[tuple[NDArray[np.i
 
 
 def untouched_table(config: DriverConfig) -> PressTable:
-    """A table with only the untouched pattern of a driver configuration.
+    """A table that contains only the untouched pad's simulated signals, from a driver configuration.
 
     Raises
     ------
-    InputError : the configuration has no untouched pattern.
+    InputError : the configuration has no simulated signals.
     """
     if config.expected is None:
         raise InputError(
@@ -93,17 +96,17 @@ def untouched_table(config: DriverConfig) -> PressTable:
 
 
 def table_of(presses: FloatArray, counts: FloatArray, *, is_whole: bool = True) -> PressTable:
-    """A table from states that form a full grid, in any order.
+    """A table from presses that form a full grid, in any order.
 
     Parameters
     ----------
     presses : (state, 3) x, y, depth; the least depth must be 0 [mm]
     counts : (state, emitter, receiver) signals [counts]
-    is_whole : whether every location of the grid is present; else missing ones take the nearest one's signals
+    is_whole : whether every location of the grid is present; if not, missing locations get the nearest one's signals
 
     Raises
     ------
-    InputError : the states do not form a full grid.
+    InputError : the presses do not form a full grid.
     """
     if not is_whole:
         presses, counts = _squared(presses, counts)
@@ -123,7 +126,7 @@ def table_of(presses: FloatArray, counts: FloatArray, *, is_whole: bool = True) 
 
 
 def _squared(presses: FloatArray, counts: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """The states completed to a full grid of locations, from the nearest location."""
+    """Presses and signals on a full rectangular grid; missing locations get the nearest one's signals."""
     there = np.unique(presses[:, :2], axis=0)
     every = np.array([(x, y) for x in np.unique(presses[:, 0]) for y in np.unique(presses[:, 1])])
     absent = [place for place in every if not (np.abs(there - place).max(axis=1) < SAME_MM).any()]
@@ -141,7 +144,7 @@ def table_from_signals(file: Path, config: DriverConfig) -> PressTable:
 
     Raises
     ------
-    InputError : unreadable, of another design, not a full grid, or a configuration without gains.
+    InputError : the file cannot be read, is of another design or is not a full grid, or the configuration has no gains.
     """
     import h5py
     import xarray as xr
@@ -171,14 +174,14 @@ def table_from_signals(file: Path, config: DriverConfig) -> PressTable:
 
 
 def _numbers(array: xr.DataArray) -> FloatArray:
-    """An array's values; ValueError if damage has changed their type."""
+    """An array's values; raises ValueError if they are not numbers, because the file is damaged."""
     if array.dtype.kind not in "fiu":
         raise ValueError(f"{array.name} is of the type {array.dtype}, needs numbers")
     return np.asarray(array.values, dtype=np.float64)
 
 
 def gains_of(config: DriverConfig) -> FloatArray:
-    """(receiver,) counts if all of an emitter's power reached each receiver [counts].
+    """Reading that each receiver would have if all of an emitter's power reached it, (receiver,) [counts].
 
     Raises
     ------
