@@ -9,13 +9,14 @@ from __future__ import annotations
 
 import os
 import shutil
+import struct
 import subprocess
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
 
-from design.errors import DeviceError
+from design.errors import DeviceError, InputError
 from design.files import temporary_folder
 from design.parts.board_firmware import ArduinoProgram, BoardFirmware
 from design.spec import SensorDesign
@@ -142,6 +143,92 @@ def _run(command: list[str], folder: Path | None = None) -> str:
     return done.stdout
 
 
+UF2_BLOCK = struct.Struct("<8I476sI")
+UF2_MAGIC = 0x0A324655, 0x9E5D5157, 0x0AB16F30
+"""First, second and last number of each block of a UF2 file (Microsoft's specification of UF2)."""
+UF2_HAS_FAMILY = 0x2000
+INFO_FILE = "INFO_UF2.TXT"
+BOOT_MODE = "hold the board's BOOTSEL button while you plug it in; it then appears as a drive"
+
+
+def uf2_families(file: Path) -> set[int]:
+    """Family identifiers in a UF2 file.
+
+    Raises
+    ------
+    InputError : no such file, or one that is not whole blocks of UF2.
+    """
+    try:
+        content = file.read_bytes()
+    except OSError as err:
+        raise InputError(f"{file}: {err.strerror}; name a .uf2 file") from None
+    whole = bool(content) and len(content) % UF2_BLOCK.size == 0
+    blocks = [UF2_BLOCK.unpack_from(content, at) for at in range(0, len(content), UF2_BLOCK.size) if whole]
+    if not whole or any((one[0], one[1], one[-1]) != UF2_MAGIC for one in blocks):
+        raise InputError(
+            f"{file}: not a UF2 file; Sketch > Export Compiled Binary of the Arduino IDE writes one"
+        )
+    return {one[7] for one in blocks if one[2] & UF2_HAS_FAMILY}
+
+
+def boot_drive(chip: ArduinoProgram, drives: Sequence[Path]) -> Path:
+    """The mounted drive of a board in its boot mode.
+
+    Parameters
+    ----------
+    drives : folders at which drives are mounted
+
+    Raises
+    ------
+    DeviceError : no drive, or several drives, of this kind of board.
+    """
+    assert chip.boot_drive is not None, "the caller knows that the board has one"
+    wanted = f"Board-ID: {chip.boot_drive.board_id}"
+    found: list[Path] = []
+    other: list[Path] = []
+    for drive in drives:
+        try:
+            lines = (drive / INFO_FILE).read_text(encoding="ascii", errors="replace").splitlines()
+        except OSError:
+            continue
+        (found if wanted in map(str.strip, lines) else other).append(drive)
+    if len(found) != 1:
+        seen = (
+            f"{len(found)} of them: {', '.join(map(str, found))}; unplug all but one" if found else BOOT_MODE
+        )
+        also = f" (other boards: {', '.join(map(str, other))})" if other and not found else ""
+        raise DeviceError(f"needs one drive of a {chip.boot_drive.board_id} board{also}: {seen}")
+    return found[0]
+
+
+def mounted_drives() -> list[Path]:
+    """Folders at which drives are mounted, on Linux and macOS."""
+    try:
+        rows = Path("/proc/mounts").read_text(encoding="utf-8").splitlines()
+        return [Path(row.split()[1].replace("\\040", " ")) for row in rows]
+    except OSError:
+        volumes = Path("/Volumes")
+        return sorted(volumes.iterdir()) if volumes.is_dir() else []
+
+
+def copy_uf2(file: Path, drive: Path) -> None:
+    """Copy a UF2 file to the drive of a board, which then restarts with the new program.
+
+    Raises
+    ------
+    DeviceError : the drive does not take the file.
+    """
+    try:
+        with open(drive / file.name, "wb") as target:
+            target.write(file.read_bytes())
+            target.flush()
+            os.fsync(target.fileno())
+    except OSError as err:
+        raise DeviceError(
+            f"{drive}: the file was not copied: {err.strerror}; {BOOT_MODE}, then try again"
+        ) from err
+
+
 UPLOADER, ARDUINO = "avrdude", "arduino-cli"
 UPLOAD_LIMIT_S = {UPLOADER: 180.0, ARDUINO: 900.0}
 """Time limits of an upload by each program [s]. A whole chip at 115200 baud takes a minute, arduino-cli's first
@@ -188,7 +275,12 @@ def require_uploader(chip: BoardFirmware | ArduinoProgram, sketch: Path, port: s
             f"{UPLOADER} is not installed here; install it (Debian and Ubuntu: avrdude), or, {by_hand}"
         )
     if isinstance(chip, ArduinoProgram) and shutil.which(ARDUINO) is None:
-        raise DeviceError(f"{ARDUINO} is not installed here; install it, or, {by_hand}")
+        copied = (
+            ""
+            if chip.boot_drive is None
+            else "; or export the compiled .uf2 file there and give it as --image"
+        )
+        raise DeviceError(f"{ARDUINO} is not installed here; install it, or, {by_hand}{copied}")
     if os.sep == "/" and not Path(port).exists():
         raise DeviceError(f"{port}: no such port; plug the board in and name the port that then appears")
 

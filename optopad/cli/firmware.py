@@ -9,12 +9,13 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from design.errors import DeviceError
+from design.errors import DeviceError, InputError
 from optopad.cli import options
 from optopad.cli.output import print_json, say
 from optopad.work import read_design
 
 if TYPE_CHECKING:
+    from design.parts.board_firmware import ArduinoProgram
     from fabrication.driver_file import BoardSetup
 
 
@@ -62,11 +63,16 @@ def flash(
     port: Annotated[
         str | None,
         typer.Option(
-            "--port", help="Serial port, as /dev/ttyACM0 or COM3; found by its USB identity if left out."
+            "--port",
+            help="Serial port, as /dev/ttyACM0 or COM3, or with a .uf2 file the boot drive; found if left out.",
         ),
     ] = None,
     image: Annotated[
-        Path | None, typer.Option("--image", help="A .hex file to upload instead of the design's.")
+        Path | None,
+        typer.Option(
+            "--image",
+            help="A compiled file to upload instead of the design's: .hex, or for boards with a boot drive .uf2.",
+        ),
     ] = None,
     dry_run: Annotated[bool, typer.Option("--dry-run", help="Print the command without uploading.")] = False,
     yes: Annotated[
@@ -92,6 +98,9 @@ def flash(
     read = read_design(design, set_)
     settings = firmware_settings(read)
     chip, board = settings.chip, board_setup(read)
+    if image is not None and not isinstance(chip, BoardFirmware) and chip.boot_drive is not None:
+        _copy_image(chip, image, port, is_dry=dry_run, as_json=as_json)
+        return
     if image is not None or isinstance(chip, BoardFirmware):
         avr = avr_chip(settings)
         file = image_to_upload(read, out, seed=seed) if image is None else given_image(image)
@@ -114,6 +123,37 @@ def flash(
         say(shlex.join(command))
     else:
         say(f"uploaded  {file} to {found}; the board starts within 3 s")
+
+
+def _copy_image(chip: ArduinoProgram, image: Path, drive: str | None, *, is_dry: bool, as_json: bool) -> None:
+    """Copy a UF2 file to the board's drive; `drive` names it, or None to find it."""
+    from fabrication.flash import boot_drive, copy_uf2, mounted_drives, uf2_families
+
+    assert chip.boot_drive is not None, "only boards with a boot drive come here"
+    families, takes = uf2_families(image), set(chip.boot_drive.families)
+    if not families & takes:
+        listed = ", ".join(f"0x{one:08x}" for one in sorted(families)) or "no family"
+        raise InputError(
+            f"{image}: compiled for {listed}; the {chip.boot_drive.board_id} board takes "
+            f"{', '.join(f'0x{one:08x}' for one in sorted(takes))}; compile the sketch for {chip.fqbn}"
+        )
+    found = boot_drive(chip, mounted_drives() if drive is None else [Path(drive)])
+    command = ["cp", str(image), str(found)]
+    if not is_dry:
+        copy_uf2(image, found)
+    if as_json:
+        print_json(
+            {
+                "command": command,
+                "port": str(found),
+                "image": str(image),
+                "uploaded": not is_dry,
+            }
+        )
+    elif is_dry:
+        say(shlex.join(command))
+    else:
+        say(f"uploaded  {image} to {found}; the board starts within 3 s")
 
 
 def _found_port(board: BoardSetup, *, is_agreed: bool, may_ask: bool) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import stat
+import struct
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -276,3 +277,77 @@ def test_without_arduino_cli_the_two_clicks_are_named(monkeypatch, port, tmp_pat
     said = refused(capsys, "flash", DESIGN, *TEENSY, "--port", port, "--out", str(tmp_path / "outputs"))
     assert "arduino-cli is not installed here" in said
     assert "select the board teensy:avr:teensy40, and press Upload" in said
+
+
+PICO = ["--set", "board.kind=raspberry-pi-pico", "--set", "board.receivers.multiplexer=74hc4067"]
+RP2040, RP2350 = 0xE48BFF56, 0xE48BFF59
+
+
+def uf2(file: Path, family: int = RP2040, blocks: int = 3) -> Path:
+    """A UF2 file of this many blocks."""
+    numbers = ((0x0A324655, 0x9E5D5157, 0x2000, 256 * n, 256, n, blocks, family) for n in range(blocks))
+    file.write_bytes(b"".join(struct.pack("<8I476xI", *one, 0x0AB16F30) for one in numbers))
+    return file
+
+
+@pytest.fixture
+def drives(tmp_path, monkeypatch):
+    """Makes mounted drives: folders with the file that tells their board, or without one."""
+
+    def mounted(*board_ids: str | None) -> list[Path]:
+        found = [tmp_path / f"drive {number}" for number in range(len(board_ids))]
+        for drive, board_id in zip(found, board_ids, strict=True):
+            drive.mkdir(exist_ok=True)
+            if board_id:
+                text = f"UF2 Bootloader v3.0\nModel: Raspberry Pi RP2\nBoard-ID: {board_id}\n"
+                (drive / "INFO_UF2.TXT").write_text(text, encoding="ascii")
+        monkeypatch.setattr("fabrication.flash.mounted_drives", lambda: found)
+        return found
+
+    return mounted
+
+
+def test_a_uf2_file_is_copied_to_the_board_in_its_boot_mode(drives, tmp_path, capsys):
+    _, _, drive = drives(None, "RP2350", "RPI-RP2")
+    file = uf2(tmp_path / "optopad.ino.uf2")
+    given = ["driver", "flash", DESIGN, *PICO, "--image", str(file)]
+    assert main([*given, "--dry-run"]) == 0
+    assert capsys.readouterr().out.strip() == f"cp {file} '{drive}'"
+    assert not (drive / file.name).exists()
+    assert main(given) == 0
+    assert f"uploaded  {file} to {drive}" in " ".join(capsys.readouterr().out.split("\n"))
+    assert (drive / file.name).read_bytes() == file.read_bytes()
+    assert main([*given, "--port", str(drive), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["uploaded"] is True
+
+
+def test_a_uf2_file_that_is_none_or_for_another_chip_is_refused(drives, tmp_path, capsys):
+    (drive,) = drives("RPI-RP2")
+    cut = uf2(tmp_path / "cut.uf2")
+    cut.write_bytes(cut.read_bytes()[:-1])
+    for file, words in (
+        (tmp_path / "none.uf2", "No such file"),
+        (cut, "not a UF2 file"),
+        (uf2(tmp_path / "other.uf2", RP2350), "compiled for 0xe48bff59; the RPI-RP2 board takes 0xe48bff56"),
+    ):
+        assert words in refused(capsys, "flash", DESIGN, *PICO, "--image", str(file))
+    assert [one.name for one in drive.iterdir()] == ["INFO_UF2.TXT"]
+
+
+@pytest.mark.parametrize(
+    ("boards", "words"),
+    [
+        ([], "hold the board's BOOTSEL button while you plug it in"),
+        ([None, "RP2350"], "drive 1): hold the board's BOOTSEL button"),
+        (["RPI-RP2", "RPI-RP2"], "2 of them"),
+    ],
+)
+def test_no_drive_or_two_of_them_are_told_apart(boards, words, drives, tmp_path, capsys):
+    drives(*boards)
+    assert words in refused(capsys, "flash", DESIGN, *PICO, "--image", str(uf2(tmp_path / "a.uf2")))
+
+
+def test_where_drives_are_mounted_is_read_from_the_system():
+    from fabrication.flash import mounted_drives
+
+    assert Path("/") in mounted_drives() or not Path("/proc/mounts").exists()
