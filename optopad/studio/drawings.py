@@ -355,7 +355,7 @@ def readings_svg(
     wide, tall = (WIDTH - left - 2) / max(len(receivers), 1), 24.0
     is_picture = wide < LEAST_CELL
     tall = wide if is_picture else tall
-    step = math.ceil(LEAST_CELL / wide)
+    step = math.ceil(1.5 * LEAST_CELL / wide) if is_picture else 1
     body = [
         f'<text x="{left + wide * (j + 0.5):.1f}" y="{top - 5}" text-anchor="middle"{_bad(name, bad)}>'
         f"{escape(name)}</text>"
