@@ -67,8 +67,7 @@ def tell_of(entry_point: str) -> None:
 
 
 def is_there(entry_point: str) -> None:
-    """Note that an entry point is compiled, by this process or another; after the last one, report that compiling is
-    done."""
+    """Note that an entry point is compiled, by any process; after the last one, report the end of compiling."""
     if entry_point in LAST:
         _say(1.0)
 

@@ -114,8 +114,7 @@ class _KernelFiles(FunctionCache):
         return found
 
     def save_overload(self, sig: Any, data: Any) -> None:
-        """Store the compiled kernel. If the folder cannot be written, the next process compiles again; results do not
-        change."""
+        """Store the compiled kernel; if the folder cannot be written, the next process compiles again."""
         try:
             super().save_overload(sig, data)
         except OSError:

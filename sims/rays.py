@@ -349,8 +349,7 @@ class _Search:
         return found
 
     def missing(self, before: list[_Found]) -> list[_Found]:
-        """Follow the rays of the untouched pad's paths `before`, and return those that no longer reach the pairs'
-        receivers."""
+        """Paths of the rays `before`, found in the untouched pad, that no longer reach the pairs' receivers."""
         found = []
         for emitter, own in self.choice.receivers.items():
             former = {one.path.ray: one.pair for one in before if one.pair[0] == emitter}

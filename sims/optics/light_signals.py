@@ -42,6 +42,5 @@ class LightSignals:
 
     @property
     def error_of_changes(self) -> FloatArray:
-        """(state, emitter, receiver) error of flux for comparing states of one trace [-]: `change_error`, else
-        `standard_error`."""
+        """(state, emitter, receiver) error for comparing states [-]: `change_error`, or `standard_error` without it."""
         return self.standard_error if self.change_error is None else self.change_error

@@ -1,6 +1,5 @@
 # mypy: no-warn-return-any
-"""Entry points of the light model for flat rectangular pads, compiled with all functions that they call, cached on
-disk."""
+"""Entry points of the light model for flat rectangular pads, compiled and cached on disk."""
 
 from __future__ import annotations
 
@@ -72,8 +71,7 @@ def untouched_deposits(
     sources: FloatArray, gathers: bool, receivers: FloatArray, box: FloatArray, top: Top, points: FloatArray,
     count: int, shift: FloatArray, first: float, layout: IntArray,
 ) -> tuple[FloatArray, FloatArray]:  # fmt: skip
-    """(source, patch) light deposited on patches under the untouched top; (source, receiver) light that smooth walls
-    mirror."""
+    """(source, patch) light deposited under the untouched top; (source, receiver) light that smooth walls mirror."""
     out = np.zeros((sources.shape[0], layout[5, 2] + layout[5, 0] * layout[5, 1]))
     seen = np.zeros((sources.shape[0], receivers.shape[0]))
     for i in range(sources.shape[0]):

@@ -106,8 +106,7 @@ def _line_cuts(walls: FloatArray, x: float, y: float, tx: float, ty: float) -> l
 
 
 def _arc_cuts(arcs: FloatArray, x: float, y: float, tx: float, ty: float) -> list[float]:
-    """Positions along a line at which it crosses the arcs' circles; for circles that it misses, the nearest points
-    [mm]."""
+    """Positions along a line where it crosses the arcs' circles or, if it misses one, is nearest to it [mm]."""
     cuts = []
     for cx, cy, radius, *_ in arcs:
         px, py = x - cx, y - cy

@@ -327,8 +327,7 @@ def _field_height(s: Surface, x: float, y: float) -> tuple[float, float, float]:
 
 @njit()
 def _cubic_ends(t: float, end: int, step: float) -> tuple[float, float, float, float]:
-    """Weights of one end's value and slope, first in a cubic's value, then in its slope; t in [0, 1] from the first
-    end."""
+    """Weights of one end's value and slope in a cubic's value, then in its slope; t in [0, 1] from the first end."""
     if end == 0:
         return (
             1.0 + t * t * (2.0 * t - 3.0),
@@ -409,8 +408,8 @@ def _bends(s: Surface, side: float, ray: Ray, t0: float, t1: float) -> tuple[flo
 
 @njit()
 def _next_border(s: Surface, ray: Ray, t: float, limit: float) -> tuple[float, int]:
-    """Distance at which a ray next crosses a border in plan after t, and which: a tip's number, or the field's (-1 in
-    x, -2 in y)."""
+    """Distance at which a ray next crosses a border in plan, and which: a tip's number, or -1, -2 for the field in x,
+    y."""
     x, y, _, dx, dy, _ = ray
     best, which = limit, -3
     a = dx * dx + dy * dy

@@ -404,8 +404,7 @@ def _curve_pieces(knots: FloatArray) -> list[tuple[float, ...]]:
 
 
 def _angles(tangent: FloatArray, fallback: FloatArray) -> FloatArray:
-    """Angle of tangents (..., n, 2) to the radial direction, without jumps [rad]; a tangent of 0 is replaced by
-    `fallback`."""
+    """Angle of tangents (..., n, 2) to the radial direction, without jumps [rad]; `fallback` replaces zero tangents."""
     at_rest = np.hypot(tangent[..., 0], tangent[..., 1])[..., None] < 1e-9
     used = np.where(at_rest, fallback, tangent)
     return np.asarray(np.unwrap(np.arctan2(used[..., 1], used[..., 0]), axis=-1))

@@ -176,8 +176,7 @@ def response_nodes(part: Part, refractive_index: float, count: int = COSINE_NODE
 
 
 def half_angle_power(half_angle_deg: float, epoxy_index: float) -> float:
-    """Exponent p, 0 or more, of the chip's response cos^p in epoxy, so that its response in air is 1/2 at the half
-    angle."""
+    """Exponent p, 0 or more, of the chip's response cos^p in epoxy that gives 1/2 in air at the half angle [-]."""
     outer = np.cos(np.radians(half_angle_deg))
     face = float(outer * _relative_entry(outer, epoxy_index))
     inner = float(refracted_cosine(outer, 1.0, epoxy_index))
@@ -286,8 +285,7 @@ class SmoothField:
             raise InputError(f"nodes[{i}, {j}, {k}]: {self.nodes[i, j, k]}, must be finite")
 
     def height_mm(self, x_mm: FloatArray, y_mm: FloatArray) -> FloatArray:
-        """(...,) height [mm] at (...,) points in the cavity frame [mm]; plain form of the kernels' compiled
-        interpolation."""
+        """(...,) height [mm] at (...,) points in the cavity frame [mm]; 0 outside the grid."""
         u, i = _cell(np.asarray(x_mm, dtype=np.float64), self.origin_mm[0], self.step_mm[0], len(self.nodes))
         v, j = _cell(
             np.asarray(y_mm, dtype=np.float64), self.origin_mm[1], self.step_mm[1], self.nodes.shape[1]

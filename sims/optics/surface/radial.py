@@ -69,8 +69,7 @@ def distance(dx: float, dy: float) -> float:
 
 @inlined
 def contact_radius_2(share: float, tip: int, rows: FloatArray) -> tuple[float, float]:
-    """Squared radius within which a tip's contact has the given share of its area [mm²], and its derivative by the
-    share."""
+    """Squared radius within which a tip's contact has this share of its area [mm²], and its derivative by the share."""
     parts = share * CONTACT_PARTS
     part = min(int(parts), CONTACT_PARTS - 1)
     low = rows[tip, CONTACT + part]
@@ -116,8 +115,7 @@ def wall_normal(wall: int) -> tuple[float, float]:
 
 @kernel
 def mirrored_share(cos_angle: float, index: float, behind: float) -> float:
-    """Unpolarised Fresnel reflectance of a smooth face between two indices, from the first; 1 beyond the critical
-    angle."""
+    """Unpolarised Fresnel reflectance from one index to the index behind; 1 beyond the critical angle."""
     ratio = index / behind
     sin2 = ratio * ratio * (1.0 - cos_angle * cos_angle)
     if sin2 >= 1.0:
@@ -228,8 +226,7 @@ def height_slope_curvature(r2: float, tip: int, rows: FloatArray) -> tuple[float
 
 @inlined
 def _piece(r2: float, tip: int, rows: FloatArray) -> int:
-    """Column at which the data of the piece at a squared radius begin in the tip's row; in the sphere, the first
-    piece's."""
+    """Column where the data of the piece at a squared radius begin; in the sphere, where the first piece's do."""
     if r2 <= rows[tip, SPHERE_2]:
         return PIECES
     k = int(math.sqrt(rows[tip, SCALE] * r2 + rows[tip, OFFSET]) - rows[tip, START])
@@ -250,8 +247,7 @@ def fall_bound(r2: float, tip: int, rows: FloatArray) -> float:
 
 @inlined
 def reach2(z: float, tip: int, rows: FloatArray) -> float:
-    """Squared radius beyond which the top is nowhere below z [mm²], for z below the undisturbed top; -1: nowhere below
-    z."""
+    """Squared radius beyond which the top is nowhere below z [mm²]; -1: nowhere at all. z is below the undisturbed top."""
     if z <= rows[tip, LOWEST]:
         return -1.0
     return rows[tip, REACH + int((z - rows[tip, LOWEST]) * rows[tip, PER_LEVEL])]

@@ -655,8 +655,7 @@ def _fall_beyond_mm(row: FloatArray, radius_mm: float) -> float:
 def _stacked_fields(
     fields: Sequence[SmoothField | None] | None, states: int
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """(state, nx, ny, 4) nodes of the fields, (state, n) the field's columns of `Top.rows`, (2,) distance of nodes
-    [mm]."""
+    """(state, nx, ny, 4) nodes of the fields; (state, n) the field's columns of `Top.rows`; distance of nodes [mm]."""
     known = np.zeros((states, FIELD_COLUMNS))
     if fields is None or all(field is None for field in fields):
         return np.zeros((states, 0, 0, 4)), known, np.ones(2)
@@ -687,8 +686,7 @@ def _cells(nodes: FloatArray, step: FloatArray) -> FloatArray:
 
 @cache
 def _patches() -> FloatArray:
-    """(16, 16) matrix from the four node values at each corner (0, 0), (0, 1), (1, 0), (1, 1) of a cell to its
-    coefficients."""
+    """(16, 16) matrix from the node values at a cell's corners (0, 0), (0, 1), (1, 0), (1, 1) to its coefficients."""
     # value and slope at a cell's first end, then at its second -> coefficients of 1, u, u², u³
     cubic = np.array([[1, 0, 0, 0], [0, 1, 0, 0], [-3, -2, 3, -1], [2, 1, -2, 1]])
     along_then_across = np.kron(cubic, cubic).reshape(16, 2, 2, 2, 2)  # end and derivative of u, then of v
@@ -696,8 +694,7 @@ def _patches() -> FloatArray:
 
 
 def _known_of(field: SmoothField) -> FloatArray:
-    """Field's columns of `Top.rows`: origin, cells per mm, and bounds from `SUBDIVISION` + 1 points along a cell's
-    side."""
+    """Field's columns of `Top.rows`; bounds are from `SUBDIVISION` + 1 points along a cell's side."""
     if field in _KNOWN:
         return _KNOWN[field]
     value, slope_x, slope_y, bend = _sampled(field)

@@ -333,8 +333,7 @@ def _seen_rays(
     x0: float, y0: float, z0: float, size_u: float, size_v: float, x: float, y: float, z: float, u: float, v: float,
     is_pencil: bool, p: FloatArray, e: FloatArray, r: FloatArray, top: FormedTop, work: FloatArray,
 ) -> float:  # fmt: skip
-    """Share of a bundle's rays that the dimple hides neither on the way to the first point nor on the way to the
-    receiver."""
+    """Share of a bundle's rays whose first and last legs the dimple does not hide."""
     tx, ty, tz = window_point(r, u, v)
     is_open = work[IS_LIT] > 0.0
     seen = 1.0 if (is_open or is_lit(x0, y0, z0, p, top)) and sees(x, y, z, tx, ty, tz, top) else 0.0

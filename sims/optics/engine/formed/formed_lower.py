@@ -160,8 +160,7 @@ def check_place(scene: OpticalScene, state: int, centre_mm: FloatArray, press: I
 
 
 def _reach_mm(scene: OpticalScene, form: PadForm, x_mm: float, y_mm: float) -> float:
-    """Largest distance of bottom and untouched top from the axis of a press [mm]; on a cylinder, only across its
-    straight direction."""
+    """Largest distance of bottom and untouched top from a press's axis [mm]; on a cylinder, only across it."""
     middle = np.array([scene.length_mm, scene.width_mm]) / 2.0
     corners = [
         np.arctan2(y - middle[1], x - middle[0])

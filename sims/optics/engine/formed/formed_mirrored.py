@@ -409,8 +409,7 @@ def _ends(a: float, work: FloatArray) -> tuple[float, float]:
 def _passes(
     a: float, b: float, p: FloatArray, e: FloatArray, r: FloatArray, deep: float, top: FormedTop, work: FloatArray
 ) -> bool:  # fmt: skip
-    """Whether the dimple hides neither the line from a part's point to the point of the top nor the line to the
-    receiver."""
+    """Whether the dimple hides neither the line from a part's point to the top nor the line to the receiver."""
     dx, dy, dz = _way(a, b, work)
     toward = dx * r[NX] + dy * r[NY]
     if toward <= 0.0:

@@ -131,8 +131,7 @@ class FormedPad:
         patches: PatchLayout | None = None,
         rays: int = DEPOSIT_RAYS,
     ) -> tuple[FloatArray, FloatArray]:
-        """(batch, emitter, patch) and (batch, receiver, patch) light that the requested emitters and receivers send to
-        patches."""
+        """(batch, emitter, patch) and (batch, receiver, patch) light that the requested parts send to patches."""
         from sims.optics.engine.formed.formed_kernels import deposit_matrix
 
         scene, layout = self.scene, patches or self.patches

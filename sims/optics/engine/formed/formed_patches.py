@@ -118,8 +118,7 @@ def _wall_areas(
     turns: int,
     levels: int,
 ) -> FloatArray:
-    """(turns, levels) areas of the walls below the untouched top, by direction from the middle of the pad and height
-    [mm²]."""
+    """(turns, levels) areas of the walls below the untouched top [mm²], by direction from the middle and height."""
     form = scene.form
     assert form is not None
     turn = np.linspace(-np.pi, np.pi, turns * SAMPLES + 1)

@@ -165,8 +165,7 @@ def number(ray: int, dimension: int, steps: FloatArray, shift: FloatArray) -> fl
 
 @kernel
 def about(nx: float, ny: float, nz: float, cosine: float, turn: float) -> tuple[float, float, float]:
-    """Unit direction at an angle (given by its cosine) to a unit normal, turned around the normal by a share of a full
-    turn."""
+    """Unit direction at the angle of a cosine to a unit normal, turned around the normal by a share of a full turn."""
     sine = math.sqrt(max(1.0 - cosine * cosine, 0.0))
     a, b = sine * math.cos(2.0 * math.pi * turn), sine * math.sin(2.0 * math.pi * turn)
     if abs(nz) < 0.9:

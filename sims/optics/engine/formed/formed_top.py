@@ -118,8 +118,7 @@ def out_of(top: FormedTop, x: float, y: float, z: float) -> tuple[float, float, 
 
 @inlined
 def fall(top: FormedTop, x: float, y: float) -> float:
-    """Distance of the untouched crown below its tangent plane at a point [mm]; far outside the pad it is continued
-    steeply."""
+    """Distance of the untouched crown below its tangent plane [mm]; far outside the pad it is continued steeply."""
     kind = top.numbers[KIND]
     if kind == FLAT:
         return 0.0
@@ -353,8 +352,7 @@ def _bounds(top: FormedTop, r2: float) -> tuple[float, float, float]:
 def _between(
     top: FormedTop, x: float, y: float, z: float, dx: float, dy: float, dz: float, low: float, high: float
 ) -> float:
-    """Distance at which a ray crosses the top between `low` (inside) and `high` (outside), by Newton's rule within
-    them."""
+    """Distance at which a ray crosses the top between `low` (inside) and `high` (outside), by Newton's rule."""
     t = 0.5 * (low + high)
     for _ in range(60):
         off, grows = above_along(top, x + t * dx, y + t * dy, z + t * dz, dx, dy, dz)

@@ -121,8 +121,7 @@ def trace_formed(
 def _pressed(
     ways: FormedWays, top: FormedTop, wanted: BoolArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """(class, emitter, receiver) light of a pressed state, (emitter, receiver) its standard error and that of its
-    change."""
+    """(class, emitter, receiver) light of a pressed state; (emitter, receiver) its standard error, and its change's."""
     pad = ways.pad
     flux = pad.flux.copy()
     straight = pad.straight(top, wanted, ways.rules) - ways.straight
