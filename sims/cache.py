@@ -3,12 +3,11 @@
 The cache folder keeps results between runs. It is the system's cache folder for optopad, or a given one. A fingerprint
 is a hash of the sources on which results depend.
 
-The store has traced light on disk, in rows of numbers: one for each emitter and state, named by a hash of all its
-inputs. It is one SQLite file. SQLite's locks separate processes, and its journal undoes the unfinished writes of a
-killed process. Writes do not wait for the disk, so a power cut may damage the file. Each row has a checksum over its
-name and bytes: a row that fails it counts as missing, and a damaged file is removed and recreated. When the file is
-full, the oldest quarter of the rows is dropped. A fault of the store costs a trace, never a result: only a size that is
-not a number raises an error.
+The store is one SQLite file with rows of numbers: one for each emitter and state, named by a hash of all its inputs.
+SQLite's locks separate processes, and its journal undoes the unfinished writes of a killed process. Writes do not wait
+for the disk, so a power cut may damage the file. Each row has a checksum over its name and bytes: a row that fails it
+counts as missing, and a damaged file is removed and recreated. When the file is full, the oldest quarter of the rows is
+dropped. A fault of the store costs a trace, never a result: only a size that is not a number raises an error.
 
 For a state of 8 + 8 parts, which takes 60 ms and more to trace, naming its rows takes 0.03 ms, reading 0.1 ms, writing
 0.05 ms (measured).

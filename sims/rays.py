@@ -5,17 +5,16 @@ drawn in the same way. A class that is not in the table is drawn as `other`, und
 the signal plots (Okabe and Ito 2008), and pale versions of them for a dark ground. Dash and mark differ too, so that
 nothing depends on colour alone.
 
-There are two models: the paths are random walks of the ray tracer (`sims.optics.oracle.paths`); the powers are
-integrals of the light model (`sims.optics.tracing`), because a few dozen paths would not give them. Powers are those of
-the whole pressed surface. Paths are drawn on the axisymmetric surface around the press axis. They leave out the change
-by walls, which reaches a few tenths of a millimetre near the walls. The classes of both models agree except for the
-border between `top` and `skirt`, which are one kind here.
+Paths are random walks of the ray tracer (`sims.optics.oracle.paths`). Powers are integrals of the light model
+(`sims.optics.tracing`), because a few dozen paths would not give them. Powers are those of the whole pressed surface.
+Paths are drawn on the axisymmetric surface around the press axis, which leaves out the change by walls, a few tenths of
+a millimetre near them. The classes of both models agree except for the border between `top` and `skirt`, which are one
+kind here.
 
 A path of a kind is drawn with a probability proportional to its power. The number of drawn paths of a kind, at least a
 few, grows with the square root of its power, so that weak kinds are visible and strong ones do not hide them. To find
-the light lost under a press, rays that arrived while the pad was untouched are followed again; so it is a sample of the
-light that the press removes. Left out: absorption along the drawn paths, and kinds so rare that the search finds no
-ray.
+the light lost under a press, rays that arrived while the pad was untouched are followed again. Left out: absorption
+along the drawn paths, and kinds so rare that the search finds no ray.
 """
 
 from __future__ import annotations

@@ -21,15 +21,15 @@ class Accuracy:
     rings, columns : cells of the top around a press in which images are searched [-]
     whole_ratio : an image is summed path by path if its largest flux density is at most this multiple of its smallest;
         0: every image is summed over points of the top [-]
-    image_step : step from one point of the top to the next, as the share of its size by which the image moves; for an
-        image with 3 % of the untouched flux, smaller for brighter ones [-]
+    image_step : motion of an image from one point of the top to the next, over its size; for an image with 3 % of the
+        untouched flux, smaller for brighter ones [-]
     top_rings, top_columns : points of the top for scattered light and for several reflections [-]
     repeat_share : largest share of a pair's untouched flux that one sample of light reflected several times may
         represent; the flux counts as at least 3 % of that of the emitter's brightest pair [-]
     nodes_emitter, nodes_column, nodes_height : Gauss nodes of direct light over the emitter, the receiver's columns,
         and the height of a column [-]
-    few_emitter, few_receiver, most_emitter, most_receiver : Gauss nodes of images summed path by path; few where the
-        flux density varies little, most where it varies much [-]
+    few_emitter, few_receiver, most_emitter, most_receiver : Gauss nodes of images summed path by path; few or most as
+        the flux density varies little or much [-]
     flat_nodes : Gauss nodes of the untouched pad [-]
     reference_rays : rays per emitter and receiver for the untouched pad's scattered light, a power of two [-]
     wall_rays : rays per emitter and receiver and state between smooth walls, a power of two [-]

@@ -1,7 +1,4 @@
-"""Types for the type checker: what the kernels' decorators return, and the tuples of arrays that kernels take.
-
-Numba ignores annotations. Tuples without further explanation are made in `sims.optics.engine.untouched`.
-"""
+"""Types for the type checker (Numba ignores annotations): the kernels' decorators, and tuples of arrays for kernels."""
 
 from __future__ import annotations
 
@@ -35,9 +32,9 @@ Orders = tuple[IntArray, FloatArray, FloatArray]
 """Data for light scattered more than once: layout of patches, their areas, and transfer between them
 (`sims.optics.engine.repeated`)."""
 UntouchedLight = tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]
-"""Light of the untouched pad. First array: direct flux, flux mirrored by the top, and correction factor of direct flux.
-Then scattered flux, flux mirrored by walls, the light deposited on patches by emitters and by receivers, and the
-scattered flux computed from these deposits."""
+"""Light of the untouched pad: an array of direct flux, flux mirrored by the top, and correction factor of direct flux;
+scattered flux; flux mirrored by walls; light deposited on patches by emitters, and by receivers; scattered flux
+computed from these deposits."""
 UntouchedRays = tuple[FloatArray, FloatArray, FloatArray]
-"""Light of the untouched pad by replicate: deposits of emitters and of receivers on patches, and the light that smooth
-walls mirror onto receivers."""
+"""Light of the untouched pad by replicate: emitters' and receivers' deposits on patches, and light mirrored by smooth
+walls."""

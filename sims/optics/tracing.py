@@ -1,9 +1,8 @@
 """Trace a design's light under presses, and estimate what this costs.
 
-A *state* is the untouched pad or one set of simultaneous presses. The cost constants give the seconds of one core for
-one state, by kind of pad and accuracy. They were measured with the presets, without stored light and with compiled
-kernels (`tests/bench`). Flat rectangular pads cost by pairs; discs and crowned pads by emitters and cells of the top.
-Estimates are off by up to a third.
+A *state* is the untouched pad or one set of simultaneous presses. The cost constants are seconds of one core for one
+state, measured with the presets, without stored light and with compiled kernels (`tests/bench`). Flat rectangular pads
+cost by pairs; discs and crowned pads by emitters and cells of the top. Estimates are off by up to a third.
 """
 
 from __future__ import annotations
@@ -44,8 +43,8 @@ if TYPE_CHECKING:
     from sims.contact.pad_surface import PadSurface
 
 CELL_S = {"flat": 0.70e-6, "cylinder": 0.43e-6, "sphere": 4.9e-6}
-"""Cost of one cell of the top, for one replicate and one emitter, by shape of the top [s]. On a sphere most light is
-mirrored more than once, so it costs most."""
+"""Cost of one cell of the top, for one replicate and one emitter, by shape of the top [s]. A sphere mirrors most light
+more than once."""
 DEPOSITS_S = 1.5e-3
 """Cost of one part's scattered light in one state [s]."""
 REFERENCE_S = 0.06
@@ -96,9 +95,9 @@ _SMOOTH_PARTS: WeakKeyDictionary[PadSurface, SmoothField] = WeakKeyDictionary()
 """Smooth part of each surface that the contact model still holds."""
 
 FIELD_STEP, FIELD_FINER = 1.0 / 4.0, 2
-"""Largest distance of nodes of a surface's smooth part [tip radii], and number of height samples per distance. On flat
-presets pressed by a tip radius and more, heights are within 0.12 µm rms and slopes within 1.0e-3 rms. This also
-holds within a third of a millimetre of the walls, where both vary fastest."""
+"""Largest distance of nodes of a surface's smooth part [tip radii], and height samples per distance. On flat presets
+pressed by a tip radius and more, heights are within 0.12 µm rms and slopes within 1.0e-3 rms, also within a third of
+a millimetre of the walls, where both vary fastest."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -281,8 +281,8 @@ MOST_PARTS = 4.0
 """Largest number of pieces of a kept cell along each side, with one point each."""
 STACK = 3 * DEEPEST + 4
 BLUR_MM = 4.0
-"""Distance from the end of the emitter's centre ray within which light of the emitter's edges is searched [mm]. Two
-rays next to the centre's showed too little of it where mirrors bend, which cost up to 0.3 % of a pair's signal."""
+"""Distance from the end of the emitter's centre ray within which light of the emitter's edges is searched [mm]. Rays
+next to the centre's alone cost up to 0.3 % of a pair's signal."""
 
 
 @kernel

@@ -394,9 +394,8 @@ POINT_COLUMNS = 17
 POWER, KIND, ALONG, UP, TOPS = range(5)
 ECHO_COLUMNS = 5
 NEAR = 0.4
-"""Largest size of a cell of the grid over its distance from a part; a larger cell is divided for the part. Without
-division, on the paper's pad, whose parts reach to 0.7 mm below the top, errors of scattered light were three times
-as large, up to 16 % of a signal."""
+"""Largest size of a cell of the grid over its distance from a part; a larger cell is divided for the part. Without it
+errors of scattered light were three times as large on the paper's pad, up to 16 % of a signal."""
 MOST_PARTS = 8
 FEWEST_CONTACT_RINGS = 3
 COLUMNS_A_CONTACT_RING = 10

@@ -2,8 +2,8 @@
 
 Model
 -----
-Geometric optics in a block of one index whose top is the deformed surface. The top has unpolarised Fresnel and total
-reflection; absorption follows Beer and Lambert along every path. The tip in contact absorbs or scatters. Walls and
+Geometric optics in a block of one index whose top is the deformed surface, with unpolarised Fresnel and total
+reflection. Absorption follows Beer and Lambert along every path. The tip in contact absorbs or scatters. Walls and
 bottom scatter; if the scene gives an index behind the walls, they also mirror their Fresnel share. Receivers' faces
 absorb. Emitters have a Lambertian order or a table, receivers a response table. Light that leaves through the top is
 lost.
@@ -13,22 +13,20 @@ Path classes
 - `direct`: straight light, in part hidden by the dimple.
 - `top`: mirrored by the top only, each time outside the skirt radius, the outermost radius where a tip's curve is
   steeper than 0.1.
-- `skirt`: mirrored by the top only, at least once inside the skirt radius. All light mirrored by the top alone is `top`
-  + `skirt`.
+- `skirt`: mirrored by the top only, at least once inside the skirt radius.
 - `wall`: mirrored by a wall at least once and never scattered.
 - `diffuse`: scattered at least once.
 
 Method, class by class
 ----------------------
 - direct light is integrated, by quadrature with an analytic horizon (`straight`).
-- light mirrored once is integrated image by image (`images`): path by path if an image is whole, else over points of
-  the top with the lit area of the emitter cut exactly (`mirrored.pinhole`).
+- light mirrored once is integrated image by image (`images`): path by path if possible, else over points of the top
+  with the lit area of the emitter cut exactly (`mirrored.pinhole`).
 - light mirrored several times is traced by three rays per point of the top, in cells that are divided where the light
   passes (`repeated`).
-- scattered light is the untouched pad's, times a ratio. Rays deposit light on patches of walls and bottom, and a
-  radiosity sum over patches gives scattered light with and without the press; the ratio is that of the two. The press
-  changes the deposits by rays to a grid on the pressed top, finer near each part, with faint rays followed at random
-  (`scattered`).
+- scattered light is the untouched pad's, times a ratio of radiosity sums over patches of walls and bottom, with and
+  without the press. The press changes the light deposited on patches by rays to a grid on the pressed top, finer near
+  each part, with faint rays followed at random (`scattered`).
 - light between smooth walls is traced by the same rays with and without the press.
 
 Standard error
@@ -38,14 +36,14 @@ partly hidden, and the usual error of the Gauss rules (0.01 % of the untouched f
 than the cells that search for them, the patch size, more than 24 reflections, light that the tip scatters twice, and
 obstruction by the dimple of light scattered more than once. With a tip of 30 % between walls of 40 % this obstruction
 has no measurable effect to 3 mm, and is 0.8 % of the scattered light deeper than the tip's radius. A pair mask changes
-light mirrored several times, which is sampled for the requested pairs, and the error, which is pooled over them, within
-that error. All other light stays the same to the bit.
+light mirrored several times, which is sampled for the requested pairs, within this error; all other light stays the
+same to the bit.
 
 Reuse
 -----
 A pair whose straight lines miss every deformed part keeps its untouched value. Presses that are symmetric to each other
 are traced once (`scene.symmetry`). One emitter's light in one state depends on no other emitter or state, so stored
-rows can be used (`light_rows`): read or traced, the bits are the same.
+rows can be used (`light_rows`).
 
 Left out: roughness and haze, polarisation, light that leaves the top and comes back across the crater (measured in
 docs/validation/crossing.md), sockets and part bodies behind the walls.

@@ -9,8 +9,8 @@ ky² y²,
     h(x, y) = -(kx x² + ky y²) / (1 + √(1 - q)) + Σ d_k(r_k) + f(x, y),    |curvature| <= max(kx, ky) / (1 - q)^1.5,
 
 with one profile d_k over the radius r_k around each tip's axis, and a bicubic Hermite field f. kx = ky = 0 is flat.
-Where q is above `STEEPEST_SHARE`² the crown continues straight. No point of a pad is there (`REACH_SHARE`). No light in
-air meets this part, as a ball and the cone that touches it are convex together.
+Where q is above `STEEPEST_SHARE`² the crown continues straight. No point of a pad is there (`REACH_SHARE`), and light
+in air does not meet this part, as a ball and the cone that touches it are convex together.
 
 In contact with a sphere, d_k is the tip's height less that of the *mean crown*, a sphere of the curvature (kx + ky) /
 2. So on a sphere the top in contact is the tip; on a cylinder it is the tip once the press's f is added. The rest of a
@@ -18,22 +18,21 @@ profile is a cubic in each piece of radius. Beyond a profile's last point d_k is
 ends with a step, a vertical face closes it. Inside a tip's contact radius the top is contact.
 
 A flat top without a field and with one tip at most needs no sum (`is_sum`). It consists of the plane, an exact sphere,
-and cone frusta that follow the profile, which may run back under itself. The point where a ray meets each follows from
-a quadratic equation.
+and cone frusta that follow the profile, which may run back under itself. A ray meets each of these where a quadratic
+equation is zero.
 
 Where a ray meets a sum
 -----------------------
-The *clearance* c(t) along a ray is its height below the top or, in air, above the top. The ray is
-followed to the first zero of c. The edges of contacts, of profiles and of the field cut it into parts on which c is
-once differentiable and |c''| has a bound K. With w² the squared share of a unit step in plan, |c''| <= w² (max(|d''|,
-|d'| / r) + field's), from tables over radius. A crown adds the bound of its curvature at the part's greatest q, for the
-component across a straight direction. The crown is convex, so it adds only downward from inside and only upward from
-outside: c'' is in -K_down to K_up.
+The *clearance* c(t) along a ray is its height below the top or, in air, above the top. The ray is followed to the first
+zero of c. The edges of contacts, profiles and field cut it into parts on which c is once differentiable and |c''| has a
+bound K from tables over radius: |c''| <= w² (max(|d''|, |d'| / r) + field's), with w² the squared share of a unit step
+in plan. A crown adds the bound of its curvature at the part's greatest q, for the component across a straight
+direction. It is convex, so it adds only downward from inside and only upward from outside: c'' is in -K_down to K_up.
 
 A step s is safe if the clearances at its ends are above K_up s² / 8, or if c cannot fall within it. A step contains the
 first zero if its end is below zero and either c must fall within it or K_up is 0. Then Newton's steps within a bracket
-find the zero. Any other step is halved, down to `FINEST_MM`. So the march only misses a grazing contact less than K
-`FINEST_MM`² / 8 deep.
+find the zero. Any other step is halved, down to `FINEST_MM`. So only a grazing contact less than K `FINEST_MM`² / 8
+deep is missed.
 
 Light in air also meets the tips. Only the press is known of them, so they are taken as solid and endless. A hemisphere
 is a half sphere and a cylinder of its radius above. Any other tip is a cylinder of the contact radius on the end of the
@@ -42,9 +41,9 @@ into a tip, light there counts as absorbed by the tip.
 
 Left out
 --------
-In a sum, profiles with more than one height at a radius are left out. So is the tip's shape where other heights lift or
-lower the top under it: contact is the top itself. The wall's hold on the surface is left out: a profile passes through
-the wall unchanged and is cut off there.
+In a sum: profiles with more than one height at a radius, and the tip's shape where other heights lift or lower the top
+under it (contact is the top itself). The wall's hold on the surface: a profile passes through the wall unchanged and is
+cut off there.
 
 This file shares no code with the fast light model on purpose: the two are compared with each other.
 """

@@ -19,7 +19,7 @@ round wall in whose sector, seen from its centre c, p is. The bottom is the plan
 
 Response of a receiver
 ----------------------
-The response is the share of the light arriving from inside the elastomer that a receiver counts, by angle. Elastomer of
+The response is the share of light arriving from inside the elastomer that a receiver counts, by angle. Elastomer of
 index n is on the part's flat face; behind the face is epoxy of index n_e with the chip. Light at angle a in the
 elastomer enters the epoxy at angle e, n sin a = n_e sin e (Snell). The unpolarised Fresnel share T(n -> n_e, a) = 1 -
 (R_s + R_p) / 2 enters (Hecht, Optics, eqs 4.34 to 4.62), and the chip counts the share q(e) of it:
@@ -29,8 +29,8 @@ elastomer enters the epoxy at angle e, n sin a = n_e sin e (Snell). The unpolari
 So at normal incidence T(n -> n_e, 0) is counted, 0.998 for silicone against common epoxy. A bare receiver, whose part
 has no epoxy index, counts 1 at every angle. One common gain scales all signals, so only ratios between angles matter.
 
-The chip's own q follows from the data sheet's response S(b), which is measured in air through the same face, relative
-to the axis: S(b) = cos b T(1 -> n_e, b) / T(1 -> n_e, 0) q(e), sin b = n_e sin e.
+The chip's own q follows from the data sheet's response S(b) in air, through the same face and relative to the axis:
+S(b) = cos b T(1 -> n_e, b) / T(1 -> n_e, 0) q(e), sin b = n_e sin e.
 
 * From a table, q is S divided by the other two factors, at most 1: a table that was rounded to the cosine gives a
   little more. It is valid to the table's last angle or `FARTHEST_DEG`, whichever comes first. Light at larger angles
@@ -51,19 +51,19 @@ L(c) dc, is integrated exactly: a cell of width h from node a to node b adds h /
 L_b)).
 
 A data sheet's table of the intensity I over the angle becomes L(c) = I / c at every node but c = 0. There L has the
-value, 0 or more, that gives the first cell the sheet's power. If I vanishes at 90 degrees, this is the limit of I / c.
-If the sheet shows light at 90 degrees, which a flat face cannot emit, it is a bounded value. The pattern is then scaled
-to unit power. Sheets give emission into air. The pattern, like a half angle, is assumed to hold in the elastomer,
-without refraction at the face. A Lambertian source behind a flat face stays Lambertian except for Fresnel losses.
+value, 0 or more, that gives the first cell the sheet's power. It stays bounded even if the sheet shows light at 90
+degrees, which a flat face cannot emit. The pattern is then scaled to unit power. Sheets give emission into air. The
+pattern, like a half angle, is assumed to hold in the elastomer, without refraction at the face. A Lambertian source
+behind a flat face stays Lambertian except for Fresnel losses.
 
 Smooth height field
 -------------------
-The field is the part of the pressed top's height that is not axisymmetric about a press. Between nodes it is the
-bicubic Hermite patch of value, both slopes and the mixed derivative at the four corners of a cell. So the field and its
-slope are continuous inside; outside the field is 0. The caller has to ensure that field and slope vanish at the border,
-or that the border is on or beyond the walls. The nodes' derivatives come from the C2 bicubic spline through the heights
-(not-a-knot ends). If heights are sampled at the nodes alone, the Hermite patches reproduce this spline exactly. If they
-are sampled more closely, its derivatives are nearly those of the height itself, and few nodes represent a steep height.
+The field is the part of the pressed top's height that is not axisymmetric. Between nodes it is the bicubic Hermite
+patch of value, both slopes and the mixed derivative at the four corners of a cell, continuous with its slope; outside
+it is 0. The caller has to ensure that field and slope vanish at the border, or that the border is on or beyond the
+walls. The nodes' derivatives come from the C2 bicubic spline through the heights (not-a-knot ends). If heights are
+sampled more closely than the nodes, these are nearly the derivatives of the height itself, and few nodes represent a
+steep height.
 """
 
 from __future__ import annotations

@@ -2,25 +2,25 @@
 
 Model
 -----
-Around the press axis the top is h(r). In the contact it is the exact tip sphere. Beyond it follow a C1 curve through
-the indentation's points, a C1 cubic tail down to the undisturbed height, and the flat top. The curve's slopes are those
-of the points' inclinations, else of modified Akima interpolation. The pile-up may rise above the undisturbed top. If
-the tip is no hemisphere there is no exact sphere: the curve begins `APEX_MM` off the axis, and its part within the
-contact radius is the contact.
+Around the press axis the top is h(r): the exact tip sphere in the contact, then a C1 curve through the indentation's
+points, a C1 cubic tail down to the undisturbed height, and the flat top. The curve's slopes are those of the points'
+inclinations, else of modified Akima interpolation. The pile-up may rise above the undisturbed top. A tip that is no
+hemisphere has no exact sphere: the curve begins `APEX_MM` off the axis, and its part within the contact radius is the
+contact.
 
 Choices and their bounds
 ------------------------
-* One height for each radius: points whose radius does not exceed an earlier one are dropped. This keeps the lowest
-  point of an overhang and removes the material above it.
+* One height for each radius: points whose radius does not exceed an earlier one are dropped. This removes the material
+  above an overhang.
 * Slopes are at most `MAX_SLOPE`: points above a steep piece move outward by at most their rise over `MAX_SLOPE` (0.033
   mm for 1 mm of wrapped shank). `moved_mm` is the largest move, overhang included.
-* Material never reaches into the tip: heights below the sphere's are kept, higher ones are clipped.
-* Where the curve wraps the shank, it counts as contact up to its last point within the contact radius, so light there
-  meets the tip. Up to there the curve is a wall as steep as `MAX_SLOPE`.
+* Material never reaches into the tip: heights above the sphere's are clipped.
+* Where the curve wraps the shank, it counts as contact up to its last point within the contact radius. Up to there the
+  curve is a wall as steep as `MAX_SLOPE`.
 * The curve is cut at the last point that is higher than `CUT_HEIGHT_MM` or steeper than `CUT_SLOPE`, and ends in a tail
   of `TAIL_MM`. A residual slope e moves a mirror image at distance D by 2 e D: at 20 mm 0.8 µm, below 0.05 % of a 2 mm
-  receiver. That holds for curves that end flat, as the contact model's do (`sims.contact.library.smooth_press`). If a
-  curve ends in a slope, its tail dips by 4/27 of slope x `TAIL_MM`.
+  receiver. That holds for curves that end flat, as the contact model's do (`sims.contact.library.smooth_press`).
+  Otherwise the tail dips by 4/27 of slope x `TAIL_MM`.
 
 Left out: any part that is not axisymmetric (`sims.optics.surface.tops` adds several tips and a smooth field).
 
@@ -34,10 +34,10 @@ So a kernel needs one square root from r² to a height, and none from there to a
 makes the first piece `FIRST_PIECE` of the mean one: pieces are short at the contact edge and nearly uniform in r
 beyond.
 
-A ray is followed in steps that cannot jump over the top. For this, each piece has bounds over all radii from the piece
-outward: the largest slope, the largest fall (negative slope), and the largest *bend*. Bend is the rate at which the
-slope along a line falls, -d²h/ds², the largest of all directions: max(-h'', -h'/r, 0). The bound of bend also includes
-a *window* of radii inward of the piece, for rays that move inward.
+Rays are followed in steps that cannot jump over the top. For this, each piece has bounds that hold from the piece
+outward: of slope, of fall (negative slope), and of *bend*. Bend is the rate at which the slope along a line falls,
+-d²h/ds², the largest of all directions: max(-h'', -h'/r, 0). The bound of bend includes a *window* of radii inward of
+the piece, for rays that move inward.
 """
 
 from __future__ import annotations
@@ -62,8 +62,8 @@ BOUND_RESERVE = 1.01
 """Safety factor on bounds, which are taken from `SAMPLES` points of each piece."""
 SAMPLES = 9
 NEAREST_WINDOW_MM, WINDOW_SHARE = 0.06, 0.25
-"""Width of the window inward of a piece for which its bound of bend holds: at least so many mm, and this share of the
-radius. A wider window allows longer steps but has a larger bend."""
+"""Width of the window inward of a piece: at least so many mm, and this share of the radius. A wider window allows
+longer steps but has a larger bend."""
 
 # columns of a piece
 CUBIC, STEEP, FALL, WINDOW, BEND = 0, 4, 5, 6, 7
@@ -365,13 +365,8 @@ def _contact_parts_mm2(
 
 
 def check_curve(indentation: Indentation, top_mm: float) -> None:
-    """Refuse a curve that cannot be a press into a layer `top_mm` thick [mm].
-
-    Raises
-    ------
-    InputError : the curve has too few or non-finite points, or a radius that is not above 0.
-    ModelScopeError : the press goes through the layer.
-    """
+    """Refuse a curve that is no press into a layer `top_mm` thick, with an InputError, or a ModelScopeError if too
+    deep."""
     radius, height = np.asarray(indentation.radius_mm), np.asarray(indentation.height_mm)
     if radius.ndim != 1 or radius.shape != height.shape or radius.size < 4:
         raise InputError(

@@ -247,7 +247,8 @@ def fall_bound(r2: float, tip: int, rows: FloatArray) -> float:
 
 @inlined
 def reach2(z: float, tip: int, rows: FloatArray) -> float:
-    """Squared radius beyond which the top is nowhere below z [mm²]; -1: nowhere at all. z is below the undisturbed top."""
+    """Squared radius beyond which the top is nowhere below a height z under the undisturbed top [mm²]; -1: nowhere at
+    all."""
     if z <= rows[tip, LOWEST]:
         return -1.0
     return rows[tip, REACH + int((z - rows[tip, LOWEST]) * rows[tip, PER_LEVEL])]

@@ -9,10 +9,10 @@ It leaves out the deformation of one tip's dimple under another, so overlapping 
 
 Grid
 ----
-Light is sampled on cells of the top in coordinates (u, v) around every tip. A tip owns the part of the box that is
-nearer to it than to any other, a convex polygon. Each edge of the polygon spans a sector: v runs along the edge, and u
-from the contact edge (0) to the polygon's edge (1) with r = a + (r_edge(v) - a) u², so that cells are narrow at the
-contact edge. The number of rings is the same everywhere; columns are divided by tip.
+Light is sampled on cells of the top in coordinates (u, v) around every tip. A tip owns the polygon of the box that is
+nearer to it than to any other tip. Each edge of the polygon spans a sector: v runs along the edge, u from the contact
+edge (0) to the polygon's edge (1) with r = a + (r_edge(v) - a) u². So cells are narrow at the contact edge. Rings are
+equal for all tips; columns are divided by tip.
 """
 
 from __future__ import annotations
@@ -100,7 +100,7 @@ def is_touched(top: Top) -> bool:
 
 @kernel
 def touching_tip(x: float, y: float, top: Top) -> tuple[int, float]:
-    """Tip in contact at a point (-1: none), and the smallest distance to a tip's axis over that tip's skirt radius."""
+    """Tip in contact at a point (-1: none); smallest distance to a tip's axis, over that tip's skirt radius."""
     share = 1e30
     tip = -1
     for k in range(top.rows.shape[0]):
