@@ -1,20 +1,17 @@
 """Kernels: light with exactly one reflection at the deformed top.
 
-Light is summed island by island. An image is whole if every point of the emitter sends it to every point of
-the receiver, hidden nowhere and without a fold; it is summed path by path (`sims.optics.engine.mirrored`). Any
-other image, cut by a contact edge or a shadow or folded in a caustic, is summed over the top
-(`sims.optics.engine.mirrored`) on a lattice of points so dense that the image moves by a share of its size
-from one to the next; the share is smaller for brighter images. Every replicate moves the lattice by another
-fraction of its spacing.
+The top is divided into cells. A path from emitter point e over the top's point p to receiver point q has the length F =
+|p - e| + |q - p|. It is a mirror path if the gradient of F along the top vanishes (Fermat). Gradient and second
+derivatives of F are sums of an emitter's part and a receiver's part. So both are tabulated once for every patch (the
+face of an emitter or receiver) at the corners of the cells. A pair's light can only come from cells where the gradient
+is zero for some points of the two faces. To first order, the faces' points move the gradient within a sum of two
+parallelograms, the pair's *range*.
 
-Kernels: cells in which a pair's singly reflected light meets the top.
-
-A path from e over the top's point p to q has the length F = |p - e| + |q - p|. It is a mirror path where the
-gradient of F along the top vanishes (Fermat). Gradient and second derivatives of F are sums of an emitter's part and
-a receiver's part, so both are tabulated once for every patch on the nodes of `sims.optics.surface.tops`. A pair's
-light can only come from cells where the sum of gradients passes through zero for some points of the two patches; to
-first order these points move it within a sum of two parallelograms. Such cells form islands: one image each, or
-several that meet in a caustic.
+Connected cells of this kind form an *island*: one image of the emitter, or several that meet in a caustic. An image is
+*whole* if every point of the emitter sends it to every point of the receiver, without shadow or fold; it is summed path
+by path (`sims.optics.engine.mirrored`). An image that a contact edge or shadow cuts, or a caustic folds, is summed over
+a grid of points of the top. The points are so dense that the image moves by a share of its size from one to the next;
+the share is smaller for brighter images. Every replicate shifts the grid by another fraction of its spacing.
 """
 
 from __future__ import annotations
@@ -44,10 +41,11 @@ from sims.optics.surface.tops import (
 
 FINEST = 96
 COARSE, FINEST_STEP, BRIGHT = 2.5, 0.5, 0.03
-"""Steps of the first and finest lattice over the setting's; share of the untouched flux with the setting's own step."""
+"""Step of the first and of the finest grid of points, over the setting's step; share of the untouched flux at which an
+image is summed with the setting's step."""
 NEAR_RANGE, BENT, CHANGED, MOST_CHANGE = 1.02, 1.4, 0.05, 4.0
-"""A point counts within this many half ranges, and more where a cell's middle differs from the mean of its corners, and
-where these differ: of 1.7 million points, benchmark and paper's pad, none with light was left out."""
+"""A point counts within this many half ranges; the limit grows if a cell's middle differs from the mean of its corners,
+and if the corners differ. Of 1.7 million points on two pads, no point with light was left out."""
 
 
 @kernel
@@ -55,8 +53,10 @@ def _range_corners(
     emitter: FloatArray, receiver: FloatArray, middle_e: FloatArray, middle_q: FloatArray, a: int, b: int, e: int,
     corner: FloatArray,
 ) -> None:  # fmt: skip
-    """Fill corner[side, 5] with the gradient across each edge direction over half the range at a cell's corners, and
-    its largest distance from 0 for a point in the range.
+    """Fill corner[side, 5] for each of the range's four edge directions.
+
+    Columns 0 to 3 are the gradient across the edge at the cell's corners, over half the range. Column 4 is the largest
+    value at which a point still counts as in the range.
     """
     close = closeness(emitter, receiver, a, b, e)
     for side in range(4):
@@ -76,7 +76,7 @@ def _range_corners(
 
 @kernel
 def _is_far(corner: FloatArray, fu: float, fv: float) -> bool:
-    """Whether a point in a cell is outside the pair's range."""
+    """Whether a point of a cell, at fractions fu, fv of its sides, is outside the pair's range."""
     for side in range(4):
         low = corner[side, 0] + fu * (corner[side, 1] - corner[side, 0])
         high = corner[side, 2] + fu * (corner[side, 3] - corner[side, 2])
@@ -91,7 +91,7 @@ def cell_sum(
     skip_flat: bool, rings: int, phase: float, columns: FloatArray, sectors: FloatArray, box: FloatArray, top: Top,
     corner: FloatArray, poly: FloatArray, other: FloatArray,
 ) -> tuple[float, float]:  # fmt: skip
-    """Flux through one cell of the grid: (outside the skirt, inside it); `corner`: see `_range_corners`."""
+    """Flux through one cell, outside the steep skirt and inside it; `corner` as from `_range_corners`."""
     nu = int(min(max(math.ceil(steps[0] / step), 1.0), FINEST))
     nv = int(min(max(math.ceil(steps[1] / step), 1.0), FINEST))
     u0 = ring_edge(a, rings, phase)
@@ -122,7 +122,7 @@ def island_sum(
     shifts: FloatArray, rings: int, phase: float, columns: FloatArray, sectors: FloatArray, box: FloatArray, top: Top,
     corner: FloatArray, poly: FloatArray, other: FloatArray, out: FloatArray,
 ) -> float:  # fmt: skip
-    """Fill out[replicate, (outside, inside the skirt)] with the flux through an island; the brightest replicate's."""
+    """Fill out[replicate, (outside, inside the skirt)] with an island's flux; return the largest replicate's."""
     out[:] = 0.0
     for k in range(count):
         a = cells[k] // columns.shape[0]
@@ -148,8 +148,10 @@ def lattice_sum(
     shifts: FloatArray, rings: int, phase: float, columns: FloatArray, sectors: FloatArray, box: FloatArray, top: Top,
     corner: FloatArray, poly: FloatArray, other: FloatArray, out: FloatArray,
 ) -> None:  # fmt: skip
-    """Fill out[replicate, (outside, inside the skirt)] with an island's flux: on a coarse lattice, and where that shows
-    light on a finer one, finest for the brightest image over the pair's untouched flux `unit`.
+    """Fill out[replicate, (outside, inside the skirt)] with an island's flux.
+
+    A coarse grid comes first, and a finer one if there is light. It is finest for the images that are brightest over
+    the pair's untouched flux `unit`.
     """
     brightest = island_sum(
         source, target, emitter, receiver, middle_e, middle_q, cells, count, steps, COARSE * step, skip_flat, shifts,
@@ -174,8 +176,8 @@ def single_reflection(
 ) -> None:  # fmt: skip
     """Add a pair's singly reflected flux to out[replicate, (outside, inside the skirt)].
 
-    `unit` is its untouched flux; `skip_flat`: light from beyond every deformed part is left out (the untouched value
-    replaces it).
+    unit : the pair's untouched flux
+    skip_flat : whether light from outside every deformed part is left out, because its untouched value is used
     """
     if lit_cells(emitter, receiver, box_e, box_q, columns, steps, tag) == 0:
         return
@@ -218,26 +220,27 @@ ACROSS_U = ACROSS_S + 3
 PATCH_COLUMNS = 17
 BOX_COLUMNS = 5
 MARGIN = 0.35
-"""Share of a cell's change of gradient by which its corners may fail to bound it."""
+"""Tolerance of the bounds that a cell's corners give for the gradient, as a share of its change within the cell."""
 GRAZE = 1.2
 CORE = 1.6
 FOLD_U, FOLD_V = 4, 2
-"""Distance outside the pair's range, in its sizes, up to which a point shows whether an image folds; points a cell."""
+"""Distance outside the pair's range, in half ranges, up to which a point is tested for a fold of the image; and number
+of such points per cell."""
 CLOSE_SHARE = 0.5
-"""Half a patch's diagonal over its distance, from which on it is close."""
+"""A patch is close to a point if half its diagonal is above this share of its distance."""
 ANYWHERE = 4.0
-"""Addition of a close patch to the range of the gradient: more than the sum of two unit vectors' plan parts."""
+"""Extension of the range of the gradient for a close patch: more than the sum of two unit vectors can be."""
 SECOND_ORDER = 0.58
-"""Addition of any other patch, over the square of share / (1 - share): half the largest second derivative of a unit
-vector by its start, sqrt(4/3) over its length squared. Without it up to 2.5 % of a pair's light was lost, more on a
-finer grid."""
+"""Extension of the range for any other patch, over the square of share / (1 - share). It is half the largest second
+derivative of a unit vector by its start, sqrt(4/3) over its length squared. Without it up to 2.5 % of a pair's light
+was lost, more on a finer grid."""
 CLOSE_STEPS = 2.0
 NEVER = 1e30
 
 
 @kernel
 def _put_across(row: FloatArray, edge: int, other: int, out: int) -> None:
-    """Fill three columns: the unit vector across one edge direction, and the reach of the other edge along it."""
+    """Fill three columns from `out`: unit vector across one edge of the range, and the other edge's extent along it."""
     nx = -row[edge + 1]
     ny = row[edge]
     size = 1.0 / max(math.sqrt(nx * nx + ny * ny), 1e-12)
@@ -251,9 +254,11 @@ def leg_row(
     patch: FloatArray, x: float, y: float, z: float, gx: float, gy: float, hxx: float, hxy: float, hyy: float,
     box: FloatArray, out: FloatArray,
 ) -> None:  # fmt: skip
-    """Fill a row: gradient in plan of the leg's length from the patch's centre; its change from the centre to the
-    side and to the upper edge; second derivatives; cosine of the top's underside to the patch; addition to the
-    range, which is of first order only.
+    """Fill a row of `patch_table` for one point of the top.
+
+    Columns are for the distance from the patch's centre to the point: its gradient in plan; the gradient's change from
+    the centre to the side and to the upper edge; second derivatives; cosine at which the patch meets the top's
+    underside; extension of the range beyond first order; unit vector and extent of `_put_across`, twice.
     """
     wall = int(patch[0])
     ex, ey, ez = wall_point(wall, patch[1], patch[2], box)
@@ -289,7 +294,7 @@ def leg_row(
 
 @kernel
 def patch_table(patch: FloatArray, nodes: FloatArray, box: FloatArray, out: FloatArray) -> None:
-    """Fill (ring + 1, column, n) with the rows of one patch."""
+    """Fill (ring + 1, column, n) with a patch's columns (`leg_row`) at all corners of the cells."""
     for a in range(nodes.shape[0]):
         for b in range(nodes.shape[1]):
             leg_row(
@@ -300,7 +305,7 @@ def patch_table(patch: FloatArray, nodes: FloatArray, box: FloatArray, out: Floa
 
 @kernel
 def closeness(emitter: FloatArray, receiver: FloatArray, a: int, b: int, e: int) -> float:
-    """Addition beyond first order to the range of a cell's gradient; `ANYWHERE` or more next to a close patch."""
+    """Extension of the range of a cell's gradient beyond first order; `ANYWHERE` or more next to a close patch."""
     close = 0.0
     for k in range(4):
         i = a + k % 2
@@ -311,7 +316,7 @@ def closeness(emitter: FloatArray, receiver: FloatArray, a: int, b: int, e: int)
 
 @kernel
 def _passes_box(emitter: FloatArray, receiver: FloatArray, a: int, b: int, e: int) -> bool:
-    """Whether both gradient components may vanish somewhere in the cell, and both patches see its underside."""
+    """Whether the gradient may vanish somewhere in the cell, and both patches see the underside of the top there."""
     low_x = NEVER
     high_x = -NEVER
     low_y = NEVER
@@ -355,9 +360,7 @@ def _passes_box(emitter: FloatArray, receiver: FloatArray, a: int, b: int, e: in
 
 @kernel
 def across(emitter: FloatArray, receiver: FloatArray, side: int) -> tuple[float, float]:
-    """Gradient at a node, by its rows of both patches, across one of the four edge directions of the pair's range, and
-    half that range.
-    """
+    """Gradient at a node across one of the four edges of the pair's range, and half the range in that direction."""
     own = emitter if side < 2 else receiver
     other = receiver if side < 2 else emitter
     first = ACROSS_S if side % 2 == 0 else ACROSS_U
@@ -373,7 +376,7 @@ def across(emitter: FloatArray, receiver: FloatArray, side: int) -> tuple[float,
 
 @kernel
 def image_steps(emitter: FloatArray, receiver: FloatArray, a: int, b: int, e: int) -> tuple[float, float]:
-    """Motion of the pair's image across a cell along u and v, in its sizes; (-1, -1): no light from there."""
+    """Motion of the pair's image across a cell along u and along v, in its sizes; (-1, -1): no light from there."""
     if not _passes_box(emitter, receiver, a, b, e):
         return -1.0, -1.0
     along_u = 0.0
@@ -399,8 +402,9 @@ def image_steps(emitter: FloatArray, receiver: FloatArray, a: int, b: int, e: in
 
 @kernel
 def patch_boxes(table: FloatArray, columns: FloatArray, out: FloatArray) -> None:
-    """Fill (ring, column, 5): bounds of the gradient of a patch and of its range over a cell (low x, high x, low y,
-    high y), and the largest cosine of the cell to the patch.
+    """Fill (ring, column, 5) with bounds of a patch's gradient over each cell, and its largest cosine there.
+
+    The bounds include the patch's range: low x, high x, low y, high y.
     """
     for a in range(table.shape[0] - 1):
         for b in range(table.shape[1]):
@@ -437,7 +441,10 @@ def lit_cells(
     emitter: FloatArray, receiver: FloatArray, box_e: FloatArray, box_q: FloatArray, columns: FloatArray,
     steps: FloatArray, tag: IntArray,
 ) -> int:  # fmt: skip
-    """Fill steps[ring, column, 2] and set tag to 1 where a cell may hold a mirror path, else 0; their number."""
+    """Set `tag` to 1 for cells that may contain a mirror path, else to 0, and fill `steps`; return how many there are.
+
+    steps : (ring, column, 2) as from `image_steps`
+    """
     count = 0
     for a in range(emitter.shape[0] - 1):
         for b in range(emitter.shape[1]):
@@ -461,7 +468,7 @@ def lit_cells(
 def take_island(
     first: int, number: int, columns: FloatArray, tag: IntArray, stack: IntArray, cells: IntArray
 ) -> int:
-    """Give one island of cells tagged 1 (neighbours by side or corner) its number; returns its number of cells."""
+    """Give the cells of one island, which have tag 1, its number as tag; return how many they are."""
     rings, width = tag.shape
     found = 0
     tag[first // width, first % width] = number
@@ -488,7 +495,7 @@ def take_island(
 def island_start(
     emitter: FloatArray, receiver: FloatArray, columns: FloatArray, cells: IntArray, count: int
 ) -> tuple[int, int]:
-    """Ring and column of an island's node that is nearest to a mirror path."""
+    """Ring and column of the cell corner in an island that is nearest to a mirror path."""
     width = emitter.shape[1]
     nearest = NEVER
     best_a = 0
@@ -508,7 +515,7 @@ def island_start(
 
 @kernel
 def _range_share(emitter: FloatArray, receiver: FloatArray) -> float:
-    """Distance of a point from a mirror path of the pair, over the pair's range; up to 1 inside."""
+    """Distance of a point from a mirror path of the pair, over the pair's half range; up to 1 inside the range."""
     off = 0.0
     for side in range(4):
         f, w = across(emitter, receiver, side)
@@ -521,8 +528,9 @@ def island_fold(
     source: FloatArray, target: FloatArray, cells: IntArray, count: int, rings: int, phase: float,
     columns: FloatArray, sectors: FloatArray, box: FloatArray, top: Top, one: FloatArray, two: FloatArray,
 ) -> int:  # fmt: skip
-    """Sign of det d²F/dp² over an island, at `FOLD_U` x `FOLD_V` points a cell in or near the pair's range; 0 where it
-    changes, if no point is near, or if a patch is close.
+    """Sign of the determinant of d²F/dp² over an island, at `FOLD_U` x `FOLD_V` points per cell in or near the range.
+
+    It is 0 if the sign changes, if no point is near, or if a patch is close.
     """
     width = columns.shape[0]
     sign = 0
