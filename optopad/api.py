@@ -200,8 +200,9 @@ def predict(
     out: str | PathLike[str] = OUT,
     on_step: OnStep | None = None,
 ) -> Prediction:
-    """Predict the errors of touch, location and depth: simulate the paper's data collection, train models and test
-    them.
+    """Predict the errors of touch, location and depth.
+
+    The paper's data collection is simulated, models are trained on it and tested.
 
     Parameters
     ----------

@@ -24,7 +24,7 @@ def on_cluster(address: str) -> Iterator[FanOut]:
 
     Raises
     ------
-    InputError : the package dask is missing, no scheduler replies, it has no workers, or the connection is lost.
+    InputError : the package distributed is missing, no scheduler replies, it has no workers, or the connection is lost.
     """
     try:
         from distributed import Client

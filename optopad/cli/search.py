@@ -74,7 +74,8 @@ def improve(
 
 
 def _text(where: str, design: SensorDesign, *, is_changed: bool) -> str | None:
-    """Text of a design file; None if the design differs from that file by changes or by the user's own parts."""
+    """Text of a design file; None if it would not describe the design: fields were changed, or it has parts of its
+    own."""
     from design.io import read_design_text
     from design.preset import preset_text
 
