@@ -106,7 +106,6 @@ class FirmwareSettings:
         return bytes(head) + times + interval + self.digest + bytes(pins) + bytes(inputs) + self._more()
 
     def _more(self) -> bytes:
-        """Further bytes of the settings, for averaging, the internal reference, shift registers or multiplexers."""
         if self.averages == 1 and not self.is_internal and not self.address_pins and not self.shift_pins:
             return b""
         addresses = bytes(receiver.address for receiver in self.receivers)
@@ -289,7 +288,6 @@ def _heading(settings: FirmwareSettings) -> Iterable[str]:
 
 
 def _chip_macro(mcu: str) -> str:
-    """The macro that avr-gcc defines for a chip, as __AVR_ATmega2560__."""
     number = mcu.removeprefix("atmega")
     return f"__AVR_ATmega{number.upper()}__"
 
@@ -300,12 +298,10 @@ def _tunable(name: str, value: str, comment: str) -> tuple[str, ...]:
 
 
 def _list(name: str, items: Iterable[str]) -> Iterable[str]:
-    """A line of C that defines a macro as a list of items without braces."""
     yield f"#define {name} {', '.join(items)}"
 
 
 def _commented_list(name: str, items: Iterable[str]) -> Iterable[str]:
-    """Lines of C that define a macro as a list without braces, one item with its comment per line."""
     *most, last = items
     yield f"#define {name} \\"
     yield from (f"    {_with_comma(item)} \\" for item in most)

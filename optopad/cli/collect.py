@@ -159,7 +159,6 @@ def _pressed(
     *,
     quiet: bool,
 ) -> None:
-    """Make the presses; Ctrl-C ends them without an error."""
     if not numbers:
         return
     try:
@@ -191,7 +190,6 @@ def _presses(source: DriverSource, protocol: str, seed: int) -> PressList:
 
 
 def _light(collector: Collector, numbers: list[int], as_json: bool) -> Callable[[SetEntry], None]:
-    """Function to call when the room's light must change: it asks the user, or fails if there is no terminal."""
     changes = collector.lights(numbers)
     if len(changes) < 2:
         return lambda _entry: None
@@ -220,7 +218,6 @@ def _position(option: str, text: str) -> Position:
 
 
 def _words(tip: Position | None) -> str:
-    """A position as text, in the form that the option --tip-at takes."""
     return "X,Y,DEPTH" if tip is None else ",".join(f"{value:g}" for value in tip)
 
 

@@ -288,7 +288,6 @@ def _sensor(
 
 
 def _ports(given: list[str]) -> tuple[int | None, str | None]:
-    """Number of the page's port, and name of the sensor's port, from the values of --port; None if not given."""
     numbers = [one for one in given if one.isdigit()]
     names = [one for one in given if not one.isdigit()]
     for kind, found in (("number, the page's", numbers), ("name, the sensor's", names)):

@@ -189,5 +189,4 @@ def _is_joining(frame: FrameType) -> bool:
 
 
 def _of_main() -> FrameType | None:
-    """The innermost frame of the main thread's call stack; None if there is none."""
     return sys._current_frames().get(threading.main_thread().ident or 0)

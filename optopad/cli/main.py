@@ -92,8 +92,6 @@ def _outcome(arguments: list[str]) -> int:
 
 
 def _failed(err: Exception) -> int:
-    """Report an error: a missing package or library with its fix, any other error as an internal one; return the exit
-    code."""
     if isinstance(err, ImportError):
         from optopad.doctor import explain_import_error
 

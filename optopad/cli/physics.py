@@ -75,7 +75,6 @@ def score(
 
 
 def _drawn_builds(tolerance: bool, builds: int | None) -> int | None:
-    """Number of units in the Monte Carlo; None without the option ``--tolerance``."""
     if not tolerance:
         if builds is not None:
             raise InputError("--builds: needs --tolerance, whose units it counts; add it")
@@ -140,7 +139,6 @@ def simulate(
 
 
 def _oracle_rays(oracle: bool, rays: int | None) -> int | None:
-    """Number of rays of the plain ray tracer; None without ``--oracle``, which ``--rays`` requires."""
     if not oracle:
         if rays is not None:
             raise InputError(f"--rays: {rays} needs --oracle, which traces them; add it, or drop --rays")
@@ -324,7 +322,6 @@ def _designs(
 
 
 def _labels(what: list[str], names: list[str]) -> list[str]:
-    """Labels of the compared designs: their names, or the typed arguments if two names are equal."""
     return names if len(set(names)) == len(names) else list(what)
 
 

@@ -90,7 +90,6 @@ def _text(where: str, design: SensorDesign, *, is_changed: bool) -> str | None:
 
 
 def _range(text: str) -> tuple[str, tuple[float, float] | None]:
-    """Path and range from a text ``FIELD[=A:B]``; the range is None if not given."""
     path, equals, ends = text.partition("=")
     if not equals:
         return path.strip(), None

@@ -235,7 +235,6 @@ def _sensor(
     *,
     baseline_s: float = 0.0,
 ) -> Sensor:
-    """The sensor with the settings from the command's options."""
     from fabrication.driver.sensor import Sensor
 
     return Sensor(
@@ -294,7 +293,6 @@ def _live(sensor: Sensor, frames: int | None, seconds: float | None) -> None:
 
 
 def _drawn(answers: Iterator[Answer], view: Callable[[Answer], RenderableType]) -> None:
-    """Draw results in the terminal, ten per second, each over the previous one."""
     from rich.console import Console
     from rich.live import Live
 
@@ -314,7 +312,6 @@ def _follow(
     quiet: bool,
     is_over: Callable[[], bool] = lambda: False,
 ) -> None:
-    """Print a line per second while frames arrive, until the number, the time [s] or `is_over` ends it."""
     from optopad.sensor.driver_view import link_line, strongest_change
 
     said_at = time.monotonic()
@@ -348,7 +345,6 @@ def _lines(out: Path | None, as_json: bool) -> Iterator[Callable[[str], None] | 
 
 
 def _print_line(line: str) -> None:
-    """Print a line on standard output at once; raises OutputError if the disk is full."""
     try:
         print(line, flush=True)
     except BrokenPipeError:
@@ -361,7 +357,6 @@ def _print_line(line: str) -> None:
 
 
 def _drop_output() -> None:
-    """Discard the output that Python would still write to standard output at its end."""
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
@@ -485,7 +480,6 @@ def _require_free_names(link: Path | None, stage_link: Path | None) -> None:
 def _ports(
     printer: FakePrinter | None, *, use_socket: bool, link: Path | None, stage_link: Path | None
 ) -> tuple[Wire, FakePort | None]:
-    """The board's end of its line, and the printer's port if there is one; on failure all links are removed."""
     from design.errors import InputError
     from fabrication.driver.simulated.port import FakePort, new_wire
 
@@ -500,7 +494,6 @@ def _ports(
 def _printer(
     said: DriverConfig, table: PressTable, path: Path | None, out: Path | None, still: bool
 ) -> FakePrinter:
-    """A simulated printer whose tip touches the middle of the pad at depth 0."""
     from design.errors import InputError
     from fabrication.stage.fake_printer import FakePrinter
 

@@ -183,7 +183,6 @@ def _signal_error(row: SweepRow) -> float:
 
 
 def _usable_error(row: SweepRow) -> float:
-    """Uncertainty of the usable depth due to the numerical error of the light model [mm]."""
     usable_mm, between_mm = row.score["usable_depth_mm"], row.score["usable_range_mm"]
     return 0.0 if between_mm is None else max(abs(float(usable_mm - end)) for end in between_mm)
 

@@ -127,7 +127,6 @@ def _require_fit(name: str, model: TouchModel, data: PressData) -> None:
 
 
 def _named(loaded: Sequence[tuple[str, TouchModel]]) -> Mapping[str, TouchModel]:
-    """Models by kind; several models of one kind are distinguished by file names or numbers."""
     kinds = [model.header.kind for _, model in loaded]
     stems = [f"{kind} ({Path(name).stem})" for kind, (name, _) in zip(kinds, loaded, strict=True)]
     found = {}

@@ -237,7 +237,6 @@ def table_csv(search: Search, rows: Sequence[Tried]) -> str:
 
 
 def _write_designs(folder: Path, found: Findings) -> tuple[str, ...]:
-    """Write one file per design on the Pareto front, best first, and remove files of an earlier front."""
     names = []
     for one in found.front:
         name = f"{one.number:04d}-{one.digest[:8]}.toml"
@@ -251,7 +250,6 @@ def _write_designs(folder: Path, found: Findings) -> tuple[str, ...]:
 
 @contextmanager
 def _alone(folder: Path) -> Iterator[None]:
-    """Prevent a second search in the folder during the block; the lock ends with the process in any case."""
     try:
         descriptor = os.open(folder / ".lock", os.O_RDWR | os.O_CREAT, 0o644)
     except OSError as err:

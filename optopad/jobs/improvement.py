@@ -209,7 +209,6 @@ def _deciding_places(before: ContinuityScore) -> list[tuple[float, float]]:
 
 
 def _write(made: Improvement, found: Search, text: str | None) -> None:
-    """Write design files, page and data; remove the design files of an earlier run."""
     if text is None:
         text = dump_design(made.design).split("\n", 1)[
             1
@@ -222,7 +221,6 @@ def _write(made: Improvement, found: Search, text: str | None) -> None:
 
 
 def _clear(folder: Path, *, keep: set[str]) -> None:
-    """Remove the design files that the improve.json of an earlier run names; other files remain."""
     try:
         earlier = json.loads((folder / "improve.json").read_text(encoding="utf-8"))["alternatives"]
         names = {Path(one["file"]).name for one in earlier}
@@ -233,7 +231,6 @@ def _clear(folder: Path, *, keep: set[str]) -> None:
 
 
 def _write_design(file: Path, text: str, base: SensorDesign, changes: Mapping[str, Any], kind: str) -> None:
-    """Write the design file with its comments; changed lines state their former values."""
     import tomlkit
 
     document, was, known = tomlkit.parse(text), base.model_dump(mode="json"), known_paths(SensorDesign)
@@ -400,7 +397,6 @@ class JudgedAgain:
 
     @staticmethod
     def _as_judged(quick: Judged, score: ContinuityScore) -> Judged:
-        """The figures of a score, with the accuracy computed by quick light."""
         own = {
             "deadband_mm": score.deadband_total_mm,
             "usable_depth_mm": score.usable_depth_mm,

@@ -153,7 +153,6 @@ def write_driver_config(design: SensorDesign, out: Path, *, seed: int) -> Path:
 
 @contextmanager
 def _mold_beside(design: SensorDesign, folder: Path) -> Iterator[subprocess.Popen[str]]:
-    """Start the process that makes the mold; it is stopped if the block fails or is interrupted."""
     (folder / "cad").mkdir(exist_ok=True)
     save_design(design, folder / "design.toml")
     process = started(["-m", "cad", str(folder / "design.toml"), str(folder / "cad")])
@@ -246,7 +245,6 @@ def _scored(
 def _without_tolerance(
     design: SensorDesign, score: ContinuityScore, sims: Path, seed: int, *, with_page: bool
 ) -> EarlyDrawings | None:
-    """Write signals, maps and their plots; draw the plots of the report page if `with_page`."""
     from design.shape.cavity import cavity_of
     from optopad.plot_files import write_bound_plots
     from optopad.report.sections.early import early_drawings
@@ -273,7 +271,6 @@ def _with_builds(
 
 
 def _write_builds(score: ContinuityScore, sims: Path) -> None:
-    """Write the plot of the Monte Carlo over tolerances, if there is one."""
     if score.builds is None or score.tolerance is None:
         return
     from optopad.plot_files import write_plot
@@ -285,7 +282,6 @@ def _write_builds(score: ContinuityScore, sims: Path) -> None:
 
 
 def _gain_of(score: ContinuityScore) -> SimulatedGain | None:
-    """The gain in a score, in the form that the sheets need; None if the score has none."""
     from fabrication.gain import SimulatedGain
 
     if score.readout is None or score.untouched_flux is None:
@@ -297,7 +293,6 @@ def _gain_of(score: ContinuityScore) -> SimulatedGain | None:
 
 
 def _known_gain(folder: Path) -> SimulatedGain | None:
-    """The gain from an earlier score of the same design in the bundle; None if there is none."""
     from fabrication.gain import SimulatedGain
 
     score = folder / "sims" / "score.json"

@@ -198,7 +198,6 @@ def bound_mm(
 
 
 def _require_roles(protocol: PressProtocol) -> None:
-    """Refuse a protocol without training or test sets, before light is traced."""
     for role, verb in (("train", "trained"), ("test", "judged")):
         if not any(one.role == role for one in protocol.sets):
             raise InputError(
@@ -216,7 +215,6 @@ def _cut(wanted: PressProtocol, how: PressProtocol, design: SensorDesign) -> tup
 
 
 def _known(names: Sequence[str]) -> tuple[str, ...]:
-    """Names of learners without repetition; `all` is replaced by all names."""
     known = (*LEARNERS, SIGNAL_MAP)
     wanted = known if "all" in names else tuple(dict.fromkeys(names))
     for name in wanted:
@@ -232,7 +230,6 @@ def _draw_judged(
     seed: int,
     on_step: OnStep,
 ) -> dict[str, tuple[TouchModel, list[ModelAccuracy]]]:
-    """Train and test every learner on one random draw of noise, drift and offsets."""
     data = draw(curves, seed=seed, on_step=on_step)
     train, test = data.role("train"), data.role("test")
     found = {}

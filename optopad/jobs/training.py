@@ -171,7 +171,6 @@ def _learners(learner: str, design: SensorDesign | None, effort: str, seed: int)
 
 
 def _files(names: Sequence[str], files: Sequence[Path], out: Path | None) -> dict[str, Path]:
-    """File of each model; the folder is created."""
     if not files:
         raise InputError("data: none given; name at least one file")
     stem = files[0].name.partition(".")[0]
@@ -205,7 +204,6 @@ def _load_curve(design: SensorDesign) -> ForceCurve:
 
 
 def _with_header(model: Any, header: ModelHeader) -> TouchModel:
-    """A copy of a model with another header; models are frozen dataclasses."""
     changed: TouchModel = replace(model, header=header)
     return changed
 

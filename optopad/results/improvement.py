@@ -166,7 +166,6 @@ class Improvement(Result):
         return [*lines, labelled("report", str(self.folder / "report.html")), *self._next()]
 
     def _next(self) -> list[str]:
-        """Lines with the next command, or how to search further; empty if the search was interrupted."""
         if self.is_interrupted:
             return []
         if self.alternatives:
@@ -176,7 +175,6 @@ class Improvement(Result):
         return row("next", "widen a range with --vary FIELD=A:B, allow --more-parts, or raise --budget")
 
     def _resolution(self, one: Alternative) -> str:
-        """Text with verdict, confidence and margin from the score, and the location's bound from the search."""
         said = answer_of(one.design, one.score)
         parts = [verdict_words(one.score), said.sure.partition(":")[0]]
         parts.append(
@@ -188,7 +186,6 @@ class Improvement(Result):
         return "; ".join(part for part in parts if part)
 
     def _nearest(self) -> list[str]:
-        """Lines about the best scored design, and why it is not better than the original."""
         none = "no better design" if self.before.verdict == "DEADBAND" else "no significantly better design"
         lines = row("none", f"{none} among {self.tried}", WHOLE)
         nearest = self.nearest

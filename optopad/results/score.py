@@ -177,7 +177,6 @@ class Score(KeyFigures):
         return block(head, rest, picture(self._sheet, f"score-{self.design.digest[:8]}"))
 
     def _sheet(self) -> Figure:
-        """Plot of the governing pair's signal on a figure of its own, which opens no window."""
         from matplotlib.figure import Figure
 
         sheet = Figure(figsize=(WIDTH_IN, 3.6), layout="constrained")
@@ -193,7 +192,6 @@ class Score(KeyFigures):
         raise InputError(f"plot_signal: {wanted!r} is no judged pair; there are {', '.join(self.pairs)}")
 
     def _answered(self) -> ContinuityScore:
-        """The whole score; raises InputError if the models do not cover the design."""
         if self.found.pad_map is None or not self.found.pairs:
             raise InputError(f"{self.design.name}: nothing was computed, {self.reason or 'a verdict only'}")
         return self.found

@@ -88,8 +88,7 @@ def number(value: float | None, digits: int = 2, missing: str = "-") -> str:
 
 
 QUICK_ERRORS = {"draft": 3.0, "search": 2.0, "score": 0.0}
-"""Largest observed error of a margin in a search, by the search's setting of the light model [noise standard
-deviations].
+"""Largest observed error of a margin in a search [noise standard deviations], by setting of the light model.
 
 The setting `search` had an error of up to 1.94 on 13 pads (docs/how-to/search-layouts.md), and 0.86 without one of
 them. `draft` had 2.9 on four pads of 4 + 4 parts. The largest error on so few pads is not a bound.

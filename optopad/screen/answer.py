@@ -156,14 +156,12 @@ def _verdict(design: SensorDesign, score: ContinuityScore) -> str:
 
 
 def _other_pairs(count: int, every: int) -> str:
-    """A clause with the number of other pairs that have a deadband; empty if there are none."""
     if not count:
         return ""
     return f"; {count} more of {every} pairs {'has a deadband' if count == 1 else 'have deadbands'}, too"
 
 
 def _margin(score: ContinuityScore) -> str:
-    """Text with a pad's least margin and its location, for a pad that resolves depth everywhere."""
     if score.pad_map is None or score.is_facing_rows:
         return ""
     weakest = score.pad_map.weakest
@@ -175,7 +173,6 @@ def _margin(score: ContinuityScore) -> str:
 
 
 def _why(score: ContinuityScore) -> str:
-    """The mechanism of the worst deadband, and a note if no change fixes it; without a deadband, the margin."""
     if not score.causes:
         return _margin(score)
     return "; ".join(filter(None, [cause_sentence(score.causes[0]), no_fix_words(score.trial)]))
@@ -234,7 +231,6 @@ def _sure(design: SensorDesign, score: ContinuityScore) -> str:
 
 
 def _none_changes(count: int) -> str:
-    """A statement that no unmeasured parameter changes the verdict on its own."""
     match count:
         case 0:
             return "no unmeasured parameter has an uncertainty band"
@@ -245,14 +241,12 @@ def _none_changes(count: int) -> str:
 
 
 def _without_band(count: int) -> str:
-    """A clause with the number of parameters that have no uncertainty band; empty if there are none."""
     if not count:
         return ""
     return f"; {counted(count, 'parameter has', 'parameters have')} no uncertainty band"
 
 
 def _doubtful(score: ContinuityScore) -> str:
-    """The pair or the location for which the verdict is undecided."""
     if score.is_facing_rows or score.pad_map is None:
         named = next((pair.name for pair in score.pairs if pair.score.possible_deadbands_mm), score.governing)
         return f"of {named}"
@@ -266,8 +260,7 @@ def at_mm(x_mm: float, y_mm: float) -> str:
 
 
 def _turn(band: ToleranceBand, row: ToleranceRow, values: dict[str, float]) -> tuple[str, float] | None:
-    """A parameter whose uncertainty band contains a change of the verdict: its path, and the least change that
-    suffices.
+    """A parameter that may change the verdict: its path, and the least change that suffices.
 
     The change [unit of the field] is interpolated linearly in the margin. None if no end of the band changes the
     verdict.

@@ -144,7 +144,6 @@ def _to_show(score: ContinuityScore) -> list[str]:
 
 
 def _warnings(texts: Sequence[str], room: int) -> list[str]:
-    """One line per warning; warnings for which there is no room are only counted."""
     shown = list(texts) if len(texts) <= room else list(texts[: max(room - 1, 0)])
     lines = [line for text in shown for line in row("warning", _clause(text))]
     left = len(texts) - len(shown)
@@ -163,7 +162,6 @@ def _clause(text: str) -> str:
 
 
 def _next(score: ContinuityScore, command: str, fix: str, *, is_built: bool) -> str:
-    """The next command to type, and its purpose."""
     if score.verdict == "OUT_OF_MODEL_SCOPE":
         return f"remove the reason that the verdict names, then optopad check {command}"
     if score.trial is not None and score.trial.found == "move":
@@ -318,7 +316,6 @@ def step_lines(steps: FieldSteps) -> list[str]:
 
 
 def _changed(design: Effect, stepped: Effect) -> str:
-    """Text with the differences between a design's figures and those after a step."""
     found = [f"margin {stepped.margin - design.margin:+.1f} sigma"]
     for name, words in (("usable_mm", "usable"), ("deadband_mm", "deadband")):
         change = getattr(stepped, name) - getattr(design, name)
@@ -444,7 +441,6 @@ def learner_line(design: SensorDesign, bundle: Path, command: str) -> str:
 
 
 def _prediction(file: Path) -> dict[str, Any] | None:
-    """The tables of a stored prediction; None if there is no readable file."""
     try:
         found = json.loads(file.read_text(encoding="utf-8"))
     except (OSError, ValueError):
@@ -453,8 +449,6 @@ def _prediction(file: Path) -> dict[str, Any] | None:
 
 
 def _reached(document: Mapping[str, Any]) -> str:
-    """Text with the best learner's median errors from `LEAST_DEPTH_MM` on and its false alarms; empty if there are
-    none."""
     try:
         every = document.get("learners", [document])  # earlier files have the first learner's tables only
         found = [(medians, one) for one in every if all(medians := _medians(one["errors"]))]
@@ -471,7 +465,6 @@ def _reached(document: Mapping[str, Any]) -> str:
 
 
 def _medians(rows: Sequence[Mapping[str, Any]]) -> tuple[list[float], list[float]]:
-    """Median errors of location and of depth, for each depth from `LEAST_DEPTH_MM` on [mm]."""
     deep = [row for row in rows if row["depth_mm"] >= LEAST_DEPTH_MM]
     location, depth = (
         [float(row[name]) for row in deep if row[name] is not None]
