@@ -156,7 +156,6 @@ def versions() -> dict[str, str]:
 
 
 def _fill(staging: Path, final: Path) -> None:
-    """Create the hidden folder of a command, and copy the bundle's files into it."""
     former = _former(final)
     if former.exists() and not os.path.lexists(final):
         former.rename(final)  # a swap was interrupted
@@ -220,7 +219,6 @@ def _locked(folder: Path) -> int | None:
 
 
 def _digests(folder: Path) -> dict[str, str]:
-    """SHA-256 of every file except the manifest, by relative path."""
     return {name: _record(folder / name)["sha256"] for name in _files(folder)}
 
 

@@ -268,7 +268,6 @@ def _gain(design: SensorDesign, counts_per_flux: float | Sequence[float] | None,
 
 
 def _place(one: Connection) -> dict[str, Any]:
-    """The fields that emitters and receivers share."""
     part = one.part.part
     return {
         "position_mm": one.position_mm,

@@ -413,7 +413,6 @@ def _heading(settings: FirmwareSettings) -> Iterable[str]:
 
 
 def _chip_macro(mcu: str) -> str:
-    """The macro that avr-gcc defines for a chip, as __AVR_ATmega2560__."""
     number = mcu.removeprefix("atmega")
     return f"__AVR_ATmega{number.upper()}__"
 
@@ -424,12 +423,10 @@ def _tunable(name: str, value: str, comment: str) -> tuple[str, ...]:
 
 
 def _list(name: str, items: Iterable[str]) -> Iterable[str]:
-    """A line of C that defines a macro as a list of items without braces."""
     yield f"#define {name} {', '.join(items)}"
 
 
 def _commented_list(name: str, items: Iterable[str]) -> Iterable[str]:
-    """Lines of C that define a macro as a list without braces, one item with its comment per line."""
     *most, last = items
     yield f"#define {name} \\"
     yield from (f"    {_with_comma(item)} \\" for item in most)

@@ -1,4 +1,4 @@
-"""A figure as files: SVG with text for pages and print, PNG for programs that cannot read SVG."""
+"""Plots as files: SVG for pages and print, with text as text, and PNG for programs that cannot read SVG."""
 
 from __future__ import annotations
 
@@ -30,7 +30,8 @@ def write_plot(figure: Figure, stem: Path) -> tuple[Path, Path]:
 
 
 def write_bound_plots(design: SensorDesign, bounds: PadBounds, folder: Path) -> list[Path]:
-    """Plot location and depth bounds by depth, and the detection threshold, as SVG and PNG; returns their paths."""
+    """Plot the bounds of location and depth over depth, and the detection threshold; returns the paths of SVG and
+    PNG."""
     cavity = cavity_of(design)
     written: list[Path] = []
     with plain_style():

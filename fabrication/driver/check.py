@@ -133,7 +133,6 @@ def check_frames(frames: Iterable[Frame], found: Descriptor, self_test: SelfTest
 
 
 def _railed(dark: NDArray[np.uint16], found: Descriptor) -> BoolArray:
-    """Whether each receiver is at full scale in the dark, as an array (receiver,)."""
     is_railed: BoolArray = dark.mean(axis=0) >= CLIP_SHARE * found.full_scale
     return is_railed
 
@@ -203,7 +202,6 @@ def _dead_problems(pattern: Pattern, dead_e: BoolArray, dead_r: BoolArray) -> li
 
 
 def _dim(pattern: Pattern, usable: BoolArray) -> list[Problem]:
-    """Parts whose readings, relative to the expected ones, are far below those of the other parts."""
     told = usable & ~pattern.is_clipped & ~pattern.is_meant_to_clip & (pattern.expected >= SEEN_COUNTS)
     ratio = np.where(told, np.maximum(pattern.measured, 0.0) / np.maximum(pattern.expected, 1.0), np.nan)
     problems = []

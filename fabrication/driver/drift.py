@@ -264,7 +264,6 @@ class DriftTracker:
         self._short_noise = 0.0
 
     def _follow_waiting(self, time_s: float) -> None:
-        """Track the frames that have waited for the guard time."""
         while self._waiting and time_s - self._waiting[0][0] >= self._guard_s:
             _, passed_s, signals = self._waiting.popleft()
             weight = -math.expm1(-min(passed_s / self._tau_s, LONGEST_STEP))
@@ -278,7 +277,6 @@ class DriftTracker:
 
 
 def _since(begun_s: float | None, time_s: float, goes_on: bool) -> float | None:
-    """Time at which a condition began that still holds [s]; None if it does not hold now."""
     if not goes_on:
         return None
     return time_s if begun_s is None else begun_s

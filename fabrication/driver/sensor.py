@@ -238,7 +238,6 @@ class Sensor:
         return self._stream
 
     def _require_heard(self, heard_at: float) -> None:
-        """Raise DeviceError if the board is lost, or has been silent for too long."""
         silent_s = time.monotonic() - heard_at
         longest_s = max(SILENCE_S, 3.0 / self._rate_hz if self._rate_hz else 0.0)
         if self._open.why_away or silent_s > longest_s:
@@ -253,7 +252,6 @@ class Sensor:
         )
 
     def _checked(self, hello: Hello) -> Hello:
-        """Return the hello of a board after a restart; raises DeviceError for another design."""
         check_hello(hello, self.config, where=self.port, accept_digest=self._accept_digest)
         return hello
 

@@ -195,7 +195,6 @@ class Stream:
             self._fail(err)
 
     def _follow(self) -> None:
-        """Process messages until the stop or the loss of the port."""
         heard_at = time.monotonic()
         while not self._stopping.is_set():
             messages = self.link.messages()

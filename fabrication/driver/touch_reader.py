@@ -186,7 +186,6 @@ class TouchReader:
         )
 
     def _on_top(self, press_mm: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Point of first contact of a press on the untouched top surface [mm], and the outward unit normal there."""
         surface = self.sensor.descriptor.surface
         if surface is None or not np.isfinite(press_mm).all():
             return np.full(3, np.nan), np.full(3, np.nan)

@@ -235,7 +235,6 @@ def _amplifier_rows(
 
 
 def _open_feedback_rows(design: SensorDesign, names: Sequence[str]) -> Iterator[BomRow]:
-    """Items of the amplifiers' resistors and capacitors while their values are not known."""
     rule = (
         f"so that the median judged pair reads {design.gain.target_counts:g} counts untouched, and none clips"
     )
@@ -394,7 +393,6 @@ def _tools(design: SensorDesign) -> Iterator[tuple[str, str]]:
 
 
 def _by_entry(placed: Sequence[PlacedPart]) -> Iterator[tuple[PlacedPart, tuple[str, ...]]]:
-    """Parts grouped by catalogue entry: one part of each, with the names of all parts of that entry."""
     for part_id in dict.fromkeys(part.part_id for part in placed):
         same = [part for part in placed if part.part_id == part_id]
         yield same[0], tuple(part.name for part in same)

@@ -474,7 +474,6 @@ def _one_of_each(parts: Sequence[PlacedPart]) -> tuple[PlacedPart, ...]:
 
 
 def _groups(parts: Sequence[PlacedPart]) -> list[list[PlacedPart]]:
-    """Groups of parts of the same catalogue entry at the same height."""
     groups: dict[tuple[str, float], list[PlacedPart]] = {}
     for part in parts:
         groups.setdefault((part.part_id, part.height_mm), []).append(part)

@@ -70,7 +70,6 @@ def orientation_svg(design: SensorDesign) -> str:
 
 
 def _groups(sockets: Sequence[Socket]) -> list[list[Socket]]:
-    """Groups of sockets that look alike in section: the same part, height and wall thickness."""
     groups: dict[tuple[str, float, float], list[Socket]] = {}
     for socket in sockets:
         key = socket.part.part_id, socket.part.height_mm, socket.frame.thickness_mm
@@ -138,7 +137,6 @@ def _ways_of_leads(socket: Socket, block: object) -> Iterator[Element]:
 
 
 def _dimension(at: object, height_mm: float) -> Iterator[Element]:
-    """Dimension of the active area's centre, as height above the bottom of the clear layer."""
     assert callable(at)
     foot, head = at(-5.0, 0.0), at(-5.0, height_mm)
     yield from svg.arrow(foot, head, INK)
@@ -169,7 +167,6 @@ def _words(design: SensorDesign, group: Sequence[Socket]) -> list[str]:
 
 
 def _wrapped(text: str) -> list[str]:
-    """Text in lines of at most 62 characters."""
     lines: list[str] = []
     line = ""
     for word in text.split():

@@ -158,7 +158,6 @@ def _corner(place: int, across: int, cell_x: float, top: float) -> Point:
 
 
 def _switch(one: Connection, board: Board, corner: Point) -> Element:
-    """Drawing of one emitter's switch: LED, resistors and transistor."""
     x, y = corner[0] + 150, corner[1]
     switch = emitter_switch(one.part.part, board)
     series = "none fits" if switch.series_ohm is None else ohm_text(switch.series_ohm)
@@ -204,7 +203,6 @@ def _sunk(one: Connection, board: Board, sink: CurrentSink, corner: Point) -> El
 
 
 def _amplifier(one: Connection, feedback: Feedback | None, corner: Point) -> Element:
-    """Drawing of one receiver's amplifier with its photodiode and feedback."""
     x, y, name = corner[0] + 60, corner[1], one.part.name
     ohms = UNKNOWN if feedback is None else ohm_text(feedback.standard_ohm)
     farads = UNKNOWN if feedback is None else f"{feedback.capacitor_pf:g} pF"
@@ -240,7 +238,6 @@ def _amplifier(one: Connection, feedback: Feedback | None, corner: Point) -> Ele
 
 
 def _supply_text(design: SensorDesign) -> str:
-    """Supply of the emitters and, if it differs, of the amplifiers."""
     emitters, amplifiers = f"{board_of(design).emitter_v:g} V", f"{amplifier_v(design):g} V"
     if emitters == amplifiers:
         return emitters

@@ -178,7 +178,6 @@ class FakePrinter:
         self._travel(target, now_s)
 
     def _travel(self, target: FloatArray, now_s: float) -> None:
-        """One motion after the previous one, which is short for a host that waits for M400."""
         start = self._ride.end
         begun = max(now_s, self._ride.ends_s)
         takes = float(np.linalg.norm(target - start)) / self.speed_mm_s
@@ -200,6 +199,5 @@ class TipFinger:
 
 
 def _flipped(position: FloatArray) -> FloatArray:
-    """Convert depth (positive into the pad) to height (positive up), or back."""
     found: FloatArray = position * np.array([1.0, 1.0, -1.0])
     return found

@@ -378,7 +378,6 @@ class GcodeStage:
         self.lift()
 
     def _position(self) -> tuple[Position, float]:
-        """Position of the tip, x, y, depth [mm], and the step of the last digit in M114's reply [mm]."""
         origin = self._known_origin()
         (x, y, z), step_mm = self._machine()
         told = x - origin[0], y - origin[1], origin[2] - z
@@ -409,7 +408,6 @@ class GcodeStage:
             self._ride(f"Z{height:.3f}", abs(to_depth_mm - depth_mm), speed)
 
     def _slide(self, x_mm: float, y_mm: float, way_mm: float) -> None:
-        """Move laterally at the present height."""
         origin = self._known_origin()
         self._ride(f"X{origin[0] + x_mm:.3f} Y{origin[1] + y_mm:.3f}", way_mm, self._speeds_mm_s[0])
 
@@ -418,7 +416,6 @@ class GcodeStage:
         self._line.send("M400", takes_s=way_mm / speed_mm_s)
 
     def _arrived(self, target: Position) -> Position:
-        """Position of the tip, x, y, depth [mm]; raises DeviceError if it is not the target."""
         self._sent = target
         found, step_mm = self._position()
         if math.dist(found, target) > tolerance_mm(step_mm):
@@ -431,7 +428,6 @@ class GcodeStage:
         return found
 
     def _machine(self) -> tuple[Position, float]:
-        """Position in the printer's own coordinates, and the step of their last digit [mm]."""
         said = self._line.send("M114")
         places = [place for line in said if (place := place_of(line)) is not None]
         if not places:

@@ -1,4 +1,4 @@
-"""Verbs for the board's program: driver firmware, driver flash."""
+"""Commands for the firmware of the board: driver firmware, driver flash."""
 
 from __future__ import annotations
 
@@ -157,7 +157,10 @@ def _copy_image(chip: ArduinoProgram, image: Path, drive: str | None, *, is_dry:
 
 
 def _found_port(board: BoardSetup, *, is_agreed: bool, may_ask: bool) -> str:
-    """The board's port by its USB identity; one that is identified by a serial chip only needs the user's consent."""
+    """The port of the board, found by its USB identity.
+
+    A port that is identified only by a common serial chip needs the user's consent.
+    """
     from fabrication.driver.link.ports import GUESSED, find_port, is_guess
 
     found = find_port(board)

@@ -1,7 +1,7 @@
-"""The pipeline that connects the rooms: each function fills one part of a design's bundle.
+"""The whole computation for a design: each function makes one part of the bundle.
 
-Mold and physics share nothing, so they run in parallel: the mold in a new process, because the CAD kernel does not
-survive a fork, and the physics in this one.
+Mold and physics run in parallel. The mold has a new process, because the CAD kernel does not survive a fork; the
+physics runs in this process.
 """
 
 from __future__ import annotations
@@ -71,7 +71,7 @@ def write_parts(
 
     Parameters
     ----------
-    bed_mm : build volume of the printer with which the checks compare the parts; None for the default one
+    bed_mm : build volume of the printer, for the checks; None for the default one
     slice_parts : whether to run PrusaSlicer for time, filament and warnings
     """
     from cad.export import export_parts
@@ -131,7 +131,7 @@ def write_signals(
     seed: int,
     on_step: OnStep,
 ) -> tuple[dict[str, Any], Path]:
-    """Write signals of the given presses into the bundle; returns a summary and the bundle."""
+    """Write the signals of presses into the bundle; returns a summary and the bundle."""
     from optopad.jobs.signals import simulated
 
     require_valid(design)
@@ -153,7 +153,6 @@ def write_driver_config(design: SensorDesign, out: Path, *, seed: int) -> Path:
 
 @contextmanager
 def _mold_beside(design: SensorDesign, folder: Path) -> Iterator[subprocess.Popen[str]]:
-    """Start the mold's process; it is stopped if the work in parallel fails or is interrupted."""
     (folder / "cad").mkdir(exist_ok=True)
     save_design(design, folder / "design.toml")
     process = started(["-m", "cad", str(folder / "design.toml"), str(folder / "cad")])
@@ -166,11 +165,11 @@ def _mold_beside(design: SensorDesign, folder: Path) -> Iterator[subprocess.Pope
 
 
 def _finished(mold: subprocess.Popen[str], folder: Path) -> dict[str, Any]:
-    """Wait for the mold's process and read its checks.
+    """Wait for the process that makes the mold, and read its checks.
 
     Raises
     ------
-    OutputError, RuntimeError : its message, if it refused the work or failed.
+    OutputError, RuntimeError : the process refused the work or failed; with its message.
     """
     _, message = mold.communicate()
     if mold.returncode == REFUSED:
@@ -187,7 +186,7 @@ def _checks(folder: Path) -> dict[str, Any]:
 
 @dataclass(frozen=True, kw_only=True)
 class _Study:
-    """Requested number of units of a Monte Carlo, and the store of finished ones."""
+    """A Monte Carlo over tolerances: the requested number of units, and the store of finished ones."""
 
     builds: int
     memo: FinishedWork
@@ -195,7 +194,7 @@ class _Study:
 
 @contextmanager
 def _study(design: SensorDesign, out: Path, builds: int | None, seed: int) -> Iterator[_Study | None]:
-    """Store of a design's Monte Carlo units until the bundle that contains them is in its place; None without units."""
+    """Store of finished Monte Carlo units, removed when the bundle is complete; None if no units are requested."""
     if builds is None:
         yield None
         return
@@ -215,7 +214,10 @@ def _scored(
     full: bool = False,
     study: _Study | None = None,
 ) -> tuple[ContinuityScore, EarlyDrawings | None]:
-    """Compute and write the score, and draw a page's plots; all but the tolerance is written while that is computed."""
+    """Compute and write the score; draw the plots of the report page if `with_page`.
+
+    Files that do not depend on the tolerances are written while those are computed.
+    """
     from optopad.work import beside
     from sims.score.build_tolerance import with_tolerance
     from sims.score.field_steps import with_field_steps
@@ -243,7 +245,6 @@ def _scored(
 def _without_tolerance(
     design: SensorDesign, score: ContinuityScore, sims: Path, seed: int, *, with_page: bool
 ) -> EarlyDrawings | None:
-    """Write signals, maps and their plots; draw those that a page shows."""
     from design.shape.cavity import cavity_of
     from optopad.plot_files import write_bound_plots
     from optopad.report.sections.early import early_drawings
@@ -270,7 +271,6 @@ def _with_builds(
 
 
 def _write_builds(score: ContinuityScore, sims: Path) -> None:
-    """Write the plot of a Monte Carlo over tolerances, if there was one."""
     if score.builds is None or score.tolerance is None:
         return
     from optopad.plot_files import write_plot
@@ -282,7 +282,6 @@ def _write_builds(score: ContinuityScore, sims: Path) -> None:
 
 
 def _gain_of(score: ContinuityScore) -> SimulatedGain | None:
-    """The part of a score's gain that the sheets need."""
     from fabrication.gain import SimulatedGain
 
     if score.readout is None or score.untouched_flux is None:
@@ -294,7 +293,6 @@ def _gain_of(score: ContinuityScore) -> SimulatedGain | None:
 
 
 def _known_gain(folder: Path) -> SimulatedGain | None:
-    """Gain of an earlier score of the same design, if the bundle contains one."""
     from fabrication.gain import SimulatedGain
 
     score = folder / "sims" / "score.json"

@@ -43,7 +43,7 @@ HOW_TO_RELAX = (
 
 @dataclass(frozen=True, kw_only=True)
 class ProtocolView:
-    """A load protocol, and the load during it."""
+    """A load protocol (depth over time), and the load during it."""
 
     name: str
     protocol: LoadProtocol
@@ -57,13 +57,13 @@ class PressView:
 
     Attributes
     ----------
-    design : the sensor
+    design : design of the pressed pad
     press : the deformed surface at the requested depth
-    tip_mm : radius and height above its apex of the tip's outline [mm]
-    young : Young's modulus behind the loads, with its band [MPa]
+    tip_mm : outline of the tip: distance from the axis, and height above the tip's lowest point [mm]
+    young : Young's modulus used for the loads, with its uncertainty band [MPa]
     force : load against depth, to the deepest requested press
-    pressure : between tip and pad at the requested depth
-    comparison : a published load of the same press and the computed one
+    pressure : contact pressure between tip and pad at the requested depth
+    comparison : published and computed load of the same press
     driven : the load protocol, if one was requested
     warnings : warnings about the press
     """
@@ -80,7 +80,7 @@ class PressView:
 
     @property
     def band_n(self) -> tuple[float, float]:
-        """Load at the ends of the modulus's band [N]."""
+        """Load at both ends of the uncertainty band of Young's modulus [N]."""
         low, high = (self.force.low_n[-1], self.force.high_n[-1]) / self.force.force_n[-1]
         return float(low) * self.press.force_n, float(high) * self.press.force_n
 
@@ -107,7 +107,7 @@ def view_press(
 
     Raises
     ------
-    InputError, ModelScopeError : a refused depth or protocol
+    InputError, ModelScopeError : the depth or the protocol is invalid
     """
     driven = None if protocol is None else load_protocol(protocol)
     if depth_mm < 0.0:
@@ -145,7 +145,7 @@ def _driven(
 
 
 def view_lines(view: PressView) -> list[str]:
-    """The press in a few lines, the most important first."""
+    """Text about the press, a few lines, the most important first."""
     press, (height_mm, at_mm) = view.press, view.pile_up_mm
     peak = view.pressure.peak_mpa
     pressed = "not resolved by the mesh" if peak is None else f"{peak:.3g} MPa"
@@ -195,7 +195,7 @@ def _protocol_lines(driven: ProtocolView) -> list[str]:
 
 
 def view_json(view: PressView) -> dict[str, Any]:
-    """The same as plain data; unknown values are None."""
+    """Data about the press for JSON; unknown values are None."""
     press, force, pressure = view.press, view.force, view.pressure
     return {
         "name": view.design.name,
@@ -285,7 +285,7 @@ def view_plots(view: PressView) -> dict[str, Axes]:
 
 
 def write_pictures(view: PressView, out: Path, *, seed: int) -> list[Path]:
-    """Write the pictures as SVG and PNG into the design's bundle, which stays complete; returns their paths.
+    """Write the pictures as SVG and PNG into the design's bundle; returns their paths.
 
     Parameters
     ----------

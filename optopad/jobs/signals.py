@@ -1,4 +1,4 @@
-"""Signals of chosen presses, and the plain ray tracer for comparison on request."""
+"""Signals of chosen presses, also by the plain ray tracer for comparison."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from sims.press import depth_schedule_mm
 from sims.readings.readout import save_dataset, signals_dataset
 
 ORACLE_DEPTHS_MM = (0.0, 0.5, 1.0, 2.0, 3.0, 4.0, 5.0)
-"""Depths of the default presses with the ray tracer, which needs seconds per state."""
+"""Depths of the default presses if the ray tracer is used, which needs seconds per press [mm]."""
 
 
 def simulated(
@@ -32,12 +32,12 @@ def simulated(
     seed: int,
     on_step: OnStep,
 ) -> dict[str, Any]:
-    """Trace presses, write ``presses.nc`` (and ``oracle.nc``) into ``folder``, and summarise them.
+    """Compute the signals of presses, write ``presses.nc`` (and ``oracle.nc``) into ``folder``; returns a summary.
 
     Parameters
     ----------
     presses : rows of x, y, depth [mm]; empty for the workspace's centre at all depths
-    oracle_rays : rays per emitter and state of the ray tracer; None omits it
+    oracle_rays : number of rays of the ray tracer per emitter and press; None omits the ray tracer
     """
     cavity = cavity_of(design)
     states = np.array(presses) if presses else _default_presses(design, cavity, oracle_rays is not None)
@@ -63,7 +63,7 @@ def simulated(
 def require_presses(design: SensorDesign, states: FloatArray) -> None:
     """Refuse presses outside the workspace, above the surface, or deeper than the contact model covers.
 
-    states : (state, 3) x, y, depth [mm]
+    states : (press, 3) x, y, depth [mm]
     """
     space = cavity_of(design).workspace
     for x_mm, y_mm, depth_mm in states:
@@ -114,9 +114,9 @@ def _oracle(design: SensorDesign, states: FloatArray, rays: int, seed: int, on_s
 
 
 def _compared(light: LightSignals, truth: LightSignals, cavity: CavityGeometry, rays: int) -> dict[str, Any]:
-    """Difference of the fast model from the ray tracer over pairs with a direct path, in standard errors.
+    """Differences between the fast model and the ray tracer, for pairs with a direct path, in standard errors.
 
-    Light that crosses the crater in air is left out, because only the ray tracer follows it.
+    Light that crosses the air in the dent is left out, because only the ray tracer follows it.
     """
     mask = direct_path_pairs(cavity)
     inside = truth.flux - truth.by_class["crossing"]

@@ -67,7 +67,6 @@ def require_no_printer(name: str, baud: int, patience_s: float) -> None:
 
 
 def _ask(port: Port, bauds: tuple[int, ...], until_s: float) -> None:
-    """Send a printer host's requests at each baud rate in turn, at least once and for a time `until_s` [s]."""
     end = time.monotonic() + until_s
     while True:
         for baud in bauds:
@@ -103,7 +102,6 @@ def _heard(port: Port, longest_s: float, after_first_s: float = math.inf) -> byt
 
 
 def _klipper_crc(block: bytes) -> bytes:
-    """CRC-16 of a block of Klipper's protocol, as two bytes with the high byte first."""
     crc = 0xFFFF
     for byte in block:
         crc ^= byte

@@ -235,7 +235,6 @@ def can_export() -> bool:
 
 
 def _without_repeats(records: list[Record]) -> list[Record]:
-    """The records without frames that the line delivered twice within a connection."""
     kept, repeats = [], Repeats()
     for record in records:
         if record.kind == RecordKind.HELLO:
@@ -276,7 +275,6 @@ def _unwrapped(found: Unpacked, connection: IntArray) -> tuple[IntArray, IntArra
 
 
 def _fits(record: Record, frame_bytes: int) -> bool:
-    """Whether a record's content has the length that its kind requires; other lengths have no meaning."""
     lengths = {RecordKind.FRAME: frame_bytes, RecordKind.PRESS: PRESS_BYTES}
     return len(record.content) == lengths.get(record.kind, len(record.content))
 

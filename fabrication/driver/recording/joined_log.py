@@ -107,7 +107,6 @@ def _measured_s(recorded: Recorded) -> FloatArray:
 
 
 def _require_rising(host_s: FloatArray) -> None:
-    """Refuse a recording during which this machine's clock was set back: its times are ambiguous."""
     step_s = np.diff(host_s)
     if (step_s < 0).any():
         frame = int(np.flatnonzero(step_s < 0)[0])

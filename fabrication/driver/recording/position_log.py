@@ -150,7 +150,6 @@ def _times(table: CsvTable) -> FloatArray:
 
 
 def _require_unit(table: CsvTable, name: str, latest_s: float, tick_s: float) -> None:
-    """Refuse times later than the year 2100, which indicate a wrong unit."""
     if latest_s > LAST_S:
         fitting = [unit for unit, tick in TICKS_S.items() if latest_s / tick_s * tick < LAST_S]
         way_out = (
@@ -181,7 +180,6 @@ def _require_rising(table: CsvTable, time_s: FloatArray) -> None:
 
 
 def _require_close(table: CsvTable, time_s: FloatArray, press_mm: FloatArray) -> None:
-    """Refuse a log whose rows are so far apart that the tip's position is never known."""
     step_s, moved_mm = np.diff(time_s), np.linalg.norm(np.diff(press_mm, axis=0), axis=1)
     if ((step_s > LONGEST_GAP_S) & (moved_mm > STILL_MM)).all():
         raise InputError(

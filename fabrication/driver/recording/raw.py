@@ -217,7 +217,6 @@ class Recorder:
             self._stream.close()
 
     def _fail(self, err: OSError) -> None:
-        """Store the first error, and close the file."""
         self.failure = self.failure or OutputError(_unwritable(self.file, err))
         self._over.set()
         self._stream.close()

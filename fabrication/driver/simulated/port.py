@@ -266,7 +266,6 @@ def require_free(link: Path, option: str = "--link") -> None:
 
 
 def _point(link: Path, target: str) -> None:
-    """Make a symbolic link to `target`; an existing link is replaced only if it is broken."""
     require_free(link)
     link.unlink(missing_ok=True)
     try:

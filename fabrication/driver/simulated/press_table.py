@@ -174,7 +174,6 @@ def table_from_signals(file: Path, config: DriverConfig) -> PressTable:
 
 
 def _numbers(array: xr.DataArray) -> FloatArray:
-    """An array's values; raises ValueError if they are not numbers, because the file is damaged."""
     if array.dtype.kind not in "fiu":
         raise ValueError(f"{array.name} is of the type {array.dtype}, needs numbers")
     return np.asarray(array.values, dtype=np.float64)
