@@ -402,7 +402,7 @@ class BuildStudy:
         return np.where(self.deadband_mm > 0.0, -self.deadband_mm, self.margin)
 
     def rank_correlations(self) -> tuple[tuple[float, float, float], ...]:
-        """Spearman's correlation of each value with the units' order, and its 95 % interval; 0 if all units are equal."""
+        """Spearman's correlation of each value with the units' order, with a 95 % interval; 0 if all are equal."""
         from scipy.stats import spearmanr
 
         judged = np.isfinite(self.deadband_mm)
