@@ -618,9 +618,9 @@ def _cone_distance(
 def _one_cone_distance(cone: FloatArray, side: float, line: Line, limit: float) -> float:
     """Distance at which a ray passes through one cone frustum from its side [mm]; infinite if not before `limit`.
 
-    On the cone through the piece, the offset f(t) = (z - z0) kr - (r - r0) kz is zero. It grows where the ray leaves
-    the elastomer, and falls where the ray enters. Squaring r = sqrt(a t² + 2 b t + c) gives a quadratic. Newton steps
-    on f then remove its rounding, and reveal a root that is on the mirrored cone.
+    The offset from the cone, f(t) = (z - z0) kr - (r - r0) kz with start (r0, z0) and direction (kr, kz), is zero
+    there. It grows where the ray leaves the elastomer, and falls where the ray enters. Squaring r = sqrt(a t² + 2 b t +
+    c) gives a quadratic. Newton steps on f then remove its rounding, and reveal a root on the mirrored cone.
     """
     a, b, c, z, dz = line
     r0, z0, kr, kz, length = cone[:5]
