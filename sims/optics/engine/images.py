@@ -78,7 +78,7 @@ def _range_corners(
 
 @kernel
 def _is_far(corner: FloatArray, fu: float, fv: float) -> bool:
-    """Whether the point at fractions fu, fv of a cell mirrors no light between the faces of a pair (`_range_corners`)."""
+    """Whether the point at fractions fu, fv of a cell mirrors no light from face to face, by `_range_corners`."""
     for side in range(4):
         low = corner[side, 0] + fu * (corner[side, 1] - corner[side, 0])
         high = corner[side, 2] + fu * (corner[side, 3] - corner[side, 2])
@@ -446,9 +446,9 @@ def lit_cells(
     emitter: FloatArray, receiver: FloatArray, box_e: FloatArray, box_q: FloatArray, columns: FloatArray,
     steps: FloatArray, tag: IntArray,
 ) -> int:  # fmt: skip
-    """Set `tag` to 1 for cells that may contain a mirror path, else to 0, and fill `steps`; return how many there are.
+    """Set `tag` to 1 for cells that may mirror light between the pair's faces, else to 0; return how many have 1.
 
-    steps : (ring, column, 2) as from `image_steps`
+    steps : (ring, column, 2) filled as by `image_steps`
     """
     count = 0
     for a in range(emitter.shape[0] - 1):
@@ -473,7 +473,7 @@ def lit_cells(
 def take_island(
     first: int, number: int, columns: FloatArray, tag: IntArray, stack: IntArray, cells: IntArray
 ) -> int:
-    """Give the adjacent cells of one group, which have tag 1, a number as tag; return how many they are."""
+    """Set `tag` to `number` for adjacent cells with tag 1 and put them into `cells`; return how many they are."""
     rings, width = tag.shape
     found = 0
     tag[first // width, first % width] = number

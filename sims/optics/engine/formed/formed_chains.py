@@ -355,8 +355,9 @@ def _seen_rays(
 def _counted(
     a: float, b: float, share: float, toward: float, counts: float, r: FloatArray, work: FloatArray
 ) -> float:
-    """Mean counted share of a receiver over the arriving `share` of a ray bundle, with its middle at a, b of the part.
+    """Counted share of a receiver, averaged over the rays of a bundle that arrive.
 
+    a, b, share : middle of the part of the emitter from which rays arrive, from -1 to 1, and that part's share
     toward, counts : cosine at which the middle ray arrives, and its counted share
     """
     k = RAYS + 3

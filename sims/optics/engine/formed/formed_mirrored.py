@@ -314,7 +314,7 @@ def _counted(
     a: float, b: float, p: FloatArray, e: FloatArray, r: FloatArray, deep: float, absorbs: float, index: float,
     work: FloatArray,
 ) -> float:  # fmt: skip
-    """Light from position a, b of an emitter's part that a point of the top mirrors to a receiver, and that it counts."""
+    """Light from position a, b of an emitter's part that a point of the top mirrors to a receiver, as counted there."""
     dx, dy, dz = _way(a, b, work)
     toward = (dx * r[NX] + dy * r[NY]) / math.sqrt(dx * dx + dy * dy + dz * dz)
     if toward <= 1e-9:
