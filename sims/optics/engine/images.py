@@ -44,8 +44,8 @@ COARSE, FINEST_STEP, BRIGHT = 2.5, 0.5, 0.03
 """Step of the first and of the finest grid of points, over the accuracy's `image_step`; and the share of the untouched
 flux at which an image is summed with that step itself."""
 NEAR_RANGE, BENT, CHANGED, MOST_CHANGE = 1.02, 1.4, 0.05, 4.0
-"""Limits for points whose gradient is compared with the pair's range (see the module), in half ranges: the limit grows
-if a cell's middle differs from the mean of its corners, and if the corners differ. Of 1.7 million points on two
+"""Tolerances of the test whether a point can mirror light from face to face (`_range_corners`): in general, more if a
+cell's middle differs from the mean of its corners, and more if the corners differ. Of 1.7 million points on two
 pads, no point with light was left out."""
 
 

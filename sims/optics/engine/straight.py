@@ -424,7 +424,7 @@ def _march_within(
 def march_field(
     x: float, y: float, z: float, dx: float, dy: float, dz: float, t0: float, t1: float, takes_any: bool, top: Top,
 ) -> tuple[float, float]:  # fmt: skip
-    """Interval of a crossing as from `march`, for one tip and a field: their gaps, slopes and bends add up."""
+    """Interval of a crossing as from `march`, for one tip and a smooth field, whose slopes and curvatures add up."""
     rows = top.rows
     reach = max(z + dz * t0, z + dz * t1) - rows[0, FIELD_LOWEST]
     if reach < rows[0, LOWEST]:
