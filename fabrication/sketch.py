@@ -46,7 +46,7 @@ class EmitterPin:
 
 @dataclass(frozen=True, kw_only=True)
 class ReceiverInput:
-    """A receiver's name, its terminal, name and number of the board's input for it, and its multiplexer address."""
+    """A receiver: its name, its terminal, the board's input (name and number), and its address at a multiplexer."""
 
     name: str
     label: str
@@ -293,7 +293,7 @@ def _chip_macro(mcu: str) -> str:
 
 
 def _tunable(name: str, value: str, comment: str) -> tuple[str, ...]:
-    """Lines of C that define a setting which a compiler option may override; used to measure frame rates."""
+    """Lines of C for a setting that a compiler option may override, to measure frame rates."""
     return (f"#ifndef {name}", f"#define {name} {value} /* {comment} */", "#endif")
 
 

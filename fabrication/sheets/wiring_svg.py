@@ -8,7 +8,7 @@
       +--^----o---+
          E1   R1
 
-On a disc, a label is at the side of the sheet that its part's direction is most opposite to.
+For a disc, each label is at the side of the sheet that is nearest to its part.
 
 Bodies and mold come from `design.mold.outline`, so the drawing agrees with the printed part.
 

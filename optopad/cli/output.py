@@ -42,7 +42,7 @@ def say(text: str = "") -> None:
 
 
 ANNOUNCED = "kernels"
-"""Name of a stage that gets a line of progress even where there is no bar, because it is long and unexpected."""
+"""Name of a stage that is announced by a line even without a progress bar, because it takes long."""
 
 
 def foretell_score(

@@ -223,7 +223,7 @@ def pack_frames(layout: FrameFormat, sequence: Any, device_us: Any, counts: Any)
 
 
 def unpack_frames(layout: FrameFormat, frames: Iterable[bytes]) -> Unpacked:
-    """Arrays of the frames in complete messages of readings, whose CRC the caller has checked."""
+    """Arrays of the frames in complete messages of readings; the caller has already checked their CRC."""
     rows = np.frombuffer(b"".join(frames), _record_type(layout))
     return Unpacked(
         sequence=rows["sequence"].astype(np.uint32),

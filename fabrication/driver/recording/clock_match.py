@@ -1,9 +1,9 @@
 """Offset between the clocks of a stage's log and a recording, from the touches in both.
 
-The signals show touches. The first half second, which must be untouched, gives the untouched pattern and its noise.
-Later half seconds without a touch renew the pattern, so that drift does not count as touch. A frame is touched if the
-rest of its change, less the gains of emitters and receivers (`gain_pattern`), is far above the noise. In the log a
-touch begins and ends where the depth crosses 0.
+The signals show touches. The first half second, which must be untouched, gives the untouched signals and their noise.
+Later half seconds without a touch update these, so that drift does not count as touch. A frame counts as touched if its
+change, less the part that changed gains explain (`gain_pattern`), is far above the noise. In the log a touch begins and
+ends where the depth crosses 0.
 
 Signals and log each give a course over time: 1 while touched, else 0. The courses are correlated over every shift at
 which at least half of the shorter one overlaps. The best shifts are then refined on edges, the begins and ends of
@@ -11,7 +11,7 @@ touches. Each edge of the signals is paired with the log's nearest edge of the s
 median lag of the begins and that of the ends. A touch is detected slightly below the surface, late on the way in and
 early on the way out: if the tip is equally fast both ways, the mean has no such error.
 
-The match is refused for too few edges, for edges that do not match, and for several matching shifts. If a stage presses
+The match fails if there are too few edges, if they do not match, or if they match at several shifts. If a stage presses
 in one exact rhythm, shifts by a whole press cannot be distinguished.
 """
 
@@ -34,8 +34,10 @@ STEP_S = 0.02
 
 BASELINE_S = 0.5
 TOUCHED_EXCESS = 6.0
-"""A frame is touched if the mean square of its change, less gains, is above this multiple of that of noise alone
-[-]."""
+"""A frame counts as touched if the mean square of its change exceeds that of noise by this factor [-].
+
+The part of the change that changed gains explain is subtracted first.
+"""
 
 LEAST_FRAMES = 5
 LEAST_NOISE_COUNTS = 0.5
@@ -73,7 +75,7 @@ class ClockMatch:
 
     @property
     def is_good(self) -> bool:
-        """Whether enough edges have a partner, at lags that scatter little."""
+        """Whether most begins and ends of touches have a partner, with nearly equal time lags."""
         return self.share >= LEAST_SHARE and self.spread_s <= LARGEST_SPREAD_S
 
     def rivals(self, best: ClockMatch) -> bool:
@@ -245,9 +247,9 @@ def _lasting(time_s: FloatArray, touched: Mask) -> Mask:
 
 
 def _nearest(seen: FloatArray, said: FloatArray) -> FloatArray:
-    """Lags of edges of `seen` to their nearest edges in `said`, for pairs that are nearest to one another [s].
+    """Time lags of the edges in `seen` to the nearest in `said` [s].
 
-    Lags above `WINDOW_S` are left out.
+    Only pairs of edges that are each other's nearest, within `WINDOW_S`, are included.
     """
     if not seen.size or not said.size:
         return np.zeros(0)
@@ -260,7 +262,7 @@ def _nearest(seen: FloatArray, said: FloatArray) -> FloatArray:
 
 
 def _likely_shifts(signals: Touches, log: Touches) -> list[float]:
-    """Clock offsets at which the courses of signals and log correlate best, the best first [s]."""
+    """Clock offsets at which touches in signals and log correlate best, the best first [s]."""
     seen, said = signals.course(STEP_S), log.course(STEP_S)
     agreement = _agreement(seen, said)
     lag = np.arange(len(agreement)) - (len(said) - 1)
@@ -275,7 +277,7 @@ def _likely_shifts(signals: Touches, log: Touches) -> list[float]:
 
 
 def _agreement(seen: FloatArray, said: FloatArray) -> FloatArray:
-    """Correlation coefficient of two courses of 0 and 1 at every shift; -inf where less than half of the shorter
+    """Correlation coefficient of two series of 0 and 1 at every shift; -inf if less than half of the shorter
     overlaps."""
     ones = np.ones(len(seen)), np.ones(len(said))
     n, both = _sums(ones[0], ones[1]), _sums(seen, said)
@@ -288,7 +290,7 @@ def _agreement(seen: FloatArray, said: FloatArray) -> FloatArray:
 
 
 def _sums(left: FloatArray, right: FloatArray) -> FloatArray:
-    """Sum of products of two courses at every shift, by Fourier transform, rounded to whole numbers."""
+    """Sum of products of two series of 0 and 1 at every shift, by Fourier transform, rounded to whole numbers."""
     size = len(left) + len(right) - 1
     length = 1 << (size - 1).bit_length()
     product = np.fft.rfft(left, length) * np.conj(np.fft.rfft(right, length))
