@@ -13,7 +13,7 @@ the magic. The high half of byte 2 is the protocol's version, and the low half i
 Readings are ordered by state, and within a state by receiver, with the least significant bit first: reading k
 has bits k x bits to (k + 1) x bits - 1 of the byte string. Both counters wrap at 2^32.
 
-The module reads neither a port nor a clock; the C side of the same layout is the firmware's `session.h`.
+The module reads neither a port nor a clock. The firmware's `session.h` implements the same layout in C.
 """
 
 from __future__ import annotations

@@ -5,11 +5,12 @@ Later half seconds without a touch update these, so that drift does not count as
 change, less the part that changed gains explain (`gain_pattern`), is far above the noise. In the log a touch begins and
 ends where the depth crosses 0.
 
-Signals and log each give a course over time: 1 while touched, else 0. The courses are correlated over every shift at
-which at least half of the shorter one overlaps. The best shifts are then refined on edges, the begins and ends of
-touches. Each edge of the signals is paired with the log's nearest edge of the same kind. The offset is the mean of the
-median lag of the begins and that of the ends. A touch is detected slightly below the surface, late on the way in and
-early on the way out: if the tip is equally fast both ways, the mean has no such error.
+Signals and log are each converted to a time series that is 1 while the pad is touched, and 0 otherwise. The two series
+are correlated at every shift at which at least half of the shorter one overlaps. The best shifts are then refined by
+means of edges, which are the begins and ends of touches. Each edge of the signals is paired with the log's nearest edge
+of the same kind. The offset is the mean of the median lag of the begins and that of the ends. The signals show a touch
+only slightly below the surface, so its begin is late and its end is early. If the tip is equally fast both ways, these
+two errors cancel in the mean.
 
 The match fails if there are too few edges, if they do not match, or if they match at several shifts. If a stage presses
 in one exact rhythm, shifts by a whole press cannot be distinguished.
@@ -30,7 +31,7 @@ from fabrication.driver.recording.position_log import PositionLog
 Mask = BoolArray
 
 STEP_S = 0.02
-"""Time step of the courses that are correlated [s]."""
+"""Time step of the series of touches that are correlated [s]."""
 
 BASELINE_S = 0.5
 TOUCHED_EXCESS = 6.0
@@ -94,7 +95,8 @@ class Touches:
     span_s: tuple[float, float]
 
     def course(self, step_s: float) -> FloatArray:
-        """Course of the touches, (n,): 1 while touched, else 0, in time steps of `step_s` [s] from the span's start."""
+        """Time series of touches, (n,): 1 while touched, else 0, in steps of `step_s` [s] from the start of the
+        span."""
         grid = np.arange(self.span_s[0], self.span_s[1], step_s)
         begun = np.searchsorted(np.sort(self.begin_s), grid, side="right")
         ended = np.searchsorted(np.sort(self.end_s), grid, side="right")
