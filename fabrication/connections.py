@@ -36,13 +36,15 @@ class Connection:
     Attributes
     ----------
     part : the part with its position and orientation
-    pin : "D22" for a digital pin of the board, "S1-Q3" for output 3 of shift register S1, "L1-Q3" of LED driver L1,
-        "A0" for an analogue channel, "M1-C3" for channel 3 of multiplexer M1, "U1-C3" of converter U1
-    pin_number : number of the digital pin, of the output in the chain of shift registers or LED drivers, of the board's
-        channel, or of the converter
-    address : address of the receiver at its multiplexer, or its input of a converter; None without either
+    pin : name of the pin. "D22" is a digital pin of the board, "S1-Q3" output 3 of shift register S1, "L1-Q3" output 3
+        of LED driver L1, "A0" an analogue channel, "M1-C3" channel 3 of multiplexer M1, "U1-C3" channel 3 of converter
+        U1
+    pin_number : number of the digital pin, of the output counted along the chain of shift registers or LED drivers, of
+        the board's analogue channel, or of the converter
+    address : channel of the multiplexer, or input of the converter, to which the receiver is connected; None if it is
+        connected to the board directly
     polarity : how the part's own leads are connected, in words
-    number : for an emitter its number among the emitters, for a receiver its column in the readings; from 0
+    number : index of an emitter among the emitters, or of a receiver among the columns of the readings; from 0
     position_mm : centre of the active area in the cavity frame (x, y, z) [mm]
     normal : direction from the wall into the cavity (x, y, z) [-]
     """
@@ -59,7 +61,7 @@ class Connection:
 
 @dataclass(frozen=True, kw_only=True)
 class Connections:
-    """Connections of all emitters, in the order of states, and of all receivers, in the order of columns."""
+    """Connections of all emitters, in the order in which they are lit, and of all receivers, in readings' order."""
 
     emitters: tuple[Connection, ...]
     receivers: tuple[Connection, ...]

@@ -1,4 +1,4 @@
-"""Entry points for users, Python and terminal: from one design file to mold, verdict and driver.
+"""Entry points for users, in Python and in the terminal: from one design file to mold, verdict and driver.
 
     import optopad
 

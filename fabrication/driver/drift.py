@@ -1,11 +1,11 @@
-"""Tracking of the slow drift of the untouched pad's signals; a touch of any duration is not mistaken for drift.
+"""Tracks the slow drift of the untouched pad's signals, and holds the tracked levels constant during a touch.
 
 Every pair has a signal y, a tracked untouched level b, and an untouched level u of the training data [counts]. The
 input of a model is
 
     f = y u / b                      (f = y where u or b is below 4 counts, too small to divide by)
 
-and while the pad is untouched b follows the signal of `guard_s` ago with the time constant tau,
+While the pad is untouched, b follows the signal of `guard_s` earlier with the time constant tau,
 
     db/dt = (y(t - guard) - b) / tau.
 
@@ -14,20 +14,22 @@ before they are tracked, and are discarded if a touch begins. The pad counts as 
 
 - the model reports a touch in more than half of the last 0.2 s (single wrong frames have no effect), or
 - the excess is above 4. The change c = y / b - 1, averaged over 0.2 s, is split into gains of emitters and receivers
-  and a rest (`gain_pattern`). The excess is the mean square of the rest over that of noise alone. A press shades pairs
-  individually, so most of its change is in the rest.
+  and a rest (`gain_pattern`). The excess is the mean square of the rest, divided by the mean square of noise alone. A
+  press shades pairs individually, so most of its change is in the rest.
 
-A change is gain-like if gains explain 95 % or more of it, and it exceeds 0.5 % and five times its noise. After 1 s
-without a break it is a gain step: a part was plugged in, warmed up or lost supply, or drift continued under a touch
-that has ended. The step is counted and reported, and b is multiplied by it, even while the model reports a touch. A
-change of a part's gain by more than half is reported and not tracked. Gain steps are not detected in layouts with fewer
-than 16 degrees of freedom beyond the gains (3 x 3 parts have 4).
+A change is gain-like if gains explain 95 % or more of it, and if it exceeds 0.5 % and five times its noise. A change
+that is gain-like for 1 s is a gain step: a part was plugged in, warmed up or lost supply, or drift continued under a
+touch that has ended. The step is counted and reported, and b is multiplied by it, even while the model reports a touch.
+A change of a part's gain by more than half is reported and not tracked. Gain steps are not detected in layouts with
+fewer than 16 degrees of freedom beyond the gains (3 x 3 parts have 4).
 
-The tracker has four limits. A contact at the start counts as the untouched pad (`start_mismatch` is its deviation from
-the training data that gains do not explain). A contact is tracked as drift if it grows so slowly that the excess stays
-below the threshold within tau. A touch that changes all pairs of a part by one factor, as a finger in front of the
-part, may count as a change of gain. Drift under a held touch is not tracked, and shifts the position until the touch
-ends.
+The tracker has four limits.
+
+- A contact at the start is taken for the untouched pad; `start_mismatch` indicates this.
+- A contact is tracked as drift if it grows so slowly that the excess stays below the threshold within tau.
+- A touch that changes all pairs of a part by one factor, as a finger in front of the part, may count as a change of
+  gain.
+- Drift under a held touch is not tracked, and shifts the position until the touch ends.
 """
 
 from __future__ import annotations
@@ -48,15 +50,15 @@ SHORT_S = 0.2
 """Time constant of the average of the signals' change, which decides whether the pad counts as touched [s]."""
 
 HELD_EXCESS = 4.0
-"""The pad counts as touched if the excess (see the module) is above this value [-]. Noise alone gives 1, +-0.2 for 49
-degrees of freedom."""
+"""The pad counts as touched if the excess is above this value [-]. The excess is the mean square of the signals' change
+that gains of parts do not explain, over that of noise. Noise alone gives 1, +-0.2 for 49 degrees of freedom."""
 
 GAIN_S = 1.0
 GAIN_SHARE = 0.95
 LEAST_GAIN, GAIN_SIGMAS = 0.005, 5.0
 LEAST_FREEDOM = 16
-"""Least degrees of freedom beyond the gains for detecting gain steps. With fewer, a press resembles a change of
-gains."""
+"""Least number of pairs, beyond the number of fitted gains of parts, for detecting steps of gain. With fewer, a press
+resembles a change of gains."""
 
 LONGEST_STEP = 0.5
 """Largest time step with which one frame updates the untouched levels, after a pause [time constants]. A larger step
@@ -79,10 +81,10 @@ class DriftState:
     Attributes
     ----------
     is_held : whether the untouched levels are held constant now
-    excess : mean square of the change that gains do not explain, over that of noise alone [-]
-    drift : median over the pairs of the relative change of the untouched level since the start [-]
-    is_gain_like : whether changed gains of emitters and receivers explain the present change, and it exceeds the noise
-    gain_steps : number of gain steps so far
+    excess : mean square of the signals' change that gains of parts do not explain, over that of noise alone [-]
+    drift : relative change of the untouched level since the start, median over the pairs [-]
+    is_gain_like : whether the present change exceeds the noise and is explained by changed gains of parts
+    gain_steps : number of sudden changes of gains so far
     held_without_touch_s : time for which `excess` has been above its threshold although the model saw no touch [s]
     """
 
@@ -109,9 +111,9 @@ class DriftTracker:
     Attributes
     ----------
     untouched : (pair,) tracked levels [counts]
-    gain_steps : number of gain steps reported so far
-    start_mismatch : root mean square over the pairs of the relative deviation of `start` from `trained`, less what
-        gains explain [-]
+    gain_steps : number of sudden changes of the parts' gains so far
+    start_mismatch : relative deviation of `start` from `trained` that gains of parts do not explain, root mean square
+        over the pairs [-]; a large value indicates a contact at the start
 
     Raises
     ------
@@ -136,7 +138,7 @@ class DriftTracker:
         self.untouched: FloatArray = start.mean(axis=0).ravel()
         self._first = self.untouched.copy()
         self._level_noise = 1.0 / len(start)
-        """Variance of the untouched levels over that of one frame's signals [-]; each level is a mean of frames."""
+        """Ratio of the untouched levels' variance to the variance of one frame's signals [-]."""
         self._calibrate(start.reshape(len(start), -1))
         self.start_mismatch = self._mismatch()
         self.gain_steps = 0
@@ -145,8 +147,7 @@ class DriftTracker:
         [counts]."""
         self._short = np.zeros(self.untouched.size)
         self._short_noise = 0.0
-        """Variance of the short average of the change over that of one frame [-]; frames may arrive at irregular
-        times."""
+        """Ratio of the variance of the average in `_short` to the variance of one frame's signals [-]."""
         self._touched_share = 0.0
         self._time_s: float | None = None
         self._held_s = -math.inf
@@ -228,7 +229,7 @@ class DriftTracker:
     def _excess(self) -> float:
         """Mean square of the averaged change that gains do not explain, over that of noise alone [-].
 
-        The noise is that of the average, plus that of the untouched levels.
+        Noise of the average and of the untouched levels is added.
         """
         noise = self._quiet * (self._short_noise + self._level_noise)
         return float(self._pattern.excess(self._short)) / noise

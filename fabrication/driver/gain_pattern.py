@@ -1,4 +1,4 @@
-"""Split of a change of the signals into changed gains of parts, and a rest that only a touch explains.
+"""Splits a change of the signals into changed gains of parts, and a rest that only a touch explains.
 
 A part that ages, warms up or loses supply changes all of its pairs by one factor. The change of pair
 (i, j) from its untouched signal,  c_ij = s_ij / b_ij - 1,  is split by weighted least squares,
@@ -21,11 +21,11 @@ from design.arrays import BoolArray, FloatArray
 from fabrication.driver.link.frames import WEAKEST_BASELINE_COUNTS
 
 LEAST_SIGMA = 1e-4
-"""Least assumed noise of a pair, relative to its signal [-]; rounding may make all frames equal."""
+"""Least assumed noise of a pair, relative to its signal [-]; measured noise may be 0 because of rounding."""
 
 
 class GainPattern:
-    """Splits changes of the signals into gains and a rest, for one set of untouched signals (see the module).
+    """Splits changes of the signals into changed gains of emitters and receivers, and a rest that gains do not explain.
 
     Parameters
     ----------
@@ -63,19 +63,21 @@ class GainPattern:
     def gains(self, change: FloatArray) -> FloatArray:
         """(n, part) relative changes of the gains, emitters first, that fit (n, pair) changes best [-].
 
-        A constant may be moved from all emitters' gains to all receivers'; the smallest solution is returned.
+        A constant can be moved from all emitters' gains to all receivers'. The solution of least norm is returned.
         """
         found: FloatArray = self._kept(change) @ self._gains.T
         return found
 
     def gain_change(self, change: FloatArray) -> FloatArray:
-        """(n, pair) part of (n, pair) changes that gains explain, also for pairs that are not used [-]."""
+        """(n, pair) component of (n, pair) changes that gains explain, also for pairs that are not used [-]."""
         found: FloatArray = self.gains(change) @ self._columns.T
         return found
 
     def rest(self, change: FloatArray) -> FloatArray:
-        """(n, pair) part of the changes that gains do not explain, in standard deviations of one frame; 0 for unused
-        pairs."""
+        """(n, pair) rest of (n, pair) changes that gains do not explain, in standard deviations of one frame.
+
+        The rest of an unused pair is 0.
+        """
         kept = self._kept(change)
         rest: FloatArray = np.where(self.used, (kept - self.gain_change(kept)) / self.sigma, 0.0)
         return rest

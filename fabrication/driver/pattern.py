@@ -12,12 +12,11 @@ from design.recordings import signals_of
 from fabrication.driver.descriptor import Descriptor, PartArray
 
 FLOOR_COUNTS = 8.0
-"""Readings below this value are not distinguished: they are ambient light, noise and light outside the model
+"""Readings below this value are not compared, because ambient light, noise and light outside the model dominate them
 [counts]."""
 
 SEEN_COUNTS = 24.0
-"""A pair with a lower expected reading cannot show whether its parts work [counts]. A part at a fifth of its light
-still exceeds the floor."""
+"""A pair with a lower expected reading cannot show whether its parts work [counts]. It is three times the floor."""
 
 CLIP_SHARE = 0.95
 """Readings, measured or expected, above this share of full scale count as clipped [-]."""
@@ -56,7 +55,7 @@ class Pattern:
 
 
 def pattern_of(counts: NDArray[np.uint16], found: Descriptor) -> Pattern:
-    """The pattern of (n, state, receiver) readings [counts]; the descriptor must have expected ones."""
+    """Means of (n, state, receiver) readings [counts] and the descriptor's expected readings, which must exist."""
     assert found.expected_counts is not None, "requested by the caller"
     mean: FloatArray = counts.mean(axis=0)
     lit = mean[:-1]

@@ -1,4 +1,4 @@
-"""A manufactured unit as a context manager that yields frames.
+"""Reads a manufactured sensor: a context manager that yields frames.
 
     from fabrication.driver import Sensor
 
@@ -35,15 +35,14 @@ from fabrication.driver_file import DriverConfig, load_driver_config
 BASELINE_S = 0.5
 PATIENCE_S = 10.0
 POLL_S = 0.2
-"""Longest uninterrupted part of a wait, so that Ctrl-C works on every system [s]."""
+"""Longer waits are divided into parts of this length, so that Ctrl-C works on every system [s]."""
 
 FASTEST_HZ = 100_000.0
 SLOWEST_HZ = 0.001
 """Lowest frame rate, as in a design [Hz]. The board's clock resolves intervals below 2^31 us, which is 0.00047 Hz."""
 
 SILENCE_S = 1.0
-"""At the end of a limited reading time, the board counts as lost after this silence, or after three frame intervals if
-these are longer [s]."""
+"""Silence after which the board counts as lost when a limited reading time ends [s]; at least three frame intervals."""
 
 
 class Sensor:
@@ -57,7 +56,7 @@ class Sensor:
     accept_digest : first 8 digits or more of another design's digest that is accepted; None accepts no other design
     baseline_s : time for which the untouched pad is read on opening [s]; 0 takes no baseline
     patience_s : longest wait for the board on opening, and for a frame, including reconnection [s]; None takes 10 s, or
-        more for a board that boots slower. The wait for a frame is at least three frame intervals
+        more for a board that boots more slowly. The wait for a frame is at least three frame intervals
     gather_s : interval at which frames are delivered in batches, to reduce the processor's load [s]; 0 delivers each
         frame at once
     not_ports : names of ports that are never used for the board, because other devices, as a stage, use them
@@ -133,8 +132,8 @@ class Sensor:
 
         Raises
         ------
-        DeviceError : as `read`; also if the time ends while the board is lost or silent.
-        OutputError : as `read`.
+        DeviceError : no frame arrived within `patience_s`, or the time ended while the board was lost or silent.
+        OutputError : a recording failed. The recording contains all earlier frames.
         """
         heard_at = time.monotonic()
         end = None if seconds is None else heard_at + seconds
@@ -156,7 +155,7 @@ class Sensor:
         Raises
         ------
         DeviceError : no frame arrived within `patience_s`.
-        OutputError : a recording failed. It contains all earlier frames, and reading may continue without it.
+        OutputError : a recording failed. The recording contains all earlier frames, and reading may continue.
         """
         stream, end = self._open, time.monotonic() + self._patience_s
         while time.monotonic() < end:
@@ -223,7 +222,7 @@ class Sensor:
 
     @property
     def rate_hz(self) -> float | None:
-        """Delivered frames per second by the board's clock, over the last 256; None before two frames."""
+        """Frames per second by the board's clock, over the last 256 delivered frames; None before two frames."""
         return self._decoder.rate_hz
 
     @property

@@ -1,10 +1,10 @@
-"""The thread that reads the port, so that a slow reader loses no frames: a queue keeps up to ten seconds.
+"""Reads the port in a thread, so that a slow user program loses no frames: a queue keeps up to ten seconds.
 
     port -> scanner -> decoder -> queue -> Sensor
                   \\-> recorder
 
-If the port is lost, the thread searches for the board ten times per second, identifies it and starts it again. Other
-faults are stored as an error, which the next read of a frame raises.
+If the port is lost, the thread searches for the board ten times per second, identifies it and starts it again. Any
+other fault raises an error at the next read of a frame.
 """
 
 from __future__ import annotations
@@ -28,10 +28,10 @@ LOOK_EVERY_S = 0.1
 """Interval of the search for a lost port [s]."""
 
 START_AGAIN_S = 1.0
-"""Silence after which a started board is started again, because the command may have been damaged [s]."""
+"""Silence after which the start command is sent to a board again, because it may have been damaged [s]."""
 
 LATE_HELLO_S = 1.5
-"""Time after the identification of a board in which a further hello is taken for a repeated reply, not a reset [s]."""
+"""Time after a board's first hello in which another hello is taken for a repeated reply, not a reset [s]."""
 
 QUEUE_FRAMES = 4096
 """Largest number of frames in the queue; ten seconds at 400 Hz."""
@@ -42,13 +42,13 @@ Connect = Callable[[Callable[[], bool]], tuple[Link, Hello]]
 
 @dataclass
 class LinkCounts:
-    """Numbers of events on the line since it was opened.
+    """Counts of received, lost and damaged frames, and of reconnections, since the line was opened.
 
     Attributes
     ----------
     frames : complete frames received
     lost : frames missing by their sequence numbers
-    damaged : candidates for a message whose CRC was wrong
+    damaged : messages whose CRC was wrong
     skipped_bytes : bytes that belonged to no complete message
     overrun : frames dropped because they were not read in time
     reconnects : connections after the first one, because the board was plugged in again or restarted
@@ -102,7 +102,7 @@ class Stream:
         self._thread.start()
 
     def end(self, *, is_clean: bool) -> None:
-        """Stop board and thread, and close port and recordings; harmless after an error and on a second call.
+        """Stop board and thread, and close port and recordings; may be called after an error and repeatedly.
 
         Parameters
         ----------
@@ -150,7 +150,7 @@ class Stream:
 
     @property
     def waiting(self) -> int:
-        """Frames in the queue."""
+        """Number of frames in the queue."""
         return len(self._queue)
 
     def forget_waiting(self) -> None:
@@ -171,7 +171,7 @@ class Stream:
 
     @property
     def counts(self) -> LinkCounts:
-        """Numbers of events on the line so far."""
+        """Counts of received, lost and damaged frames, and of reconnections, so far."""
         scanner = self.link.scanner
         return LinkCounts(
             frames=self._decoder.frames,
@@ -254,7 +254,7 @@ class Stream:
         return found
 
     def _began_anew(self, message: bytes) -> None:
-        """Restart the stream after a hello that was not requested: the board was reset."""
+        """Restart the stream after a hello (identification) that was not requested, because the board was reset."""
         if time.monotonic() - self._greeted_at < LATE_HELLO_S:
             return
         self._greeted_at = time.monotonic()  # a repeated hello is one reset

@@ -1,4 +1,4 @@
-"""Touch, location, depth and force from a sensor, frame by frame, by a trained model with drift tracking.
+"""Predicts touch, location, depth and force for each frame of a sensor, by a trained model with drift tracking.
 
 from fabrication.driver import Sensor
 from fabrication.driver.touch_reader import TouchReader
@@ -41,9 +41,9 @@ class Touch:
     Attributes
     ----------
     frame : the frame
-    is_touched : the model's decision; a change of gains is not a touch
+    is_touched : the model's decision; False while the frame's change is due to changed gains of parts
     touch_score : the model's score for touch [-]: touched above 0, with more confidence for larger values
-    press_mm : (3,) x, y in the plane of the pad, depth along the surface normal [mm]; NaN if untouched
+    press_mm : (3,) x, y in the cavity frame, depth along the surface normal [mm]; NaN if untouched
     point_mm, normal : (3,) point of first contact [mm] and outward unit normal of the surface there [-], in the cavity
         frame; NaN if untouched, or if the driver configuration does not describe the top surface
     sigma_mm : (3,) standard deviations of x, y, depth [mm]; NaN if untouched, or if the model does not estimate them
@@ -117,7 +117,7 @@ class TouchReader:
         return self._touches(self.sensor.frames(count, seconds))
 
     def begin(self) -> None:
-        """Measure the untouched levels, unless they have been measured; the pad must be untouched.
+        """Measure the untouched levels unless they have been measured already; the pad must be untouched.
 
         Raises
         ------

@@ -1,8 +1,8 @@
 """Bill of materials: items to buy, print and weigh for one sensor.
 
-References extend the names of the layout: E3-Q is the transistor of emitter E3. Costs are the catalogue's, with
-currency, date and source; unknown costs are blank. For a transistor or amplifier the value gives the requirements,
-because no part is chosen. For feedback components without a known gain it refers to the gain.
+References extend the names of the layout: E3-Q is the transistor of emitter E3. Costs are from the catalogue, with
+currency, date and source; unknown costs are blank. For a transistor or amplifier the column `value` gives the
+requirements, because no part is chosen. For feedback components without a known gain, `value` refers to the gain.
 """
 
 from __future__ import annotations
@@ -168,7 +168,7 @@ def _switch_rows(design: SensorDesign, emitters: Sequence[PlacedPart], board: Bo
 
 
 def _driver_rows(driver: LedDriver, sink: CurrentSink, emitter_count: int) -> Iterator[BomRow]:
-    """Reference resistors, and the resistor that keeps the outputs off until the program starts."""
+    """Reference resistors of the LED drivers, and the resistor that keeps their outputs off until the start."""
     names = tuple(f"L{number + 1}" for number in range(driver.needed(emitter_count)))
     formula = f"{driver.current_ratio:g} x {driver.reference_v:g} V / current"
     yield BomRow(

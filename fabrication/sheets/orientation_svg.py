@@ -1,4 +1,4 @@
-"""Orientation of each part in its wall: a section through its socket, to scale, for every kind and height of part.
+"""Drawing of each part's orientation in its wall: a section to scale through its socket, for every kind and height.
 
       cavity | wall                    the active face points into the cavity; its centre's height is measured
              |______ rim               from the bottom of the clear layer (z = 0)

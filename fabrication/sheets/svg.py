@@ -1,8 +1,7 @@
-"""Shapes of a technical drawing as SVG elements; text is escaped and stripped of control characters.
+"""Shapes and circuit symbols of a technical drawing as SVG elements.
 
-Lengths are in drawing units (px), with y downward.
-
-Circuit symbols are on a grid of drawing units (IEC 60617 shapes, simplified).
+Lengths are in drawing units (px), with y downward. Text is escaped and stripped of control characters. Circuit symbols
+are simplified shapes of IEC 60617.
 """
 
 from __future__ import annotations
@@ -20,7 +19,7 @@ ARROW_HALF_PX = 3.0
 
 
 def drawing(width: float, height: float, title: str, description: str) -> Element:
-    """An empty white sheet with its text for screen readers."""
+    """An empty white sheet with title and description for screen readers."""
     root = Element(
         "svg",
         xmlns="http://www.w3.org/2000/svg",
@@ -88,7 +87,7 @@ def polyline(points: list[Point], **style: str) -> Element:
 
 
 def text(at: Point, content: str, size: float, **style: str) -> Element:
-    """A line of text. The style `anchor` (start, middle or end) says which part of it is at the point."""
+    """A line of text. The style `anchor` says which part of the text is at the point: start, middle or end."""
     element = _shape("text", style, x=_px(at[0]), y=_px(at[1]))
     element.set("font-size", _px(size))
     element.text = one_line(content)
@@ -145,7 +144,7 @@ def dot(at: Point) -> Element:
 
 
 def resistor(centre: Point, *, upright: bool) -> Element:
-    """A resistor symbol, upright or lying; the wires end at half its length from the centre."""
+    """A resistor symbol, vertical or horizontal; the wires end at half its length from the centre."""
     half = (SHORT / 2, LONG / 2) if upright else (LONG / 2, SHORT / 2)
     low = centre[0] - half[0], centre[1] - half[1]
     return rectangle(low, (centre[0] + half[0], centre[1] + half[1]), **BOX)
@@ -158,7 +157,7 @@ def capacitor(centre: Point) -> list[Element]:
 
 
 def ground(at: Point) -> list[Element]:
-    """Ground below a wire that ends here."""
+    """A ground symbol below a wire that ends at `at`."""
     x, y = at
     return [wire((x - half, y + k * 4), (x + half, y + k * 4)) for k, half in enumerate((9.0, 6.0, 3.0))]
 
@@ -190,7 +189,10 @@ def npn(base: Point) -> list[Element]:
 
 
 def amplifier(tip: Point) -> list[Element]:
-    """An operational amplifier with its output at the tip. Its inputs are 46 units left, - 12 up and + 12 down."""
+    """An operational amplifier with its output at `tip`.
+
+    Its inputs are 46 units left of the tip, the inverting one 12 units up and the other 12 units down.
+    """
     x, y = tip
     body = polygon([(x - 46, y - 25), (x - 46, y + 25), (x, y)], **BOX)
     signs = [text((x - 41, y - 8), "−", 14), text((x - 41, y + 16), "+", 14)]

@@ -1,11 +1,11 @@
 """A simulated 3-axis printer with Marlin's G-code, for tests of the stage without a printer.
 
-It takes bytes and times and returns bytes; `fabrication.driver.simulated.port.FakePort` connects it to a
+The printer takes bytes and times and returns bytes; `fabrication.driver.simulated.port.FakePort` connects it to a
 pseudo-terminal. A move has constant speed, without acceleration, and begins when the previous one has ended. The
 replies to M400 and G28 come at the end of the motion, all others at once. Opening the port resets the printer: its
 coordinates become 0 at the present position.
 
-Faults are `silent` (no answer after some moves), `error` (stops with `Error:`), `shifted` (stops short of the target,
+Faults are `silent` (no reply after some moves), `error` (stops with `Error:`), `shifted` (stops short of the target,
 as at its own limits), `restarted` (sends `start` during a motion, as after a reset).
 """
 
@@ -87,7 +87,7 @@ class FakePrinter:
         return _flipped(self._ride.at(now_s))
 
     def reset(self, now_s: float) -> None:
-        """Restart, as when the port is opened: the present position becomes 0."""
+        """Restart the printer, as opening the port does: the coordinates of the present position become 0."""
         here = self._ride.at(now_s)
         self._ride = _Ride(now_s, now_s, here, here)
         self._zero = here

@@ -1,14 +1,15 @@
-"""A 3-axis printer as a stage: G-code over a serial line, as of Marlin, Klipper, RepRapFirmware and Smoothie.
+"""A 3-axis printer as a stage, driven by G-code over a serial line, for Marlin, Klipper, RepRapFirmware and Smoothie.
 
 The pad's x and y are parallel to the printer's, and the printer's z points up. There are two ways to give the position
 of the cavity's corner in the printer's coordinates: homing and known coordinates (`home`), or the present position of
-the tip (`zero`). The second also works if opening the port has reset the printer and its coordinates.
+the tip (`zero`). `zero` also works if opening the port has reset the printer and its coordinates.
 
 Every move ends with M400 (wait for the end of the motion) and is checked with M114 (report the position). M114 reports
-the firmware's own count. It does not include lost steps, play of the spindles and bending of the printer.
+the firmware's own count, which does not include lost steps, play of the spindles and bending of the printer.
 
 Each line has one command, and the next is sent after all replies. The firmware sends `ok` when it has taken a command,
-`echo:busy: ...` every second or two during a long one, `Error:...` or `!!` when it stops, and `start` after a reset.
+and `echo:busy: ...` every second or two during a long command. It sends `Error:...` or `!!` when it stops, and `start`
+after a reset.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ from fabrication.driver.link.ports import Port, PortLostError, on_standard_error
 from fabrication.stage.stage import Position, StageLimits
 
 ASK_EVERY_S = 2.0
-"""Interval of requests to a printer that may still be booting [s]."""
+"""Interval between requests to a printer that may still be booting [s]."""
 
 QUIET_S = 0.3
 """Silence after which no further replies to earlier requests are expected [s]."""
@@ -61,7 +62,7 @@ class GcodeLine:
 
     Attributes
     ----------
-    has_begun_anew : whether the printer was reset after `greet`; its coordinates are then no longer valid
+    has_begun_anew : whether the printer was reset after `greet`, so that its coordinates are no longer valid
     """
 
     def __init__(self, port: Port, answer_s: float) -> None:
@@ -72,7 +73,7 @@ class GcodeLine:
         self.has_begun_anew = False
 
     def greet(self, boot_s: float, on_wait: Callable[[str], None] = on_standard_error) -> None:
-        """Wait until the printer replies, which opening the port may have reset; raises DeviceError after `boot_s` [s].
+        """Wait until the printer replies; opening the port may have reset it. Raises DeviceError after `boot_s` [s].
 
         on_wait : called with a progress line every two seconds of the wait
         """
@@ -103,7 +104,7 @@ class GcodeLine:
         Parameters
         ----------
         takes_s : expected time that the command takes [s]
-        is_optional : whether the firmware may not know the command
+        is_optional : whether a printer that does not know the command is accepted without an error
 
         Returns
         -------
@@ -133,9 +134,9 @@ class GcodeLine:
         Parameters
         ----------
         command : the last command, for messages
-        takes_s : expected time that it takes [s]
-        is_last : whether a line belongs to the last command's reply. After that reply, missing earlier replies are no
-            longer expected: an interrupt discarded them, or prevented their commands
+        takes_s : expected time that the command takes [s]
+        is_last : function that returns whether a line belongs to the last command's reply. After that reply, earlier
+            replies are no longer expected, because an interrupt may have discarded them
         """
         said: list[str] = []
         end = time.monotonic() + self._answer_s + takes_s
@@ -175,7 +176,7 @@ class GcodeLine:
             )
 
     def _drain(self) -> None:
-        """Discard late lines until the printer is silent; then no reply is expected any more."""
+        """Discard late lines until the printer is silent, and expect no more replies to earlier commands."""
         end = time.monotonic() + QUIET_S
         while time.monotonic() < end:
             if self._read():
@@ -216,8 +217,7 @@ TOLERANCE_MM = 0.03
 """Least tolerance between a reported position and its target [mm]."""
 
 COARSEST_MM = 0.1
-"""Largest step of the last digit in M114's reply that is accepted [mm]; whole millimetres are too coarse to check a
-press."""
+"""Coarsest accepted resolution of positions in M114's reply [mm]; whole millimetres are too coarse for presses."""
 
 S_PER_MIN = 60.0
 MM_DIGITS = 4
@@ -240,8 +240,8 @@ class GcodeStage:
 
     Attributes
     ----------
-    left_at : x, y, depth of the tip at the end of the `with` block [mm]; None before that, and if the tip could not be
-        lifted or a reset made its position unknown
+    left_at : x, y, depth of the tip after the `with` block [mm]; None before its end, or if the tip could not be lifted
+        or a reset made its position unknown
     """
 
     def __init__(
@@ -337,7 +337,7 @@ class GcodeStage:
         self.lift()
 
     def move_to(self, x_mm: float, y_mm: float, depth_mm: float) -> Position:
-        """As `stage.Stage.move_to`."""
+        """Move to a position and stop; return the position that the printer reports. See `stage.Stage.move_to`."""
         self.limits.require(x_mm, y_mm, depth_mm)
         x, y, depth = self.position()
         if math.hypot(x_mm - x, y_mm - y) > TOLERANCE_MM / 2:
@@ -349,9 +349,9 @@ class GcodeStage:
         return self._arrived((x_mm, y_mm, depth_mm))
 
     def lift(self) -> None:
-        """Move straight up to the travel height; the command is sent before any wait for a pending answer.
+        """Move straight up to the travel height; the command is sent before any wait for a pending reply.
 
-        An interrupt may have removed an answer, so the height that the printer reports is used.
+        Because an interrupt may have discarded a reply, the height that the printer reports is used.
         """
         height_mm = self._known_origin()[2] + self._travel_mm
         self._line.post(f"G1 Z{height_mm:.3f} {feed_word(self._speeds_mm_s[1])}")
@@ -368,12 +368,14 @@ class GcodeStage:
             self._sent = *self._sent[:2], -self._travel_mm
 
     def position(self) -> Position:
-        """Position that the printer reports, x, y, depth [mm]; if M114 confirms the target to its last digit, the
-        target itself."""
+        """Position that the printer reports: x, y, depth [mm].
+
+        If the report equals the target within its last digit, the exact target is returned.
+        """
         return self._position()[0]
 
     def stop(self) -> None:
-        """Send M410, then lift."""
+        """Stop the motion at once (M410), then lift the tip."""
         self._line.post("M410")
         self.lift()
 
@@ -388,8 +390,7 @@ class GcodeStage:
         return (x, y, depth), step_mm
 
     def _lift_blindly(self) -> None:
-        """Move straight up by more than the deepest press, relative to the present position, which a reset made
-        unknown."""
+        """Move straight up by more than the deepest press; for a tip whose position is unknown after a reset."""
         up_mm = self.limits.deepest_mm + self._travel_mm
         self._line.send("G91")
         self._ride(f"Z{up_mm:.3f}", up_mm, self._speeds_mm_s[1])
@@ -457,13 +458,13 @@ class GcodeStage:
 
 
 def tolerance_mm(step_mm: float) -> float:
-    """Tolerance of a position [mm], for a reported step of the last digit; position and origin each have that step."""
+    """Tolerance of a reported position [mm]; `step_mm` is the step of its last digit, and of the origin's."""
     return max(TOLERANCE_MM, 2.0 * step_mm + ROUNDING_MM)
 
 
 def feed_word(speed_mm_s: float) -> str:
-    """G-code's word for a speed, as F300 [mm/min].
+    """G-code's word for a speed in mm/min: F300 for 5 mm/s.
 
-    It keeps decimals, because rounding would distort a slow speed or make it 0.
+    Decimals are kept, because rounding would distort a slow speed or make it 0.
     """
     return f"F{S_PER_MIN * speed_mm_s:.6g}"

@@ -43,7 +43,7 @@ class Press:
     ----------
     set_number : index of its set in `PressList.sets`
     place_number : number of the press within the set
-    steps_mm : x, y, depth of each position at which frames are taken, in order [mm]
+    steps_mm : x, y, depth in the cavity frame of each position at which frames are taken, in order [mm]
     """
 
     set_number: int
@@ -53,7 +53,7 @@ class Press:
 
 @dataclass(frozen=True, kw_only=True)
 class PressList:
-    """Presses in their order of execution."""
+    """Presses of a collection in their order of execution, and their sets."""
 
     sets: tuple[SetEntry, ...]
     presses: tuple[Press, ...]
@@ -65,7 +65,7 @@ class PressList:
         return hashlib.sha256(repr((self.sets, presses)).encode()).hexdigest()
 
     def require_within(self, limits: StageLimits) -> None:
-        """Refuse a list with a position outside the limits, by InputError with the first such position."""
+        """Raise InputError if a position is outside the limits; the message names the first such position."""
         for press in self.presses:
             for step in press.steps_mm:
                 try:
@@ -80,7 +80,7 @@ def press_list(rows: Iterable[tuple[SetEntry, int, Position]]) -> PressList:
 
     Raises
     ------
-    InputError : there are no rows, two sets have one name, or a press continues after another one.
+    InputError : there are no rows, two sets have the same name, or rows of one press are not consecutive.
     """
     plain = list(rows)
     grouped = [
@@ -111,7 +111,8 @@ def read_press_list(file: Path) -> PressList:
 
     Raises
     ------
-    InputError : the file cannot be read, a column or number is missing, or as `press_list`.
+    InputError : the file cannot be read, a column or number is missing, two sets have the same name, or rows of one
+        press are not consecutive.
     """
     table = read_csv(
         file, needed=f"a CSV table with {','.join(NEEDED)}, optionally 'set', 'place'", lower=True
@@ -137,7 +138,7 @@ def read_press_list(file: Path) -> PressList:
 
 
 Position = tuple[float, float, float]
-"""x, y, depth in the cavity frame [mm]."""
+"""Position of the tip: x, y, depth in the cavity frame [mm]; depth is positive into the pad."""
 
 HIGHEST_MM = 60.0
 """Largest permitted height of the tip above the pad [mm]; a larger value indicates a wrong unit."""
@@ -159,7 +160,7 @@ class StageLimits:
     deepest_mm: float
 
     def require(self, x_mm: float, y_mm: float, depth_mm: float) -> None:
-        """Refuse a position outside the limits.
+        """Check that a position is within the limits.
 
         Raises
         ------

@@ -1,4 +1,4 @@
-"""The command line: one file per group of verbs; heavy imports happen inside the verbs."""
+"""The command line: one file per group of commands; slow imports happen inside the commands."""
 
 from optopad.cli.main import main
 

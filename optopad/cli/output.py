@@ -1,6 +1,6 @@
 """Output of a command: lines for people or one JSON object for programs, and progress on standard error.
 
-Progress is a live bar on a terminal, otherwise one line per stage. With --json there is no progress.
+Progress is a live bar on a terminal, otherwise one line per step of the computation. With --json there is no progress.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ def tell(as_json: bool, document: Callable[[], dict[str, Any]], lines: Callable[
 
 
 def print_json(document: dict[str, Any]) -> None:
-    """Print one JSON object on standard output; infinite numbers, which mark undecided ends, become null."""
+    """Print one JSON object on standard output. Infinite numbers, which mark undecided limits, become null."""
     typer.echo(json.dumps(document, indent=2, allow_nan=False))
 
 
@@ -42,7 +42,7 @@ def say(text: str = "") -> None:
 
 
 ANNOUNCED = "kernels"
-"""Name of a stage that gets a line of progress even where there is no bar, because it is long and unexpected."""
+"""Step of a computation that gets a line of progress even without a bar, because it is long and unexpected."""
 
 
 def foretell_score(
@@ -67,7 +67,7 @@ def foretell_score(
 
 @contextmanager
 def progress(*, quiet: bool) -> Iterator[OnStep]:
-    """Yield the function `on_step` for progress: it is called with a stage's name and its finished fraction."""
+    """Yield the function `on_step` for progress, which is called with the name of a step and its finished fraction."""
     if quiet:
         yield lambda _stage, _share: None
     elif sys.stderr.isatty():

@@ -1,4 +1,4 @@
-"""Calibration: fit a design to a recording of its manufactured pad, and make a model that reads this pad."""
+"""Calibration: fits a design to a recording of its manufactured pad, and makes a model that reads this pad."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ MODEL_FILE = "build.optomodel"
 
 @dataclass(frozen=True, kw_only=True)
 class CalibratedBuild:
-    """The result of a calibration.
+    """Result of fitting a design to a recording of its manufactured pad.
 
     Attributes
     ----------
-    calibration : result of the fit
-    report : report of the fit
+    calibration : fitted values
+    report : quality of the fit
     model : model that reads touches of the manufactured pad; None if it was not requested
     notes : notes about the data, as sentences
     """
@@ -39,7 +39,7 @@ class CalibratedBuild:
     notes: tuple[str, ...]
 
     def to_json(self, design: SensorDesign) -> dict[str, Any]:
-        """The result as plain data for JSON."""
+        """The calibration as plain data for JSON."""
         found = self.calibration
         emitters = found.samples.emitters
         return {

@@ -1,9 +1,9 @@
 """Comparison of designs: their differences, their scores, and the better design by each figure.
 
-Each design is judged with two seeds of the light model. The figure of the first seed is reported; its uncertainty is
-the difference from the second, and at least the error of the depth step (0.04 mm at a mode boundary, `sims.press`). A
-winner is marked only if it is better than every other design by more than the sum of both uncertainties. Effects
-outside the models are assumed equal for all designs, and are not part of the uncertainty.
+Each design is scored with two seeds of the light model. The figure from the first seed is reported. Its uncertainty is
+the difference from the second seed's figure, and at least the error of the depth step (0.04 mm at a boundary between
+modes, `sims.press`). A winner is marked only if it is better than every other design by more than the sum of both
+uncertainties. Effects outside the models are assumed equal for all designs, and are not part of the uncertainty.
 """
 
 from __future__ import annotations
@@ -29,7 +29,9 @@ ABSENT = "(absent)"
 SIGNAL = "untouched signal"
 USABLE = "usable depth"
 BOUNDARY_STEP_MM = 0.04
-"""Shift of the boundary between two modes if the depth step is doubled [mm]; a deadband has two such boundaries."""
+"""Shift in depth of the boundary between two modes if the depth step is doubled [mm].
+
+A deadband has two such boundaries."""
 
 
 def compare(
@@ -69,8 +71,10 @@ def compare(
 
 
 def changes_of(designs: Sequence[SensorDesign]) -> dict[str, tuple[object, ...]]:
-    """Fields in which the designs differ: from dotted path to the value in each design; name and description come
-    last."""
+    """Fields in which the designs differ, as a mapping from dotted path to the value in each design.
+
+    Name and description come last.
+    """
     documents = [dict(leaves(design.model_dump(mode="json"))) for design in designs]
     known = dict.fromkeys(path for document in documents for path in document)
     own = ("name", "description")
@@ -80,14 +84,14 @@ def changes_of(designs: Sequence[SensorDesign]) -> dict[str, tuple[object, ...]]
 
 
 def _given(value: object) -> object:
-    """The value, or `ABSENT` for None, so that an empty field equals one in a table that does not exist."""
+    """The value, or `ABSENT` for None; so an empty field equals a field in a missing table of the design."""
     return ABSENT if value is None else value
 
 
 def measures_of(
     designs: Sequence[SensorDesign], rows: Sequence[SweepRow], again: Sequence[SweepRow]
 ) -> tuple[Measure, ...]:
-    """The figures of all designs, with uncertainties from the scores with two seeds, `rows` and `again`."""
+    """Figures of all designs, with uncertainties from scores with two seeds: `rows` and `again`, in design order."""
     found = []
     for name, (unit, better, floor, figure) in _FIGURES.items():
         values = tuple(figure(row) for row in rows)
@@ -178,7 +182,7 @@ _FIGURES: dict[str, tuple[str, Better, float, Callable[[SweepRow], float | None]
 
 
 def _signal_error(row: SweepRow) -> float:
-    """Standard error of the signal without contact; the difference of two seeds may be small by chance."""
+    """Standard error of the signal without contact; used because two seeds may differ little by chance."""
     return 0.0 if row.curve is None else row.curve.standard_error[0]
 
 

@@ -96,7 +96,7 @@ def accuracies(
 
 
 def _test_samples(data: PressData) -> tuple[PressData, str]:
-    """Samples of the test sets, or of all sets if none is a test set; and a note about this choice."""
+    """Samples of the test sets, or of all sets if none is a test set, and a note that names the chosen sets."""
     tested = data.role("test")
     told = "judged on the test sets alone"
     if not len(tested):

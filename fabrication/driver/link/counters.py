@@ -1,4 +1,4 @@
-"""Counters without overflow: 32-bit counters of the board, which wrap around, become numbers that do not."""
+"""Unwraps the board's 32-bit counters, and detects repeated frames and restarts of the board."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ from design.arrays import IntArray
 from fabrication.driver.link.protocol import STAMP, WRAP, CountArray
 
 REMEMBERED_FRAMES = 256
-"""Number of past frames among which repeats are searched; 0.6 s at 400 Hz."""
+"""Number of past frames that each new frame is compared with, to detect a repeated delivery; 0.6 s at 400 Hz."""
 
 
 class WrappingCounter:
-    """Follows a 32-bit counter of the board, and removes its wraps.
+    """Unwraps successive values of one 32-bit counter of the board.
 
     Parameters
     ----------
-    goes_back : whether the counter may step backward. True for sequence numbers, which a restart of the board sets
-        back; a step is from -2^31 to 2^31 - 1. False for device time, which only rises; a step is from 0 to 2^32 - 1
+    goes_back : whether the counter may step backward. Sequence numbers may, because a restart of the board resets
+        them; their steps range from -2^31 to 2^31 - 1. Device time only rises; its steps range from 0 to 2^32 - 1
         (71.6 minutes in microseconds).
     """
 
@@ -28,9 +28,9 @@ class WrappingCounter:
         self._last: int | None = None
 
     def next(self, value: int) -> tuple[int, int]:
-        """The unwrapped number of one counter value, and the step since the previous value; 1 for the first value.
+        """The unwrapped number of one counter value, and the step since the previous value.
 
-        The result is that of `extended`, but much faster for single values.
+        The step of the first value is 1. For single values this method is much faster than `extended`.
         """
         if self._last is None:
             self._last = value
@@ -69,7 +69,7 @@ class Repeats:
         self._seen: set[bytes] = set()
 
     def has(self, message: bytes) -> bool:
-        """Whether a complete message of readings repeats a remembered one; a new message is remembered."""
+        """Whether a message of readings repeats one of the last 256. A message that does not is remembered."""
         stamp = message[STAMP]
         if stamp in self._seen:
             return True

@@ -24,8 +24,8 @@ from fabrication.driver.link.scanner import Message, Scanner
 from fabrication.driver_file import DriverConfig
 
 ASK_EVERY_S = 0.25
-"""Interval of requests for identification to a board that sends data [s]. For a silent board the interval doubles each
-time, because each byte makes a boot loader wait longer."""
+"""Interval between requests for identification, while the board sends data [s]. While the board is silent, the interval
+doubles each time, because each byte that is sent makes a boot loader wait longer."""
 
 ANSWER_S = 2.5
 """Longest wait for a board's hello after its boot time [s]; the board sends a hello once per second by itself."""
@@ -77,15 +77,15 @@ class Link:
     ) -> Hello:
         """Wait for the board's hello (its description of itself), and check that the board is of this design.
 
-        A board after a reset sends its hello by itself, and nothing is sent while its boot loader listens. A board that
-        already streams is stopped and then identified. A silent board is requested to identify itself after its boot
-        time. If the port is a guess, nothing is sent to a silent device, which may be a printer.
+        After a reset the board sends its hello by itself, and nothing is sent to it while its boot loader listens. A
+        board that already streams is stopped and then identified. A silent board receives a request for identification
+        after its boot time. If the port is a guess, nothing is sent to a silent device, which may be a printer.
 
         Parameters
         ----------
         accept_digest : first 8 digits or more of another design's digest that is accepted; None accepts no other design
         patience_s : longest wait [s]
-        is_guess : whether the port was chosen only by a common serial chip, which other devices also have
+        is_guess : whether the port was chosen only because of its serial chip, which other devices also have
         on_wait : called with a progress line every two seconds of the wait
         is_over : called repeatedly; the wait stops when it returns True
 

@@ -1,6 +1,6 @@
 """Serial ports: search by USB identity, opening, reading, and errors of the operating system in plain words.
 
-A port is a name of the system (`/dev/ttyACM0`, `COM3`), the name of a pseudo-terminal, or an address of pyserial
+A port is given by its system name (`/dev/ttyACM0`, `COM3`), the name of a pseudo-terminal, or an address of pyserial
 (`socket://localhost:4242`). Opening the port of an Arduino resets the board.
 """
 
@@ -23,7 +23,7 @@ from design.errors import DeviceError
 from fabrication.driver_file import BoardSetup
 
 WAIT_S = 0.1
-"""Longest wait within one read, and so the longest delay of a stop [s]."""
+"""Longest wait within one read, which also limits the delay after a request to stop [s]."""
 
 GATHER_S = 0.005
 """Time for which a read waits for more bytes after the first [s]; each wake-up costs the host 0.2 to 0.5 ms of a
@@ -81,7 +81,9 @@ def is_guess(port: FoundPort, board: BoardSetup) -> bool:
 def find_port(
     board: BoardSetup, ports: Iterable[FoundPort] | None = None, *, not_ports: Iterable[str] = ()
 ) -> FoundPort:
-    """The only port with a board of this kind, by the maker's USB identity, or else by the serial chips of copies.
+    """The only port with a board of this kind, found by USB vendor and product.
+
+    The board maker's identity is preferred. If no port has it, the serial chips of copied boards are accepted.
 
     Parameters
     ----------
@@ -110,7 +112,7 @@ def find_port(
 
 
 def on_standard_error(line: str) -> None:
-    """Print a progress line on standard error; the default of the arguments `on_wait`."""
+    """Print a progress line on standard error; the default of the `on_wait` arguments."""
     print(line, file=sys.stderr)
 
 

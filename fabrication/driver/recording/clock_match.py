@@ -5,13 +5,14 @@ Later half seconds without a touch renew the pattern, so that drift does not cou
 rest of its change, less the gains of emitters and receivers (`gain_pattern`), is far above the noise. In the log a
 touch begins and ends where the depth crosses 0.
 
-Signals and log each give a course over time: 1 while touched, else 0. The courses are correlated over every shift at
+Signals and log each give a course, a function of time: 1 while touched, else 0. The courses are correlated over every
+shift at
 which at least half of the shorter one overlaps. The best shifts are then refined on edges, the begins and ends of
 touches. Each edge of the signals is paired with the log's nearest edge of the same kind. The offset is the mean of the
-median lag of the begins and that of the ends. A touch is detected slightly below the surface, late on the way in and
-early on the way out: if the tip is equally fast both ways, the mean has no such error.
+median lag of the begins and that of the ends. A touch is detected slightly below the surface, so late on the way in and
+early on the way out. If the tip is equally fast both ways, the two errors cancel in the mean.
 
-The match is refused for too few edges, for edges that do not match, and for several matching shifts. If a stage presses
+The match is refused if there are too few edges, if edges do not match, or if several shifts match. If a stage presses
 in one exact rhythm, shifts by a whole press cannot be distinguished.
 """
 
@@ -30,21 +31,21 @@ from fabrication.driver.recording.position_log import PositionLog
 Mask = BoolArray
 
 STEP_S = 0.02
-"""Time step of the courses that are correlated [s]."""
+"""Time step at which touches of recording and log are sampled for their correlation [s]."""
 
 BASELINE_S = 0.5
 TOUCHED_EXCESS = 6.0
-"""A frame is touched if the mean square of its change, less gains, is above this multiple of that of noise alone
-[-]."""
+"""A frame is touched if the mean square of its change, gains of parts removed, is above this multiple of that of noise
+alone [-]."""
 
 LEAST_FRAMES = 5
 LEAST_NOISE_COUNTS = 0.5
 SHORTEST_S = 0.1
-"""Touches and pauses that are shorter are attributed to noise of single frames [s]."""
+"""Shortest touch, and shortest pause between touches [s]; shorter ones are attributed to noise of single frames."""
 
 LEAST_TOUCHES = 2
 WINDOW_S = 1.0
-"""Largest time between an edge of the signals and an edge of the log that may be the same event [s]."""
+"""Largest time between a touch's begin or end in the signals and the same event in the log [s]."""
 
 LEAST_SHARE = 0.8
 LARGEST_SPREAD_S = 0.15
@@ -63,7 +64,7 @@ class ClockMatch:
     offset_s : the recording's clock less the log's [s]
     spread_s : standard deviation of the lags of single edges, estimated robustly [s]
     share : fraction of the edges in the common time that have a partner [-]
-    edges : number of edges in the common time: the larger of the signals' and the log's
+    edges : number of edges in the common time, of the signals or of the log, whichever has more
     """
 
     offset_s: float
@@ -73,7 +74,7 @@ class ClockMatch:
 
     @property
     def is_good(self) -> bool:
-        """Whether enough edges have a partner, at lags that scatter little."""
+        """Whether enough begins and ends of touches have a partner, and their lags scatter little."""
         return self.share >= LEAST_SHARE and self.spread_s <= LARGEST_SPREAD_S
 
     def rivals(self, best: ClockMatch) -> bool:
@@ -92,7 +93,7 @@ class Touches:
     span_s: tuple[float, float]
 
     def course(self, step_s: float) -> FloatArray:
-        """Course of the touches, (n,): 1 while touched, else 0, in time steps of `step_s` [s] from the span's start."""
+        """Samples of the touches, (n,): 1 while touched, else 0, at steps of `step_s` [s] from the span's start."""
         grid = np.arange(self.span_s[0], self.span_s[1], step_s)
         begun = np.searchsorted(np.sort(self.begin_s), grid, side="right")
         ended = np.searchsorted(np.sort(self.end_s), grid, side="right")
@@ -233,7 +234,7 @@ def _why_out_of_step(signals: Touches, log: Touches, found: ClockMatch) -> str:
 
 
 def _lasting(time_s: FloatArray, touched: Mask) -> Mask:
-    """Whether each frame is touched, (time,), after touches and pauses that are too short are removed."""
+    """Remove touches and pauses that are too short from `touched`, (time,): whether each frame is touched."""
     lasting = touched.copy()
     for wanted in (False, True):  # pauses first: a touch with a flickering edge is one touch
         edges = [0, *(np.flatnonzero(lasting[1:] != lasting[:-1]) + 1), len(lasting)]
@@ -245,7 +246,7 @@ def _lasting(time_s: FloatArray, touched: Mask) -> Mask:
 
 
 def _nearest(seen: FloatArray, said: FloatArray) -> FloatArray:
-    """Lags of edges of `seen` to their nearest edges in `said`, for pairs that are nearest to one another [s].
+    """Lags between the times `seen` and `said`, for pairs of times that are nearest to one another [s].
 
     Lags above `WINDOW_S` are left out.
     """
@@ -260,7 +261,7 @@ def _nearest(seen: FloatArray, said: FloatArray) -> FloatArray:
 
 
 def _likely_shifts(signals: Touches, log: Touches) -> list[float]:
-    """Clock offsets at which the courses of signals and log correlate best, the best first [s]."""
+    """Clock offsets at which the touches of signals and log correlate best, the best first [s]."""
     seen, said = signals.course(STEP_S), log.course(STEP_S)
     agreement = _agreement(seen, said)
     lag = np.arange(len(agreement)) - (len(said) - 1)
@@ -275,7 +276,7 @@ def _likely_shifts(signals: Touches, log: Touches) -> list[float]:
 
 
 def _agreement(seen: FloatArray, said: FloatArray) -> FloatArray:
-    """Correlation coefficient of two courses of 0 and 1 at every shift; -inf where less than half of the shorter
+    """Correlation coefficient of two series of 0 and 1 at every shift; -inf where less than half of the shorter series
     overlaps."""
     ones = np.ones(len(seen)), np.ones(len(said))
     n, both = _sums(ones[0], ones[1]), _sums(seen, said)
@@ -288,7 +289,7 @@ def _agreement(seen: FloatArray, said: FloatArray) -> FloatArray:
 
 
 def _sums(left: FloatArray, right: FloatArray) -> FloatArray:
-    """Sum of products of two courses at every shift, by Fourier transform, rounded to whole numbers."""
+    """Sum of products of two series at every shift, by Fourier transform, rounded to whole numbers."""
     size = len(left) + len(right) - 1
     length = 1 << (size - 1).bit_length()
     product = np.fft.rfft(left, length) * np.conj(np.fft.rfft(right, length))

@@ -1,4 +1,6 @@
-"""A recording as netCDF, for `optopad compare` and learners (docs/reference/files.md). The export needs xarray."""
+"""Export of a recording as netCDF or CSV, for `optopad compare` and learners (docs/reference/files.md).
+
+netCDF needs xarray."""
 
 from __future__ import annotations
 
@@ -42,11 +44,12 @@ class Recorded:
     ----------
     config : driver configuration of the sensor
     counts : (time, state, receiver) readings [counts]
-    connection, sequence : (time,) number of the connection, from 1, and of the frame within the connection
+    connection : (time,) number of the connection, from 1
+    sequence : (time,) number of the frame within its connection
     device_s : (time,) the board's clock since its reset [s]
-    host_s : (time,) this machine's clock since 1970 [s]
+    host_s : (time,) host's clock since 1970 [s]
     labels : press of each frame; None if the recording contains no presses
-    lost : number of frames missing by the sequence numbers
+    lost : number of frames missing, according to the sequence numbers
     doubled : number of frames that arrived twice; one of the two is kept
     stray_bytes : number of bytes in the file that belong to no complete record
     ended_cleanly : whether the recorder closed the file regularly
@@ -88,7 +91,7 @@ def read_recorded(file: Path, path: FingerPath | None = None) -> Recorded:
 
     Parameters
     ----------
-    path : presses over the board's clock; None takes the presses in the recording
+    path : presses over time by the board's clock; None takes the presses in the recording
 
     Raises
     ------
@@ -280,7 +283,7 @@ def _fits(record: Record, frame_bytes: int) -> bool:
 
 
 def _presses(records: list[Record], host_s: FloatArray) -> PressLabels | None:
-    """Press of each frame: the last one recorded before it, or none before the first press.
+    """Press of each frame: the last press recorded before it. Frames before the first press are untouched.
 
     Returns None if the recording contains no presses.
     """

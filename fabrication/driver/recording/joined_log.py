@@ -1,8 +1,7 @@
-"""A stage's log joined to a recording: each frame gets the position of the tip at its time, and its set and location.
+"""Joins a stage's log to a recording: each frame gets the tip's position, the set and the press number from the log.
 
-A frame's time is its arrival on this machine, some 5 to 20 ms after the measurement. At 5 mm/s the tip moves up to 0.1
-mm in this time; stop the stage during frames if that matters. Frames whose position is not known are left out and
-counted.
+A frame's time is its arrival on the host, some 5 to 20 ms after the measurement. At 5 mm/s the tip moves up to 0.1 mm
+in this time; stop the stage during frames if that matters. Frames whose position is not known are left out and counted.
 """
 
 from __future__ import annotations
@@ -27,16 +26,15 @@ from fabrication.driver.recording.export import Recorded
 from fabrication.driver.recording.position_log import PositionLog
 
 LATE_S = 0.05
-"""A frame that arrives later than frames near it by more than this time had waited, because this machine was busy or
-asleep [s]."""
+"""If a frame's delay exceeds the shortest one nearby by more than this time [s], the host was busy or asleep."""
 
 LAG_S = 2.0
-"""Length of the blocks of time in which the shortest delay of a frame is searched [s]. A resonator's error of 0.5 %
-changes the delay by 20 ms over two blocks."""
+"""Length of the blocks of time in which the shortest delay of a frame is searched [s]. If the board's clock is wrong by
+0.5 %, the delay changes by 20 ms over two blocks."""
 
 Offset = float | Literal["auto"] | None
-"""Clock offset: this machine's clock less the log's [s]. `auto` finds it. None states that both clocks are one, which
-is checked."""
+"""Clock offset: the recording machine's clock less the log's [s]. `auto` finds the offset from the touches. None states
+that both use the same clock, which is checked."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -46,7 +44,7 @@ class JoinedLog:
     Attributes
     ----------
     recorded : the frames with a known position
-    offset_s : clock offset that was used, see `Offset` [s]
+    offset_s : clock offset that was used: the recording machine's clock less the log's [s]
     match : match of the touches in recording and log, near that offset
     left_out : number of frames without a known position
     """
@@ -89,9 +87,9 @@ def joined(recorded: Recorded, log: PositionLog, offset: Offset = None) -> Joine
 
 
 def _measured_s(recorded: Recorded) -> FloatArray:
-    """This machine's time of each frame, (time,) [s].
+    """Arrival time of each frame by the host's clock, (time,) [s].
 
-    Frames that waited because this machine was busy get a time from the board's clock.
+    Frames that had to wait because the host was busy get a time from the board's clock.
     """
     late_s = np.zeros(len(recorded.host_s))
     for number in np.unique(recorded.connection):

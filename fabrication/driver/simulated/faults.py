@@ -1,4 +1,4 @@
-"""Faults of a unit, which the simulated board can show and `driver check` must find.
+"""Faults of a unit: the simulated board can show them, and `optopad driver check` must find them.
 
 swap:E1,E2        wires of two emitters exchanged; swap:R1,R2 wires of two receivers
 dead:E3, dead:R4  a part without any signal
@@ -41,8 +41,10 @@ class Faults:
     is_saturated: BoolArray
 
     def applied(self, signals: FloatArray) -> FloatArray:
-        """Signals of the faulty unit, (..., state, channel), from those without faults, (..., emitter, receiver)
-        [counts]."""
+        """Signals of the faulty unit, (..., state, channel), for `signals` without faults, (..., emitter, receiver).
+
+        Both are in counts.
+        """
         left = signals * self.emitter_share[:, None] * self.receiver_share
         found: FloatArray = left[..., self.emitter_of_pin, :][..., self.receiver_of_channel]
         return found
