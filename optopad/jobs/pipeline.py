@@ -1,6 +1,6 @@
-"""The whole computation for a design: each function makes one part of the bundle.
+"""The computations of `optopad run` and its parts: each function writes one part of the bundle.
 
-Mold and physics run in parallel. The mold has a new process, because the CAD kernel does not survive a fork; the
+Mold and physics run in parallel. The mold is made in a new process, because the CAD kernel does not survive a fork. The
 physics runs in this process.
 """
 
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from sims.score.result import ContinuityScore
 
 REFUSED = 2
-"""Exit code of a process that ended with a message for the user."""
+"""Exit code of the mold's process if it refused the work with a message for the user."""
 
 Press = tuple[float, float, float]
 
@@ -100,8 +100,9 @@ def write_score(
 
     Parameters
     ----------
-    fine, full : as `sims.score.scoring.score` takes them
-    builds : number of units in a Monte Carlo over manufacturing tolerances; None runs none
+    full : whether to compute the map at more locations and in depth steps of 0.1 mm
+    fine : whether to compute the map of `full` with finer settings of the light model
+    builds : number of units in a Monte Carlo over manufacturing tolerances; None runs no Monte Carlo
     """
     require_valid(design)
     with _study(design, out, builds, seed) as study, bundle(design, out, seed=seed) as folder:
@@ -131,7 +132,10 @@ def write_signals(
     seed: int,
     on_step: OnStep,
 ) -> tuple[dict[str, Any], Path]:
-    """Write the signals of presses into the bundle; returns a summary and the bundle."""
+    """Write the signals of presses into the bundle; returns a summary and the bundle's folder.
+
+    `oracle_rays` is the number of rays per emitter and press of the plain ray tracer; None omits the ray tracer.
+    """
     from optopad.jobs.signals import simulated
 
     require_valid(design)
@@ -169,7 +173,7 @@ def _finished(mold: subprocess.Popen[str], folder: Path) -> dict[str, Any]:
 
     Raises
     ------
-    OutputError, RuntimeError : the process refused the work or failed; with its message.
+    OutputError, RuntimeError : the process refused the work or failed; the error has the process's message.
     """
     _, message = mold.communicate()
     if mold.returncode == REFUSED:
@@ -186,7 +190,7 @@ def _checks(folder: Path) -> dict[str, Any]:
 
 @dataclass(frozen=True, kw_only=True)
 class _Study:
-    """A Monte Carlo over tolerances: the requested number of units, and the store of finished ones."""
+    """A Monte Carlo over tolerances: the requested number of simulated units, and the store of finished units."""
 
     builds: int
     memo: FinishedWork
@@ -216,7 +220,7 @@ def _scored(
 ) -> tuple[ContinuityScore, EarlyDrawings | None]:
     """Compute and write the score; draw the plots of the report page if `with_page`.
 
-    Files that do not depend on the tolerances are written while those are computed.
+    Files that do not depend on the tolerances are written while the effect of tolerances is computed.
     """
     from optopad.work import beside
     from sims.score.build_tolerance import with_tolerance

@@ -1,7 +1,7 @@
-"""Prediction of the errors of touch, location and depth of a design, before it is manufactured.
+"""Predicts a design's errors of touch, location and depth, before it is manufactured.
 
-design + protocol ──► light at its locations (once) ──► signal chain, one draw per seed ──► data
-training sets ──► learners ──► models ──► test sets ──► tables, pictures, page; and the bound
+design + protocol ──► light at the protocol's locations (once) ──► signal chain, one draw per seed ──► data
+training sets ──► learners ──► models ──► test sets ──► tables, pictures, page, Cramér-Rao bound
 
 The results are files: JSON, a page, and its pictures as SVG and PNG.
 """
@@ -94,13 +94,13 @@ MOST_DRAWS = 50
 
 @dataclass(frozen=True, kw_only=True)
 class Effort:
-    """Thoroughness of a prediction.
+    """Settings that decide how thorough and how slow a prediction is.
 
     Attributes
     ----------
     protocol : name of the packaged protocol
     fit : name of the settings for training
-    is_coarse : whether to trace light at two thirds of the usual depths
+    is_coarse : whether to trace light at only two thirds of the usual number of depths
     learners : default learners
     """
 
@@ -180,7 +180,9 @@ def predict(
 def bound_mm(
     design: SensorDesign, curves: ProtocolCurves, seed: int, on_step: OnStep
 ) -> dict[float, tuple[float, float]]:
-    """Cramér-Rao bounds by depth, for the depths of the tables that the design reaches: location, depth [mm]."""
+    """Cramér-Rao bounds by depth [mm]: pairs of the bounds of location and of depth.
+
+    Only depths in the tables that the design reaches are included."""
     chain = chain_of(design, curves.readout)
     noise = replace(
         chain_noise(design, len(chain.gains), chain.gains.size),

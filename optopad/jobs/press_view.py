@@ -1,4 +1,4 @@
-"""One press, for people and programs: surface, load, pressure, and the load over a protocol."""
+"""Results of one press as text, data and pictures: surface, load, pressure, and the load over a protocol."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
 TIP_POINTS = 400
 TIP_LENGTH = 8.0
-"""Number of points and length of the tip's outline in a picture [-], [tip radii]."""
+"""Number of points [-], and length [tip radii], of the tip's outline in a picture."""
 PREFIX = "contact-"
 HOW_TO_RELAX = (
     "press and retract have the same load, because relaxation is off; to turn it on, give values measured on the "
@@ -53,7 +53,7 @@ class ProtocolView:
 
 @dataclass(frozen=True, kw_only=True)
 class PressView:
-    """Results of one press.
+    """Results of one centred press.
 
     Attributes
     ----------
@@ -61,7 +61,7 @@ class PressView:
     press : the deformed surface at the requested depth
     tip_mm : outline of the tip: distance from the axis, and height above the tip's lowest point [mm]
     young : Young's modulus used for the loads, with its uncertainty band [MPa]
-    force : load against depth, to the deepest requested press
+    force : load against depth, from 0 to the deepest requested press
     pressure : contact pressure between tip and pad at the requested depth
     comparison : published and computed load of the same press
     driven : the load protocol, if one was requested
@@ -86,7 +86,7 @@ class PressView:
 
     @property
     def pile_up_mm(self) -> tuple[float, float]:
-        """Height of the highest point of the surface, and its distance from the axis [mm]."""
+        """Height of the highest point of the deformed surface, and that point's distance from the tip's axis [mm]."""
         highest = int(self.press.height_mm.argmax())
         return float(self.press.height_mm[highest]), float(self.press.radius_mm[highest])
 
@@ -289,8 +289,8 @@ def write_pictures(view: PressView, out: Path, *, seed: int) -> list[Path]:
 
     Parameters
     ----------
-    out : folder that holds the bundles
-    seed : stored in the manifest; nothing here is random
+    out : folder that contains the bundles
+    seed : number stored in the manifest; nothing here is random
 
     Raises
     ------

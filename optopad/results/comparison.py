@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 WIDEST = 26
-"""Largest number of characters of a value that is shown uncut."""
+"""Largest number of characters of a field's value in a table; longer values are cut."""
 Better = Literal["lower", "higher", ""]
 
 
@@ -62,9 +62,9 @@ class Comparison(Result):
 
     Attributes
     ----------
-    labels, digests : name and digest of each design; the others are compared with the first one
-    rows : score of each design, and the signal curve that is shown for it
-    changes : fields in which the designs differ: from dotted path to the value in each design
+    labels, digests : name and digest of each design; all others are compared with the first one
+    rows : score of each design, and its signal curve in the plot
+    changes : fields in which the designs differ, as a mapping from dotted path to the value in each design
     measures : figures of all designs
     winner_of_verdict : number of the only design without a deadband; None otherwise, or if a verdict is undecided
     folder, stem : folder of the written comparison, and its file name without suffix
@@ -80,8 +80,10 @@ class Comparison(Result):
 
     @property
     def winner_of_verdict(self) -> int | None:
-        """Index of the only design without a deadband; None if there is no single one, or if any verdict is
-        undecided."""
+        """Index of the only design without a deadband.
+
+        None if several designs or none have no deadband, or if any verdict is undecided.
+        """
         if any(row.score["is_open"] for row in self.rows):
             return None
         safe = [number for number, row in enumerate(self.rows) if row.score["verdict"] == "CONTIGUOUS"]
@@ -99,7 +101,7 @@ class Comparison(Result):
 
     @property
     def winners(self) -> dict[str, str]:
-        """For each figure with a winner, the name of that design; it is better by more than the uncertainties."""
+        """Name of the best design by each figure, if it is better than all others by more than the uncertainties."""
         return {one.name: self.labels[one.winner] for one in self.measures if one.winner is not None}
 
     def plot(self) -> Figure:

@@ -1,6 +1,6 @@
-"""How results are shown: as text on the command line; in a notebook as a headline, a small table and a picture.
+"""Display of results: as text on the command line; in a notebook as a headline, a small table and a picture.
 
-The module also contains the result of a search.
+The module also contains the result of `optopad explore`.
 """
 
 from __future__ import annotations
@@ -88,10 +88,11 @@ def number(value: float | None, digits: int = 2, missing: str = "-") -> str:
 
 
 QUICK_ERRORS = {"draft": 3.0, "search": 2.0, "score": 0.0}
-"""Largest observed error of a margin in a search [noise standard deviations], by setting of the light model.
+"""Assumed error of a margin in a search [noise standard deviations], by setting of the light model.
 
-The setting `search` had an error of up to 1.94 on 13 pads (docs/how-to/search-layouts.md), and 0.86 without one of
-them. `draft` had 2.9 on four pads of 4 + 4 parts. The largest error on so few pads is not a bound.
+The values round up the largest observed errors. The setting `search` had an error of up to 1.94 on 13 pads
+(docs/how-to/search-layouts.md), and 0.86 without the worst of them. `draft` had 2.9 on four pads of 4 + 4 parts. Errors
+on other pads may be larger.
 """
 
 
@@ -104,7 +105,8 @@ class Search:
     folder : folder with tables, design files and page
     findings : designs and figures that the search found
     files : design file of each design on the Pareto front, relative to the folder
-    importance : for each objective, each field's share of its variation [-]; empty if too few designs were judged
+    importance : for each objective, each field's share of the objective's variation [-]; empty if the search evaluated
+        too few designs
     """
 
     folder: Path
@@ -118,9 +120,9 @@ class Search:
         return self._headline(self.findings.base, self.findings.space.base)
 
     def headline(self, one: Tried) -> str:
-        """A design's verdict in the words of `optopad score`; empty if it has no verdict.
+        """A design's verdict in the words of `optopad score`; empty if the design has no verdict.
 
-        It is undecided if the error of the search's light model may change it.
+        The verdict is undecided if the error of the search's light model may change it.
         """
         design = self.findings.space.design_at(one.parameters) if one.judged.verdict else None
         return self._headline(one.judged, design)

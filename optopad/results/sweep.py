@@ -1,4 +1,4 @@
-"""The result of a sweep, a design at several values of one field: scores, table, picture."""
+"""The result of a sweep, which scores a design at several values of one field: scores, table, picture."""
 
 from __future__ import annotations
 
@@ -30,12 +30,12 @@ FIGURES = (
 
 
 FULL, FINE = "full", "fine"
-"""Settings of `optopad score` with which scores are computed again if neighbouring values disagree."""
+"""Settings of `optopad score` (`--full`, `--fine`) for repeating scores of neighbouring values that disagree."""
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Sweep(Result):
-    """A design at several values of one field.
+    """Scores of a design at several values of one field.
 
     Attributes
     ----------
@@ -71,7 +71,7 @@ class Sweep(Result):
     def table(self) -> xr.Dataset:
         """Figures as a data set over the values; the coordinate's name is the field's dotted path.
 
-        Figures that do not exist are NaN. Lengths are in mm, and light is a fraction of the emitted power.
+        Figures that do not exist for a value are NaN. Lengths are in mm, and light is a fraction of the emitted power.
         """
         import xarray as xr
 
@@ -196,9 +196,9 @@ COLUMNS = (
 )
 """Columns of the table after the column of values.
 
-Columns up to `shown_pair` are figures of the design; the usable depth also has its range by the numerical error of the
-light model. Later columns are figures of the shown pair. Loads are given at both ends of the uncertainty band of
-Young's modulus.
+Columns up to `shown_pair` are figures of the design, later columns those of the pair in the plot. The usable depth also
+has the range that the numerical error of the light model causes. Loads are given at both ends of the uncertainty band
+of Young's modulus.
 """
 
 

@@ -1,4 +1,4 @@
-"""A verdict in the terminal: at most twelve lines of a hundred characters; with ``--details`` all figures."""
+"""The verdict in the terminal: at most twelve lines of a hundred characters, or all figures with ``--details``."""
 
 from __future__ import annotations
 
@@ -37,14 +37,14 @@ if TYPE_CHECKING:
 
 WIDTH, LINES = 100, 12
 LABEL = 12
-"""Width of the label in front of a line [characters]."""
+"""Width of the column of labels at the start of each line [characters]."""
 FIRST = ("full scale", "do not settle", "cannot light", "too much current", "stay tacky")
-"""Phrases of warnings that are shown first, because such a pad would not work."""
+"""Phrases in warnings that are shown first, because a pad with such a fault would not work."""
 FINDING_LINES = 4
 """Largest number of lines for one finding."""
 EIGHT_BIT_PRESCALER = 16
-"""Prescaler with which an AVR's converter runs at 1 MHz from 16 MHz. According to the data sheet, about 8 bits are then
-exact."""
+"""Prescaler with which an AVR's converter runs at 1 MHz, from a clock of 16 MHz; about 8 bits are then exact, by the data
+sheet."""
 
 
 def verdict_screen(
@@ -60,10 +60,10 @@ def verdict_screen(
 
     Parameters
     ----------
-    closing : finished lines for the end, such as the paths of the files
+    closing : last lines, such as the paths of the files
     command : the design and its changes as typed on the command line; empty omits the next command
     is_built : whether the bundle already contains mold and report
-    learner : the sentence from `learner_line`, shown below a pad's bound if there is room
+    learner : sentence on a learner's predicted errors from `learner_line`, shown if there is room
     """
     said = answer_of(design, score)
     head = [
@@ -83,7 +83,7 @@ def verdict_screen(
 
 
 def rate_words(design: SensorDesign) -> str:
-    """Sentence on the board's possible frame rate, the required rate, and changes that would raise the former."""
+    """Sentence on the board's possible frame rate, the required rate, and changes that raise the possible rate."""
     use, board = design.board, board_of(design)
     ways = []
     if board.divides_clock and use.adc_prescaler > EIGHT_BIT_PRESCALER:
@@ -98,8 +98,11 @@ def rate_words(design: SensorDesign) -> str:
 def findings_screen(name: str, findings: Sequence[Finding], *, command: str, rate: str = "") -> list[str]:
     """Lines with findings of the design rules, errors first, as many as there is room for; then the next command.
 
-    command : command and design as typed, as `score pad.toml` rate : the sentence from `rate_words`; shown if there is
-    no error
+    Parameters
+    ----------
+    name : name of the design
+    command : command and design as typed, for example `score pad.toml`
+    rate : sentence on the frame rate from `rate_words`; shown if there is no error
     """
     errors = [one for one in findings if one.severity == "error"]
     notes = [one for one in findings if one.severity == "note"]
@@ -121,7 +124,7 @@ def findings_screen(name: str, findings: Sequence[Finding], *, command: str, rat
 
 
 def row(label: str, text: str, most: int = 1) -> list[str]:
-    """A sentence behind its label, on at most `most` lines; no lines for an empty sentence."""
+    """Lines of a labelled sentence, wrapped to at most `most` lines; no lines for an empty sentence."""
     if not text:
         return []
     room = WIDTH - LABEL
@@ -135,8 +138,8 @@ def row(label: str, text: str, most: int = 1) -> list[str]:
 def _to_show(score: ContinuityScore) -> list[str]:
     """Warnings that no other line reports, the most serious first.
 
-    A numerical error of the light model that leaves the verdict undecided has its own line. Otherwise it affects only
-    figures of single pairs.
+    A warning about numerical error of the light model is left out. If the error leaves the verdict undecided, another
+    line reports this; if not, the error affects only figures of single pairs.
     """
     shown = (RESTS, UNDECIDED, NUMERICAL)
     left = [text for text in score.warnings if not text.startswith(shown)]
@@ -153,7 +156,7 @@ def _warnings(texts: Sequence[str], room: int) -> list[str]:
 
 
 def _clause(text: str) -> str:
-    """A warning, cut after as many whole clauses as fit on a line."""
+    """A warning shortened to as many whole clauses as fit on one line."""
     room = WIDTH - LABEL
     if len(text) <= room:
         return text
@@ -205,7 +208,7 @@ def score_lines(score: ContinuityScore) -> list[str]:
 
 
 def labelled(label: str, text: str) -> str:
-    """A sentence of any length behind its label."""
+    """A labelled sentence of any length, on one line."""
     return f"{label:<{LABEL}}{text}"
 
 
@@ -224,7 +227,7 @@ def checks_line(checks: dict[str, Any]) -> str:
 
 
 def checks_words(checks: dict[str, Any]) -> str:
-    """Text: whether the mold can be printed, and which checks failed."""
+    """Text that says whether the mold can be printed, and which checks failed."""
     found = {
         state: [one["name"] for one in checks.get("findings", []) if one.get("state") == state]
         for state in ("error", "warning")
@@ -282,7 +285,7 @@ def _pair_line(pair: JudgedPair) -> str:
 
 
 def build_lines(study: BuildStudy) -> list[str]:
-    """Lines with the fraction of units that keep the verdict, and the tolerances with the strongest effect."""
+    """Lines with the fraction of simulated units that keep the verdict, and the tolerances of strongest effect."""
     low, high = study.kept_interval
     doubt = f"; {study.doubtful} undecided by numerical error" if study.doubtful else ""
     missing = f"; {sum(study.unjudged.values())} not judged" if study.unjudged else ""
@@ -344,7 +347,7 @@ def _band_line(score: ContinuityScore) -> str:
 
 
 def bound_lines(bounds: PadBounds, *, is_facing: bool) -> list[str]:
-    """Lines with median bounds, coverage, volume without resolution, detection threshold, most important component.
+    """Lines with median Cramér-Rao bounds, resolved and unresolved volume, detection threshold, main component.
 
     For facing rows, which are pressed at known locations, only the bound of the depth is reported.
     """
@@ -420,7 +423,7 @@ def _mm(value: float) -> str:
 
 
 LEAST_DEPTH_MM = 1.0
-"""Least depth for which errors are reported [mm]; lighter presses are detected, but hardly located."""
+"""Least depth for which a learner's errors are reported [mm]; lighter presses are detected, but hardly located."""
 
 
 def learner_line(design: SensorDesign, bundle: Path, command: str) -> str:
