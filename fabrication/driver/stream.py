@@ -1,4 +1,4 @@
-"""Reads the port in a thread, so that a slow user program loses no frames: a queue keeps up to ten seconds.
+"""Reads the port in a thread, so that a slow user program loses no frames: a queue holds the frames of ten seconds.
 
     port -> scanner -> decoder -> queue -> Sensor
                   \\-> recorder
@@ -25,7 +25,7 @@ from fabrication.driver.link.scanner import Message
 from fabrication.driver.recording.raw import Recorder
 
 LOOK_EVERY_S = 0.1
-"""Interval of the search for a lost port [s]."""
+"""Time between two searches for the board after its port was lost [s]."""
 
 START_AGAIN_S = 1.0
 """Silence after which the start command is sent to a board again, because it may have been damaged [s]."""

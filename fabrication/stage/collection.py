@@ -269,8 +269,8 @@ class Collector:
         ----------
         numbers : numbers of presses, as returned by `remaining`
         on_step : called with the completed fraction
-        on_light : called with a set before its presses if its light differs from the previous set's; the tip is lifted
-            then
+        on_light : called with a set before its presses if its room light differs from the previous set's, while the
+            tip is lifted
 
         Raises
         ------

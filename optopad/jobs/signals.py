@@ -38,7 +38,7 @@ def simulated(
 
     Parameters
     ----------
-    presses : rows of x, y, depth [mm]; empty for the workspace's centre at all depths
+    presses : rows of x, y, depth [mm]; empty for a series of default depths at the workspace's centre
     oracle_rays : number of rays of the ray tracer per emitter and press; None omits the ray tracer
     """
     cavity = cavity_of(design)

@@ -399,7 +399,7 @@ CALIBRATED = {
     "absorption_db_per_cm": 0.002,
     "reflectance": 0.0015,
 }
-"""Error of values fitted by `optopad calibrate`, by the last part of the field's path [unit of the field]."""
+"""Error of values fitted by `optopad calibrate` [unit of the field]; a key is the ending of a field's dotted path."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -425,7 +425,9 @@ TOOLS: dict[str, tuple[_Tool, ...]] = {
     "reflectance": (_Tool(name="a lamp and a photodiode against a white standard", resolves=0.01),),
     "_ohm": (_Tool(name="a multimeter", resolves=1.0),),
 }
-"""Measuring tools by the end of the field's path, the coarsest tool first. The first end that matches is used."""
+"""Measuring tools for each kind of design field, the coarsest tool first.
+
+A key is the ending of a field's dotted path; the first key that matches is used."""
 
 
 def tool_words(path: str, within: float) -> str:

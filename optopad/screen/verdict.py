@@ -43,8 +43,9 @@ FIRST = ("full scale", "do not settle", "cannot light", "too much current", "sta
 FINDING_LINES = 4
 """Largest number of lines for one finding."""
 EIGHT_BIT_PRESCALER = 16
-"""Prescaler with which an AVR's converter runs at 1 MHz, from a clock of 16 MHz; about 8 bits are then exact, by the data
-sheet."""
+"""Prescaler with which an AVR's converter runs at 1 MHz from a clock of 16 MHz.
+
+According to the data sheet, about 8 bits are then exact."""
 
 
 def verdict_screen(

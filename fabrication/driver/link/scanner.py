@@ -1,8 +1,8 @@
-"""Search for complete messages in a stream of bytes that may be damaged, cut, or begin in the middle of a message.
+"""Finds complete messages in a stream of bytes that may be damaged, cut, or begin in the middle of a message.
 
-A candidate is a run of bytes that begins with the two bytes of the magic and a known byte 2. The candidate is a message
-if its CRC matches. Otherwise the search continues one byte further, so that no complete message after a damaged one is
-lost. The bytes that are kept from one piece of the stream to the next are always shorter than one message.
+A message begins with two fixed bytes (the magic), and a byte for its kind. A run of bytes that begins so is a
+candidate. It is a message if its CRC matches. Otherwise the search continues one byte further, so that no complete
+message after a damaged one is lost. Less than one message is kept from one piece of the stream to the next.
 
 A false candidate delays the following bytes until its full length has arrived.
 """

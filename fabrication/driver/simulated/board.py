@@ -56,16 +56,16 @@ FIRMWARE = (0, 0)
 
 
 class FakeBoard:
-    """A simulated board.
+    """A simulated sensor board, on whose pad a simulated finger moves.
 
     Parameters
     ----------
-    config : configuration of its design
-    table : readings of its pad under presses
-    path : path of the finger
+    config : driver configuration of the simulated design
+    table : signals of the design's pad under presses
+    path : path of the finger over time
     faults : faults of the simulated unit; None for a unit without faults
     seed : seed of the noise
-    digest : digest to report in place of the configuration's
+    digest : digest that the board reports; None for the digest in `config`
     clock_offset_us : device time at the reset, to test the counter's wrap [us]
     sequence_offset : sequence number of the first frame, to test the counter's wrap
     """
