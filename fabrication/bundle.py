@@ -1,9 +1,8 @@
 """Writing of bundles: a bundle is a design's output folder, which is never left half-written.
 
 A command works in a hidden folder next to the bundle, into which it first copies the bundle's files. At the end the
-command
-writes the manifest, flushes everything to the disk, and swaps the two folders. If the machine stopped during the swap,
-the next writer restores the bundle.
+command writes the manifest, flushes everything to the disk, and swaps the two folders. If the machine stopped during
+the swap, the next writer restores the bundle.
 
 Several commands, processes and threads may work on one bundle at a time. Each has its own hidden folder, which is
 locked while it is in use. Before the swap, files that other commands have finished meanwhile are copied into the hidden
@@ -38,7 +37,7 @@ from design.spec import SensorDesign
 
 MANIFEST = "manifest.json"
 FOLDERS = ("cad", "fabrication", "sims")
-"""Subfolders of a bundle that commands write into; everything else in the bundle belongs to the user."""
+"""Subfolders of a bundle (a design's output folder) that commands write into; all other files are the user's."""
 WAY_OUT = "choose another folder with --out (an earlier bundle is intact)"
 RECORDED_PACKAGES = ("optopad", "numpy", "scipy", "numba", "mujoco", "cadquery", "trimesh", "manifold3d")
 
@@ -123,7 +122,7 @@ def write_manifest(folder: Path, design: SensorDesign, seed: int) -> None:
 
 
 def altered_files(folder: Path) -> tuple[str, ...]:
-    """Names of the files that are missing or differ from the bundle's manifest, relative to the bundle.
+    """Paths, relative to the bundle, of files that are missing or whose digest differs from the manifest's.
 
     Raises
     ------
@@ -169,7 +168,7 @@ def _fill(staging: Path, final: Path) -> None:
 
 
 def _require_no_link(final: Path) -> None:
-    """Refuse symbolic links in the bundle: files would be written through them, and the links lost in the swap."""
+    """Raise an error for symbolic links in the bundle, because files would be written to the links' targets."""
     if final.is_symlink():
         raise OutputError(
             f"{final}: is a link, and a bundle is a folder; remove the link, or give the folder that holds the bundle "
@@ -202,7 +201,7 @@ def _alone(out: Path) -> Iterator[None]:
 
 
 def _locked(folder: Path) -> int | None:
-    """An open descriptor of a folder, locked; None if another process has locked it, or locks are not supported.
+    """Lock a folder; returns its open descriptor, or None if another process has locked it or locks do not exist.
 
     The lock ends when the descriptor is closed or the process ends.
     """
@@ -276,7 +275,7 @@ def _former(final: Path) -> Path:
 
 
 def _remove(folder: Path) -> None:
-    """Remove a folder; of a symbolic link, remove only the link."""
+    """Remove a folder with its content, or a symbolic link without its target."""
     if folder.is_symlink():
         folder.unlink()
     shutil.rmtree(folder, ignore_errors=True)

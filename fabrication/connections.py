@@ -1,4 +1,4 @@
-"""Connections of parts to pins: the list from which all sheets for manufacturing are written.
+"""Connections of emitters and receivers to pins: the list from which all sheets for manufacturing are written.
 
 Order, positions and names come from `design.shape.cavity`, pins and channels from `design.circuit.pins`. In state i
 only emitter i is lit; in the last state no emitter is lit. Column j of a state's readings is receiver j.
@@ -31,7 +31,7 @@ TWO_LEADS = 2
 
 @dataclass(frozen=True, kw_only=True)
 class Connection:
-    """One part and its connection.
+    """An emitter or receiver and its connection.
 
     Attributes
     ----------
@@ -73,7 +73,7 @@ class Connections:
 
 
 def pin_words(design: SensorDesign) -> str:
-    """A sentence that explains the letters in a design's pin names."""
+    """A sentence that explains the letters in a design's pin names, such as S1-Q3 for an output of a shift register."""
     words = ["D: digital pin", "A: analogue input"]
     if multiplexer_of(design) is not None:
         words.append("M1-C0: channel 0 of multiplexer M1")

@@ -1,7 +1,7 @@
 """Reads and checks the driver configuration `driver.toml`, and returns it as frozen data classes.
 
-The laboratory's PC needs only Python's standard library to read the file: neither the CAD kernel nor the physics nor
-the design's schema. The file belongs to one design, named by its `digest`. It has a checksum over its own content, so
+The laboratory's PC needs only Python's standard library to read the file, not the CAD kernel, the models or the schema
+of designs. The file belongs to one design, identified by its `digest`. The file contains a checksum of its content, so
 that a damaged or hand-edited file is refused. To change the file, change the design and write the file again.
 """
 
@@ -37,7 +37,7 @@ WAY_OUT = "write it again with `optopad driver config DESIGN`"
 
 @dataclass(frozen=True, kw_only=True)
 class Units:
-    """Units of all numbers in the file; the names of quantities end with their unit."""
+    """Units of all numbers in `driver.toml`; the names of quantities end with their unit."""
 
     length: str
     time: str
@@ -51,7 +51,7 @@ class BoardSetup:
 
     Attributes
     ----------
-    adc_reference : voltage at which the converter reads full scale
+    adc_reference : source of the voltage at which the converter reads full scale
     baud_error : relative error of the baud rate that the board can generate: made_baud / baud - 1 [-]
     link_number : number by which the firmware names this kind of board; 0 for boards without a number
     usb_ids : USB vendor:product of the maker's boards
@@ -141,7 +141,7 @@ class ReceiverEntry:
 
 @dataclass(frozen=True, kw_only=True)
 class FrameLayout:
-    """Layout of a packed frame: head, readings, checksum.
+    """Layout of a frame on the serial line: head, packed readings, checksum.
 
     Attributes
     ----------
@@ -257,7 +257,7 @@ class GainNote:
 
     Attributes
     ----------
-    rule : "common", "each" or "ohms", see `design.spec.Gain`
+    rule : how the gain is set: "common", "each" or "ohms", see `design.spec.Gain`
     counts_per_flux : reading of the median receiver if it got all of an emitter's power [counts]; None if not simulated
     receiver_counts_per_flux : the same quantity for each receiver, in the order of columns
     feedback_ohm, feedback_pf : feedback resistor and capacitor of each receiver's amplifier, in standard values; None
@@ -331,7 +331,9 @@ def load_driver_config(path: str | os.PathLike[str], *, digest: str | None = Non
 
 
 def config_from_document(document: dict[str, Any], *, where: str) -> DriverConfig:
-    """The driver configuration from plain data (parsed TOML), after checks.
+    """Make a driver configuration from plain data (parsed TOML), after checks.
+
+    `where` names the data's origin in error messages.
 
     Raises
     ------
@@ -352,7 +354,7 @@ def config_from_document(document: dict[str, Any], *, where: str) -> DriverConfi
 
 
 def content_sha256(document: dict[str, Any]) -> str:
-    """SHA-256 over the content of a configuration except the checksum itself; formatting has no influence."""
+    """SHA-256 of a driver configuration's content without its own checksum; formatting has no influence."""
     content = {key: value for key, value in document.items() if key != CHECKSUM}
     text = json.dumps(content, sort_keys=True, separators=(",", ":"))
     return hashlib.sha256(text.encode()).hexdigest()

@@ -58,7 +58,7 @@ class Image:
 
 
 def has_compiler() -> bool:
-    """Whether the compiler and its tools are installed."""
+    """Whether the compiler avr-gcc and its tools are installed."""
     return all(shutil.which(tool) for tool in (COMPILER, COPIER, SIZER))
 
 
@@ -67,7 +67,7 @@ def compiled_image(design: SensorDesign) -> Image:
 
     Raises
     ------
-    DesignError : as `sketch_texts`.
+    DesignError : the design breaks a rule, or the catalogue does not contain all data of the board.
     DeviceError : no compiler is installed, or the compilation failed.
     """
     with temporary_folder() as scratch:
@@ -153,7 +153,7 @@ BOOT_MODE = "hold the board's BOOTSEL button while you plug it in; it then appea
 
 
 def uf2_families(file: Path) -> set[int]:
-    """Family identifiers in a UF2 file.
+    """Identifiers of chip families for which a UF2 file is made.
 
     Raises
     ------
@@ -254,7 +254,7 @@ CAUSES: Mapping[str, str] = MappingProxyType(
 
 
 def upload_command(chip: BoardFirmware, image: Path, port: str) -> list[str]:
-    """The command that writes an image to the board at a port."""
+    """The command line that writes a compiled program to the board at a port."""
     return [
         UPLOADER,
         *("-p", chip.mcu, "-c", chip.programmer, "-P", port, "-b", str(chip.upload_baud)),
@@ -264,7 +264,7 @@ def upload_command(chip: BoardFirmware, image: Path, port: str) -> list[str]:
 
 
 def sketch_command(chip: ArduinoProgram, sketch: Path, port: str) -> list[str]:
-    """The command that compiles a sketch folder and writes it to the board at a port."""
+    """The command line that compiles a sketch folder and writes the program to the board at a port."""
     return [ARDUINO, "compile", "--fqbn", chip.fqbn, "--upload", "--port", port, str(sketch)]
 
 

@@ -60,7 +60,7 @@ def feedbacks_for(design: SensorDesign, gain: SimulatedGain | None) -> tuple[Fee
 
 
 def clipped_pairs(design: SensorDesign, gain: SimulatedGain) -> tuple[ClippedPair, ...]:
-    """Pairs above full scale with the standard resistors, the brightest first."""
+    """Pairs that read above full scale without contact with the standard resistors, the brightest first."""
     cavity, feedbacks = cavity_of(design), feedbacks_for(design, gain)
     factors = None if feedbacks is None else [one.gain_factor for one in feedbacks]
     counts = gain.untouched_counts(factors)

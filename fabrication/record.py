@@ -1,7 +1,7 @@
-"""Conversion of plain data to frozen dataclasses and back; missing, unknown and mistyped fields are refused.
+"""Converts plain data to frozen dataclasses and back; missing, unknown and mistyped fields are refused.
 
-Supported are str, int, finite float (also from whole numbers), tuples (from lists), nested dataclasses, and `X | None`
-for optional fields. The module needs only the standard library.
+Supported types are str, int, finite float (also from whole numbers), tuples (from lists), nested dataclasses, and
+`X | None` for optional fields. The module needs only the standard library.
 """
 
 from __future__ import annotations

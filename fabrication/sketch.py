@@ -51,7 +51,7 @@ class EmitterPin:
 
 @dataclass(frozen=True, kw_only=True)
 class ReceiverInput:
-    """A receiver's name, its terminal, name and number of the board's input for the receiver, multiplexer address.
+    """A receiver's name and terminal, name and number of its input at the board, and multiplexer address.
 
     With separate converters, the number is that of the converter, the address is the converter's input, and the name of
     the board's input is "".
@@ -147,7 +147,7 @@ class FirmwareSettings:
 
     @property
     def more_pins(self) -> dict[str, tuple[int, ...]]:
-        """Pins of the circuits between board and parts, by their name in `config.h`; only those in use."""
+        """Pins of the circuits in use between board and parts (such as multiplexers), by their name in `config.h`."""
         pins = {
             "SHIFT_PINS": self.shift_pins,
             "DRIVER_PINS": () if self.driver is None else self.driver.pins,
@@ -158,12 +158,11 @@ class FirmwareSettings:
 
     @property
     def has_addresses(self) -> bool:
-        """Whether receivers have an address of a multiplexer, or an input of a converter."""
+        """Whether receivers are connected through multiplexers or separate converters, and so have an address."""
         return bool(self.address_pins) or self.converter is not None
 
     def config_block(self) -> bytes:
-        """The settings as bytes, in the form in which the firmware contains them; its self-test returns their
-        CRC-32."""
+        """The settings as bytes, in the same form as in the firmware, whose self-test returns their CRC-32."""
         head = [
             self.board_number,
             len(self.emitters),
@@ -292,7 +291,7 @@ def plain(text: str) -> str:
 
 
 def config_header(settings: FirmwareSettings) -> str:
-    """Text of `config.h`."""
+    """Text of the file `config.h` with these settings."""
     chip = settings.chip
     own = _avr_lines(settings, chip) if isinstance(chip, BoardFirmware) else _arduino_lines(settings, chip)
     lines = [
@@ -481,7 +480,7 @@ def write_sketch(design: SensorDesign, folder: Path) -> Path:
 
     Raises
     ------
-    DesignError : as `sketch_texts`; nothing is written.
+    DesignError : the design breaks a rule, or the catalogue does not contain all data of the board; nothing is written.
     OutputError : the folder cannot be written.
     """
     texts, sketch = sketch_texts(design), folder / SKETCH

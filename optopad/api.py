@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from optopad.results.sweep import Sweep
 
 OUT = "outputs"
-"""Default folder of the bundles, as on the command line."""
+"""Default folder of the bundles (designs' output folders), the same as on the command line."""
 
 
 def presets() -> tuple[str, ...]:
@@ -64,7 +64,7 @@ def save(design: SensorDesign, file: str | PathLike[str]) -> Path:
 
 
 def check(design: SensorDesign) -> Checked:
-    """Check a design against the design rules: whether the pad can be made, and whether it can be scored.
+    """Check a design against the design rules: whether the pad can be manufactured and its verdict computed.
 
     The findings are those of `optopad check`.
     """
@@ -110,7 +110,13 @@ def sweep(
     out: str | PathLike[str] = OUT,
     on_step: OnStep | None = None,
 ) -> Sweep:
-    """Score a design at several values of one field; the table and the figure are also written to its bundle.
+    """Score a design at several values of one field; table and figure are also written to the design's bundle.
+
+    Parameters
+    ----------
+    field : dotted path of the field
+    values : values of the field
+    fine : whether to use finer settings of the light model
 
     Raises
     ------
@@ -131,7 +137,7 @@ def compare(
     out: str | PathLike[str] = OUT,
     on_step: OnStep | None = None,
 ) -> Comparison:
-    """Compare designs: their differences, and the better design by each figure.
+    """Compare designs: the fields in which they differ, and the best design by each figure.
 
     Page and picture are written into the first design's bundle.
 
@@ -200,7 +206,7 @@ def predict(
     out: str | PathLike[str] = OUT,
     on_step: OnStep | None = None,
 ) -> Prediction:
-    """Predict the errors of touch, location and depth.
+    """Predict the errors with which learned models estimate touch, location and depth.
 
     The paper's data collection is simulated, and models are trained and tested on the simulated data.
 

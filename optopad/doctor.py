@@ -60,7 +60,7 @@ class Package:
 
 @dataclass(frozen=True)
 class SystemLibrary:
-    """Names of the packages that contain a shared library, by package manager."""
+    """Names of the packages that contain a shared library, on Debian and on Fedora."""
 
     debian: str
     fedora: str
@@ -69,7 +69,7 @@ class SystemLibrary:
 
 @dataclass(frozen=True)
 class Tool:
-    """An optional program, with alternative commands of which one suffices.
+    """An optional program, with the alternative names of its command.
 
     `debian` is the Debian package that contains the program; "" if there is none.
     """
@@ -86,7 +86,7 @@ MEMORY_ADVISED_GB = 2.0
 """Recommended memory [GB]: importing CadQuery and MuJoCo takes 0.5 GB, and a run adds meshes and matrices."""
 
 DISK_ADVISED_GB = 0.5
-"""Recommended disk space [GB]: bundles, the library of solved presses and compiled kernels each take tens of MB."""
+"""Recommended disk space [GB]: bundles, the library of solved presses and compiled code each take tens of MB."""
 
 PROBE_LIMIT_S = 60
 """Longest wait for one import [s]; CadQuery alone may take 20 s from a slow disk."""
@@ -177,7 +177,7 @@ def cpu_count() -> int:
 
 
 def cpu_finding() -> Finding:
-    """Finding on the number of processors; the light kernels use all of them."""
+    """Finding on the number of processors; the light model uses all of them."""
     count = cpu_count()
     if count == 1:
         return Finding(
@@ -237,7 +237,7 @@ def release(version: str) -> tuple[int, ...]:
 
 
 def import_failures(modules: list[str]) -> list[Failure | None]:
-    """The failure of each import, or None for success.
+    """Import modules in separate processes; returns for each module its failure, or None for success.
 
     Modules are imported together in processes that run in parallel; after a failure, each module gets its own process.
     """
@@ -371,7 +371,7 @@ def light_finding() -> Finding:
 
 
 def kernel_finding() -> Finding:
-    """Finding on whether compiled kernels are stored for later processes."""
+    """Finding on whether the compiled code of the light model is stored for later processes."""
     return kept_finding("kernel cache", kernel_folder(), "every run compiles the kernels again")
 
 

@@ -112,7 +112,7 @@ def read_design(where: str, changes: list[str] | None) -> SensorDesign:
 
 
 def parsed_change(text: str, *, option: str = "--set") -> tuple[str, Any]:
-    """Path and value from a text ``PATH=VALUE``; the value is parsed as TOML if possible, else it is plain text.
+    """Parse path and value from a text ``PATH=VALUE``; the value is TOML if possible, else plain text.
 
     Raises
     ------
@@ -155,7 +155,7 @@ class FinishedWork:
         return len(self._results)
 
     def get(self, name: str) -> Any | None:
-        """A stored result; None if there is none."""
+        """The stored result of this name; None if there is none."""
         return self._results.get(name)
 
     def put(self, name: str, result: Any) -> None:
@@ -177,7 +177,7 @@ class FinishedWork:
             raise unwritable(self.path, err, "choose another folder with --out") from err
 
     def forget(self) -> None:
-        """Remove the file, because the work is done and its result is in the bundle."""
+        """Remove the file; to be called when the work is done and the result is in the bundle."""
         self._results = {}
         self.path.unlink(missing_ok=True)
 

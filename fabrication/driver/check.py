@@ -39,7 +39,9 @@ from fabrication.driver.pattern import (
 from fabrication.driver.wiring_check import exchanged_wires
 
 DEAD_SHARE = 0.1
-"""A part counts as dead if all its readings are below this share of the weakest part's best expected reading [-]."""
+"""An emitter or receiver counts as dead if all its readings are below this share of a reference reading [-].
+
+The reference is the best expected reading of the part that is expected to be weakest."""
 
 DIM_SHARE = 0.4
 """An emitter or receiver is reported as dim if its ratio of measured to expected readings is below this share of the
@@ -52,11 +54,11 @@ AMBIENT_SHARE = 0.1
 """Ambient light is reported if dark readings exceed this share of full scale, because it reduces the range [-]."""
 
 NOISE_COUNTS, NOISE_SHARE = 3.0, 0.02
-"""A receiver is reported as noisy if a reading's standard deviation is above NOISE_COUNTS [counts] plus NOISE_SHARE of
-its mean."""
+"""A receiver is reported as noisy if the standard deviation of a reading is above NOISE_COUNTS [counts] plus
+NOISE_SHARE [-] times its mean."""
 
 REFERENCE_V, SUPPLY_LOW_V, SUPPLY_HIGH_V = 1.1, 4.5, 5.5
-"""Voltages of the chip's internal reference (+-10 % by its data sheet), and limits of a USB port's supply [V]."""
+"""Voltage of the AVR's internal reference (+-10 % by its data sheet), and limits of a USB port's supply [V]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -92,7 +94,7 @@ class Verdict:
 
 
 def check_frames(frames: Iterable[Frame], found: Descriptor, self_test: SelfTest | None = None) -> Verdict:
-    """Compare the untouched pad with its simulated pattern.
+    """Check a unit's wiring: compare readings of the untouched pad with the simulated ones.
 
     Parameters
     ----------
@@ -174,7 +176,7 @@ def _dead(pattern: Pattern, railed: BoolArray) -> tuple[BoolArray, BoolArray]:
 
 
 def _strong_reading(pattern: Pattern) -> float:
-    """Threshold in counts: the strongest reading of every working emitter or receiver is above it."""
+    """Threshold [counts] that the strongest reading of every working emitter or receiver exceeds."""
     best = np.concatenate([pattern.expected.max(axis=0), pattern.expected.max(axis=1)])
     return max(float(DEAD_SHARE * best.min()), FLOOR_COUNTS)
 

@@ -47,7 +47,7 @@ from fabrication.driver.link.frames import WEAKEST_BASELINE_COUNTS
 
 TIME_CONSTANT_S, GUARD_S = 10.0, 0.5
 SHORT_S = 0.2
-"""Time constant of the average of the signals' change, which decides whether the pad counts as touched [s]."""
+"""Time constant of the averaged change of signals from which a touch is detected [s]."""
 
 HELD_EXCESS = 4.0
 """The pad counts as touched if the excess is above this value [-]. The excess is the mean square of the signals' change
@@ -198,7 +198,7 @@ class DriftTracker:
         )
 
     def restart(self) -> None:
-        """Continue after a reset of the board, whose clock starts again; the untouched levels are kept."""
+        """Continue after a reset of the board, which restarts the board's clock; the untouched levels are kept."""
         self._time_s = None
         self._held_s = -math.inf
         self._gain_since_s = self._odd_since_s = None
@@ -229,7 +229,7 @@ class DriftTracker:
     def _excess(self) -> float:
         """Mean square of the averaged change that gains do not explain, over that of noise alone [-].
 
-        Noise of the average and of the untouched levels is added.
+        The noise is the sum of the noise of the average and of the untouched levels.
         """
         noise = self._quiet * (self._short_noise + self._level_noise)
         return float(self._pattern.excess(self._short)) / noise

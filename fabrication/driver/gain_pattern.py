@@ -5,9 +5,9 @@ A part that ages, warms up or loses supply changes all of its pairs by one facto
 
     c_ij = a_i + r_j + d_ij,        weights 1 / sigma_ij^2,
 
-into emitters' gains a_i, receivers' gains r_j and the rest d_ij (first order in the gains: an emitter and a receiver
-that both change by 5 % leave 0.25 % in the rest). A press shades pairs individually, so nearly all of its change is in
-the rest.
+into emitters' gains a_i, receivers' gains r_j and the rest d_ij. The split is of first order in the gains: an emitter
+and a receiver that both change by 5 % leave 0.25 % in the rest. A press shades pairs individually, so nearly all of its
+change is in the rest.
 
 Pairs below 4 counts or at full scale are left out, because their ratio is not valid. A change by one factor on all
 pairs of a part counts as gain, whatever its cause. For example, a finger in front of a single part is not detected.
@@ -83,7 +83,7 @@ class GainPattern:
         return rest
 
     def excess(self, change: FloatArray) -> FloatArray:
-        """(n,) sum of squares of the rest over its degrees of freedom: about 1 for noise alone [-]."""
+        """(n,) sum of squares of the rest, divided by its degrees of freedom: about 1 for noise alone [-]."""
         squares: FloatArray = (self.rest(change) ** 2).sum(axis=-1) / max(self.freedom, 1)
         return squares
 
@@ -93,7 +93,7 @@ class GainPattern:
 
 
 def relative_change(signals: FloatArray, untouched: FloatArray) -> FloatArray:
-    """(n, pair) signals over the untouched ones, less 1; 0 where the untouched signal is below 4 counts [-]."""
+    """Relative change (n, pair) of signals from untouched signals; 0 where the latter are below 4 counts [-]."""
     strong = untouched >= WEAKEST_BASELINE_COUNTS
     ratio = np.divide(
         signals, untouched, out=np.ones(np.broadcast_shapes(signals.shape, untouched.shape)), where=strong

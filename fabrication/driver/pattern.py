@@ -71,10 +71,10 @@ def pattern_of(counts: NDArray[np.uint16], found: Descriptor) -> Pattern:
 
 
 def emitter_text(parts: PartArray, i: int) -> str:
-    """Name and pin of emitter i, for messages."""
+    """Name and pin of emitter i (from 0), for messages."""
     return f"{parts.names[i]} (pin {parts.pins[i]})"
 
 
 def receiver_text(parts: PartArray, j: int) -> str:
-    """Name and input of receiver j, for messages."""
+    """Name and input of receiver j (from 0), for messages."""
     return f"{parts.names[j]} (input {parts.pins[j]})"

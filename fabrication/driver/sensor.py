@@ -39,18 +39,18 @@ POLL_S = 0.2
 
 FASTEST_HZ = 100_000.0
 SLOWEST_HZ = 0.001
-"""Lowest frame rate, as in a design [Hz]. The board's clock resolves intervals below 2^31 us, which is 0.00047 Hz."""
+"""Lowest frame rate [Hz], the same as for a design. Intervals must be below 2^31 us, which means 0.00047 Hz."""
 
 SILENCE_S = 1.0
 """Silence after which the board counts as lost when a limited reading time ends [s]; at least three frame intervals."""
 
 
 class Sensor:
-    """A manufactured unit; a context manager that yields frames.
+    """A manufactured sensor on its serial port; a context manager that yields frames.
 
     Parameters
     ----------
-    config : driver.toml of its design, or the configuration read from such a file
+    config : driver.toml of the sensor's design, or the configuration read from such a file
     port : name of the port; None finds the board by its USB identity
     rate_hz : frames per second; None takes the design's rate, 0 the board's fastest
     accept_digest : first 8 digits or more of another design's digest that is accepted; None accepts no other design
@@ -165,7 +165,7 @@ class Sensor:
         raise self._silence(self._patience_s)
 
     def take_baseline(self, seconds: float = BASELINE_S) -> FloatArray:
-        """Read the untouched pad for some time; its mean becomes the baseline.
+        """Read the untouched pad for a time [s]; the mean of its signals becomes the baseline.
 
         Returns
         -------

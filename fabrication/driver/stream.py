@@ -46,13 +46,13 @@ class LinkCounts:
 
     Attributes
     ----------
-    frames : complete frames received
-    lost : frames missing by their sequence numbers
-    damaged : messages whose CRC was wrong
-    skipped_bytes : bytes that belonged to no complete message
-    overrun : frames dropped because they were not read in time
-    reconnects : connections after the first one, because the board was plugged in again or restarted
-    doubled : frames that arrived twice, with the same number and time; the second was dropped
+    frames : number of complete frames received
+    lost : number of frames missing, according to the sequence numbers
+    damaged : number of messages whose CRC was wrong
+    skipped_bytes : number of bytes that belonged to no complete message
+    overrun : number of frames dropped because they were not read in time
+    reconnects : number of connections after the first one, because the board was plugged in again or restarted
+    doubled : number of frames that arrived twice, with the same number and time; the second was dropped
     """
 
     frames: int = 0
@@ -65,14 +65,14 @@ class LinkCounts:
 
 
 class Stream:
-    """Frames of a board, from its start to its stop.
+    """Reads a board's frames in a thread and queues them, from the board's start to its stop.
 
     Parameters
     ----------
     connect : function that opens a port and identifies the board, see `Connect`
     decoder : decoder of the frames
-    interval_us : frame interval [us]; 0 is the board's shortest
-    checked : function that returns a hello, or raises DeviceError for another design's
+    interval_us : frame interval [us]; 0 is the board's shortest interval
+    checked : function that returns a board's hello (identification), or raises DeviceError for another design
     """
 
     def __init__(
@@ -127,7 +127,7 @@ class Stream:
             self._recorders.append(recorder)
 
     def taken(self, timeout_s: float) -> Frame | None:
-        """Take the oldest frame from the queue; None if no frame arrived in time.
+        """Take the oldest frame from the queue; None if no frame arrived within `timeout_s` [s].
 
         Raises
         ------

@@ -42,7 +42,7 @@ class Touch:
     ----------
     frame : the frame
     is_touched : the model's decision; False while the frame's change is due to changed gains of parts
-    touch_score : the model's score for touch [-]: touched above 0, with more confidence for larger values
+    touch_score : the model's score for touch [-]: above 0 it reports a touch, with more confidence for larger values
     press_mm : (3,) x, y in the cavity frame, depth along the surface normal [mm]; NaN if untouched
     point_mm, normal : (3,) point of first contact [mm] and outward unit normal of the surface there [-], in the cavity
         frame; NaN if untouched, or if the driver configuration does not describe the top surface
@@ -127,7 +127,7 @@ class TouchReader:
             self.restart()
 
     def restart(self) -> None:
-        """Measure the untouched levels again: the pad must be untouched now."""
+        """Measure the untouched levels again; the pad must be untouched."""
         self.sensor.skip_waiting()
         end, frames = time.monotonic() + self._start_s, [self.sensor.read()]
         while time.monotonic() < end or len(frames) < 4 * LEAST_START_FRAMES:
@@ -193,8 +193,10 @@ class TouchReader:
         return np.array(point), np.array(normal)
 
     def _force_sigma_n(self, found: Prediction, k: int) -> float:
-        """Standard deviation of the force: half its difference between depths one standard deviation above and below
-        [N]."""
+        """Standard deviation of the force [N], due to that of the depth.
+
+        It is half the difference of the forces at depths one standard deviation above and below.
+        """
         curve = self.model.header.force_curve
         if curve is None:
             return math.nan
@@ -204,7 +206,7 @@ class TouchReader:
 
 
 def require_fits(header: ModelHeader, said: Descriptor) -> None:
-    """Refuse a model that was trained on another design or other parts.
+    """Check that a model was trained on the design and the parts of this sensor.
 
     Raises
     ------

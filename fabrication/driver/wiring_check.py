@@ -8,8 +8,8 @@ So a wrong wire shows in the contrast between pairs, not in the brightness.
 
 The search starts at the correct wiring. In each step it applies the exchange of two emitters or of two receivers that
 reduces the misfit most. A cyclic permutation of three parts becomes two exchanges. A pair whose measured and expected
-readings are both dark has no weight. If only one of the two is at full scale, the pair's misfit is the distance of the
-other below full scale.
+readings are both dark has no weight. If only one of these two readings is at full scale, the pair's misfit is the
+distance of the other reading below full scale.
 """
 
 from __future__ import annotations
@@ -118,7 +118,7 @@ def _exchanges(usable: BoolArray) -> list[_Exchange]:
 
 
 def _fitted(pattern: Pattern, usable: BoolArray, rows: Order, columns: Order) -> _Fit:
-    """Misfit between the readings and the expected pattern, with emitters (rows) and receivers (columns) in this
+    """Deviation of the readings from the expected pattern, with emitters (rows) and receivers (columns) in an assumed
     order."""
     expected = pattern.expected[list(rows)][:, list(columns)]
     meant = pattern.is_meant_to_clip[list(rows)][:, list(columns)]
@@ -139,9 +139,9 @@ def _fitted(pattern: Pattern, usable: BoolArray, rows: Order, columns: Order) ->
 
 
 def _part_factors(difference: FloatArray, told: BoolArray) -> tuple[FloatArray, FloatArray, float]:
-    """Fit of differences (emitter, receiver) by ridge regression, over the pairs where `told` is true.
+    """Fit differences (emitter, receiver) by terms of emitters and receivers and a common term, by ridge regression.
 
-    Returns the terms of the emitters, those of the receivers, and a common term.
+    Only pairs where `told` is true are fitted. Returns the emitters' terms, the receivers' terms, the common term.
     """
     emitters, receivers = difference.shape
     weight = told.astype(np.float64)

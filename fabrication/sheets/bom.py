@@ -66,7 +66,7 @@ class BomRow:
     ----------
     quantity, unit : number of pieces or grams; None if not known
     references : reference designators of the item, in the order of the layout
-    cost : quoted cost of one unit, if any
+    cost : quoted cost of one piece or gram; None if not known
     """
 
     item: str

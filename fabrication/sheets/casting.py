@@ -40,16 +40,16 @@ MM3_PER_CM3 = 1e3
 
 @dataclass(frozen=True, kw_only=True)
 class Pour:
-    """Weights of silicone for one cast layer of the pad [g].
+    """Weights of silicone for one cast layer of the pad.
 
     Attributes
     ----------
     layer : "black" or "clear"
     thickness_mm : thickness of the layer at its highest point
-    net_g : weight of the layer in the pad
-    mixed_g : weight to mix, including waste
-    base_g, agent_g : weights of the two components to mix
-    carbon_g : weight of carbon black to stir in, by the assumed share; 0 in the clear layer
+    net_g : weight of the layer in the pad [g]
+    mixed_g : weight to mix, including waste [g]
+    base_g, agent_g : weights of base and curing agent to mix [g]
+    carbon_g : weight of carbon black to stir in, by the assumed share [g]; 0 in the clear layer
     """
 
     layer: str
@@ -89,7 +89,7 @@ def _pour(design: SensorDesign, layer: str, thickness_mm: float, volume_mm3: flo
 
 
 MEASURED_FIELDS = ("body_width_mm", "body_depth_mm", "body_height_mm", "active_height_in_body_mm")
-"""Fields of a part with the lengths that determine the size of its socket."""
+"""Fields of a part with the lengths that determine the size of its socket in the wall."""
 
 OPEN = ("inferred", "unverified")
 """Levels of confidence in a catalogue value for which the casting instructions request a measurement."""
@@ -111,7 +111,7 @@ mixing ratio."""
 
 
 def casting_md(design: SensorDesign, gain: SimulatedGain | None = None) -> str:
-    """The build sheet as Markdown.
+    """The build sheet (instructions to print, fill and cast the pad) as Markdown.
 
     Parameters
     ----------

@@ -38,7 +38,7 @@ WALL, CLEAR, BLACK, BODY, INK, QUIET = "#d9d9d9", "#eaf4ff", "#4d4d4d", "#ffffff
 
 
 def orientation_svg(design: SensorDesign) -> str:
-    """Sections through all kinds of sockets, to scale, as SVG text.
+    """Drawing of each kind of part in its wall as SVG text: sections through the sockets, to scale.
 
     Raises
     ------

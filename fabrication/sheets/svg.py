@@ -73,7 +73,7 @@ def polygon(points: list[Point], **style: str) -> Element:
 
 
 def outline(corners: list[Point], **style: str) -> Element:
-    """A closed outline; four corners that form an upright rectangle become a rectangle element."""
+    """A closed outline; four corners of a rectangle parallel to the axes become a rectangle element."""
     if len(corners) == 4 and {corners[0], corners[2]} <= {
         (x, y) for x, _ in corners[1::2] for _, y in corners[1::2]
     }:
@@ -104,7 +104,7 @@ def arrow(tail: Point, head: Point, colour: str) -> list[Element]:
 
 
 def triangle(centre: Point, toward: Point, radius: float, **style: str) -> Element:
-    """An equilateral triangle whose tip points along a direction."""
+    """An equilateral triangle whose tip points along `toward`, with a circumscribed circle of `radius`."""
     angle = math.atan2(toward[1], toward[0])
     corners = [angle + k * math.tau / 3 for k in range(3)]
     points = [(centre[0] + radius * math.cos(a), centre[1] + radius * math.sin(a)) for a in corners]

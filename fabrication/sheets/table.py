@@ -42,7 +42,7 @@ def one_line(text: str) -> str:
 
 
 def number(value: float) -> str:
-    """A number as text, to four decimals, without trailing zeros."""
+    """A number as text, rounded to four decimals, without trailing zeros."""
     return f"{value:.4f}".rstrip("0").rstrip(".")
 
 

@@ -203,7 +203,7 @@ def _side(one: Connection) -> Wall:
 
 
 def spread(wanted: Sequence[float], gap: float, low: float, high: float) -> list[float]:
-    """Positions of labels along a line: the requested ones, moved as little as possible (least squares) to be apart.
+    """Positions of labels along a line, at least a gap apart and closest to the requested ones in least squares.
 
     Parameters
     ----------

@@ -76,7 +76,7 @@ class CollectedParts:
         write_whole(self.folder / PLAN, json.dumps(self._document, indent=2).encode())
 
     def numbers(self) -> set[int]:
-        """Numbers of the stored presses."""
+        """Numbers of the stored presses: their indices in the list of presses."""
         return {int(file.stem) for file in self.folder.glob("*.npz") if file.stem.isdecimal()}
 
     def save(self, number: int, frames: list[Frame], press_mm: list[Position]) -> None:
@@ -128,7 +128,7 @@ class CollectedParts:
         )
 
     def remove(self) -> None:
-        """Remove the folder, because the data set contains all presses."""
+        """Remove the folder; to be called when the data set contains all presses."""
         shutil.rmtree(self.folder, ignore_errors=True)
 
     def _part(self, number: int) -> Arrays:
@@ -169,7 +169,7 @@ class Collected:
     file : the data set; None if no press is complete
     made : number of presses made in this run
     kept : number of stored presses of all runs
-    wanted : number of presses in the list
+    wanted : number of presses in the whole collection
     frames : number of frames in the data set
     """
 
@@ -293,7 +293,9 @@ class Collector:
         return len(order)
 
     def finish(self, made: int = 0) -> Collected:
-        """Write the stored presses as a data set; remove their folder if all presses of the list are stored.
+        """Write the stored presses as a data set; remove their folder if the collection is complete.
+
+        `made` is the number of presses made in this run, for the result.
 
         Raises
         ------

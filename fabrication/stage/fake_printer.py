@@ -56,7 +56,7 @@ class FakePrinter:
 
     Attributes
     ----------
-    place_text : format of the reply to M114, with x, y, z [mm]
+    place_text : format of the reply to M114 (report the position), with x, y, z [mm]
     """
 
     place_text = "X:{0:.2f} Y:{1:.2f} Z:{2:.2f} E:0.00 Count X:0 Y:0 Z:0\nok\n"
@@ -97,11 +97,11 @@ class FakePrinter:
 
     @property
     def due_s(self) -> float:
-        """Time of the next message that the printer sends without a request [s]."""
+        """Time of the next message that the printer sends by itself [s]."""
         return self._due_s
 
     def spoken(self, now_s: float) -> bytes:
-        """Bytes that the printer sends without a request at this time."""
+        """Bytes that the printer sends by itself at time `now_s` [s]; may be empty."""
         if now_s < self._due_s:
             return b""
         if self._says:
@@ -115,7 +115,7 @@ class FakePrinter:
         return b"ok\n" + self._obeyed_all(now_s)
 
     def heard(self, piece: bytes, now_s: float) -> bytes:
-        """Process the host's bytes and return the immediate reply."""
+        """Process the host's bytes at time `now_s` [s] and return the immediate reply."""
         self._kept += piece
         *lines, self._kept = self._kept.split(b"\n")
         self._queue += lines

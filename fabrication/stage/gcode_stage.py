@@ -39,10 +39,10 @@ _UNKNOWN = re.compile(r"unknown command|bad command|not supported|unsupported co
 
 
 def place_of(line: str) -> tuple[tuple[float, float, float], float] | None:
-    """X, Y, Z in a reply to M114 [mm], and the step of their last digit [mm]; None for any other line.
+    """X, Y, Z in a printer's reply to M114 [mm], and the step of their last digit [mm]; None for any other line.
 
-    Marlin, Klipper, Repetier and RepRapFirmware begin the line with X, Marlin 1.0 without blanks, Smoothie with `ok
-    C:`. Positions in other coordinates than those of G1 are ignored: `MCS:`, the part after `Count`, Grbl's status.
+    Most firmware begins the line with X; Marlin 1.0 does so without blanks, and Smoothie begins with `ok C:`. Positions
+    in other coordinates than those of G1 are ignored: `MCS:`, the part after `Count`, Grbl's status.
     """
     found = _PLACE.match(line)
     if found is None:
@@ -206,7 +206,7 @@ def _lines(heard: bytes) -> list[str]:
 
 BAUD = 115200
 TRAVEL_MM = 5.0
-"""Least height of the tip above the pad during lateral motion [mm]."""
+"""Default height of the tip above the pad during lateral motion [mm]."""
 
 NEAR_MM = 1.0
 """Height above the pad below which the tip moves at the pressing speed [mm]."""
@@ -214,7 +214,7 @@ NEAR_MM = 1.0
 TRAVEL_SPEED_MM_S, PRESS_SPEED_MM_S = 30.0, 5.0
 BOOT_S, ANSWER_S, HOMING_S = 15.0, 10.0, 120.0
 TOLERANCE_MM = 0.03
-"""Least tolerance between a reported position and its target [mm]."""
+"""Accepted distance between a reported position and its target [mm]; it is larger if the report is coarse."""
 
 COARSEST_MM = 0.1
 """Coarsest accepted resolution of positions in M114's reply [mm]; whole millimetres are too coarse for presses."""
@@ -230,11 +230,11 @@ class GcodeStage:
 
     Parameters
     ----------
-    port : name of its serial port
+    port : name of the printer's serial port
     limits : permitted positions of the tip, see `stage.limits_of`
     baud : baud rate of the line
     travel_mm : height above the pad for lateral motion [mm]
-    travel_speed_mm_s, press_speed_mm_s : speeds far from the pad, and near or in it [mm/s]
+    travel_speed_mm_s, press_speed_mm_s : speeds of the tip far from the pad, and near or in the pad [mm/s]
     boot_s : longest wait for the printer after opening the port [s]
     answer_s : longest silence while a reply is expected [s]
 

@@ -41,7 +41,7 @@ class Press:
 
     Attributes
     ----------
-    set_number : index of its set in `PressList.sets`
+    set_number : index of the press's set in `PressList.sets`
     place_number : number of the press within the set
     steps_mm : x, y, depth in the cavity frame of each position at which frames are taken, in order [mm]
     """
@@ -148,7 +148,7 @@ LIMIT_SLACK_MM = 1e-6
 
 @dataclass(frozen=True, kw_only=True)
 class StageLimits:
-    """Permitted positions of the tip: the design's press centres and depth, and up to 60 mm above the pad.
+    """Permitted positions of the tip: within the design's workspace, and up to 60 mm above the pad.
 
     Attributes
     ----------
@@ -209,7 +209,7 @@ class Stage(Protocol):
         ...
 
     def lift(self) -> None:
-        """Move straight up to the travel height."""
+        """Move the tip straight up to the height for lateral motion."""
         ...
 
     def position(self) -> Position:

@@ -157,7 +157,7 @@ def _copy_image(chip: ArduinoProgram, image: Path, drive: str | None, *, is_dry:
 
 
 def _found_port(board: BoardSetup, *, is_agreed: bool, may_ask: bool) -> str:
-    """The port of the board, found by its USB identity.
+    """Name of the board's port, found by the USB identity.
 
     A port that is identified only by a common serial chip needs the user's consent (`is_agreed`, or a question if
     `may_ask`).

@@ -30,9 +30,9 @@ from types import FrameType, TracebackType
 from typing import NoReturn, Protocol
 
 AGAIN_S = 0.01
-"""Delay after which Ctrl-C is sent again [s]: longer than a destructor, too short for a person to notice."""
+"""Delay after which a lost Ctrl-C is sent again [s]: longer than a destructor runs, but not noticed by a person."""
 LONGEST_IMPORT_S = 1.5
-"""Longest time that Ctrl-C waits for the end of an import [s]."""
+"""Longest time for which the handling of Ctrl-C is delayed until an import ends [s]."""
 INTERRUPTED = 130
 """Exit code of an interrupted command."""
 PATIENCE_S = 1.2
@@ -161,7 +161,7 @@ def _watch(reading: int) -> None:
 
 
 def _end_compiled() -> None:
-    """End the process if its main thread computes or imports a package."""
+    """End the process at once if its main thread is in a computation or imports a package."""
     frame = _of_main()
     computes = _is_importing(frame)
     while frame is not None and not computes:
@@ -183,7 +183,7 @@ def _end_compiled() -> None:
 
 
 def _is_joining(frame: FrameType) -> bool:
-    """Whether a frame of the call stack waits for the threads of a pool at the end of a block."""
+    """Whether a frame of the call stack is waiting for the threads of a pool at the end of a `with` block."""
     outer: FrameType | None = frame
     while outer is not None and not outer.f_code.co_filename.startswith(OURS):
         if outer.f_code.co_filename.endswith(WAITING) and outer.f_code.co_name in ("shutdown", "__exit__"):

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 DONE, OUR_FAILURE, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
 COLLECTED_AFTER = (100_000, 10, 10)
-"""Thresholds of Python's garbage collector; with the defaults it scans imported modules repeatedly, 8 % of a run."""
+"""Thresholds of Python's garbage collector; by default it scans imported modules often, which takes 8 % of a run."""
 
 
 def main(arguments: list[str] | None = None) -> int:

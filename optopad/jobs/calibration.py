@@ -81,7 +81,7 @@ def calibrate(
 def build_model(
     found: Calibration, data: PressData, *, quick: bool, seed: int, on_step: OnStep
 ) -> SignalMapModel:
-    """The model of a calibrated pad: a map of its signals over location and depth."""
+    """Make the model that reads a calibrated pad: a map of the pad's signals over location and depth."""
     lightmap = mapped(found.design, quick=quick, seed=seed, on_step=on_step)
     header = map_header(found.design, data, lightmap, seed)
     return fit_signal_map(found.design, lightmap, header, data, seed=seed, on_step=on_step)

@@ -84,14 +84,14 @@ def changes_of(designs: Sequence[SensorDesign]) -> dict[str, tuple[object, ...]]
 
 
 def _given(value: object) -> object:
-    """The value, or `ABSENT` for None; so an empty field equals a field in a missing table of the design."""
+    """The value of a field, or `ABSENT` for None, so that an empty field equals a missing one in a comparison."""
     return ABSENT if value is None else value
 
 
 def measures_of(
     designs: Sequence[SensorDesign], rows: Sequence[SweepRow], again: Sequence[SweepRow]
 ) -> tuple[Measure, ...]:
-    """Figures of all designs, with uncertainties from scores with two seeds: `rows` and `again`, in design order."""
+    """Figures of all designs and their uncertainties, from the designs' scores with two seeds: `rows` and `again`."""
     found = []
     for name, (unit, better, floor, figure) in _FIGURES.items():
         values = tuple(figure(row) for row in rows)
@@ -192,7 +192,7 @@ def _usable_error(row: SweepRow) -> float:
 
 
 _OWN_ERRORS: dict[str, Callable[[SweepRow], float]] = {SIGNAL: _signal_error, USABLE: _usable_error}
-"""Functions that compute the uncertainty of a figure from a single score, by the figure's name."""
+"""Functions that compute a figure's uncertainty from a single score; the key is the name of the figure."""
 
 
 def _pad_height_mm(design: SensorDesign) -> float:

@@ -81,7 +81,7 @@ def accuracies(
     Parameters
     ----------
     data : samples of the test sets
-    learner : name of the model in the tables; "" for the kind of the model
+    learner : name of the model in the tables; "" takes the model's kind as name
     """
     name, made = learner or model.header.kind, []
     numbers = np.unique(data.set_number)

@@ -76,7 +76,7 @@ one value."""
 CURVED = 4.0
 """Factor by which the search takes longer per design for a round pad or one with a convex top [-]."""
 SEARCH = 0.4
-"""Fraction of the time budget for the search; the rest is for scores [-]."""
+"""Fraction of the time budget for the search with its coarse light model [-]; the rest is for full scores."""
 SPREAD = 0.6
 """Largest fraction of a search's designs that samples the parts' heights and the pad's thickness evenly [-]."""
 FEWEST, MOST = 12, 400
@@ -89,7 +89,7 @@ FIRMER = 1.3
 The required margin is this factor times the margin of the similar design.
 """
 MOST_JUDGED = 12
-"""Number of designs that are scored before the search reports that none is better."""
+"""Number of designs that are scored in full before the search reports that none is better."""
 LEAST_JUDGED = 2
 """Number of designs that are scored in full even if the search's coarse light finds a deadband in all designs."""
 MOST_BOUNDS = 4
@@ -192,7 +192,7 @@ def trials_of(design: SensorDesign, budget_min: float | None) -> int:
 
 
 def _first(space: SearchSpace, before: ContinuityScore, trials: int) -> list[dict[str, Any]]:
-    """Initial points of the search.
+    """Initial points of the search, as values of the varied fields.
 
     The order is: changes against the cause of the worst deadband, steps that increase the margin according to the
     sensitivities, evenly spread points.
@@ -417,7 +417,7 @@ class JudgedAgain:
         return Judged(figures=quick.figures | own, verdict=verdict, may_be=verdict == "CONTIGUOUS")
 
     def nearest(self, tried: Sequence[Tried]) -> Nearest | None:
-        """The best design among those that were scored; None if none was."""
+        """The best of the scored designs, when none is better than the original; None if no design was scored."""
         digests = {self.space.changed(one.parameters).digest: one for one in tried if one.digest}
         found = [
             (score, digests[digest])

@@ -36,7 +36,7 @@ Press = tuple[float, float, float]
 
 
 def run(design: SensorDesign, out: Path, *, fine: bool, seed: int, on_step: OnStep) -> Bundle:
-    """Make the whole bundle.
+    """Make the whole bundle of a design: mold, verdict, sheets, firmware, driver configuration, report.
 
     Raises
     ------
@@ -67,11 +67,11 @@ def write_parts(
     bed_mm: Bed | None = None,
     slice_parts: bool = False,
 ) -> tuple[dict[str, Any], Path]:
-    """Write mold and tools into the bundle; returns the checks and the bundle.
+    """Write mold and tools into the bundle; returns the results of the mold's checks and the bundle's folder.
 
     Parameters
     ----------
-    bed_mm : build volume of the printer, for the checks; None for the default one
+    bed_mm : build volume of the printer, for the checks [mm]; None for the default one
     slice_parts : whether to run PrusaSlicer for time, filament and warnings
     """
     from cad.export import export_parts
@@ -96,7 +96,7 @@ def write_score(
     full: bool = False,
     builds: int | None = None,
 ) -> tuple[ContinuityScore, Path]:
-    """Write verdict, map and their signals into the bundle; returns the score and the bundle.
+    """Write verdict, map and the map's signals into the bundle; returns the score and the bundle's folder.
 
     Parameters
     ----------
@@ -148,7 +148,7 @@ def write_signals(
 
 
 def write_driver_config(design: SensorDesign, out: Path, *, seed: int) -> Path:
-    """Write driver configuration, wiring and bill of materials into the bundle; returns the bundle."""
+    """Write driver configuration, wiring table and bill of materials into the bundle; returns the bundle's folder."""
     require_valid(design)
     with bundle(design, out, seed=seed) as folder:
         _write_fabrication(design, folder, _known_gain(folder))
@@ -198,7 +198,10 @@ class _Study:
 
 @contextmanager
 def _study(design: SensorDesign, out: Path, builds: int | None, seed: int) -> Iterator[_Study | None]:
-    """Store of finished Monte Carlo units, removed when the bundle is complete; None if no units are requested."""
+    """Yield the Monte Carlo over tolerances with its store of finished units; None if `builds` is None.
+
+    The store is removed when the bundle is complete.
+    """
     if builds is None:
         yield None
         return

@@ -43,7 +43,7 @@ HOW_TO_RELAX = (
 
 @dataclass(frozen=True, kw_only=True)
 class ProtocolView:
-    """A load protocol (depth over time), and the load during it."""
+    """A load protocol (depth of a press over time), and the load during the protocol."""
 
     name: str
     protocol: LoadProtocol
@@ -63,7 +63,7 @@ class PressView:
     young : Young's modulus used for the loads, with its uncertainty band [MPa]
     force : load against depth, from 0 to the deepest requested press
     pressure : contact pressure between tip and pad at the requested depth
-    comparison : published and computed load of the same press
+    comparison : published and computed load of a press whose load is published; None if there is none
     driven : the load protocol, if one was requested
     warnings : warnings about the press
     """

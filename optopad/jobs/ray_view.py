@@ -38,7 +38,7 @@ class RayRequest:
     ----------
     emitter, receiver : number of the part, from 0, or None for all parts
     presses : x, y, depth of each press [mm]; empty chooses the most informative presses
-    count : number of paths drawn for the strongest kind of light; other kinds get fewer
+    count : number of paths drawn for the strongest kind of light; weaker kinds get at most this number
     """
 
     emitter: int | None = None
@@ -76,7 +76,7 @@ class RayView:
 
     @property
     def unit(self) -> float:
-        """Power to which the shown fractions refer, over that of the emitters [-]."""
+        """Reference power of the shown fractions, as a fraction of the emitted power [-]."""
         return self.states[0].total if self.is_aimed and self.states[0].total > 0.0 else 1.0
 
 
@@ -97,11 +97,11 @@ def part_number(parts: Sequence[PlacedPart], text: str, field: str) -> int:
 
 
 def view_rays(design: SensorDesign, request: RayRequest, out: Path, *, seed: int, on_step: OnStep) -> RayView:
-    """Find paths and powers of the light; choose the presses if none are given.
+    """Trace the light paths of a request and their powers; choose the presses if none are given.
 
     Parameters
     ----------
-    out : folder of the bundles; the presses are chosen by the verdict in the design's bundle, if there is one
+    out : folder of the bundles; presses are chosen from the verdict in the design's bundle, if there is one
 
     Raises
     ------
@@ -234,7 +234,7 @@ def view_lines(view: RayView) -> list[str]:
 
 
 def view_json(view: RayView) -> dict[str, Any]:
-    """Powers of the light by kind for JSON, without the paths."""
+    """Powers of the light under each press by kind of path, for JSON; without the paths."""
     return {
         "name": view.design.name,
         "digest": view.design.digest,
@@ -259,7 +259,7 @@ def _state_json(state: RayState, unit: float) -> dict[str, Any]:
 
 
 def paths_json(view: RayView) -> dict[str, Any]:
-    """Everything in the picture for JSON: the legend, and the points of every path."""
+    """Content of a picture of light paths for JSON: powers, legend, and the points of every path."""
     document = view_json(view)
     cavity = cavity_of(view.design)
     for row, state in zip(document["states"], view.states, strict=True):
@@ -291,7 +291,7 @@ def _receiver_name(cavity: CavityGeometry, number: int) -> str | None:
 
 
 def caption(view: RayView) -> str:
-    """The meaning of a picture's lines and numbers."""
+    """Text that explains the lines and numbers in a picture of light paths."""
     lost = (
         "Dotted: rays that reached the receiver while the pad was untouched, followed under the press; crosses: where "
         "they end."

@@ -85,7 +85,7 @@ class Training:
         }
 
     def lines(self) -> list[str]:
-        """Text: used and omitted data, then each model with its file."""
+        """The training as text: used and omitted data, then each model with its file."""
         facts = self.facts
         lines = [
             f"data      {facts['samples']} samples, {facts['touched_samples']} touched; "
@@ -154,7 +154,7 @@ def train_models(
 
 
 def _learners(learner: str, design: SensorDesign | None, effort: str, seed: int) -> dict[str, Learner]:
-    """The requested learners by name; the signal map needs the design."""
+    """The requested learners by name; the learner `signal-map` needs the design."""
     if learner == ALL:
         return dict(LEARNERS)
     if learner in LEARNERS:

@@ -27,8 +27,8 @@ class Measure:
     ----------
     name, unit : name and unit of the figure
     better : "higher" or "lower"; "" if neither is better
-    values : one per design; None if a design does not have the figure
-    uncertainty : one per design, in the unit of the figure
+    values : value for each design; None if a design does not have the figure
+    uncertainty : uncertainty for each design, in the unit of the figure
     winner : index of the design that is better than all others by more than the uncertainties; None if there is none
     """
 
@@ -66,7 +66,7 @@ class Comparison(Result):
     rows : score of each design, and its signal curve in the plot
     changes : fields in which the designs differ, as a mapping from dotted path to the value in each design
     measures : figures of all designs
-    winner_of_verdict : number of the only design without a deadband; None otherwise, or if a verdict is undecided
+    winner_of_verdict : index of the only design without a deadband; None otherwise, or if a verdict is undecided
     folder, stem : folder of the written comparison, and its file name without suffix
     """
 

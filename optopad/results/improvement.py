@@ -43,12 +43,12 @@ class Alternative:
 
 @dataclass(frozen=True, kw_only=True)
 class Nearest:
-    """The best of the designs that were scored, if none is better than the original.
+    """The best of the scored designs, reported if none is better than the original.
 
     Attributes
     ----------
     changes : new values of the changed fields, by dotted path
-    judged : figures of the search
+    judged : figures from the search, with its coarse light model
     score : result of `optopad score`
     at_ends : dotted paths of the fields whose value is at an end of its range
     """

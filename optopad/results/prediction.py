@@ -291,7 +291,7 @@ class Prediction:
 
     @property
     def errors(self) -> xr.Dataset:
-        """Median errors of location and of depth, each (learner, depth) [mm]; NaN if there are no samples."""
+        """Median errors of location and of depth, each (learner, depth) [mm]; NaN where there are no samples."""
         import xarray as xr
 
         pooled = self.found.pooled()

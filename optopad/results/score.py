@@ -82,7 +82,7 @@ class Score(KeyFigures):
 
     @property
     def deadband_mm(self) -> float:
-        """Total length in depth of the deadbands [mm]."""
+        """Total range of depth in deadbands [mm]: the sum of the deadbands' extents in depth."""
         return self.found.deadband_total_mm
 
     @property

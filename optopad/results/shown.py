@@ -50,7 +50,7 @@ class Result(ABC):
 
 
 def block(title: str, lines: Iterable[str], *parts: str) -> str:
-    """HTML of a result: a headline, lines below it, then further finished HTML."""
+    """HTML that shows a result in a notebook: a headline, lines of text, then the HTML pieces `parts`."""
     text = "".join(f"<div>{escape(line)}</div>" for line in lines)
     return f"<div><strong>{escape(title)}</strong>{text}{''.join(parts)}</div>"
 
@@ -63,7 +63,7 @@ def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
 
 
 def picture(draw: Callable[[], Figure], salt: str) -> str:
-    """HTML with a figure as SVG, in the style of the plots."""
+    """HTML with a figure as SVG, in the style of the plots; `salt` makes the SVG's identifiers unique."""
     from sims.plots.style import plain_style, svg_text
 
     with plain_style():
@@ -71,7 +71,7 @@ def picture(draw: Callable[[], Figure], salt: str) -> str:
 
 
 def drawn(draw: Callable[[Axes], Axes], ax: Axes | None, height_in: float) -> Axes:
-    """Draw into the given axes, or into a new pyplot figure, which a notebook shows and `plt.show()` opens."""
+    """Draw into the given axes, or if `ax` is None into a new pyplot figure, and return the axes."""
     from sims.plots.style import plain_style
 
     with plain_style():
@@ -83,7 +83,7 @@ def drawn(draw: Callable[[Axes], Axes], ax: Axes | None, height_in: float) -> Ax
 
 
 def number(value: float | None, digits: int = 2, missing: str = "-") -> str:
-    """A number as text, or `missing` for None."""
+    """A number as text with `digits` decimals, or `missing` for None."""
     return missing if value is None else f"{value:.{digits}f}"
 
 
@@ -98,7 +98,7 @@ on other pads may be larger.
 
 @dataclass(frozen=True, kw_only=True)
 class Search:
-    """The result of a search.
+    """The result of a search for better designs.
 
     Attributes
     ----------
@@ -128,7 +128,7 @@ class Search:
         return self._headline(one.judged, design)
 
     def is_open(self, judged: Judged) -> bool:
-        """Whether the error of the search's light model may change the verdict."""
+        """Whether a design's verdict is undecided, because the error of the search's light model may change it."""
         margin = judged.figures.get("margin")
         error = QUICK_ERRORS[self.findings.space.accuracy]
         return margin is not None and abs(margin - DEADBAND_THRESHOLD) < error

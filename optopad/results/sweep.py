@@ -98,7 +98,7 @@ class Sweep(Result):
         return document
 
     def to_csv(self) -> str:
-        """The table as CSV; undecided or unknown entries are empty."""
+        """The table of the sweep as CSV; undecided or unknown entries are empty."""
         text = io.StringIO()
         writer = csv.writer(text, lineterminator="\n")
         writer.writerow([self.field, *COLUMNS])
@@ -203,7 +203,7 @@ of Young's modulus.
 
 
 def table_row(row: SweepRow) -> dict[str, Any]:
-    """One row of the table, by name of the column."""
+    """One row of the sweep's table, as a mapping from the column's name to the value."""
     score = row.score
     cells: dict[str, Any] = {
         "verdict": score["verdict"],

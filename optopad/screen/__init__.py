@@ -1,4 +1,4 @@
 """The sentences of a verdict: the lines in the terminal, and the sentences that the report shares with them.
 
-Imports of ours: design, sims, work.
+Project modules that it imports: design, sims, work.
 """

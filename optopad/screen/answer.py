@@ -38,7 +38,7 @@ def depth(value_mm: float | None, absent: str = "open") -> str:
 
 
 def signed(value_mm: float | None, absent: str = "open") -> str:
-    """A mode gap [mm] as text without unit, always with its sign; `absent` for None."""
+    """A length with a sign [mm], such as the gap between two modes, as text without unit; `absent` for None."""
     return absent if value_mm is None else f"{value_mm:+.2f}".replace("-", "\N{MINUS SIGN}")
 
 
@@ -100,7 +100,7 @@ class Answer:
 
 
 def answer_of(design: SensorDesign, score: ContinuityScore) -> Answer:
-    """The sentences about a score."""
+    """The sentences that report a design's score: verdict, cause, fix, confidence and resolution."""
     if score.verdict == "OUT_OF_MODEL_SCOPE":
         return Answer(verdict=f"OUT_OF_MODEL_SCOPE: {score.reason}", why="", fix="", sure="", worth="")
     return Answer(
@@ -113,8 +113,10 @@ def answer_of(design: SensorDesign, score: ContinuityScore) -> Answer:
 
 
 def verdict_words(score: ContinuityScore) -> str:
-    """The headline of a score, with the uncertainty range of the usable depth due to the numerical error of the light
-    model."""
+    """The headline of a score: verdict and usable depth.
+
+    The usable depth has an uncertainty range, due to the numerical error of the light model.
+    """
     asked = None if score.force is None else float(score.force.depth_mm[-1])
     depth = score.usable_depth_mm
     words = headline(score.verdict, is_open=score.is_open, usable_mm=depth, asked_mm=asked)
@@ -278,7 +280,7 @@ def _turn(band: ToleranceBand, row: ToleranceRow, values: dict[str, float]) -> t
 
 
 def unit_of(path: str) -> str:
-    """Unit of a field as text with a leading space, by the ending of its name; empty for pure numbers."""
+    """Unit of a field as text with a leading space, from the ending of the field's name; empty for pure numbers."""
     return next((unit for ending, unit in UNITS if path.endswith(ending)), "")
 
 
@@ -340,7 +342,7 @@ def fix_words(trial: Trial | None) -> str:
 
 
 def trial_words(trial: Trial) -> str:
-    """Verdict, usable depth and margin of a design with a trial's changes."""
+    """Text with verdict, usable depth and margin of a design with the changes that a trial computation made."""
     depth = "" if trial.usable_mm is None else f" to {trial.usable_mm:.3g} mm"
     margin = "" if trial.margin is None else f", margin {trial.margin:.1f} sigma"
     return f"{trial.verdict}{depth}{margin}"

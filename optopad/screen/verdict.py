@@ -41,7 +41,7 @@ LABEL = 12
 FIRST = ("full scale", "do not settle", "cannot light", "too much current", "stay tacky")
 """Phrases in warnings that are shown first, because a pad with such a fault would not work."""
 FINDING_LINES = 4
-"""Largest number of lines for one finding."""
+"""Largest number of lines in the terminal for one finding of the design rules."""
 EIGHT_BIT_PRESCALER = 16
 """Prescaler with which an AVR's converter runs at 1 MHz from a clock of 16 MHz.
 
@@ -187,7 +187,7 @@ def as_typed(design: str, changes: Sequence[str] | None) -> str:
 
 
 LEAST_CHANGE_MM = 0.01
-"""Smallest change of a depth that is reported [mm]."""
+"""Smallest change of the usable depth or of a deadband that is reported for a step of a parameter [mm]."""
 
 
 def score_lines(score: ContinuityScore) -> list[str]:
@@ -306,7 +306,7 @@ def build_lines(study: BuildStudy) -> list[str]:
 
 
 def step_lines(steps: FieldSteps) -> list[str]:
-    """Lines with the effect of a small step of each parameter, the one with the largest gain first."""
+    """Lines with the effect of a small step of each parameter; the step that improves the design most is first."""
     order = list(steps.better_sides())
     rows = sorted(steps.rows, key=lambda row: order.index(row.path) if row.path in order else len(order))
     lines = []

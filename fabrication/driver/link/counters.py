@@ -81,7 +81,7 @@ class Repeats:
 
 
 def restarts(values: CountArray, last: int) -> IntArray:
-    """Indices of the sequence numbers (n,) at which the board was restarted.
+    """Indices in `values` (n,), the sequence numbers of frames, at which the board was restarted.
 
     A restart is a number that is not above the previous one, modulo 2^32.
 

@@ -16,7 +16,7 @@ from fabrication.driver.link.protocol import FrameFormat, unpack_frames
 
 US_PER_S = 1e6
 RATE_FRAMES = 256
-"""Largest number of recent frames from which the frame rate is measured."""
+"""Number of latest frames over which the frame rate is measured."""
 
 WEAKEST_BASELINE_COUNTS = 4.0
 """Least untouched signal by which a signal is divided [counts]; a smaller one is dominated by rounding."""
@@ -24,7 +24,7 @@ WEAKEST_BASELINE_COUNTS = 4.0
 
 @dataclass(frozen=True, kw_only=True)
 class Frame:
-    """One complete frame.
+    """One complete frame: a reading of every receiver in every state of the emitters.
 
     Attributes
     ----------
@@ -91,7 +91,7 @@ class FrameDecoder:
         self.begin()
 
     def begin(self) -> None:
-        """Begin a new connection, because the board was restarted and its counters start again."""
+        """Begin a new connection; to be called when the board was restarted, so that its counters start again."""
         self.connection += 1
         self._sequence = WrappingCounter(goes_back=True)
         self._time = WrappingCounter(goes_back=False)

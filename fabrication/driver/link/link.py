@@ -1,4 +1,4 @@
-"""Dialogue with a board on an open port: wait for its reset, identify it, refuse another design, start and stop it."""
+"""Dialogue with a board on an open port: waits for its reset, checks its identity and design, starts and stops it."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ ANSWER_S = 2.5
 """Longest wait for a board's hello after its boot time [s]; the board sends a hello once per second by itself."""
 
 SAY_EVERY_S = 2.0
-"""Interval of the progress messages during a wait [s]."""
+"""Interval between progress messages while waiting for a board [s]."""
 
 US_PER_S = 1e6
 
@@ -157,7 +157,7 @@ class Link:
 
 
 def check_hello(hello: Hello, config: DriverConfig, *, where: str, accept_digest: str | None) -> None:
-    """Refuse a board whose hello names another design.
+    """Check that a board's hello (its identification) names the required design.
 
     Parameters
     ----------
@@ -194,7 +194,7 @@ def is_accepted(digest: str, accept_digest: str | None) -> bool:
 
 
 def require_digest(accept_digest: str | None) -> None:
-    """Refuse a digest of fewer than 8 digits or with other characters than hexadecimal digits, by InputError."""
+    """Raise InputError if a digest has fewer than 8 digits, or characters that are not hexadecimal digits."""
     if accept_digest is not None and not re.fullmatch(r"[0-9a-fA-F]{8,64}", accept_digest):
         raise InputError(
             f"accept_digest: {accept_digest!r} names no design; give 8 to 64 hexadecimal digits of the board's digest"
@@ -202,5 +202,5 @@ def require_digest(accept_digest: str | None) -> None:
 
 
 def interval_us(rate_hz: float) -> int:
-    """Frame interval of a frame rate [us]; 0 (the board's shortest interval) for rate 0."""
+    """Frame interval [us] for a frame rate [Hz]; for rate 0 it is 0, which means the board's shortest interval."""
     return round(US_PER_S / rate_hz) if rate_hz > 0 else 0

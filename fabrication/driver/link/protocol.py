@@ -42,7 +42,7 @@ WRAP = 2**32
 """Number of values of a 32-bit counter; sequence number and device time wrap from WRAP - 1 to 0."""
 
 STAMP = slice(3, 11)
-"""Bytes of a message of readings that hold sequence number and device time."""
+"""Range of bytes in a message of readings that contains sequence number and device time."""
 
 CountArray = NDArray[np.uint32]
 _HELLO = struct.Struct("<2sB7BHII32s")
@@ -52,7 +52,7 @@ _CRC = struct.Struct("<I")
 
 
 class Kind(IntEnum):
-    """Kinds of messages from the board, as the low half of byte 2."""
+    """Kinds of messages from the board; the value is the low half of byte 2 of a message."""
 
     READINGS = 0
     HELLO = 1
@@ -211,7 +211,7 @@ def message_lengths(layout: FrameFormat) -> dict[int, int]:
 
 
 def sealed(content: bytes) -> bytes:
-    """A message: its content followed by the content's CRC."""
+    """Message made of `content` and, at its end, the content's CRC-32."""
     return content + _CRC.pack(zlib.crc32(content))
 
 
@@ -227,7 +227,7 @@ def pack_frames(layout: FrameFormat, sequence: Any, device_us: Any, counts: Any)
     ----------
     layout : shape of the frames
     sequence, device_us : (n,) sequence numbers and device times [us]; both wrap at 2^32
-    counts : (n, state, receiver) readings in the states on the line, from 0 to full scale [counts]
+    counts : (n, state, receiver) readings in all states that are sent, from 0 to full scale [counts]
     """
     values = np.asarray(counts).reshape(-1, layout.readings)
     rows = np.zeros(len(values), _record_type(layout))

@@ -14,7 +14,7 @@ from collections.abc import Mapping
 from fabrication.driver.link.protocol import MAGIC, is_whole
 
 Message = tuple[int, bytes]
-"""A message from the board: its byte 2, and all its bytes."""
+"""A message from the board: byte 2, which gives its kind, and all its bytes."""
 
 HEAD_BYTES = 3
 

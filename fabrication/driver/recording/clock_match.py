@@ -1,4 +1,4 @@
-"""Offset between the clocks of a stage's log and a recording, from the touches in both.
+"""Finds the offset between the clocks of a stage's log and a recording, from the touches in both.
 
 The signals show touches. The first half second, which must be untouched, gives the untouched pattern and its noise.
 Later half seconds without a touch renew the pattern, so that drift does not count as touch. A frame is touched if the
@@ -6,11 +6,10 @@ rest of its change, less the gains of emitters and receivers (`gain_pattern`), i
 touch begins and ends where the depth crosses 0.
 
 Signals and log each give a course, a function of time: 1 while touched, else 0. The courses are correlated over every
-shift at
-which at least half of the shorter one overlaps. The best shifts are then refined on edges, the begins and ends of
-touches. Each edge of the signals is paired with the log's nearest edge of the same kind. The offset is the mean of the
-median lag of the begins and that of the ends. A touch is detected slightly below the surface, so late on the way in and
-early on the way out. If the tip is equally fast both ways, the two errors cancel in the mean.
+shift at which at least half of the shorter one overlaps. The best shifts are then refined on edges, the begins and ends
+of touches. Each edge of the signals is paired with the log's nearest edge of the same kind. The offset is the mean of
+two median lags: of the begins and of the ends. A touch is detected slightly below the surface, so late on the way in
+and early on the way out. If the tip is equally fast both ways, the two errors cancel in the mean.
 
 The match is refused if there are too few edges, if edges do not match, or if several shifts match. If a stage presses
 in one exact rhythm, shifts by a whole press cannot be distinguished.
@@ -190,7 +189,7 @@ def match_at(signals: Touches, log: Touches, shift_s: float) -> ClockMatch:
 
 
 def require_in_step(signals: Touches, log: Touches) -> ClockMatch:
-    """Check that a log's touches match the recording's without a clock offset; return the match.
+    """Check that touches of log and recording match without a clock offset, and return the match.
 
     Raises
     ------

@@ -176,10 +176,11 @@ def _label(dataset: xr.Dataset, labels: PressLabels) -> None:
 
 
 def write_netcdf(recorded: Recorded, out: Path, name: str) -> None:
-    """Write frames as netCDF, completely or not at all.
+    """Write frames as netCDF; the file is written completely or not at all.
 
     Parameters
     ----------
+    out : name of the file
     name : origin of the frames, for the attribute `source`
 
     Raises
@@ -231,7 +232,7 @@ def write_csv(recorded: Recorded, out: Path, name: str) -> None:
 
 
 def can_export() -> bool:
-    """Whether this Python has the libraries for netCDF."""
+    """Whether the libraries for netCDF are installed."""
     from importlib.util import find_spec
 
     return all(find_spec(name) is not None for name in ("xarray", "h5netcdf"))
@@ -248,9 +249,9 @@ def _without_repeats(records: list[Record]) -> list[Record]:
 
 
 def _connections(records: list[Record], found: Unpacked) -> IntArray:
-    """Number of each frame's connection, (time,), from 1.
+    """Number of each frame's connection to the board, (time,), from 1.
 
-    The number rises at every hello between frames, and where the sequence number decreases.
+    The number rises at every hello (identification of the board), and where the sequence number decreases.
     """
     begins, number = np.zeros(len(found.sequence), dtype=bool), 0
     is_new = False

@@ -29,8 +29,8 @@ LATE_S = 0.05
 """If a frame's delay exceeds the shortest one nearby by more than this time [s], the host was busy or asleep."""
 
 LAG_S = 2.0
-"""Length of the blocks of time in which the shortest delay of a frame is searched [s]. If the board's clock is wrong by
-0.5 %, the delay changes by 20 ms over two blocks."""
+"""Length of the blocks of time in each of which the shortest delay of frames is searched [s]. If the board's clock is
+wrong by 0.5 %, the delay changes by 20 ms over two blocks."""
 
 Offset = float | Literal["auto"] | None
 """Clock offset: the recording machine's clock less the log's [s]. `auto` finds the offset from the touches. None states
@@ -56,7 +56,7 @@ class JoinedLog:
 
 
 def joined(recorded: Recorded, log: PositionLog, offset: Offset = None) -> JoinedLog:
-    """Give every frame the log's position at its time.
+    """Give every frame of a recording the tip's position at the frame's time, from a stage's log.
 
     Raises
     ------

@@ -37,10 +37,10 @@ COUNTER_TICKS = 2.0**32
 YES, NO = {"yes", "true", "1"}, {"no", "false", "0"}
 
 LONGEST_GAP_S = 1.0
-"""Longest interval between rows for interpolating a moving tip's position [s]."""
+"""Longest interval between two rows over which a moving tip's position is interpolated [s]."""
 
 STILL_MM = 0.02
-"""Largest distance between rows at which the tip counts as not moving [mm]."""
+"""Largest distance between the positions in two successive rows at which the tip counts as not moving [mm]."""
 
 NOWHERE = -1
 NEEDED = (

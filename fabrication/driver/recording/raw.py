@@ -1,4 +1,4 @@
-"""Recordings of the raw stream: every frame as it arrived over the line, with its CRC.
+"""Writes and reads recordings of the raw stream: every frame as it arrived over the line, with its CRC.
 
     one line of JSON, ended by a line feed:  kind of the file, and the complete driver configuration
     records:  B5 6B, kind u8, length u16, time of this machine f64 [s], content, CRC-32 over all of the record
@@ -90,9 +90,9 @@ def packed_record(kind: RecordKind, host_s: float, content: bytes) -> bytes:
 
 
 class Recorder:
-    """Writes a recording; a context manager.
+    """Writes a recording of the raw stream; a context manager.
 
-    A separate thread writes the records to the system, so that a stalled disk does not delay the reading of the port.
+    A separate thread writes the records to the disk, so that a stalled disk does not delay the reading of the port.
     The methods may be called from several threads.
 
     Parameters

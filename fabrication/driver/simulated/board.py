@@ -109,7 +109,7 @@ class FakeBoard:
 
     @property
     def due_s(self) -> float:
-        """Time of the next message that the board sends without a request [s]."""
+        """Time of the next message that the board sends by itself [s]."""
         return self._due_s
 
     @property
@@ -123,14 +123,14 @@ class FakeBoard:
         return found
 
     def heard(self, piece: bytes, now_s: float) -> bytes:
-        """Process the host's bytes and return the reply."""
+        """Process the host's bytes at time `now_s` [s] and return the reply."""
         answer = b""
         for _, message in self._scanner.feed(piece):
             answer += self._obeyed(*unpack_command(message), now_s)
         return answer
 
     def spoken(self, now_s: float) -> bytes:
-        """Bytes that the board sends without a request at this time; empty before `due_s`."""
+        """Bytes that the board sends by itself at time `now_s` [s]; empty before `due_s`."""
         if now_s < self._due_s:
             return b""
         if not self._is_started:

@@ -24,7 +24,7 @@ KINDS = ("swap", "dead", "saturated", "dim")
 
 @dataclass(frozen=True, kw_only=True)
 class Faults:
-    """Effect of the faults on the signals.
+    """Effect of a simulated unit's faults on its signals.
 
     Attributes
     ----------
@@ -59,7 +59,7 @@ class _Draft:
 
 
 def faults_of(config: DriverConfig, texts: Iterable[str] = ()) -> Faults:
-    """Faults from texts such as `swap:E1,E2`.
+    """Parse faults from texts such as `swap:E1,E2` (kinds: swap, dead, saturated, dim).
 
     Raises
     ------

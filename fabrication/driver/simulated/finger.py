@@ -59,7 +59,7 @@ NO_FINGER = FingerPath(time_s=np.zeros(1), press_mm=np.array([[0.0, 0.0, HOVER_M
 
 
 def demo_path(workspace: WorkspaceLimits, rest_s: float = 2.0) -> FingerPath:
-    """A path for demonstrations: rest, full-depth presses at the middle and near the corners, a stroke across the pad.
+    """A path for demonstrations: rest, deepest presses at the middle and near the corners, a stroke across the pad.
 
     The path takes 14 s plus `rest_s`.
 
@@ -87,7 +87,7 @@ def demo_path(workspace: WorkspaceLimits, rest_s: float = 2.0) -> FingerPath:
 
 
 def read_path(file: Path) -> FingerPath:
-    """A path from a CSV file.
+    """Read the path of a finger from a CSV file.
 
     Raises
     ------

@@ -34,7 +34,7 @@ class Device(Protocol):
         """Time of the next message that the device sends by itself [s]."""
 
     def reset(self, now_s: float) -> None:
-        """Restart, because the port was opened."""
+        """Restart the device at time `now_s` [s], because the port was opened."""
 
     def spoken(self, now_s: float) -> bytes:
         """Bytes that the device sends by itself at time `now_s` [s]; may be empty."""
@@ -64,11 +64,11 @@ class Wire(Protocol):
 
 
 class PtyWire:
-    """A pseudo-terminal; the host opens its `name`.
+    """The device's end of a pseudo-terminal; the host opens its `name`.
 
     Parameters
     ----------
-    link : symbolic link to the pseudo-terminal, whose name stays the same after unplugging; None makes no link
+    link : name of a symbolic link to the pseudo-terminal, so that the port has a fixed name; None makes no link
     """
 
     def __init__(self, link: Path | None = None) -> None:
@@ -101,7 +101,7 @@ class PtyWire:
     def exchange(self, sent: bytes, wait_s: float) -> bytes:
         """Send what the system's buffer accepts, wait up to `wait_s` [s], and return the host's bytes.
 
-        `queued` keeps the rest for the next call.
+        The rest is sent in the next call.
         """
         self._unsent = queued(self._unsent, sent)
         if self._unsent:
@@ -117,7 +117,7 @@ class PtyWire:
             return b""
 
     def close(self) -> None:
-        """Unplug the board. The link is removed first, because the system may reuse the port's name at once."""
+        """Unplug the board. The symbolic link is removed first, because the system may reuse the port's name."""
         if (
             self._link is not None
             and self._link.is_symlink()
@@ -156,7 +156,7 @@ class SocketWire:
     def exchange(self, sent: bytes, wait_s: float) -> bytes:
         """Send the bytes that the host accepts, wait up to `wait_s` [s], and return the host's bytes.
 
-        `queued` keeps the rest for the next call.
+        The rest is sent in the next call.
         """
         host = self._host
         if host is None:

@@ -80,7 +80,7 @@ def _neighbours(line: FloatArray, values: FloatArray) -> list[tuple[NDArray[np.i
 
 
 def untouched_table(config: DriverConfig) -> PressTable:
-    """A table that contains only the untouched pad's simulated signals, from a driver configuration.
+    """Table that contains only the untouched pad's signals, as simulated in a driver configuration.
 
     Raises
     ------
