@@ -1,4 +1,4 @@
-"""Driver of a manufactured sensor: receives frames over a serial line, without the CAD kernel and the models."""
+"""Driver of a manufactured sensor: receives frames over a serial line. It imports no CAD kernel and no models."""
 
 from fabrication.driver.link.frames import Frame
 from fabrication.driver.sensor import Sensor

@@ -51,7 +51,7 @@ SHORT_S = 0.2
 
 HELD_EXCESS = 4.0
 """The pad counts as touched if the excess is above this value [-]. The excess is the mean square of the signals' change
-that gains of parts do not explain, over that of noise. Noise alone gives 1, +-0.2 for 49 degrees of freedom."""
+that gains of parts do not explain, divided by the noise variance. Noise alone gives 1, +-0.2 for 49 degrees of freedom."""
 
 GAIN_S = 1.0
 GAIN_SHARE = 0.95
@@ -81,7 +81,7 @@ class DriftState:
     Attributes
     ----------
     is_held : whether the untouched levels are held constant now
-    excess : mean square of the signals' change that gains of parts do not explain, over that of noise alone [-]
+    excess : mean square of the signals' change that gains of parts do not explain, divided by the noise variance [-]
     drift : relative change of the untouched level since the start, median over the pairs [-]
     is_gain_like : whether the present change exceeds the noise and is explained by changed gains of parts
     gain_steps : number of sudden changes of gains so far
@@ -227,7 +227,7 @@ class DriftTracker:
         return float(np.sqrt((used**2).mean())) if used.size else 0.0
 
     def _excess(self) -> float:
-        """Mean square of the averaged change that gains do not explain, over that of noise alone [-].
+        """Mean square of the averaged change that gains do not explain, divided by the noise variance [-].
 
         The noise is the sum of the noise of the average and of the untouched levels.
         """

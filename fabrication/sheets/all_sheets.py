@@ -65,7 +65,7 @@ def sheet_texts(design: SensorDesign, gain: SimulatedGain | None = None) -> dict
 
     Parameters
     ----------
-    gain : the simulated gain; None omits everything that depends on the gain
+    gain : simulated gain from light to counts; None omits everything that depends on the gain
 
     Raises
     ------

@@ -85,7 +85,7 @@ def bom_rows(design: SensorDesign, gain: SimulatedGain | None = None) -> tuple[B
 
     Parameters
     ----------
-    gain : the simulated gain; if it is None and a rule sets the gain, the feedback components have no values
+    gain : simulated gain from light to counts; without it, feedback components whose values depend on it are left blank
     """
     cavity, board = cavity_of(design), board_of(design)
     return (
@@ -168,7 +168,7 @@ def _switch_rows(design: SensorDesign, emitters: Sequence[PlacedPart], board: Bo
 
 
 def _driver_rows(driver: LedDriver, sink: CurrentSink, emitter_count: int) -> Iterator[BomRow]:
-    """Reference resistors of the LED drivers, and the resistor that keeps their outputs off until the start."""
+    """Reference resistors of LED drivers, and a resistor that keeps outputs off until the program starts."""
     names = tuple(f"L{number + 1}" for number in range(driver.needed(emitter_count)))
     formula = f"{driver.current_ratio:g} x {driver.reference_v:g} V / current"
     yield BomRow(

@@ -115,7 +115,7 @@ def casting_md(design: SensorDesign, gain: SimulatedGain | None = None) -> str:
 
     Parameters
     ----------
-    gain : the simulated gain; if it is None and a rule sets the gain, the feedback components have no values
+    gain : simulated gain from light to counts; without it, feedback components whose values depend on it are left blank
 
     Raises
     ------

@@ -103,7 +103,7 @@ def schematic_svg(design: SensorDesign, gain: SimulatedGain | None = None) -> st
 
     Parameters
     ----------
-    gain : the simulated gain; if it is None and a rule sets the gain, the feedback components have no values
+    gain : simulated gain from light to counts; without it, feedback components whose values depend on it are left blank
 
     Raises
     ------

@@ -333,7 +333,7 @@ def _dimensions(sheet: Sheet) -> Iterator[Element]:
 
 
 def _ends_mm(bare: Outline, direction: Point, inset_mm: float) -> tuple[Point, Point]:
-    """End points of a dimension line, at a distance `inset_mm` from the pad's walls [mm].
+    """End points [mm] of a dimension line across the pad along `direction`, at `inset_mm` inside the far wall.
 
     On a round pad the line passes above the text in the middle.
     """

@@ -1,4 +1,4 @@
 """The work of each command, without the terminal: from a design or data to a filled bundle.
 
-Project modules that it imports: report, results, screen, work and what these import.
+Imported project modules: report, results, screen, work and what these import.
 """

@@ -105,7 +105,7 @@ class Comparison(Result):
         return {one.name: self.labels[one.winner] for one in self.measures if one.winner is not None}
 
     def plot(self) -> Figure:
-        """Signal against depth, one panel per design."""
+        """Plot of signal against depth, one panel per design."""
         from sims.plots.style import plain_style
         from sims.plots.sweep import plot_sweep
 

@@ -54,12 +54,12 @@ class Sweep(Result):
 
     @property
     def values(self) -> tuple[Any, ...]:
-        """Values of the field, in order."""
+        """Values of the swept field, in the order of the request."""
         return tuple(row.value for row in self.rows)
 
     @property
     def verdicts(self) -> tuple[str, ...]:
-        """Verdict at each value."""
+        """Verdict at each value of the swept field."""
         return tuple(row.score["verdict"] for row in self.rows)
 
     @property
@@ -110,7 +110,7 @@ class Sweep(Result):
         return text.getvalue()
 
     def plot(self) -> Figure:
-        """Signal against depth, one panel per value."""
+        """Plot of signal against depth, one panel per value of the swept field."""
         from sims.plots.style import plain_style
         from sims.plots.sweep import plot_sweep
 

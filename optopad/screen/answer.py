@@ -4,7 +4,7 @@ The tools are listed by kind of quantity, coarsest first, each with its resoluti
 or 0.02 mm, but errs by 0.05 mm on small or soft bodies. A measuring microscope is accurate to 0.01 mm. The resolution
 of a calibration is the error of fitted values in ten simulated calibrations with thirty presses each
 (docs/validation/calibration.md), rounded up; on a manufactured unit the error may be larger. The other tools are common
-in optics laboratories; their resolutions are orders of magnitude.
+in optics laboratories; their resolutions are given to an order of magnitude.
 
 Numbers have the same form as on the report page: depths to 0.01 mm, undecided limits as words.
 """

@@ -1,4 +1,4 @@
 """The serial line to the board: ports, messages, checksums, complete frames.
 
-Project modules that it imports: the driver file, design.errors.
+Imported project modules: the driver file, design.errors.
 """

@@ -34,8 +34,7 @@ STEP_S = 0.02
 
 BASELINE_S = 0.5
 TOUCHED_EXCESS = 6.0
-"""A frame is touched if the mean square of its change, gains of parts removed, is above this multiple of that of noise
-alone [-]."""
+"""Threshold [-] above which a frame counts as touched: mean square of its change, without gains of parts, over noise."""
 
 LEAST_FRAMES = 5
 LEAST_NOISE_COUNTS = 0.5

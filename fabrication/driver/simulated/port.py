@@ -27,7 +27,7 @@ QUEUE_BYTES = 16384
 
 
 class Device(Protocol):
-    """Interface of a device simulated on a port, which takes bytes and times [s] and returns bytes."""
+    """Interface of a simulated device on a port; its methods take bytes and times [s] and return bytes."""
 
     @property
     def due_s(self) -> float:
