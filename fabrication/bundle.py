@@ -223,9 +223,9 @@ def _digests(folder: Path) -> dict[str, str]:
 
 
 def _fetch(staging: Path, final: Path, begun_with: dict[str, str]) -> None:
-    """Copy into the working folder `staging` what other commands changed in the bundle since this command began.
+    """Copy into `staging` the files that other commands changed in the bundle since this command began.
 
-    `begun_with` maps each file's name to its digest at the beginning. A file that this command also wrote is kept.
+    `begun_with` has the files' digests at the beginning. A file that this command also wrote is kept.
     """
     _require_no_link(final)
     now = _digests(final)

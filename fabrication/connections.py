@@ -36,13 +36,11 @@ class Connection:
     Attributes
     ----------
     part : the part with its position and orientation
-    pin : name of the pin. "D22" is a digital pin of the board, "S1-Q3" output 3 of shift register S1, "L1-Q3" output 3
-        of LED driver L1, "A0" an analogue channel, "M1-C3" channel 3 of multiplexer M1, "U1-C3" channel 3 of converter
-        U1
-    pin_number : number of the digital pin, of the output counted along the chain of shift registers or LED drivers, of
-        the board's analogue channel, or of the converter
-    address : channel of the multiplexer, or input of the converter, to which the receiver is connected; None if it is
-        connected to the board directly
+    pin : name of the pin: "D22" of the board, "S1-Q3" output 3 of shift register S1, "L1-Q3" output 3 of LED driver L1,
+        "A0" an analogue channel, "M1-C3" channel 3 of multiplexer M1, "U1-C3" channel 3 of converter U1
+    pin_number : number of the digital pin, of the output along the chain of shift registers or LED drivers, of the
+        board's analogue channel, or of the converter
+    address : the receiver's channel of a multiplexer, or input of a converter; None if it has neither
     polarity : how the part's own leads are connected, in words
     number : index of an emitter among the emitters, or of a receiver among the columns of the readings; from 0
     position_mm : centre of the active area in the cavity frame (x, y, z) [mm]
@@ -61,7 +59,7 @@ class Connection:
 
 @dataclass(frozen=True, kw_only=True)
 class Connections:
-    """Connections of all emitters, in the order in which they are lit, and of all receivers, in readings' order."""
+    """Connections of all emitters, in the order of lighting, and of all receivers, in the order of readings."""
 
     emitters: tuple[Connection, ...]
     receivers: tuple[Connection, ...]
@@ -73,7 +71,7 @@ class Connections:
 
 
 def pin_words(design: SensorDesign) -> str:
-    """A sentence that explains the letters in a design's pin names, such as S1-Q3 for an output of a shift register."""
+    """A sentence that explains a design's pin names, such as S1-Q3 for an output of a shift register."""
     words = ["D: digital pin", "A: analogue input"]
     if multiplexer_of(design) is not None:
         words.append("M1-C0: channel 0 of multiplexer M1")

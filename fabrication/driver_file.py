@@ -51,7 +51,7 @@ class BoardSetup:
 
     Attributes
     ----------
-    adc_reference : source of the voltage at which the converter reads full scale
+    adc_reference : source and voltage of the converter's full scale
     baud_error : relative error of the baud rate that the board can generate: made_baud / baud - 1 [-]
     link_number : number by which the firmware names this kind of board; 0 for boards without a number
     usb_ids : USB vendor:product of the maker's boards
@@ -60,9 +60,9 @@ class BoardSetup:
     shift_pins : digital pins for data, clock and latch of the emitters' shift registers; None without shift registers
     address_pins : digital pins of the multiplexers' address, lowest bit first; None without multiplexers
     spi_pins : clock, data out and data in of the SPI bus; None if it is not used
-    converter : name of the converters that read the receivers; None if the board's own converter reads them
+    converter : name of the converters that read the receivers; None for the board's own converter
     select_pins : chip selects of the converters, in their order; None without converters
-    led_driver : name of the LED drivers; None if each emitter has a transistor
+    led_driver : name of the LED drivers; None for a transistor at each emitter
     driver_pins : latch and blank of the LED drivers; None without LED drivers
     config_crc : checksum that the self-test of this design's firmware reports; None if the board has no firmware
     """
@@ -261,7 +261,7 @@ class GainNote:
     counts_per_flux : reading of the median receiver if it got all of an emitter's power [counts]; None if not simulated
     receiver_counts_per_flux : the same quantity for each receiver, in the order of columns
     feedback_ohm, feedback_pf : feedback resistor and capacitor of each receiver's amplifier, in standard values; None
-        if the emitters' power is not known. The resulting gain is within 5 % of the required gain
+        if the emitters' power is not known. Standard values change the gain by up to 5 %
     """
 
     target_counts: float
@@ -331,9 +331,7 @@ def load_driver_config(path: str | os.PathLike[str], *, digest: str | None = Non
 
 
 def config_from_document(document: dict[str, Any], *, where: str) -> DriverConfig:
-    """Make a driver configuration from plain data (parsed TOML), after checks.
-
-    `where` names the data's origin in error messages.
+    """Check plain data (parsed TOML) and make a driver configuration; `where` names their origin in errors.
 
     Raises
     ------

@@ -48,8 +48,8 @@ class Image:
     Attributes
     ----------
     hex_text : the program in the format Intel HEX, which avrdude reads
-    flash_bytes : program memory that the program uses [bytes]
-    ram_bytes : RAM that the program uses, without the stack [bytes]
+    flash_bytes : used program memory [bytes]
+    ram_bytes : used RAM without the stack [bytes]
     """
 
     hex_text: str
@@ -67,7 +67,7 @@ def compiled_image(design: SensorDesign) -> Image:
 
     Raises
     ------
-    DesignError : the design breaks a rule, or the catalogue does not contain all data of the board.
+    DesignError : the design breaks a rule, or the catalogue lacks data of the board.
     DeviceError : no compiler is installed, or the compilation failed.
     """
     with temporary_folder() as scratch:
@@ -181,7 +181,7 @@ def boot_drive(chip: ArduinoProgram, drives: Sequence[Path]) -> Path:
 
     Raises
     ------
-    DeviceError : there is no drive, or several drives, of this kind of board.
+    DeviceError : no drive or several drives match.
     """
     assert chip.boot_drive is not None, "the caller knows that the board has one"
     wanted = f"Board-ID: {chip.boot_drive.board_id}"

@@ -15,7 +15,7 @@ Record = TypeVar("Record")
 
 
 LARGEST_WHOLE = 2**63 - 1
-"""Largest whole number that a field may have; arrays and packed frames cannot hold larger ones."""
+"""Largest whole number in a field, the largest that arrays and packed frames can hold."""
 
 
 class RecordError(ValueError):
@@ -27,7 +27,7 @@ def record_of(kind: type[Record], data: Any, path: str = "") -> Record:
 
     Raises
     ------
-    RecordError : a field is missing, unknown or of another type; the message names the field by its dotted path.
+    RecordError : a field is missing, unknown or of another type; the message names its dotted path.
     """
     if not isinstance(data, dict):
         raise RecordError(f"{path or 'the file'}: is no table")

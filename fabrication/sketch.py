@@ -71,9 +71,9 @@ class ConverterSettings:
     Attributes
     ----------
     commands : name of the commands that the firmware sends, such as ``mcp3208``
-    channels : number of inputs of one converter
+    channels : inputs of one converter
     clock_hz, spi_mode : clock frequency [Hz] and mode of the bus
-    gap_us : time with chip select high between two readings, whole number [us]
+    gap_us : time with chip select high between two readings [us]
     range_code : value of the range registers; 0 for converters without them
     pins : chip select of each converter
     """
@@ -93,8 +93,8 @@ class DriverSettings:
 
     Attributes
     ----------
-    outputs : number of outputs of the whole chain
-    grayscale_bits : number of bits that the chain takes for each output
+    outputs : outputs of the whole chain
+    grayscale_bits : bits for each output
     clock_hz : clock frequency of the bus [Hz]
     turn_on_us : time from the end of blanking until an output is on [us]
     pins : pins of latch and blank
@@ -480,7 +480,7 @@ def write_sketch(design: SensorDesign, folder: Path) -> Path:
 
     Raises
     ------
-    DesignError : the design breaks a rule, or the catalogue does not contain all data of the board; nothing is written.
+    DesignError : the design breaks a rule, or the catalogue lacks data of the board; nothing is written.
     OutputError : the folder cannot be written.
     """
     texts, sketch = sketch_texts(design), folder / SKETCH

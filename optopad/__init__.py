@@ -6,8 +6,8 @@
     optopad.score(design).verdict
     optopad.score(design.with_(**{"cavity.clear_thickness_mm": 10})).deadbands_mm
 
-The parts, each of which imports only earlier ones, are work, screen, results, report, jobs, sensor. Entry points are
-api (Python) and cli (terminal).
+Parts, each importing only earlier ones: work, screen, results, report, jobs, sensor. Entry points: api (Python), cli
+(terminal).
 """
 
 from optopad.api import check, compare, improve, load, predict, presets, run, save, score, sweep

@@ -1,8 +1,8 @@
 """Functions of `import optopad`: load, check, score, sweep, compare, improve, predict, run.
 
 Most functions take a design and return a result; nothing is printed. Long computations take `on_step`, a function that
-is called with the name of a step of the computation and its finished fraction. Long computations write files into the
-designs' bundles in the folder `out`, as the command line does.
+is called with a step's name and its finished fraction. They write files into the bundles in the folder `out`, as the
+command line does.
 """
 
 from __future__ import annotations
@@ -110,13 +110,7 @@ def sweep(
     out: str | PathLike[str] = OUT,
     on_step: OnStep | None = None,
 ) -> Sweep:
-    """Score a design at several values of one field; table and figure are also written to the design's bundle.
-
-    Parameters
-    ----------
-    field : dotted path of the field
-    values : values of the field
-    fine : whether to use finer settings of the light model
+    """Score a design at several values of a field (a dotted path); table and figure are written to the bundle.
 
     Raises
     ------
@@ -143,8 +137,8 @@ def compare(
 
     Parameters
     ----------
-    designs : two or more designs, as a mapping from names to designs, or as a sequence. A sequence uses the designs'
-        own names; equal names are numbered
+    designs : two or more designs, as a mapping from names to designs, or as a sequence that uses the designs' own
+        names; equal names are numbered
 
     Raises
     ------
@@ -206,7 +200,7 @@ def predict(
     out: str | PathLike[str] = OUT,
     on_step: OnStep | None = None,
 ) -> Prediction:
-    """Predict the errors with which learned models estimate touch, location and depth.
+    """Predict the errors of learned models for touch, location and depth.
 
     The paper's data collection is simulated, and models are trained and tested on the simulated data.
 

@@ -3,7 +3,7 @@
 Nothing is installed, and no file remains in a tested folder. Packages are imported in separate processes, so that a
 missing shared library or a crash becomes a finding and does not end the examination. Sizes are reported by the
 operating system; on Linux a container's memory limit is used (control groups, version 2). Optional programs are only
-searched for; whether they work or are recent enough is not tested.
+searched for, not tested.
 """
 
 from __future__ import annotations
@@ -237,9 +237,9 @@ def release(version: str) -> tuple[int, ...]:
 
 
 def import_failures(modules: list[str]) -> list[Failure | None]:
-    """Import modules in separate processes; returns for each module its failure, or None for success.
+    """Import modules in separate processes; returns each module's failure, or None for success.
 
-    Modules are imported together in processes that run in parallel; after a failure, each module gets its own process.
+    Several modules share a process; after a failure, each module gets its own.
     """
     processes = min(cpu_count(), len(modules))
     groups = [modules[number::processes] for number in range(processes)]

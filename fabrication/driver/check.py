@@ -39,9 +39,7 @@ from fabrication.driver.pattern import (
 from fabrication.driver.wiring_check import exchanged_wires
 
 DEAD_SHARE = 0.1
-"""An emitter or receiver counts as dead if all its readings are below this share of a reference reading [-].
-
-The reference is the best expected reading of the part that is expected to be weakest."""
+"""A part counts as dead if all its readings are below this share of the weakest part's best expected reading [-]."""
 
 DIM_SHARE = 0.4
 """An emitter or receiver is reported as dim if its ratio of measured to expected readings is below this share of the

@@ -50,15 +50,17 @@ SHORT_S = 0.2
 """Time constant of the averaged change of signals from which a touch is detected [s]."""
 
 HELD_EXCESS = 4.0
-"""The pad counts as touched if the excess is above this value [-]. The excess is the mean square of the signals' change
-that gains of parts do not explain, divided by the noise variance. Noise alone gives 1, +-0.2 for 49 degrees of freedom."""
+"""Threshold of the excess above which the pad counts as touched [-].
+
+The excess is the mean square of the signals' change that gains of parts do not explain, over the noise variance. Noise
+alone gives about 1."""
 
 GAIN_S = 1.0
 GAIN_SHARE = 0.95
 LEAST_GAIN, GAIN_SIGMAS = 0.005, 5.0
 LEAST_FREEDOM = 16
-"""Least number of pairs, beyond the number of fitted gains of parts, for detecting steps of gain. With fewer, a press
-resembles a change of gains."""
+"""Least number of pairs, beyond the number of fitted gains, for detecting steps of gain; with fewer, a press resembles
+a change of gains."""
 
 LONGEST_STEP = 0.5
 """Largest time step with which one frame updates the untouched levels, after a pause [time constants]. A larger step
@@ -83,7 +85,7 @@ class DriftState:
     is_held : whether the untouched levels are held constant now
     excess : mean square of the signals' change that gains of parts do not explain, divided by the noise variance [-]
     drift : relative change of the untouched level since the start, median over the pairs [-]
-    is_gain_like : whether the present change exceeds the noise and is explained by changed gains of parts
+    is_gain_like : whether changed gains of parts explain the present change, and it exceeds the noise
     gain_steps : number of sudden changes of gains so far
     held_without_touch_s : time for which `excess` has been above its threshold although the model saw no touch [s]
     """
@@ -112,8 +114,8 @@ class DriftTracker:
     ----------
     untouched : (pair,) tracked levels [counts]
     gain_steps : number of sudden changes of the parts' gains so far
-    start_mismatch : relative deviation of `start` from `trained` that gains of parts do not explain, root mean square
-        over the pairs [-]; a large value indicates a contact at the start
+    start_mismatch : relative deviation of `start` from `trained` that gains do not explain, root mean square over the
+        pairs [-]; a large value indicates a contact
 
     Raises
     ------
@@ -138,7 +140,7 @@ class DriftTracker:
         self.untouched: FloatArray = start.mean(axis=0).ravel()
         self._first = self.untouched.copy()
         self._level_noise = 1.0 / len(start)
-        """Ratio of the untouched levels' variance to the variance of one frame's signals [-]."""
+        """Variance of the untouched levels, relative to the variance of one frame's signals [-]."""
         self._calibrate(start.reshape(len(start), -1))
         self.start_mismatch = self._mismatch()
         self.gain_steps = 0
@@ -147,7 +149,7 @@ class DriftTracker:
         [counts]."""
         self._short = np.zeros(self.untouched.size)
         self._short_noise = 0.0
-        """Ratio of the variance of the average in `_short` to the variance of one frame's signals [-]."""
+        """Variance of the averaged change of signals, relative to the variance of one frame's signals [-]."""
         self._touched_share = 0.0
         self._time_s: float | None = None
         self._held_s = -math.inf

@@ -39,7 +39,7 @@ POLL_S = 0.2
 
 FASTEST_HZ = 100_000.0
 SLOWEST_HZ = 0.001
-"""Lowest frame rate [Hz], the same as for a design. Intervals must be below 2^31 us, which means 0.00047 Hz."""
+"""Lowest frame rate, the same as for a design [Hz]; the board's clock could time 0.00047 Hz (2^31 us)."""
 
 SILENCE_S = 1.0
 """Silence after which the board counts as lost when a limited reading time ends [s]; at least three frame intervals."""
@@ -53,7 +53,7 @@ class Sensor:
     config : driver.toml of the sensor's design, or the configuration read from such a file
     port : name of the port; None finds the board by its USB identity
     rate_hz : frames per second; None takes the design's rate, 0 the board's fastest
-    accept_digest : first 8 digits or more of another design's digest that is accepted; None accepts no other design
+    accept_digest : first 8 or more digits of the digest of another accepted design; None accepts no other
     baseline_s : time for which the untouched pad is read on opening [s]; 0 takes no baseline
     patience_s : longest wait for the board on opening, and for a frame, including reconnection [s]; None takes 10 s, or
         more for a board that boots more slowly. The wait for a frame is at least three frame intervals
@@ -133,7 +133,7 @@ class Sensor:
         Raises
         ------
         DeviceError : no frame arrived within `patience_s`, or the time ended while the board was lost or silent.
-        OutputError : a recording failed. The recording contains all earlier frames.
+        OutputError : a recording failed; it contains all earlier frames.
         """
         heard_at = time.monotonic()
         end = None if seconds is None else heard_at + seconds
@@ -155,7 +155,7 @@ class Sensor:
         Raises
         ------
         DeviceError : no frame arrived within `patience_s`.
-        OutputError : a recording failed. The recording contains all earlier frames, and reading may continue.
+        OutputError : a recording failed; it contains all earlier frames, and reading may continue.
         """
         stream, end = self._open, time.monotonic() + self._patience_s
         while time.monotonic() < end:

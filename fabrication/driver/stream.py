@@ -42,17 +42,17 @@ Connect = Callable[[Callable[[], bool]], tuple[Link, Hello]]
 
 @dataclass
 class LinkCounts:
-    """Counts of received, lost and damaged frames, and of reconnections, since the line was opened.
+    """Numbers of frames, errors and reconnections on a serial line since it was opened.
 
     Attributes
     ----------
-    frames : number of complete frames received
-    lost : number of frames missing, according to the sequence numbers
-    damaged : number of messages whose CRC was wrong
-    skipped_bytes : number of bytes that belonged to no complete message
-    overrun : number of frames dropped because they were not read in time
-    reconnects : number of connections after the first one, because the board was plugged in again or restarted
-    doubled : number of frames that arrived twice, with the same number and time; the second was dropped
+    frames : complete frames received
+    lost : frames missing, by their sequence numbers
+    damaged : messages whose CRC was wrong
+    skipped_bytes : bytes that belonged to no complete message
+    overrun : frames dropped because they were not read in time
+    reconnects : connections after the first one, because the board was plugged in again or restarted
+    doubled : frames that arrived twice, with the same number and time; the second was dropped
     """
 
     frames: int = 0

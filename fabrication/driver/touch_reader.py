@@ -193,10 +193,7 @@ class TouchReader:
         return np.array(point), np.array(normal)
 
     def _force_sigma_n(self, found: Prediction, k: int) -> float:
-        """Standard deviation of the force [N], due to that of the depth.
-
-        It is half the difference of the forces at depths one standard deviation above and below.
-        """
+        """Standard deviation of the force [N]: half its difference between depths one deviation above and below."""
         curve = self.model.header.force_curve
         if curve is None:
             return math.nan

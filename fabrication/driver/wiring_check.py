@@ -32,15 +32,15 @@ from fabrication.driver.pattern import (
 Order = tuple[int, ...]
 
 PART_SPREAD = 0.3
-"""Standard deviation of the logarithm of a part's brightness or sensitivity relative to its expected value [-].
+"""Standard deviation of the logarithm of a part's actual over expected brightness or sensitivity [-].
 
-Resistors scatter by 5 %, brightness classes of LEDs by a factor of 1.5; seating adds to both.
+Causes are resistors (5 %), brightness classes of LEDs (a factor of 1.5), and seating.
 """
 
 PAIR_SPREAD = 0.12
-"""Standard deviation of the logarithm of a pair's reading over its expected value, parts' factors removed [-].
+"""Standard deviation of the logarithm of a pair's actual over expected reading, factors of parts removed [-].
 
-The causes are positions and heights of parts, and errors of the model.
+Causes are positions and heights of parts, and errors of the model.
 """
 
 LARGEST_MISS = 5.0
@@ -50,8 +50,7 @@ EVIDENCE = 20.0
 """Least reduction of the misfit for accepting an exchange of wires [-]; this means odds of e^10 to one."""
 
 EQUAL = 8.0
-"""Exchanges of wires are reported as equally likely if their misfit is within this value of the lowest one [-]; this
-means odds of less than 50 to one."""
+"""Exchanges of wires count as equally likely if their misfits differ by less than this [-]; odds below 50 to one."""
 
 NORMAL_MEDIAN_SQUARE = 0.455
 """Median of the square of a standard normal variable [-]."""
@@ -139,9 +138,9 @@ def _fitted(pattern: Pattern, usable: BoolArray, rows: Order, columns: Order) ->
 
 
 def _part_factors(difference: FloatArray, told: BoolArray) -> tuple[FloatArray, FloatArray, float]:
-    """Fit differences (emitter, receiver) by terms of emitters and receivers and a common term, by ridge regression.
+    """Fit (emitter, receiver) differences, where `told`, by terms of emitters, of receivers and a common one.
 
-    Only pairs where `told` is true are fitted. Returns the emitters' terms, the receivers' terms, the common term.
+    The terms are returned in this order; the fit is a ridge regression.
     """
     emitters, receivers = difference.shape
     weight = told.astype(np.float64)

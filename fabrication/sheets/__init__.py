@@ -1,4 +1,4 @@
 """Sheets for manufacturing: bill of materials, casting, wiring, schematic, gain.
 
-Imported project modules: the files directly in `fabrication/`, design, cad, sims.readings.
+Project imports: the files directly in `fabrication/`, design, cad, sims.readings.
 """

@@ -65,7 +65,7 @@ def sheet_texts(design: SensorDesign, gain: SimulatedGain | None = None) -> dict
 
     Parameters
     ----------
-    gain : simulated gain from light to counts; None omits everything that depends on the gain
+    gain : simulated gain from light to counts; None omits what depends on it
 
     Raises
     ------
@@ -91,7 +91,7 @@ def write_sheets(design: SensorDesign, folder: Path, gain: SimulatedGain | None 
 
     Raises
     ------
-    DesignError : the catalogue does not have a part or material, or the board does not have a pin; nothing is written.
+    DesignError : the catalogue lacks a part or material, or the board a pin; nothing is written.
     OutputError : the folder cannot be written.
     """
     texts = sheet_texts(design, gain)

@@ -85,7 +85,7 @@ def bom_rows(design: SensorDesign, gain: SimulatedGain | None = None) -> tuple[B
 
     Parameters
     ----------
-    gain : simulated gain from light to counts; without it, feedback components whose values depend on it are left blank
+    gain : simulated gain from light to counts; None leaves values that depend on it blank
     """
     cavity, board = cavity_of(design), board_of(design)
     return (

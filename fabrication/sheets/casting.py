@@ -48,8 +48,8 @@ class Pour:
     thickness_mm : thickness of the layer at its highest point
     net_g : weight of the layer in the pad [g]
     mixed_g : weight to mix, including waste [g]
-    base_g, agent_g : weights of base and curing agent to mix [g]
-    carbon_g : weight of carbon black to stir in, by the assumed share [g]; 0 in the clear layer
+    base_g, agent_g : weights of base and curing agent [g]
+    carbon_g : weight of carbon black [g], by the assumed share; 0 in the clear layer
     """
 
     layer: str
@@ -106,8 +106,7 @@ COVER_PLAY_MM = 0.6
 """Clearance between a glass cover and its seat [mm]; printed openings may be too small by up to this value."""
 
 MOST_WEIGHING_ERROR = 0.05
-"""Largest accepted relative error of the mixing ratio due to the scale's resolution [-]; the stiffness depends on the
-mixing ratio."""
+"""Largest accepted relative error of the mixing ratio due to the scale's resolution [-]; it affects the stiffness."""
 
 
 def casting_md(design: SensorDesign, gain: SimulatedGain | None = None) -> str:
@@ -115,7 +114,7 @@ def casting_md(design: SensorDesign, gain: SimulatedGain | None = None) -> str:
 
     Parameters
     ----------
-    gain : simulated gain from light to counts; without it, feedback components whose values depend on it are left blank
+    gain : simulated gain from light to counts; None leaves values that depend on it blank
 
     Raises
     ------

@@ -38,7 +38,7 @@ WALL, CLEAR, BLACK, BODY, INK, QUIET = "#d9d9d9", "#eaf4ff", "#4d4d4d", "#ffffff
 
 
 def orientation_svg(design: SensorDesign) -> str:
-    """Drawing of each kind of part in its wall as SVG text: sections through the sockets, to scale.
+    """Sections through the sockets of all kinds of parts, to scale, as SVG text.
 
     Raises
     ------

@@ -103,7 +103,7 @@ def schematic_svg(design: SensorDesign, gain: SimulatedGain | None = None) -> st
 
     Parameters
     ----------
-    gain : simulated gain from light to counts; without it, feedback components whose values depend on it are left blank
+    gain : simulated gain from light to counts; None leaves values that depend on it blank
 
     Raises
     ------
@@ -185,7 +185,7 @@ def _switch(one: Connection, board: Board, corner: Point) -> Element:
 
 
 def _sunk(one: Connection, board: Board, sink: CurrentSink, corner: Point) -> Element:
-    """Drawing of one emitter at an output of an LED driver; the cell begins at `corner`."""
+    """Drawing of one emitter at an LED driver's output, from `corner` on."""
     x, y = corner[0] + 150, corner[1]
     name = one.part.name
     cell = svg.group(f"{name}: {one.polarity}")

@@ -107,7 +107,7 @@ POCKET_COLOUR = "#ffffff"
 CAVITY_COLOUR = "#f4f9ff"
 
 NAME_PX, NOTE_PX, HEADING_PX = 16.0, 13.0, 20.0
-"""Font sizes of the parts' references, of notes and of the heading [px]."""
+"""Font sizes of references, notes and heading [px]."""
 LETTER_SHARE = 0.6
 """Assumed width of a letter as a fraction of the font size [-]; the average is smaller."""
 LABEL_LINES = 3
@@ -132,10 +132,9 @@ class Sheet:
     outline : dimensions of the mold
     scale : scale of the drawing [px/mm]
     left, top : sheet position of the cavity's upper left corner, at low x and high y [px]
-    pitch : horizontal distance between labels above and below the pad [px]
-    columns : distances from the end of a label's leader line to reference, pin and position, for labels left and right
-        of the pad [px]
-    side : width of the labels left and right of the pad [px]
+    pitch : horizontal distance between labels [px]
+    columns : for labels left and right of the pad, distances from the leader line to reference, pin and position [px]
+    side : width of these labels [px]
     """
 
     outline: MoldOutline

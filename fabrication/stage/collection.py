@@ -44,7 +44,7 @@ COLUMNS = ("counts", "press_mm", "connection", "sequence", "device_us", "host_s"
 
 
 class CollectedParts:
-    """The folder with the stored presses of one unattended collection of a data set.
+    """The folder with the stored presses of one collection of a data set.
 
     Parameters
     ----------
@@ -162,7 +162,7 @@ TRIES = 3
 
 @dataclass(frozen=True, kw_only=True)
 class Collected:
-    """Result of one run of an unattended collection of a data set.
+    """Result of one run of a collection of a data set.
 
     Attributes
     ----------
@@ -295,7 +295,7 @@ class Collector:
     def finish(self, made: int = 0) -> Collected:
         """Write the stored presses as a data set; remove their folder if the collection is complete.
 
-        `made` is the number of presses made in this run, for the result.
+        `made` is the number of this run's presses, for the result.
 
         Raises
         ------

@@ -111,8 +111,8 @@ def read_press_list(file: Path) -> PressList:
 
     Raises
     ------
-    InputError : the file cannot be read, a column or number is missing, two sets have the same name, or rows of one
-        press are not consecutive.
+    InputError : the file cannot be read or is incomplete, two sets have the same name, or rows of one press are not
+        consecutive.
     """
     table = read_csv(
         file, needed=f"a CSV table with {','.join(NEEDED)}, optionally 'set', 'place'", lower=True
@@ -138,7 +138,7 @@ def read_press_list(file: Path) -> PressList:
 
 
 Position = tuple[float, float, float]
-"""Position of the tip: x, y, depth in the cavity frame [mm]; depth is positive into the pad."""
+"""Position of the tip: x, y, depth in the cavity frame [mm], depth positive into the pad."""
 
 HIGHEST_MM = 60.0
 """Largest permitted height of the tip above the pad [mm]; a larger value indicates a wrong unit."""

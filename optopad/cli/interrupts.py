@@ -51,7 +51,7 @@ DEAF = float("inf")
 
 _arrived_s: list[float] = []
 _answered_s: list[float] = [-1.0]
-"""Time of the last Ctrl-C that reached the main thread [s], as a list of one number so that functions can change it."""
+"""Time of the last Ctrl-C that reached the main thread [s]; a list of one number."""
 
 
 class _Unraisable(Protocol):

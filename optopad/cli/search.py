@@ -74,10 +74,7 @@ def improve(
 
 
 def _text(where: str, design: SensorDesign, *, is_changed: bool) -> str | None:
-    """Text of a design file; None if the file does not describe the design completely.
-
-    This is so if fields were changed (`is_changed`), or if the design has custom parts.
-    """
+    """Text of a design file; None if fields were changed (`is_changed`) or the design has parts of its own."""
     from design.io import read_design_text
     from design.preset import preset_text
 

@@ -1,4 +1,4 @@
 """The work of each command, without the terminal: from a design or data to a filled bundle.
 
-Imported project modules: report, results, screen, work and what these import.
+Project imports: report, results, screen, work and what these import.
 """

@@ -64,8 +64,8 @@ def search(
     scheduler : address of a Dask scheduler whose workers evaluate the designs; None evaluates them in this process
     first : points of the search space to evaluate before the sampler proposes points
     refine : function that proposes further points to evaluate after the sampler's points
-    also_mm : (x, y) of locations to evaluate on each pad in addition to the map's [mm]; a continued search keeps the
-        locations with which it began
+    also_mm : (x, y) of locations to evaluate on each pad in addition to the map's [mm]; a continued search keeps its
+        first ones
 
     Raises
     ------

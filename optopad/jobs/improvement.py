@@ -7,9 +7,9 @@ outputs/improve-<name>-<digest8>/
   1-fewest-changes.toml ...    the alternatives: the original design file with the changed lines marked
   improve.json                 the design before and the alternatives, with their scores
 
-Candidates are ordered by each quantity to improve (kind), the best first. A candidate becomes an alternative if its
-score has no deadband and is better than before, and if no unmeasured parameter changes its verdict. If no candidate
-passes, all others that may have no deadband are scored. If these also fail, the nearest design is reported.
+For each quantity to improve (kind), the best candidates are scored first. A candidate becomes an alternative if it has
+no deadband and is better than before, and if no unmeasured parameter changes its verdict. If all fail, other designs
+that may have no deadband are scored. If these fail too, the nearest design is reported.
 
 The error of quick light mostly has the same sign for similar designs. The median amount by which quick light overrates
 the margin is estimated from all scored designs, and subtracted for the others.
@@ -84,16 +84,13 @@ FEWEST, MOST = 12, 400
 ATTEMPTS, ROW_ATTEMPTS = 4, 8
 """Largest number of candidates to score for each quantity to improve, for a pad and for facing rows."""
 FIRMER = 1.3
-"""Factor for the required margin of a candidate [-], if an unmeasured parameter changes a similar design's verdict.
-
-The required margin is this factor times the margin of the similar design.
-"""
+"""If an unmeasured parameter changes a design's verdict, similar candidates need this factor times its margin [-]."""
 MOST_JUDGED = 12
 """Number of designs that are scored in full before the search reports that none is better."""
 LEAST_JUDGED = 2
 """Number of designs that are scored in full even if the search's coarse light finds a deadband in all designs."""
 MOST_BOUNDS = 4
-"""Largest number of pad designs from a search for which bounds of location and depth are computed."""
+"""Largest number of a search's pads for which bounds of location and depth are computed."""
 PLACE = "location_bound_mm"
 
 
@@ -115,9 +112,9 @@ def improve(
     Parameters
     ----------
     text : text of the design file, whose comments the alternatives keep; None writes files without comments
-    vary : fields to vary in addition to the default ones, each with its range or None for the default range
+    vary : additional fields to vary, each with its range or None for the default range
     keep : fields to leave unchanged
-    more_parts : whether the search may also add parts to a side
+    more_parts : whether the search may add parts to a side
     budget_min : approximate time on two idle cores [min]; None for the default
 
     Raises
@@ -194,8 +191,7 @@ def trials_of(design: SensorDesign, budget_min: float | None) -> int:
 def _first(space: SearchSpace, before: ContinuityScore, trials: int) -> list[dict[str, Any]]:
     """Initial points of the search, as values of the varied fields.
 
-    The order is: changes against the cause of the worst deadband, steps that increase the margin according to the
-    sensitivities, evenly spread points.
+    The order is: changes against the cause of the worst deadband, steps with a good sensitivity, evenly spread points.
     """
     cause = before.causes[0] if before.causes else None
     side = 0 if cause is None else {"apart": 1, "used up": -1}.get(cause.lack, 0)
@@ -335,8 +331,8 @@ class JudgedAgain:
     ) -> Alternative | None:
         """The first candidate that scores better than the original and whose verdict no unmeasured parameter changes.
 
-        If there is none, the first candidate that scores better is returned; None if no candidate does. For "most
-        depth", the usable depth may be up to `NEAR_BEST_MM` below the usable depth of the deepest design.
+        If there is none, the first that scores better is returned; None if no candidate does. For "most depth", the
+        usable depth may be up to `NEAR_BEST_MM` below that of the deepest design.
 
         Parameters
         ----------
@@ -381,10 +377,7 @@ class JudgedAgain:
         return undecided
 
     def _next_of(self, candidates: Sequence[Tried], margin: float) -> Tried:
-        """The first candidate with the required margin, or the best candidate if none has it.
-
-        Before the comparison, the search's typical error of the margin is subtracted.
-        """
+        """The first candidate with the required margin after correction for the search's typical error, else the best."""
         safe = [one for one in candidates if margin_of(one.judged) - self.overrated >= margin]
         return safe[0] if safe else max(candidates, key=_worth)
 
@@ -417,7 +410,7 @@ class JudgedAgain:
         return Judged(figures=quick.figures | own, verdict=verdict, may_be=verdict == "CONTIGUOUS")
 
     def nearest(self, tried: Sequence[Tried]) -> Nearest | None:
-        """The best of the scored designs, when none is better than the original; None if no design was scored."""
+        """The best of the scored designs; None if no design was scored."""
         digests = {self.space.changed(one.parameters).digest: one for one in tried if one.digest}
         found = [
             (score, digests[digest])

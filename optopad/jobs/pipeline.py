@@ -67,7 +67,7 @@ def write_parts(
     bed_mm: Bed | None = None,
     slice_parts: bool = False,
 ) -> tuple[dict[str, Any], Path]:
-    """Write mold and tools into the bundle; returns the results of the mold's checks and the bundle's folder.
+    """Write mold and tools into the bundle; returns the mold's checks and the bundle's folder.
 
     Parameters
     ----------
@@ -100,9 +100,9 @@ def write_score(
 
     Parameters
     ----------
-    full : whether to compute the map at more locations and in depth steps of 0.1 mm
-    fine : whether to compute the map of `full` with finer settings of the light model
-    builds : number of units in a Monte Carlo over manufacturing tolerances; None runs no Monte Carlo
+    full : whether to compute a finer map
+    fine : whether to compute the finer map with finer settings of the light model
+    builds : number of units in a Monte Carlo over manufacturing tolerances; None runs none
     """
     require_valid(design)
     with _study(design, out, builds, seed) as study, bundle(design, out, seed=seed) as folder:
@@ -134,7 +134,7 @@ def write_signals(
 ) -> tuple[dict[str, Any], Path]:
     """Write the signals of presses into the bundle; returns a summary and the bundle's folder.
 
-    `oracle_rays` is the number of rays per emitter and press of the plain ray tracer; None omits the ray tracer.
+    `oracle_rays` is the number of the ray tracer's rays per emitter and press; None omits the ray tracer.
     """
     from optopad.jobs.signals import simulated
 
@@ -190,7 +190,7 @@ def _checks(folder: Path) -> dict[str, Any]:
 
 @dataclass(frozen=True, kw_only=True)
 class _Study:
-    """A Monte Carlo over tolerances: the requested number of simulated units, and the store of finished units."""
+    """A Monte Carlo over tolerances: requested number of simulated units, and store of finished ones."""
 
     builds: int
     memo: FinishedWork
@@ -198,10 +198,7 @@ class _Study:
 
 @contextmanager
 def _study(design: SensorDesign, out: Path, builds: int | None, seed: int) -> Iterator[_Study | None]:
-    """Yield the Monte Carlo over tolerances with its store of finished units; None if `builds` is None.
-
-    The store is removed when the bundle is complete.
-    """
+    """Yield the Monte Carlo over tolerances with its store, removed afterwards; None if `builds` is None."""
     if builds is None:
         yield None
         return

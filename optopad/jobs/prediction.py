@@ -100,7 +100,7 @@ class Effort:
     ----------
     protocol : name of the packaged protocol
     fit : name of the settings for training
-    is_coarse : whether to trace light at only two thirds of the usual number of depths
+    is_coarse : whether to trace light at only two thirds of the usual depths
     learners : default learners
     """
 

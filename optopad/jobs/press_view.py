@@ -61,10 +61,10 @@ class PressView:
     press : the deformed surface at the requested depth
     tip_mm : outline of the tip: distance from the axis, and height above the tip's lowest point [mm]
     young : Young's modulus used for the loads, with its uncertainty band [MPa]
-    force : load against depth, from 0 to the deepest requested press
+    force : load against depth
     pressure : contact pressure between tip and pad at the requested depth
-    comparison : published and computed load of a press whose load is published; None if there is none
-    driven : the load protocol, if one was requested
+    comparison : published and computed load of one press; None without a published load
+    driven : the load protocol; None if none was requested
     warnings : warnings about the press
     """
 

@@ -220,7 +220,7 @@ def _read_score(file: Path) -> dict[str, Any]:
 
 
 def view_lines(view: RayView) -> list[str]:
-    """Text with the light of every press by kind of path (mode 1, mode 2, scattered, lost), one line per press."""
+    """Text with the light of every press by kind of path (mode 1, mode 2, ...), one line per press."""
     of = "of the untouched light" if view.is_aimed else "of the emitted light"
     lines = [f"light     {view.name}, powers in % {of}; presses {view.presses_are}"]
     for state in view.states:

@@ -36,8 +36,7 @@ def write_protocol_data(
 ) -> dict[str, Any]:
     """Simulate a press protocol and write its data set into the bundle; returns a summary.
 
-    Stored results of light tracing are reused. Presses that an earlier, interrupted run of the same work finished are
-    read from the file in which that run stored them in ``out``.
+    Stored results of light tracing are reused, as are finished presses of an interrupted run of the same work.
 
     Raises
     ------

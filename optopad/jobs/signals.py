@@ -38,8 +38,8 @@ def simulated(
 
     Parameters
     ----------
-    presses : rows of x, y, depth [mm]; empty for a series of default depths at the workspace's centre
-    oracle_rays : number of rays of the ray tracer per emitter and press; None omits the ray tracer
+    presses : rows of x, y, depth [mm]; empty for default depths at the workspace's centre
+    oracle_rays : number of the ray tracer's rays per emitter and press; None omits it
     """
     cavity = cavity_of(design)
     states = np.array(presses) if presses else _default_presses(design, cavity, oracle_rays is not None)

@@ -82,7 +82,7 @@ class Score(KeyFigures):
 
     @property
     def deadband_mm(self) -> float:
-        """Total range of depth in deadbands [mm]: the sum of the deadbands' extents in depth."""
+        """Sum of the deadbands' extents in depth [mm]."""
         return self.found.deadband_total_mm
 
     @property
@@ -108,9 +108,7 @@ class Score(KeyFigures):
 
     @cached_property
     def signals(self) -> xr.Dataset:
-        """Light under the presses of the map, (press, emitter, receiver); the data of `signals.nc` in a bundle.
-
-        The first axis has the name `state`.
+        """Light under the map's presses, (state, emitter, receiver), a state being a press; as in `signals.nc`.
 
         Raises
         ------

@@ -60,7 +60,7 @@ def counted(count: int, one: str, many: str | None = None) -> str:
 USABLE_DOUBT_MM = 0.2
 """Width of the usable depth's uncertainty range at and above which the range is reported [mm]."""
 LEAST_SHARE = 0.01
-"""Least fraction that is reported as a number [-]; a smaller one is reported as "less than" this value."""
+"""Least fraction that is reported as a number [-]; smaller ones are "less than" it."""
 UNITS = (
     ("_mm", " mm"),
     ("_deg", "°"),
@@ -323,7 +323,7 @@ def _worth(score: ContinuityScore) -> str:
 def unresolved(bounds: PadBounds, *, is_facing: bool) -> str:
     """Text with the share of the pressed volume in which one frame does not resolve x, y and depth together.
 
-    The text is empty if there is no such volume, and for facing rows, which are pressed at known locations.
+    Empty if there is no such volume, and for facing rows, which are pressed at known locations.
     """
     share = bounds.blind_share
     if is_facing or not share > 0.0:
@@ -342,7 +342,7 @@ def fix_words(trial: Trial | None) -> str:
 
 
 def trial_words(trial: Trial) -> str:
-    """Text with verdict, usable depth and margin of a design with the changes that a trial computation made."""
+    """Text with verdict, usable depth and margin of a design after a trial's changes."""
     depth = "" if trial.usable_mm is None else f" to {trial.usable_mm:.3g} mm"
     margin = "" if trial.margin is None else f", margin {trial.margin:.1f} sigma"
     return f"{trial.verdict}{depth}{margin}"
@@ -433,9 +433,7 @@ A key is the ending of a field's dotted path; the first key that matches is used
 
 
 def tool_words(path: str, within: float) -> str:
-    """Text with the tool that measures a field to a required resolution; empty if no tool is known for the field.
-
-    The text ends a sentence "measure it to within ...".
+    """Text with the tool for a measurement, as the end of a sentence "measure it to within ..."; empty if unknown.
 
     Parameters
     ----------

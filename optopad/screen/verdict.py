@@ -41,7 +41,7 @@ LABEL = 12
 FIRST = ("full scale", "do not settle", "cannot light", "too much current", "stay tacky")
 """Phrases in warnings that are shown first, because a pad with such a fault would not work."""
 FINDING_LINES = 4
-"""Largest number of lines in the terminal for one finding of the design rules."""
+"""Largest number of lines for one finding of the design rules."""
 EIGHT_BIT_PRESCALER = 16
 """Prescaler with which an AVR's converter runs at 1 MHz from a clock of 16 MHz.
 
@@ -139,8 +139,8 @@ def row(label: str, text: str, most: int = 1) -> list[str]:
 def _to_show(score: ContinuityScore) -> list[str]:
     """Warnings that no other line reports, the most serious first.
 
-    A warning about numerical error of the light model is left out. If the error leaves the verdict undecided, another
-    line reports this; if not, the error affects only figures of single pairs.
+    Warnings about the light model's numerical error are left out. Another line reports an undecided verdict; otherwise
+    the error affects only figures of single pairs.
     """
     shown = (RESTS, UNDECIDED, NUMERICAL)
     left = [text for text in score.warnings if not text.startswith(shown)]
@@ -187,7 +187,7 @@ def as_typed(design: str, changes: Sequence[str] | None) -> str:
 
 
 LEAST_CHANGE_MM = 0.01
-"""Smallest change of the usable depth or of a deadband that is reported for a step of a parameter [mm]."""
+"""Smallest reported change of usable depth or deadband for a step of a parameter [mm]."""
 
 
 def score_lines(score: ContinuityScore) -> list[str]:

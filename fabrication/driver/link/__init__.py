@@ -1,4 +1,4 @@
 """The serial line to the board: ports, messages, checksums, complete frames.
 
-Imported project modules: the driver file, design.errors.
+Project imports: the driver file, design.errors.
 """

@@ -10,7 +10,7 @@ from design.arrays import IntArray
 from fabrication.driver.link.protocol import STAMP, WRAP, CountArray
 
 REMEMBERED_FRAMES = 256
-"""Number of past frames that each new frame is compared with, to detect a repeated delivery; 0.6 s at 400 Hz."""
+"""Number of past frames with which a new frame is compared to detect repeats; 0.6 s at 400 Hz."""
 
 
 class WrappingCounter:
@@ -30,7 +30,7 @@ class WrappingCounter:
     def next(self, value: int) -> tuple[int, int]:
         """The unwrapped number of one counter value, and the step since the previous value.
 
-        The step of the first value is 1. For single values this method is much faster than `extended`.
+        The step of the first value is 1. For single values `next` is faster than `extended`.
         """
         if self._last is None:
             self._last = value

@@ -75,7 +75,7 @@ class FrameDecoder:
     Attributes
     ----------
     frames : number of frames decoded so far
-    lost : number of frames missing so far, according to the sequence numbers
+    lost : number of frames missing so far, by their sequence numbers
     doubled : number of messages dropped so far because they repeat an earlier one
     connection : number of the connection of the next frame
     baseline : (emitter, receiver) untouched signals that are attached to the next frames [counts]; None if not taken

@@ -83,7 +83,7 @@ class Link:
 
         Parameters
         ----------
-        accept_digest : first 8 digits or more of another design's digest that is accepted; None accepts no other design
+        accept_digest : first 8 or more digits of the digest of another accepted design; None accepts no other
         patience_s : longest wait [s]
         is_guess : whether the port was chosen only because of its serial chip, which other devices also have
         on_wait : called with a progress line every two seconds of the wait
@@ -164,7 +164,7 @@ def check_hello(hello: Hello, config: DriverConfig, *, where: str, accept_digest
     hello : the board's description of itself
     config : configuration of the required design
     where : name of the port, for messages
-    accept_digest : first 8 digits or more of another design's digest that is accepted; None accepts no other design
+    accept_digest : first 8 or more digits of the digest of another accepted design; None accepts no other
 
     Raises
     ------

@@ -81,9 +81,7 @@ def is_guess(port: FoundPort, board: BoardSetup) -> bool:
 def find_port(
     board: BoardSetup, ports: Iterable[FoundPort] | None = None, *, not_ports: Iterable[str] = ()
 ) -> FoundPort:
-    """The only port with a board of this kind, found by USB vendor and product.
-
-    The board maker's identity is preferred. If no port has it, the serial chips of copied boards are accepted.
+    """The only port with a board of this kind, by USB vendor and product of its maker, or else of copied boards.
 
     Parameters
     ----------

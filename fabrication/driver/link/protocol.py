@@ -81,9 +81,8 @@ class FrameFormat:
 
     Attributes
     ----------
-    states : number of states that are sent per frame, dark ones included
-    dark : order of the states. ``frame`` is each emitter alone, then one dark state; ``each`` is a dark state after
-        each emitter's state
+    states : number of states per frame, with dark ones
+    dark : ``frame`` for one dark state after all emitters' states, ``each`` for a dark state after each of them
     """
 
     states: int
@@ -291,7 +290,7 @@ def unpack_self_test(message: bytes) -> SelfTest:
 
 
 def pack_command(command: Command, argument: int = 0) -> bytes:
-    """Message with a command to the board; the meaning of the argument depends on the command."""
+    """Message with a command to the board, and the command's argument."""
     return sealed(_COMMAND.pack(COMMAND_MAGIC, VERSION << 4 | command, argument))
 
 

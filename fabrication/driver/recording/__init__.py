@@ -1,4 +1,4 @@
 """Frames on the disk: a raw file that survives crashes, its export, labels of presses, and matching of clocks.
 
-Imported project modules: link, simulated, the driver file.
+Project imports: link, simulated, the driver file.
 """

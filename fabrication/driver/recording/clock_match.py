@@ -11,8 +11,8 @@ of touches. Each edge of the signals is paired with the log's nearest edge of th
 two median lags: of the begins and of the ends. A touch is detected slightly below the surface, so late on the way in
 and early on the way out. If the tip is equally fast both ways, the two errors cancel in the mean.
 
-The match is refused if there are too few edges, if edges do not match, or if several shifts match. If a stage presses
-in one exact rhythm, shifts by a whole press cannot be distinguished.
+The match is refused if edges are too few or do not match, or if several shifts match, as with a stage that presses in
+one exact rhythm.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ STEP_S = 0.02
 
 BASELINE_S = 0.5
 TOUCHED_EXCESS = 6.0
-"""Threshold [-] above which a frame counts as touched: mean square of its change, without gains of parts, over noise."""
+"""A frame is touched if the mean square of its change, without gains, is above this multiple of the noise's [-]."""
 
 LEAST_FRAMES = 5
 LEAST_NOISE_COUNTS = 0.5

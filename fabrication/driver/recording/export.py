@@ -49,7 +49,7 @@ class Recorded:
     device_s : (time,) the board's clock since its reset [s]
     host_s : (time,) host's clock since 1970 [s]
     labels : press of each frame; None if the recording contains no presses
-    lost : number of frames missing, according to the sequence numbers
+    lost : number of frames missing, by their sequence numbers
     doubled : number of frames that arrived twice; one of the two is kept
     stray_bytes : number of bytes in the file that belong to no complete record
     ended_cleanly : whether the recorder closed the file regularly
@@ -176,11 +176,10 @@ def _label(dataset: xr.Dataset, labels: PressLabels) -> None:
 
 
 def write_netcdf(recorded: Recorded, out: Path, name: str) -> None:
-    """Write frames as netCDF; the file is written completely or not at all.
+    """Write frames as netCDF, in a complete file or none.
 
     Parameters
     ----------
-    out : name of the file
     name : origin of the frames, for the attribute `source`
 
     Raises

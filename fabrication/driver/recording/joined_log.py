@@ -56,7 +56,7 @@ class JoinedLog:
 
 
 def joined(recorded: Recorded, log: PositionLog, offset: Offset = None) -> JoinedLog:
-    """Give every frame of a recording the tip's position at the frame's time, from a stage's log.
+    """Give every frame of a recording the tip's position in a stage's log at the frame's time.
 
     Raises
     ------

@@ -57,9 +57,8 @@ class PositionLog:
     file : name of the log's file
     time_s : (row,) rising times [s]
     press_mm : (row, 3) x, y, depth in the cavity frame [mm]
-    set_number : (row,) index of the set in `sets`; -1 if the row belongs to no set; None if the log has no sets
-    place_number : (row,) number of the press within its set; -1 if the row belongs to no press; None if the log has no
-        such column
+    set_number : (row,) index of the row's set in `sets`, -1 without one; None if the log has no sets
+    place_number : (row,) number of the row's press within its set, -1 without one; None if the log has no such column
     sets : the sets of presses
     """
 
@@ -221,9 +220,9 @@ def _sets(table: CsvTable) -> tuple[tuple[SetEntry, ...], IntArray | None]:
 
 
 def set_entry(where: str, row: dict[str, str]) -> SetEntry:
-    """Set of presses that a table's row names in `set`, with `role`, `pattern` and `ambient` if present.
+    """Set of presses named in the column `set` of a row, with `role`, `pattern` and `ambient` if present.
 
-    `where` names file and row for error messages.
+    `where` names file and row in errors.
     """
     ambient = (row.get("ambient") or "yes").lower()
     if ambient not in YES | NO:

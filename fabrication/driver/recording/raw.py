@@ -3,15 +3,14 @@
     one line of JSON, ended by a line feed:  kind of the file, and the complete driver configuration
     records:  B5 6B, kind u8, length u16, time of this machine f64 [s], content, CRC-32 over all of the record
 
-The kinds of records are
+Kinds of records:
 
 - 0, a frame
 - 1, a hello: the board's identification, with which a connection begins
 - 2, a press: x, y, depth as f64 [mm], valid until the next press
-- 3, the regular end: number of frames and of lost frames, each u64.
+- 3, the regular end: numbers of frames and of lost frames, each u64.
 
-In a truncated file, every complete record before the cut can be read. A damaged record is skipped, and its bytes are
-counted.
+A truncated file keeps every complete record. A damaged record is skipped, and its bytes are counted.
 """
 
 from __future__ import annotations
@@ -105,7 +104,7 @@ class Recorder:
     ----------
     failure : error that stopped the recording; None while it continues
     frames : number of frames recorded so far
-    lost : number of frames missing so far, according to the sequence numbers
+    lost : number of frames missing so far, by their sequence numbers
 
     Raises
     ------
@@ -266,10 +265,7 @@ def _header(file: Path, content: bytes) -> tuple[dict[str, Any], int]:
 
 
 def _records(content: bytes, start: int) -> Iterator[Record]:
-    """Every complete record in a file's bytes from index `start`.
-
-    After a damaged record, the search continues one byte further.
-    """
+    """Every complete record in a file's bytes from `start`; the search skips damaged records byte by byte."""
     at = content.find(MAGIC, start)
     while 0 <= at <= len(content) - _HEAD.size:
         _, kind, length, host_s = _HEAD.unpack_from(content, at)

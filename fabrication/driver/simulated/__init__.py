@@ -1,4 +1,4 @@
 """A simulated board on a serial port, with a moving finger, its signals, and faults of the unit on request.
 
-Imported project modules: link, the driver file.
+Project imports: link, the driver file.
 """

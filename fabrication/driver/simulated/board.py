@@ -1,9 +1,9 @@
 """A simulated board, which sends the firmware's messages for a pad with simulated light.
 
 The board supports the full protocol: a hello (its identification) at the reset and once per second until it is started,
-frames at the requested interval, replies between frames. A reading is the sum of a signal from the press table, an
-ambient level and noise, rounded and limited as by the converter. The board takes bytes and times and returns bytes;
-`port.FakePort` connects it to a port.
+frames at the requested interval, replies between frames. A reading is a signal from the press table, an ambient level
+and noise, rounded and limited as by the converter. The board takes bytes and times and returns bytes; `port.FakePort`
+connects it to a port.
 
 The simulation has no settling of LED and amplifier, no drift and no baud rate; only the timing budget limits the frame
 rate.
@@ -39,7 +39,7 @@ from fabrication.driver.simulated.press_table import PressTable
 from fabrication.driver_file import DriverConfig
 
 AMBIENT_COUNTS = 2.0
-"""Ambient level in every simulated reading [counts]: an assumption; the paper's untouched readings agree with it."""
+"""Assumed ambient level in every simulated reading [counts]; the paper's untouched readings agree with it."""
 
 READ_NOISE_COUNTS = 0.5
 """Standard deviation of a simulated reading in the dark [counts]; the verdict assumes the same value."""

@@ -68,7 +68,7 @@ class PtyWire:
 
     Parameters
     ----------
-    link : name of a symbolic link to the pseudo-terminal, so that the port has a fixed name; None makes no link
+    link : symbolic link that gives the pseudo-terminal a fixed name; None makes no link
     """
 
     def __init__(self, link: Path | None = None) -> None:
