@@ -42,7 +42,7 @@ SLOWEST_HZ = 0.001
 """Lowest frame rate, the same as for a design [Hz]; the board's clock could time 0.00047 Hz (2^31 us)."""
 
 SILENCE_S = 1.0
-"""Silence after which the board counts as lost when a limited reading time ends [s]; at least three frame intervals."""
+"""Shortest silence for which a board counts as lost at the end of a limited reading time [s]."""
 
 
 class Sensor:

@@ -50,7 +50,7 @@ EVIDENCE = 20.0
 """Least reduction of the misfit for accepting an exchange of wires [-]; this means odds of e^10 to one."""
 
 EQUAL = 8.0
-"""Exchanges of wires count as equally likely if their misfits differ by less than this [-]; odds below 50 to one."""
+"""Exchanges of wires count as equally likely if their misfits differ by less than this [-], or odds of 50 to one."""
 
 NORMAL_MEDIAN_SQUARE = 0.455
 """Median of the square of a standard normal variable [-]."""

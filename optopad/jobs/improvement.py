@@ -377,7 +377,7 @@ class JudgedAgain:
         return undecided
 
     def _next_of(self, candidates: Sequence[Tried], margin: float) -> Tried:
-        """The first candidate with the required margin after correction for the search's typical error, else the best."""
+        """The first candidate with the required margin, corrected for the search's typical error; else the best."""
         safe = [one for one in candidates if margin_of(one.judged) - self.overrated >= margin]
         return safe[0] if safe else max(candidates, key=_worth)
 

@@ -274,8 +274,7 @@ def _likely_shifts(signals: Touches, log: Touches) -> list[float]:
 
 
 def _agreement(seen: FloatArray, said: FloatArray) -> FloatArray:
-    """Correlation coefficient of two series of 0 and 1 at every shift; -inf where less than half of the shorter series
-    overlaps."""
+    """Correlation coefficient of two series of 0 and 1 at every shift; -inf where too little of them overlaps."""
     ones = np.ones(len(seen)), np.ones(len(said))
     n, both = _sums(ones[0], ones[1]), _sums(seen, said)
     a, b = _sums(seen, ones[1]), _sums(ones[0], said)
