@@ -145,7 +145,7 @@ def altered_files(folder: Path) -> tuple[str, ...]:
 
 
 def versions() -> dict[str, str]:
-    """Versions of Python and of the packages that made a result."""
+    """Versions of Python and of the packages with which a result is computed."""
     found = {"python": platform.python_version()}
     for package in RECORDED_PACKAGES:
         try:

@@ -63,7 +63,8 @@ class GainPattern:
     def gains(self, change: FloatArray) -> FloatArray:
         """(n, part) relative changes of the gains, emitters first, that fit (n, pair) changes best [-].
 
-        A constant can be moved from all emitters' gains to all receivers'. The solution of least norm is returned.
+        Only the sum of an emitter's and a receiver's gain is determined, so the solution with the least squares is
+        returned.
         """
         found: FloatArray = self._kept(change) @ self._gains.T
         return found

@@ -51,7 +51,7 @@ class LinkCounts:
     damaged : messages whose CRC was wrong
     skipped_bytes : bytes that belonged to no complete message
     overrun : frames dropped because they were not read in time
-    reconnects : connections after the first one, because the board was plugged in again or restarted
+    reconnects : connections after the first one
     doubled : frames that arrived twice, with the same number and time; the second was dropped
     """
 

@@ -34,7 +34,7 @@ Order = tuple[int, ...]
 PART_SPREAD = 0.3
 """Standard deviation of the logarithm of a part's actual over expected brightness or sensitivity [-].
 
-Causes are resistors (5 %), brightness classes of LEDs (a factor of 1.5), and seating.
+Causes: resistors (5 %), brightness classes of LEDs (factor 1.5), seating.
 """
 
 PAIR_SPREAD = 0.12
@@ -50,7 +50,7 @@ EVIDENCE = 20.0
 """Least reduction of the misfit for accepting an exchange of wires [-]; this means odds of e^10 to one."""
 
 EQUAL = 8.0
-"""Exchanges of wires count as equally likely if their misfits differ by less than this [-], or odds of 50 to one."""
+"""Exchanges of wires whose misfit is within this value of the best exchange's are reported as well [-]."""
 
 NORMAL_MEDIAN_SQUARE = 0.455
 """Median of the square of a standard normal variable [-]."""
@@ -138,9 +138,9 @@ def _fitted(pattern: Pattern, usable: BoolArray, rows: Order, columns: Order) ->
 
 
 def _part_factors(difference: FloatArray, told: BoolArray) -> tuple[FloatArray, FloatArray, float]:
-    """Fit (emitter, receiver) differences, where `told`, by terms of emitters, of receivers and a common one.
+    """Fit of (emitter, receiver) differences by a term per emitter, a term per receiver and a common term.
 
-    The terms are returned in this order; the fit is a ridge regression.
+    The method is ridge regression over the pairs where `told` is true. Returns the three kinds of terms in this order.
     """
     emitters, receivers = difference.shape
     weight = told.astype(np.float64)

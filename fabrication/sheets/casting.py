@@ -106,7 +106,7 @@ COVER_PLAY_MM = 0.6
 """Clearance between a glass cover and its seat [mm]; printed openings may be too small by up to this value."""
 
 MOST_WEIGHING_ERROR = 0.05
-"""Largest accepted relative error of the mixing ratio due to the scale's resolution [-]; it affects the stiffness."""
+"""Largest accepted relative error of the mixing ratio due to the scale's resolution [-]."""
 
 
 def casting_md(design: SensorDesign, gain: SimulatedGain | None = None) -> str:

@@ -337,7 +337,8 @@ class GcodeStage:
         self.lift()
 
     def move_to(self, x_mm: float, y_mm: float, depth_mm: float) -> Position:
-        """Move to a position and stop; return the position that the printer reports. See `stage.Stage.move_to`."""
+        """Move to a position and stop; return the reported position; details and errors are those of
+        `stage.Stage.move_to`."""
         self.limits.require(x_mm, y_mm, depth_mm)
         x, y, depth = self.position()
         if math.hypot(x_mm - x, y_mm - y) > TOLERANCE_MM / 2:
@@ -349,9 +350,9 @@ class GcodeStage:
         return self._arrived((x_mm, y_mm, depth_mm))
 
     def lift(self) -> None:
-        """Move straight up to the travel height; the command is sent before any wait for a pending reply.
+        """Move straight up to the travel height, from the height that the printer reports.
 
-        Because an interrupt may have discarded a reply, the height that the printer reports is used.
+        An interrupt may have discarded a reply, so the command is sent before waiting for it.
         """
         height_mm = self._known_origin()[2] + self._travel_mm
         self._line.post(f"G1 Z{height_mm:.3f} {feed_word(self._speeds_mm_s[1])}")
@@ -390,7 +391,7 @@ class GcodeStage:
         return (x, y, depth), step_mm
 
     def _lift_blindly(self) -> None:
-        """Move straight up by more than the deepest press; for a tip whose position is unknown after a reset."""
+        """Move straight up by more than the deepest press; used after a reset, when the position is unknown."""
         up_mm = self.limits.deepest_mm + self._travel_mm
         self._line.send("G91")
         self._ride(f"Z{up_mm:.3f}", up_mm, self._speeds_mm_s[1])

@@ -1,4 +1,4 @@
-"""The command line: one file per group of commands; slow imports happen inside the commands."""
+"""The command line: one file per group of commands, which import large packages only when they run."""
 
 from optopad.cli.main import main
 

@@ -14,7 +14,7 @@ which Python cannot interrupt, the process removes the folders of unfinished wor
 and ends at once.
 
 `kill` (SIGTERM) and a closed terminal (SIGHUP, unless ignored as by `nohup`) are handled in the same way. So no hidden
-files remain, the process that makes the mold ends, and a stage does not leave its tip in the pad.
+files or processes remain, and a stage does not leave its tip in the pad.
 """
 
 from __future__ import annotations
@@ -94,10 +94,7 @@ def has_arrived() -> bool:
 
 
 def answered() -> None:
-    """Declare Ctrl-C handled, because it ended its target regularly (for example a recording).
-
-    Later errors are then reported as failures.
-    """
+    """Mark Ctrl-C as handled, because it regularly ended a task such as a recording; later errors are failures."""
     _arrived_s.clear()
 
 

@@ -32,7 +32,7 @@ def tell(as_json: bool, document: Callable[[], dict[str, Any]], lines: Callable[
 
 
 def print_json(document: dict[str, Any]) -> None:
-    """Print one JSON object on standard output. Infinite numbers, which mark undecided limits, become null."""
+    """Print one JSON object on standard output. Infinite numbers, which mark undecided values, become null."""
     typer.echo(json.dumps(document, indent=2, allow_nan=False))
 
 

@@ -29,9 +29,7 @@ ABSENT = "(absent)"
 SIGNAL = "untouched signal"
 USABLE = "usable depth"
 BOUNDARY_STEP_MM = 0.04
-"""Shift in depth of the boundary between two modes if the depth step is doubled [mm].
-
-A deadband has two such boundaries."""
+"""Shift of a boundary of a deadband in depth if the depth step is doubled [mm]."""
 
 
 def compare(
@@ -182,7 +180,7 @@ _FIGURES: dict[str, tuple[str, Better, float, Callable[[SweepRow], float | None]
 
 
 def _signal_error(row: SweepRow) -> float:
-    """Standard error of the signal without contact; used because two seeds may differ little by chance."""
+    """Uncertainty of the signal without contact: its standard error, because two seeds may agree by chance."""
     return 0.0 if row.curve is None else row.curve.standard_error[0]
 
 

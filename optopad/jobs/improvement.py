@@ -11,8 +11,8 @@ For each quantity to improve (kind), the best candidates are scored first. A can
 no deadband and is better than before, and if no unmeasured parameter changes its verdict. If all fail, other designs
 that may have no deadband are scored. If these fail too, the nearest design is reported.
 
-The error of quick light mostly has the same sign for similar designs. The median amount by which quick light overrates
-the margin is estimated from all scored designs, and subtracted for the others.
+The error of quick light mostly has the same sign for similar designs. The median by which quick light overrates the
+margin in the scored designs is therefore subtracted for the others.
 """
 
 from __future__ import annotations
@@ -80,9 +80,9 @@ SEARCH = 0.4
 SPREAD = 0.6
 """Largest fraction of a search's designs that samples the parts' heights and the pad's thickness evenly [-]."""
 FEWEST, MOST = 12, 400
-"""Least and largest number of designs in a search, not counting later refinements around the best ones."""
+"""Least and largest number of designs in a search, not counting variations of the best ones."""
 ATTEMPTS, ROW_ATTEMPTS = 4, 8
-"""Largest number of candidates to score for each quantity to improve, for a pad and for facing rows."""
+"""Largest number of candidates that are scored for one kind of improvement: for a pad, and for facing rows."""
 FIRMER = 1.3
 """If an unmeasured parameter changes a design's verdict, similar candidates need this factor times its margin [-]."""
 MOST_JUDGED = 12

@@ -180,9 +180,10 @@ def predict(
 def bound_mm(
     design: SensorDesign, curves: ProtocolCurves, seed: int, on_step: OnStep
 ) -> dict[float, tuple[float, float]]:
-    """Cramér-Rao bounds by depth [mm]: pairs of the bounds of location and of depth.
+    """Cramér-Rao bounds by depth: standard deviations of location and of depth [mm].
 
-    Only depths in the tables that the design reaches are included."""
+    The depths are those of the error tables that the design reaches.
+    """
     chain = chain_of(design, curves.readout)
     noise = replace(
         chain_noise(design, len(chain.gains), chain.gains.size),

@@ -59,7 +59,7 @@ class Nearest:
     score: ContinuityScore
 
     def to_json(self) -> dict[str, Any]:
-        """The design nearest to an improvement, its figures and score, as plain data for JSON."""
+        """The best scored design, if none is better than the original, as plain data for JSON."""
         return {
             "changes": self.changes,
             "figures": self.judged.figures,

@@ -321,7 +321,7 @@ class Prediction:
         return self.found.to_json()
 
     def plot_errors(self) -> Figure:
-        """Errors of location and depth against depth, with the bound if it was computed."""
+        """Plot of the errors of location and depth against depth, with the bound if it was computed."""
         from sims.plots.accuracy import plot_errors
         from sims.plots.style import plain_style
 
@@ -330,7 +330,7 @@ class Prediction:
             return plot_errors(rows, self.found.bound_mm)
 
     def plot_touch(self) -> Figure:
-        """Fraction of correctly classified samples against depth."""
+        """Plot of the fraction of correctly classified samples against depth."""
         from sims.plots.accuracy import plot_touch
         from sims.plots.style import plain_style
 

@@ -19,8 +19,7 @@ class WrappingCounter:
     Parameters
     ----------
     goes_back : whether the counter may step backward. Sequence numbers may, because a restart of the board resets
-        them; their steps range from -2^31 to 2^31 - 1. Device time only rises; its steps range from 0 to 2^32 - 1
-        (71.6 minutes in microseconds).
+        them; their steps are from -2^31 to 2^31 - 1. Device time only rises, by 0 to 2^32 - 1 us (71.6 minutes).
     """
 
     def __init__(self, *, goes_back: bool) -> None:

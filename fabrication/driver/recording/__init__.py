@@ -1,4 +1,4 @@
 """Frames on the disk: a raw file that survives crashes, its export, labels of presses, and matching of clocks.
 
-Project imports: link, simulated, the driver file.
+Imports within this repository: link, simulated, the driver file.
 """

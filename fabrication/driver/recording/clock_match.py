@@ -1,18 +1,19 @@
-"""Finds the offset between the clocks of a stage's log and a recording, from the touches in both.
+"""Offset between the clocks of a stage's log and a recording, from the touches in both.
 
-The signals show touches. The first half second, which must be untouched, gives the untouched pattern and its noise.
-Later half seconds without a touch renew the pattern, so that drift does not count as touch. A frame is touched if the
-rest of its change, less the gains of emitters and receivers (`gain_pattern`), is far above the noise. In the log a
-touch begins and ends where the depth crosses 0.
+The signals show touches. The first half second, which must be untouched, gives the untouched signals and their noise.
+Later half seconds without a touch update these, so that drift does not count as touch. A frame counts as touched if its
+change, less the part that changed gains explain (`gain_pattern`), is far above the noise. In the log a touch begins and
+ends where the depth crosses 0.
 
-Signals and log each give a course, a function of time: 1 while touched, else 0. The courses are correlated over every
-shift at which at least half of the shorter one overlaps. The best shifts are then refined on edges, the begins and ends
-of touches. Each edge of the signals is paired with the log's nearest edge of the same kind. The offset is the mean of
-two median lags: of the begins and of the ends. A touch is detected slightly below the surface, so late on the way in
-and early on the way out. If the tip is equally fast both ways, the two errors cancel in the mean.
+Signals and log are each converted to a time series that is 1 while the pad is touched, and 0 otherwise. The two series
+are correlated at every shift at which at least half of the shorter one overlaps. The best shifts are then refined by
+means of edges, which are the begins and ends of touches. Each edge of the signals is paired with the log's nearest edge
+of the same kind. The offset is the mean of the median lag of the begins and that of the ends. The signals show a touch
+only slightly below the surface, so its begin is late and its end is early. If the tip is equally fast both ways, these
+two errors cancel in the mean.
 
-The match is refused if edges are too few or do not match, or if several shifts match, as with a stage that presses in
-one exact rhythm.
+The match fails if there are too few edges, if they do not match, or if they match at several shifts. If a stage presses
+in one exact rhythm, shifts by a whole press cannot be distinguished.
 """
 
 from __future__ import annotations
@@ -30,11 +31,14 @@ from fabrication.driver.recording.position_log import PositionLog
 Mask = BoolArray
 
 STEP_S = 0.02
-"""Time step at which touches of recording and log are sampled for their correlation [s]."""
+"""Time step of the series of touches that are correlated [s]."""
 
 BASELINE_S = 0.5
 TOUCHED_EXCESS = 6.0
-"""A frame is touched if the mean square of its change, without gains, is above this multiple of the noise's [-]."""
+"""A frame counts as touched if the mean square of its change exceeds that of noise by this factor [-].
+
+The part of the change that changed gains explain is subtracted first.
+"""
 
 LEAST_FRAMES = 5
 LEAST_NOISE_COUNTS = 0.5
@@ -72,7 +76,7 @@ class ClockMatch:
 
     @property
     def is_good(self) -> bool:
-        """Whether enough begins and ends of touches have a partner, and their lags scatter little."""
+        """Whether most begins and ends of touches have a partner, with nearly equal time lags."""
         return self.share >= LEAST_SHARE and self.spread_s <= LARGEST_SPREAD_S
 
     def rivals(self, best: ClockMatch) -> bool:
@@ -91,7 +95,8 @@ class Touches:
     span_s: tuple[float, float]
 
     def course(self, step_s: float) -> FloatArray:
-        """Samples of the touches, (n,): 1 while touched, else 0, at steps of `step_s` [s] from the span's start."""
+        """Time series of touches, (n,): 1 while touched, else 0, in steps of `step_s` [s] from the start of the
+        span."""
         grid = np.arange(self.span_s[0], self.span_s[1], step_s)
         begun = np.searchsorted(np.sort(self.begin_s), grid, side="right")
         ended = np.searchsorted(np.sort(self.end_s), grid, side="right")
@@ -244,9 +249,9 @@ def _lasting(time_s: FloatArray, touched: Mask) -> Mask:
 
 
 def _nearest(seen: FloatArray, said: FloatArray) -> FloatArray:
-    """Lags between the times `seen` and `said`, for pairs of times that are nearest to one another [s].
+    """Time lags of the edges in `seen` to the nearest in `said` [s].
 
-    Lags above `WINDOW_S` are left out.
+    Only pairs of edges that are each other's nearest, within `WINDOW_S`, are included.
     """
     if not seen.size or not said.size:
         return np.zeros(0)
@@ -274,7 +279,8 @@ def _likely_shifts(signals: Touches, log: Touches) -> list[float]:
 
 
 def _agreement(seen: FloatArray, said: FloatArray) -> FloatArray:
-    """Correlation coefficient of two series of 0 and 1 at every shift; -inf where too little of them overlaps."""
+    """Correlation coefficient of two series of 0 and 1 at every shift; -inf if less than half of the shorter
+    overlaps."""
     ones = np.ones(len(seen)), np.ones(len(said))
     n, both = _sums(ones[0], ones[1]), _sums(seen, said)
     a, b = _sums(seen, ones[1]), _sums(ones[0], said)

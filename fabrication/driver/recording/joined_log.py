@@ -26,11 +26,16 @@ from fabrication.driver.recording.export import Recorded
 from fabrication.driver.recording.position_log import PositionLog
 
 LATE_S = 0.05
-"""If a frame's delay exceeds the shortest one nearby by more than this time [s], the host was busy or asleep."""
+"""A frame counts as delayed if it arrives later than frames near it by more than this time [s].
+
+Such delays arise if this machine is busy or asleep.
+"""
 
 LAG_S = 2.0
-"""Length of the blocks of time in each of which the shortest delay of frames is searched [s]. If the board's clock is
-wrong by 0.5 %, the delay changes by 20 ms over two blocks."""
+"""Length of the blocks of time in which the shortest delay of a frame is searched [s].
+
+Over two blocks, a clock error of 0.5 % changes the delay by 20 ms.
+"""
 
 Offset = float | Literal["auto"] | None
 """Clock offset: the recording machine's clock less the log's [s]. `auto` finds the offset from the touches. None states

@@ -41,7 +41,7 @@ FORMAT, VERSION = "optopad-recording", 1
 SUFFIX = ".optorec"
 NEEDED = f"a recording of `optopad driver record` ({SUFFIX})"
 MOST_BYTES = 8_000_000_000
-"""Largest file that is read [bytes]; the fastest sensor fills it in days."""
+"""Largest size of a recording that is read [bytes]."""
 FLUSH_S = 0.25
 """Interval at which records are handed to the operating system [s]; the required maximum is 0.5 s."""
 

@@ -1,4 +1,4 @@
 """A simulated board on a serial port, with a moving finger, its signals, and faults of the unit on request.
 
-Project imports: link, the driver file.
+Imports within this repository: link, the driver file.
 """

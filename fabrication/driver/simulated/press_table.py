@@ -183,7 +183,7 @@ def _numbers(array: xr.DataArray) -> FloatArray:
 
 
 def gains_of(config: DriverConfig) -> FloatArray:
-    """Reading that each receiver would have if all of an emitter's power reached it, (receiver,) [counts].
+    """Reading of each receiver if it got all of an emitter's power, (receiver,) [counts].
 
     Raises
     ------
