@@ -2,8 +2,8 @@
 
 Almost all of the time is light tracing. Locations that a symmetry of the layout maps onto each other are traced once.
 On two cores shared with other work, one press took 122 ms of processor time on `fingertip-16` (64 pairs), 46 ms on a
-ring of 4 + 4 parts (16 pairs), and 129 ms on the paper's pad (64 pairs). The constants below are a sixth lower, for a
-machine without other work. The remaining time is for training (0.3 to 5 s), the test, and the pictures.
+ring of 4 + 4 parts (16 pairs), and 129 ms on the paper's pad (64 pairs). The constants below are a sixth lower, for an
+idle machine. The remaining time is for training (0.3 to 5 s), the test, and the pictures.
 """
 
 from __future__ import annotations

@@ -42,10 +42,7 @@ SLOWEST_HZ = 0.001
 """Lowest permitted frame rate, the same as in a design [Hz]."""
 
 SILENCE_S = 1.0
-"""If reading for a limited time ends with this much silence, the board counts as lost [s].
-
-The limit is three frame intervals if these are longer.
-"""
+"""If reading for a limited time ends with this much silence, the board counts as lost [s]."""
 
 
 class Sensor:

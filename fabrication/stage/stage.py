@@ -111,8 +111,7 @@ def read_press_list(file: Path) -> PressList:
 
     Raises
     ------
-    InputError : the file cannot be read or is incomplete, two sets have the same name, or rows of one press are not
-        consecutive.
+    InputError : the file cannot be read, is incomplete or contradictory.
     """
     table = read_csv(
         file, needed=f"a CSV table with {','.join(NEEDED)}, optionally 'set', 'place'", lower=True

@@ -7,8 +7,8 @@ outputs/<name>-<digest8>/
   designs.csv      these designs, with figures and the reasons why some were stopped early
   front.csv .json  the Pareto front
   front.svg        a picture of the front
-  designs/         the front as design files: `optopad check`, `optopad run`
-  report.html      all results on one self-contained page
+  designs/         the front as design files
+  report.html      all results on one page
 """
 
 from __future__ import annotations

@@ -91,7 +91,7 @@ QUICK_ERRORS = {"draft": 3.0, "search": 2.0, "score": 0.0}
 """Assumed error of a margin in a search [noise standard deviations], by setting of the light model.
 
 The values round up the largest observed errors: 1.94 for `search` on 13 pads (docs/how-to/search-layouts.md), 2.9 for
-`draft` on four pads of 4 + 4 parts. Errors on other pads may be larger.
+`draft` on four pads of 4 + 4 parts. Other pads may have larger ones.
 """
 
 

@@ -80,7 +80,7 @@ def _neighbours(line: FloatArray, values: FloatArray) -> list[tuple[NDArray[np.i
 
 
 def untouched_table(config: DriverConfig) -> PressTable:
-    """Table with only the untouched pad's signals, which are the simulated signals in a driver configuration.
+    """Table with only the untouched pad's signals, as a driver configuration contains them.
 
     Raises
     ------
