@@ -57,7 +57,7 @@ TABLE_COMMENTS = {
     "timing": "sum of all states' switching, settling and conversion times and of the sending",
     "workspace": "press centres that the verdict covers, seen from above; outline disc: within the four sides",
     "surface": "the untouched top, by its highest point; a press moves against its normal",
-    "ambient": "subtract this state's readings from all others; absent: from each emitter's, those of the next state",
+    "ambient": "subtract this state's readings from all others; absent: each emitter's two nearest ones' mean",
     "gain": "counts if one receiver received an emitter's total power (median; each); absent if not simulated",
     "states": "in order: the emitter that is lit alone; empty: all off",
     "emitters": "active_mm: emitting area along the wall and upward; normal points into the cavity",

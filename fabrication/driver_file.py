@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 from design.errors import InputError
 from design.files import name_fault, read_text
+from design.recordings import lit_emitters
 from design.toml_text import parsed_toml
 from fabrication.record import RecordError, record_of
 
@@ -246,7 +247,7 @@ class SurfaceEntry:
 class AmbientRule:
     """Correction of ambient light: the readings of the dark state `subtract_state` are subtracted from the others.
 
-    None: from each emitter's readings, those of the dark state after it are subtracted.
+    None: the mean of the dark states before and after each emitter's state is subtracted from its readings.
     """
 
     subtract_state: int | None = None
@@ -388,7 +389,7 @@ def _check_consistent(config: DriverConfig, where: str) -> None:
 def _claims(config: DriverConfig) -> dict[str, bool]:
     frame, lit = config.frame, [emitter.name for emitter in config.emitters]
     names = lit + [receiver.name for receiver in config.receivers]
-    has_one_dark = config.ambient.subtract_state is not None
+    states = lit_emitters(len(lit), "each" if config.ambient.subtract_state is None else "frame")
     head = frame.magic_bytes + frame.version_bytes + frame.sequence_bytes + frame.time_bytes
     return {
         "design must be a file's name: letters, digits, dots, dashes": bool(
@@ -398,12 +399,12 @@ def _claims(config: DriverConfig) -> dict[str, bool]:
             text.isprintable() for text in (*names, *(receiver.channel for receiver in config.receivers))
         ),
         "states must be numbered from 0": [s.number for s in config.states] == list(range(frame.states)),
-        "each emitter must be lit in turn, with a dark state at the end or after each": [
+        "each emitter must be lit in turn, with a dark state at the end or before and after each": [
             s.emitter for s in config.states
         ]
-        == ([*lit, ""] if has_one_dark else [name for one in lit for name in (one, "")]),
+        == ["" if emitter is None else lit[emitter] for emitter in states],
         "emitters must be in the order of states": [e.state for e in config.emitters]
-        == list(range(0, len(lit) * (1 if has_one_dark else 2), 1 if has_one_dark else 2)),
+        == [state for state, emitter in enumerate(states) if emitter is not None],
         "receivers must be in the order of columns": [r.column for r in config.receivers]
         == list(range(frame.receivers)),
         "names must be unique": len(set(names)) == len(names),
