@@ -18,7 +18,6 @@ from typing import TYPE_CHECKING, Any, cast
 
 from design.errors import InputError
 from design.files import name_fault, read_text
-from design.recordings import lit_emitters
 from design.toml_text import parsed_toml
 from fabrication.record import RecordError, record_of
 
@@ -389,7 +388,8 @@ def _check_consistent(config: DriverConfig, where: str) -> None:
 def _claims(config: DriverConfig) -> dict[str, bool]:
     frame, lit = config.frame, [emitter.name for emitter in config.emitters]
     names = lit + [receiver.name for receiver in config.receivers]
-    states = lit_emitters(len(lit), "each" if config.ambient.subtract_state is None else "frame")
+    between = () if config.ambient.subtract_state is not None else ("",)
+    states = [*(name for emitter in lit for name in (*between, emitter)), ""]
     head = frame.magic_bytes + frame.version_bytes + frame.sequence_bytes + frame.time_bytes
     return {
         "design must be a file's name: letters, digits, dots, dashes": bool(
@@ -402,9 +402,9 @@ def _claims(config: DriverConfig) -> dict[str, bool]:
         "each emitter must be lit in turn, with a dark state at the end or before and after each": [
             s.emitter for s in config.states
         ]
-        == ["" if emitter is None else lit[emitter] for emitter in states],
+        == states,
         "emitters must be in the order of states": [e.state for e in config.emitters]
-        == [state for state, emitter in enumerate(states) if emitter is not None],
+        == [state for state, emitter in enumerate(states) if emitter],
         "receivers must be in the order of columns": [r.column for r in config.receivers]
         == list(range(frame.receivers)),
         "names must be unique": len(set(names)) == len(names),
