@@ -80,6 +80,7 @@ from design.circuit.pins import (
     multiplexer_of,
     reading_time_ms,
     receiver_paths,
+    shift_register_of,
     state_count,
     switch_time_ms,
 )
@@ -396,7 +397,9 @@ def reading_times_s(design: SensorDesign) -> FloatArray:
     conversion_ms = reading_time_ms(board_of(design), design.board, converter_of(design))
     value_s = design.board.averages * conversion_ms / MS_PER_S
     within_s = np.arange(len(addresses)) * value_s + (addresses + 1) * wait_s
-    settle_s = design.board.settle_us / US_PER_S + switch_time_ms(driver_of(design), emitters) / MS_PER_S
+    driver = driver_of(design) or shift_register_of(design)
+    switch_s = switch_time_ms(driver, emitters, design.board.dark) / MS_PER_S
+    settle_s = design.board.settle_us / US_PER_S + switch_s
     state_s = settle_s + len(addresses) * value_s + (addresses.max() + 1) * wait_s
     return np.asarray((np.arange(states) * state_s + settle_s)[:, None] + within_s)
 

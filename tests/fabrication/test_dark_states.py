@@ -8,7 +8,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from design.circuit.pins import board_of, frame_bytes, frame_rate_hz, frame_time_ms, sending_time_ms
+from design.circuit.pins import (
+    board_of,
+    frame_bytes,
+    frame_rate_hz,
+    frame_time_ms,
+    sending_time_ms,
+    shift_register_of,
+)
 from design.errors import DeviceError
 from design.preset import preset
 from design.recordings import lit_emitters, nearest_dark_states, signals_of, with_one_dark
@@ -25,6 +32,7 @@ from sims.readings.readout import Readout
 from sims.readings.signal_chain import chain_of, without_noise
 from tests.fabrication.driver.made_up_pad import press_table, untouched
 from tests.fabrication.simulated_board import (
+    INPUT_HELD,
     portable_pad,
     quantised,
     random_table,
@@ -103,6 +111,36 @@ def test_both_programs_read_a_dark_state_after_each_emitter(
     assert (run.frames.counts == quantised(table, settings.adc_bits)).all()
     (answer,) = run.of(Kind.SELF_TEST)
     assert unpack_self_test(answer).config_crc == settings.config_crc()
+
+
+@pytest.mark.parametrize("dark", ["frame", "each"])
+def test_shift_registers_take_the_time_of_their_edges(
+    dark: str, native_harness: None, tmp_path: Path
+) -> None:
+    took_us = {}
+    for kind, emitters in {
+        "pins": {},
+        "registers": {"board.emitters": {"shift_register": "74hc595"}},
+    }.items():
+        design = portable_pad(pad(**({"board.dark": dark} | emitters)))
+        run = simulate(
+            None, tmp_path, design, random_table(firmware_settings(design)), SAID, duration_us=90_000
+        )
+        held_us = (
+            run.log["cycle"][run.log["kind"] == INPUT_HELD][1:] / run.clock_hz * 1e6
+        )  # the first one is no frame's
+        frames = held_us[: len(held_us) // run.layout.readings * run.layout.readings]
+        by_state = frames.reshape(-1, run.layout.states, 8)
+        took_us[kind] = float(np.median(by_state[:, -1, 0] - by_state[:, 0, 0]))
+    states = len(lit_emitters(8, dark))
+    register = shift_register_of(pad(**{"board.emitters": {"shift_register": "74hc595"}}))
+    assert register is not None
+    first_us = {"frame": 2 + 2 * 2, "each": 1 + 2 * 9}[dark]
+    expected_us = states * register.switch_us(8, dark) - first_us
+    assert took_us["registers"] - took_us["pins"] == pytest.approx(expected_us, rel=0.12)
+    assert (
+        driver_config(pad(**{"board.emitters": {"shift_register": "74hc595"}})).timing.switch_us is not None
+    )
 
 
 def test_the_driver_s_signals_are_those_of_the_simulated_board() -> None:
