@@ -1,4 +1,4 @@
 """From design to unit: the bundle, and the driver configuration of sheets, firmware and driver.
 
-Rooms: sheets, driver, stage; firmware in C. Imports of ours: design, cad, sims.
+Packages: sheets, driver, stage. The folder firmware has C sources. Imports within this repository: design, cad, sims.
 """

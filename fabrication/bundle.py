@@ -122,7 +122,7 @@ def write_manifest(folder: Path, design: SensorDesign, seed: int) -> None:
 
 
 def altered_files(folder: Path) -> tuple[str, ...]:
-    """Names of the files that are missing or differ from the bundle's manifest, relative to the bundle.
+    """Names of the files that are missing or differ from the bundle's manifest, as paths relative to the bundle.
 
     Raises
     ------
@@ -145,7 +145,7 @@ def altered_files(folder: Path) -> tuple[str, ...]:
 
 
 def versions() -> dict[str, str]:
-    """Versions of Python and of the packages that made a result."""
+    """Versions of Python and of the packages with which a result is computed."""
     found = {"python": platform.python_version()}
     for package in RECORDED_PACKAGES:
         try:
@@ -272,7 +272,7 @@ def _former(final: Path) -> Path:
 
 
 def _remove(folder: Path) -> None:
-    """Remove a folder; of a symbolic link, remove only the link."""
+    """Remove a folder, or a symbolic link but not its target."""
     if folder.is_symlink():
         folder.unlink()
     shutil.rmtree(folder, ignore_errors=True)

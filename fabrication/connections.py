@@ -31,7 +31,7 @@ TWO_LEADS = 2
 
 @dataclass(frozen=True, kw_only=True)
 class Connection:
-    """One part and its connection.
+    """One part with its connection to the board.
 
     Attributes
     ----------

@@ -188,7 +188,7 @@ class WorkspaceLimits:
 
     Attributes
     ----------
-    outline : name of the region's shape as in a design; None for the rectangle between the limits of x and y
+    outline : shape of the region, by its name in a design; None for the rectangle between the limits of x and y
     """
 
     x0_mm: float

@@ -1,4 +1,4 @@
-"""The simulated gain, from light to counts, for all sheets; and pairs above full scale."""
+"""The simulated gain, which converts light to counts, for all sheets; and the pairs that exceed full scale."""
 
 from __future__ import annotations
 

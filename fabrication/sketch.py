@@ -413,7 +413,7 @@ def _chip_macro(mcu: str) -> str:
 
 
 def _tunable(name: str, value: str, comment: str) -> tuple[str, ...]:
-    """Lines of C that define a setting which a compiler option may override; used to measure frame rates."""
+    """Lines of C for a setting that a compiler option may override, to measure frame rates."""
     return (f"#ifndef {name}", f"#define {name} {value} /* {comment} */", "#endif")
 
 

@@ -6,7 +6,8 @@
     optopad.score(design).verdict
     optopad.score(design.with_(**{"cavity.clear_thickness_mm": 10})).deadbands_mm
 
-Rooms from the ground up: work, screen, results, report, jobs, sensor; entry points: api (Python), cli (terminal).
+Modules, each using only earlier ones: work, screen, results, report, jobs, sensor, then the entry points api (Python)
+and cli (terminal).
 """
 
 from optopad.api import check, compare, improve, load, predict, presets, run, save, score, sweep

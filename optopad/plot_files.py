@@ -1,4 +1,4 @@
-"""Plots as files: SVG for pages and print, with text as text, and PNG for programs that cannot read SVG."""
+"""Plots as files: SVG for pages and print, PNG for programs that cannot read SVG."""
 
 from __future__ import annotations
 

@@ -42,14 +42,14 @@ DEAD_SHARE = 0.1
 """A part counts as dead if all its readings are below this share of the weakest part's best expected reading [-]."""
 
 DIM_SHARE = 0.4
-"""A part whose readings over the expected ones are below this share of the other parts' is reported as dim [-].
-Resistors, binning and seating explain about +-30 %."""
+"""A part is reported as dim if the ratio of its measured to its expected readings is below this share of the other
+parts' [-]. Resistors, binning and seating explain about +-30 %."""
 
 UNEXPECTED_SHARE = 0.5
 """A pair at full scale is reported if its expected reading is below this share of full scale [-]."""
 
 AMBIENT_SHARE = 0.1
-"""Dark readings above this share of full scale reduce the range."""
+"""Dark readings above this share of full scale are reported, because they leave less range for signals [-]."""
 
 NOISE_COUNTS, NOISE_SHARE = 3.0, 0.02
 """A receiver is reported as noisy if a reading's standard deviation is above NOISE_COUNTS [counts] plus NOISE_SHARE of
@@ -67,8 +67,8 @@ class Verdict:
     ----------
     problems : reported faults, errors first
     gain : median over the pairs of measured over expected reading [-]; None if no pair could be compared
-    mismatch : median over the pairs of the relative deviation from the expected pattern times `gain` [-]; None as
-        `gain`
+    mismatch : median over the pairs of the relative deviation from `gain` times the expected reading [-]; None if no
+        pair could be compared
     compared : number of pairs that could be compared
     clipped_by_design : names of the pairs that are expected at full scale, as E1-R1
     frames : number of frames in the check
@@ -92,12 +92,12 @@ class Verdict:
 
 
 def check_frames(frames: Iterable[Frame], found: Descriptor, self_test: SelfTest | None = None) -> Verdict:
-    """Compare the untouched pad with its simulated pattern.
+    """Compare readings of the untouched pad with the simulated ones.
 
     Parameters
     ----------
     frames : frames of the untouched pad; one second is enough
-    found : descriptor of the sensor
+    found : descriptor of the sensor's stream, with the expected readings
     self_test : the board's self-test, if it was requested
 
     Raises
@@ -173,7 +173,7 @@ def _dead(pattern: Pattern, railed: BoolArray) -> tuple[BoolArray, BoolArray]:
 
 
 def _strong_reading(pattern: Pattern) -> float:
-    """Reading that the best pair of every working part exceeds [counts]."""
+    """Threshold for dead parts: a working part's best pair has a higher reading [counts]."""
     best = np.concatenate([pattern.expected.max(axis=0), pattern.expected.max(axis=1)])
     return max(float(DEAD_SHARE * best.min()), FLOOR_COUNTS)
 

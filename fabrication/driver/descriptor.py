@@ -1,4 +1,4 @@
-"""Meaning of a stream's numbers: geometry, names, units and rates."""
+"""Description of a sensor's stream: the geometry, names, units and rates behind its numbers."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ UNITS = {
 
 
 def descriptor_of(config: DriverConfig) -> Descriptor:
-    """The descriptor of a driver configuration's stream."""
+    """The description of the stream that a driver configuration defines."""
     expected = config.expected
     return Descriptor(
         design=config.design,

@@ -81,7 +81,7 @@ class DriftState:
     is_held : whether the untouched levels are held constant now
     excess : mean square of the change that gains do not explain, over that of noise alone [-]
     drift : median over the pairs of the relative change of the untouched level since the start [-]
-    is_gain_like : whether changed gains of emitters and receivers explain the present change, and it exceeds the noise
+    is_gain_like : whether the present change exceeds the noise, and changed gains of emitters and receivers explain it
     gain_steps : number of gain steps so far
     held_without_touch_s : time for which `excess` has been above its threshold although the model saw no touch [s]
     """
@@ -136,7 +136,7 @@ class DriftTracker:
         self.untouched: FloatArray = start.mean(axis=0).ravel()
         self._first = self.untouched.copy()
         self._level_noise = 1.0 / len(start)
-        """Variance of the untouched levels over that of one frame's signals [-]; each level is a mean of frames."""
+        """Noise of the untouched levels, which are averages, as their variance over that of a single frame [-]."""
         self._calibrate(start.reshape(len(start), -1))
         self.start_mismatch = self._mismatch()
         self.gain_steps = 0
@@ -145,8 +145,7 @@ class DriftTracker:
         [counts]."""
         self._short = np.zeros(self.untouched.size)
         self._short_noise = 0.0
-        """Variance of the short average of the change over that of one frame [-]; frames may arrive at irregular
-        times."""
+        """Noise of the change averaged over `SHORT_S`, as its variance over that of a single frame [-]."""
         self._touched_share = 0.0
         self._time_s: float | None = None
         self._held_s = -math.inf

@@ -37,7 +37,7 @@ class GainPattern:
     ----------
     used : (pair,) whether a pair is used: its untouched signal is neither too small nor at full scale
     sigma : (pair,) standard deviation of one frame's relative change; 1 where the pair is not used [-]
-    freedom : degrees of freedom of the rest
+    freedom : degrees of freedom of the rest: number of used pairs less number of independent gains
     """
 
     def __init__(self, untouched: FloatArray, noise: FloatArray, full_scale: float = np.inf) -> None:
@@ -63,7 +63,8 @@ class GainPattern:
     def gains(self, change: FloatArray) -> FloatArray:
         """(n, part) relative changes of the gains, emitters first, that fit (n, pair) changes best [-].
 
-        A constant may be moved from all emitters' gains to all receivers'; the smallest solution is returned.
+        Only the sum of an emitter's and a receiver's gain is determined, so the solution with the least squares is
+        returned.
         """
         found: FloatArray = self._kept(change) @ self._gains.T
         return found

@@ -16,8 +16,7 @@ FLOOR_COUNTS = 8.0
 [counts]."""
 
 SEEN_COUNTS = 24.0
-"""A pair with a lower expected reading cannot show whether its parts work [counts]. A part at a fifth of its light
-still exceeds the floor."""
+"""Pairs with a lower expected reading are too weak to judge their parts [counts]."""
 
 CLIP_SHARE = 0.95
 """Readings, measured or expected, above this share of full scale count as clipped [-]."""

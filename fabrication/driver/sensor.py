@@ -39,11 +39,13 @@ POLL_S = 0.2
 
 FASTEST_HZ = 100_000.0
 SLOWEST_HZ = 0.001
-"""Lowest frame rate, as in a design [Hz]. The board's clock resolves intervals below 2^31 us, which is 0.00047 Hz."""
+"""Lowest permitted frame rate, the same as in a design [Hz]."""
 
 SILENCE_S = 1.0
-"""At the end of a limited reading time, the board counts as lost after this silence, or after three frame intervals if
-these are longer [s]."""
+"""If reading for a limited time ends with this much silence, the board counts as lost [s].
+
+The limit is three frame intervals if these are longer.
+"""
 
 
 class Sensor:
@@ -223,7 +225,7 @@ class Sensor:
 
     @property
     def rate_hz(self) -> float | None:
-        """Delivered frames per second by the board's clock, over the last 256; None before two frames."""
+        """Delivered frames per second, over the last 256 frames by the board's clock; None before two frames."""
         return self._decoder.rate_hz
 
     @property

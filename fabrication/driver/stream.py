@@ -31,7 +31,7 @@ START_AGAIN_S = 1.0
 """Silence after which a started board is started again, because the command may have been damaged [s]."""
 
 LATE_HELLO_S = 1.5
-"""Time after the identification of a board in which a further hello is taken for a repeated reply, not a reset [s]."""
+"""Time after identifying a board in which a further hello does not count as a reset [s]."""
 
 QUEUE_FRAMES = 4096
 """Largest number of frames in the queue; ten seconds at 400 Hz."""
@@ -150,7 +150,7 @@ class Stream:
 
     @property
     def waiting(self) -> int:
-        """Frames in the queue."""
+        """Number of frames in the queue."""
         return len(self._queue)
 
     def forget_waiting(self) -> None:

@@ -41,7 +41,7 @@ class Touch:
     Attributes
     ----------
     frame : the frame
-    is_touched : the model's decision; a change of gains is not a touch
+    is_touched : whether the model reports a touch; a change of the parts' gains does not count as touch
     touch_score : the model's score for touch [-]: touched above 0, with more confidence for larger values
     press_mm : (3,) x, y in the plane of the pad, depth along the surface normal [mm]; NaN if untouched
     point_mm, normal : (3,) point of first contact [mm] and outward unit normal of the surface there [-], in the cavity

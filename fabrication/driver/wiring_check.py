@@ -3,8 +3,8 @@
 A reading is modelled as the expected one times a common factor, a factor of the emitter, one of the receiver, and one
 of the pair. The logarithms of these factors are fitted by ridge regression, the common factor without a penalty.
 Factors of parts scatter by `PART_SPREAD`; those of pairs by `PAIR_SPREAD`, or more if the best fit requires it. The
-misfit is the sum of the squared logarithms over these spreads. Readings below a floor are set to the floor. So the
-contrast between pairs reveals a wrong wire, not the brightness.
+misfit is the sum of the squared logarithms over these spreads. Readings below a floor are set to the floor. So wrong
+wires are detected by the contrast between pairs, not by their brightness.
 
 The search starts at the correct wiring. In each step it applies the exchange of two emitters or of two receivers that
 reduces the misfit most. A cyclic permutation of three becomes two exchanges. Pairs that are dark both as measured and
@@ -38,15 +38,19 @@ PAIR_SPREAD = 0.12
 """Standard deviation of the logarithm of a pair's factor [-]: positions and heights of parts, errors of the model."""
 
 LARGEST_MISS = 5.0
-"""Largest contribution of a single pair to the misfit, before squaring [spreads], so that one outlier does not
-dominate."""
+"""Largest contribution of a single pair to the misfit, before squaring [standard deviations].
+
+This limits the influence of outliers.
+"""
 
 EVIDENCE = 20.0
-"""Least reduction of the misfit for which an exchange is accepted [-]; under the model, odds of e^10 to one."""
+"""Least reduction of the misfit (see the module) for which an exchange of wires is accepted [-].
+
+Under the statistical model this means odds of e^10 to one.
+"""
 
 EQUAL = 8.0
-"""Exchanges whose misfit is within this value of the best one's are reported as equally likely [-]: odds of 50 to
-one."""
+"""Exchanges of wires whose misfit (see the module) is within this value of the best one's are reported as well [-]."""
 
 NORMAL_MEDIAN_SQUARE = 0.455
 """Median of the square of a standard normal variable."""
@@ -134,9 +138,9 @@ def _fitted(pattern: Pattern, usable: BoolArray, rows: Order, columns: Order) ->
 
 
 def _part_factors(difference: FloatArray, told: BoolArray) -> tuple[FloatArray, FloatArray, float]:
-    """Fit of differences (emitter, receiver) by ridge regression, over the pairs where `told` is true.
+    """Fit of (emitter, receiver) differences by a term per emitter, a term per receiver and a common term.
 
-    Returns the terms of the emitters, those of the receivers, and a common term.
+    The method is ridge regression over the pairs where `told` is true. Returns the three kinds of terms in this order.
     """
     emitters, receivers = difference.shape
     weight = told.astype(np.float64)

@@ -2,7 +2,7 @@
 
 References extend the names of the layout: E3-Q is the transistor of emitter E3. Costs are the catalogue's, with
 currency, date and source; unknown costs are blank. For a transistor or amplifier the value gives the requirements,
-because no part is chosen. For feedback components without a known gain it refers to the gain.
+because no part is chosen. If the gain is not known, the value of feedback components says so.
 """
 
 from __future__ import annotations

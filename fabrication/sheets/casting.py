@@ -62,7 +62,7 @@ class Pour:
 
 
 def pours(design: SensorDesign) -> tuple[Pour, ...]:
-    """The layers in the order of casting; a black layer of thickness 0 is left out."""
+    """Silicone of each layer, in the order of casting; a black layer of thickness 0 is left out."""
     cavity = cavity_of(design)
     plan = cavity.plan
     black, clear = plan.area_mm2 * cavity.black_mm, plan.clear_volume_mm3
@@ -106,8 +106,7 @@ COVER_PLAY_MM = 0.6
 """Clearance between a glass cover and its seat [mm]; inner dimensions of prints are too small by up to this value."""
 
 MOST_WEIGHING_ERROR = 0.05
-"""Largest relative error of the mixing ratio, due to the scale's resolution, that is accepted [-]; the stiffness
-depends on it."""
+"""Largest accepted relative error of the mixing ratio due to the scale's resolution [-]."""
 
 
 def casting_md(design: SensorDesign, gain: SimulatedGain | None = None) -> str:

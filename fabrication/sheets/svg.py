@@ -190,7 +190,8 @@ def npn(base: Point) -> list[Element]:
 
 
 def amplifier(tip: Point) -> list[Element]:
-    """An operational amplifier with its output at the tip. Its inputs are 46 units left, - 12 up and + 12 down."""
+    """An operational amplifier with its output at the tip. The inputs are 46 units to the left: the - input 12 units
+    above the tip, the + input 12 units below."""
     x, y = tip
     body = polygon([(x - 46, y - 25), (x - 46, y + 25), (x, y)], **BOX)
     signs = [text((x - 41, y - 8), "−", 14), text((x - 41, y + 16), "+", 14)]

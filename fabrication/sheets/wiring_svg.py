@@ -8,7 +8,7 @@
       +--^----o---+
          E1   R1
 
-On a disc, a label is at the side of the sheet that its part's direction is most opposite to.
+For a disc, each label is at the side of the sheet that is nearest to its part.
 
 Bodies and mold come from `design.mold.outline`, so the drawing agrees with the printed part.
 
@@ -112,7 +112,7 @@ CAVITY_COLOUR = "#f4f9ff"
 NAME_PX, NOTE_PX, HEADING_PX = 16.0, 13.0, 20.0
 """Font sizes of references, notes, heading."""
 LETTER_SHARE = 0.6
-"""Assumed width of a letter over its font size, larger than the average [-]."""
+"""Ratio of a letter's width to its font size that is assumed for the room of labels; most letters are narrower [-]."""
 LABEL_LINES = 3
 LABEL_START_PX, LABEL_GAP_PX = 5.0, 10.0
 LINE_PX = 18.0

@@ -157,7 +157,7 @@ class CollectedParts:
 SETTLE_S = 0.3
 FRAMES = 1
 TRIES = 3
-"""Number of attempts for a press during which the connection to the board is lost."""
+"""Number of attempts for a press if the connection to the board is lost during the press."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -72,7 +72,9 @@ class GcodeLine:
         self.has_begun_anew = False
 
     def greet(self, boot_s: float, on_wait: Callable[[str], None] = on_standard_error) -> None:
-        """Wait until the printer replies, which opening the port may have reset; raises DeviceError after `boot_s` [s].
+        """Wait until the printer replies, because opening the port may have reset it.
+
+        Raises DeviceError after `boot_s` [s].
 
         on_wait : called with a progress line every two seconds of the wait
         """
@@ -337,7 +339,8 @@ class GcodeStage:
         self.lift()
 
     def move_to(self, x_mm: float, y_mm: float, depth_mm: float) -> Position:
-        """As `stage.Stage.move_to`."""
+        """Move to a position and stop; return the reported position; details and errors are those of
+        `stage.Stage.move_to`."""
         self.limits.require(x_mm, y_mm, depth_mm)
         x, y, depth = self.position()
         if math.hypot(x_mm - x, y_mm - y) > TOLERANCE_MM / 2:
@@ -349,9 +352,9 @@ class GcodeStage:
         return self._arrived((x_mm, y_mm, depth_mm))
 
     def lift(self) -> None:
-        """Move straight up to the travel height; the command is sent before any wait for a pending answer.
+        """Move straight up to the travel height, from the height that the printer reports.
 
-        An interrupt may have removed an answer, so the height that the printer reports is used.
+        An interrupt may have discarded a reply, so the command is sent before waiting for it.
         """
         height_mm = self._known_origin()[2] + self._travel_mm
         self._line.post(f"G1 Z{height_mm:.3f} {feed_word(self._speeds_mm_s[1])}")
@@ -368,12 +371,14 @@ class GcodeStage:
             self._sent = *self._sent[:2], -self._travel_mm
 
     def position(self) -> Position:
-        """Position that the printer reports, x, y, depth [mm]; if M114 confirms the target to its last digit, the
-        target itself."""
+        """Position of the tip that the printer reports, x, y, depth [mm].
+
+        If it equals the target to the last reported digit, the target is returned.
+        """
         return self._position()[0]
 
     def stop(self) -> None:
-        """Send M410, then lift."""
+        """Stop the motion at once (M410), then lift the tip."""
         self._line.post("M410")
         self.lift()
 
@@ -388,8 +393,7 @@ class GcodeStage:
         return (x, y, depth), step_mm
 
     def _lift_blindly(self) -> None:
-        """Move straight up by more than the deepest press, relative to the present position, which a reset made
-        unknown."""
+        """Move straight up by more than the deepest press; used after a reset, when the position is unknown."""
         up_mm = self.limits.deepest_mm + self._travel_mm
         self._line.send("G91")
         self._ride(f"Z{up_mm:.3f}", up_mm, self._speeds_mm_s[1])

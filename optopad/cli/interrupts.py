@@ -92,8 +92,7 @@ def has_arrived() -> bool:
 
 
 def answered() -> None:
-    """Declare Ctrl-C handled, because it ended its target, such as a recording, regularly; later errors are
-    failures."""
+    """Mark Ctrl-C as handled, because it regularly ended a task such as a recording; later errors are failures."""
     _arrived_s.clear()
 
 

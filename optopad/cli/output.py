@@ -32,7 +32,7 @@ def tell(as_json: bool, document: Callable[[], dict[str, Any]], lines: Callable[
 
 
 def print_json(document: dict[str, Any]) -> None:
-    """Print one JSON object on standard output; infinite numbers, which mark undecided ends, become null."""
+    """Print one JSON object on standard output. Infinite numbers, which mark undecided values, become null."""
     typer.echo(json.dumps(document, indent=2, allow_nan=False))
 
 
@@ -42,7 +42,7 @@ def say(text: str = "") -> None:
 
 
 ANNOUNCED = "kernels"
-"""Name of a stage that gets a line of progress even where there is no bar, because it is long and unexpected."""
+"""Name of a stage that is announced by a line even without a progress bar, because it takes long."""
 
 
 def foretell_score(

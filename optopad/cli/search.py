@@ -74,8 +74,8 @@ def improve(
 
 
 def _text(where: str, design: SensorDesign, *, is_changed: bool) -> str | None:
-    """Text of a design file; None if it would not describe the design: fields were changed, or it has parts of its
-    own."""
+    """Text of the design file; None if it does not describe the design, because fields were changed or own parts
+    added."""
     from design.io import read_design_text
     from design.preset import preset_text
 

@@ -18,7 +18,7 @@ from sims.readings.dataset import read_data, require_design
 from sims.readings.press_data import PressData, data_notes
 
 MODEL_FILE = "build.optomodel"
-"""File name of the manufactured pad's model, in the folder of the calibrated design."""
+"""File name of the model for the manufactured pad, in the folder of the calibrated design."""
 
 
 @dataclass(frozen=True, kw_only=True)

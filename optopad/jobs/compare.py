@@ -178,7 +178,7 @@ _FIGURES: dict[str, tuple[str, Better, float, Callable[[SweepRow], float | None]
 
 
 def _signal_error(row: SweepRow) -> float:
-    """Standard error of the signal without contact; the difference of two seeds may be small by chance."""
+    """Uncertainty of the signal without contact: its standard error, because two seeds may agree by chance."""
     return 0.0 if row.curve is None else row.curve.standard_error[0]
 
 

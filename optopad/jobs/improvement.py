@@ -73,21 +73,21 @@ PAD_S, PAIR_S, ROW_S = 1.9, 0.04, 0.6
 """Processor time to judge a design in the search [s]: fixed part of a pad, its part per pair, and that of facing
 rows."""
 CURVED = 4.0
-"""Factor by which the processor time of a disc or a crowned pad is longer [-]."""
+"""Factor by which a disc or a crowned pad needs more processor time [-]."""
 SEARCH = 0.4
-"""Fraction of the time budget for the search; the rest is for scores [-]."""
+"""Fraction of the time budget that the search takes; the rest is for scores [-]."""
 SPREAD = 0.6
 """Largest fraction of the search's designs that are spread evenly over heights and thickness [-]."""
 FEWEST, MOST = 12, 400
-"""Least and largest number of designs in a search, without those around the best ones."""
+"""Least and largest number of designs in a search, not counting variations of the best ones."""
 ATTEMPTS, ROW_ATTEMPTS = 4, 8
-"""Number of candidates of a kind that are scored until one is accepted, for a pad and for facing rows."""
+"""Largest number of candidates that are scored for one kind of improvement: for a pad, and for facing rows."""
 FIRMER = 1.3
-"""If an unmeasured parameter changes a design's verdict, similar designs need its margin times this factor [-]."""
+"""Factor on the margin that similar designs need if an unmeasured parameter changed a design's verdict [-]."""
 MOST_JUDGED = 12
 """Number of designs that are scored before the search reports that none is better."""
 LEAST_JUDGED = 2
-"""Number of designs that are scored even if quick light finds a deadband in all designs."""
+"""Number of designs that are scored even if the search's coarse light model finds a deadband in all designs."""
 MOST_BOUNDS = 4
 """Largest number of pad designs whose accuracy is computed."""
 PLACE = "location_bound_mm"
@@ -243,7 +243,7 @@ def _write_design(file: Path, text: str, base: SensorDesign, changes: Mapping[st
 
 
 class JudgedAgain:
-    """Scores of designs from a search, with the light of `optopad score`; each is computed once.
+    """Scores of designs from a search, with the light model's setting of `optopad score`; each is computed once.
 
     Parameters
     ----------
@@ -259,15 +259,19 @@ class JudgedAgain:
         self.base, self.before = Judged(), self.verdict(space.base)
 
     def verdict(self, design: SensorDesign) -> ContinuityScore:
-        """Verdict of a design with the score's light, without bounds, unmeasured parameters and a pad's single
-        pairs."""
+        """Verdict of a design, with the light model's setting of `optopad score`.
+
+        Bounds, unmeasured parameters and single pairs of a pad are left out.
+        """
         if design.digest not in self.scores:
             self.scores[design.digest] = verdict_of(design, seed=self.seed, on_step=self.tell)
         return self.scores[design.digest]
 
     def found_by_search(self, base: Judged, tried: Sequence[Tried]) -> tuple[Tried, ...]:
-        """Take over the search's figures of the original design; return the designs, the best of a pad with their
-        accuracy."""
+        """Store the search's figures of the original design; return the tried designs.
+
+        The best designs of a pad also get their accuracy.
+        """
         self.base = replace(base, verdict=self.before.verdict)
         self._learn(base, self.before)
         best = sorted((one for one in tried if is_possible(one.judged)), key=_worth, reverse=True)[
@@ -290,9 +294,9 @@ class JudgedAgain:
         return replace(judged, figures=more.figures | judged.figures)
 
     def alternatives(self, tried: Sequence[Tried]) -> tuple[Alternative, ...]:
-        """The first verified design of every kind (such as "most depth"), all different.
+        """For each kind of improvement (such as "most depth") the first verified design, all different.
 
-        If no kind has one, any verified design that is better.
+        If there are none, any verified design that is better than the original.
         """
         attempts = ATTEMPTS if self.accuracy == PLACE else ROW_ATTEMPTS
         deepest = self._first_of("most depth", self._picked("most depth", tried), attempts)
@@ -325,7 +329,7 @@ class JudgedAgain:
     ) -> Alternative | None:
         """The first candidate that scores better and whose verdict no unmeasured parameter changes.
 
-        If there is none, the first that scores better; None without any.
+        If there is none, the first that scores better; None if no candidate does.
 
         For "most depth", the usable depth may be up to `NEAR_BEST_MM` below that of the deepest design.
 
@@ -372,8 +376,8 @@ class JudgedAgain:
         return undecided
 
     def _next_of(self, candidates: Sequence[Tried], margin: float) -> Tried:
-        """The first candidate with the required margin, after subtraction of what quick light overrates; else the best
-        one."""
+        """The first candidate with the required margin, after correction for the search's coarse light model; else the
+        best one."""
         safe = [one for one in candidates if margin_of(one.judged) - self.overrated >= margin]
         return safe[0] if safe else max(candidates, key=_worth)
 
@@ -406,7 +410,7 @@ class JudgedAgain:
         return Judged(figures=quick.figures | own, verdict=verdict, may_be=verdict == "CONTIGUOUS")
 
     def nearest(self, tried: Sequence[Tried]) -> Nearest | None:
-        """The best design among those that were scored; None if none was."""
+        """The best of the designs that were scored; None if no design was scored."""
         digests = {self.space.changed(one.parameters).digest: one for one in tried if one.digest}
         found = [
             (score, digests[digest])

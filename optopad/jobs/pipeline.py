@@ -169,7 +169,7 @@ def _finished(mold: subprocess.Popen[str], folder: Path) -> dict[str, Any]:
 
     Raises
     ------
-    OutputError, RuntimeError : the process refused the work or failed; with its message.
+    OutputError, RuntimeError : the process refused the work or failed; its message is included.
     """
     _, message = mold.communicate()
     if mold.returncode == REFUSED:

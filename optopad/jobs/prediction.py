@@ -180,7 +180,10 @@ def predict(
 def bound_mm(
     design: SensorDesign, curves: ProtocolCurves, seed: int, on_step: OnStep
 ) -> dict[float, tuple[float, float]]:
-    """Cramér-Rao bounds by depth, for the depths of the tables that the design reaches: location, depth [mm]."""
+    """Cramér-Rao bounds by depth: standard deviations of location and of depth [mm].
+
+    The depths are those of the error tables that the design reaches.
+    """
     chain = chain_of(design, curves.readout)
     noise = replace(
         chain_noise(design, len(chain.gains), chain.gains.size),

@@ -1,4 +1,4 @@
-"""One press, for people and programs: surface, load, pressure, and the load over a protocol."""
+"""One centred press, for people and programs: surface, load, pressure, and the load over a protocol."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
 TIP_POINTS = 400
 TIP_LENGTH = 8.0
-"""Number of points and length of the tip's outline in a picture [-], [tip radii]."""
+"""Length of the tip's outline in a picture [tip radii]; the outline has `TIP_POINTS` points."""
 PREFIX = "contact-"
 HOW_TO_RELAX = (
     "press and retract have the same load, because relaxation is off; to turn it on, give values measured on the "
@@ -258,7 +258,7 @@ def _protocol_json(driven: ProtocolView) -> dict[str, Any]:
 
 
 def view_plots(view: PressView) -> dict[str, Axes]:
-    """Pictures of the press by name; draw and export them inside `plain_style`."""
+    """Pictures of the press by name; drawing and exporting must be inside the context `plain_style`."""
     from sims.plots.contact import (
         plot_force,
         plot_force_near,

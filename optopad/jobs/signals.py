@@ -114,7 +114,7 @@ def _oracle(design: SensorDesign, states: FloatArray, rays: int, seed: int, on_s
 
 
 def _compared(light: LightSignals, truth: LightSignals, cavity: CavityGeometry, rays: int) -> dict[str, Any]:
-    """Differences between the fast model and the ray tracer, for pairs with a direct path, in standard errors.
+    """Differences between the fast light model and the ray tracer [standard errors], for pairs with a direct path.
 
     Light that crosses the air in the dent is left out, because only the ray tracer follows it.
     """

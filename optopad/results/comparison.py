@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 WIDEST = 26
-"""Largest number of characters of a value that is shown uncut."""
+"""Values with more characters than this are cut when they are shown."""
 Better = Literal["lower", "higher", ""]
 
 
@@ -66,7 +66,8 @@ class Comparison(Result):
     rows : score of each design, and the signal curve that is shown for it
     changes : fields in which the designs differ: from dotted path to the value in each design
     measures : figures of all designs
-    winner_of_verdict : number of the only design without a deadband; None otherwise, or if a verdict is undecided
+    winner_of_verdict : index of the only design without a deadband; None if there is no single one, or a verdict is
+        undecided
     folder, stem : folder of the written comparison, and its file name without suffix
     """
 
@@ -103,7 +104,7 @@ class Comparison(Result):
         return {one.name: self.labels[one.winner] for one in self.measures if one.winner is not None}
 
     def plot(self) -> Figure:
-        """Signal against depth, one panel per design."""
+        """Plot of signal against depth, one panel per design."""
         from sims.plots.style import plain_style
         from sims.plots.sweep import plot_sweep
 

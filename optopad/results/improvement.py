@@ -1,4 +1,4 @@
-"""The result of an improvement: the original design, better designs, and the nearest design if none is better."""
+"""The result of an improvement: the original design and better designs, or the closest attempt if none is better."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from sims.score.result import ContinuityScore
 
 Figures = dict[str, float | None]
 WHOLE = 12
-"""Largest number of lines of a text, so large that no text is cut."""
+"""Limit on the number of lines of a text, so large that no text is cut."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -59,7 +59,7 @@ class Nearest:
     score: ContinuityScore
 
     def to_json(self) -> dict[str, Any]:
-        """The nearest design as plain data for JSON."""
+        """The best scored design, if none is better than the original, as plain data for JSON."""
         return {
             "changes": self.changes,
             "figures": self.judged.figures,

@@ -32,9 +32,9 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 FALSE_ALARM_LIMIT = 0.05
-"""A fraction of untouched frames classified as touched above this value is reported [-]."""
+"""Largest fraction of untouched frames classified as touched that is not reported as a finding [-]."""
 LEAST_FOUND = 0.95
-"""A detected fraction of presses 1 mm deep below this value is reported [-]."""
+"""Least detected fraction of presses 1 mm deep that is not reported as a finding [-]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -322,7 +322,7 @@ class Prediction:
         return self.found.to_json()
 
     def plot_errors(self) -> Figure:
-        """Errors of location and depth against depth, with the bound if it was computed."""
+        """Plot of the errors of location and depth against depth, with the bound if it was computed."""
         from sims.plots.accuracy import plot_errors
         from sims.plots.style import plain_style
 
@@ -331,7 +331,7 @@ class Prediction:
             return plot_errors(rows, self.found.bound_mm)
 
     def plot_touch(self) -> Figure:
-        """Fraction of correctly classified samples against depth."""
+        """Plot of the fraction of correctly classified samples against depth."""
         from sims.plots.accuracy import plot_touch
         from sims.plots.style import plain_style
 

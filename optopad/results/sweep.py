@@ -110,7 +110,7 @@ class Sweep(Result):
         return text.getvalue()
 
     def plot(self) -> Figure:
-        """Signal against depth, one panel per value."""
+        """Plot of signal against depth, one panel per value."""
         from sims.plots.style import plain_style
         from sims.plots.sweep import plot_sweep
 

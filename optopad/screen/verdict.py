@@ -83,7 +83,7 @@ def verdict_screen(
 
 
 def rate_words(design: SensorDesign) -> str:
-    """Sentence on the board's possible frame rate, the required rate, and changes that would raise the former."""
+    """Sentence on the board's possible frame rate, the required rate, and changes that would raise the possible one."""
     use, board = design.board, board_of(design)
     ways = []
     if board.divides_clock and use.adc_prescaler > EIGHT_BIT_PRESCALER:
@@ -98,8 +98,10 @@ def rate_words(design: SensorDesign) -> str:
 def findings_screen(name: str, findings: Sequence[Finding], *, command: str, rate: str = "") -> list[str]:
     """Lines with findings of the design rules, errors first, as many as there is room for; then the next command.
 
-    command : command and design as typed, as `score pad.toml` rate : the sentence from `rate_words`; shown if there is
-    no error
+    Parameters
+    ----------
+    command : command and design as typed, as `score pad.toml`
+    rate : the sentence from `rate_words`; shown if there is no error
     """
     errors = [one for one in findings if one.severity == "error"]
     notes = [one for one in findings if one.severity == "note"]
@@ -153,7 +155,7 @@ def _warnings(texts: Sequence[str], room: int) -> list[str]:
 
 
 def _clause(text: str) -> str:
-    """A warning, cut after as many whole clauses as fit on a line."""
+    """A warning, shortened to one line between two clauses."""
     room = WIDTH - LABEL
     if len(text) <= room:
         return text

@@ -92,12 +92,12 @@ def untouched_cost_s(scene: OpticalScene, settings: Accuracy) -> float:
 Profile = Indentation | Sequence[Indentation | Sequence[Indentation | None] | None]
 Tips = list[list[Indentation | None]]
 _SMOOTH_PARTS: WeakKeyDictionary[PadSurface, SmoothField] = WeakKeyDictionary()
-"""Smooth part of each surface that the contact model still holds."""
+"""Smooth field (the height beyond the curve around the tip) of each surface that the contact model still holds."""
 
 FIELD_STEP, FIELD_FINER = 1.0 / 4.0, 2
-"""Largest distance of nodes of a surface's smooth part [tip radii], and height samples per distance. On flat presets
-pressed by a tip radius and more, heights are within 0.12 µm rms and slopes within 1.0e-3 rms, also within a third of
-a millimetre of the walls, where both vary fastest."""
+"""Largest distance of nodes of the smooth field that a press adds to the top [tip radii], and height samples per
+distance. On flat presets pressed by a tip radius and more, heights are within 0.12 µm rms and slopes within 1.0e-3
+rms, also within a third of a millimetre of the walls, where both vary fastest."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,14 +1,15 @@
-"""A short verdict on one manufactured unit of a design: its mode gap, deadband and margin.
+"""Short verdicts on manufactured units of a design: mode gap, deadband and margin of each.
 
-It serves to try units that differ from the design in an unmeasured parameter. Facing rows are judged by one pair under
+A short verdict is quicker than that of a score, so many units with other values of unmeasured parameters can be
+judged. Facing rows are judged by one pair under
 its own press; a pad at one location, by the pairs that make up nine tenths of the change of its frames there in any
 part of the depth. Fewer pairs can only lengthen a pad's deadband, so a pad without one by these pairs has none.
 
-How units of a design are judged: the judged pairs or location in words, and the function that judges one unit.
+A *judge* is the function that gives the short verdict of one unit, together with words for the pairs or the location by
+which it judges. Facing rows are judged by their governing pair or by all facing pairs, a pad by pairs at its location
+of least margin.
 
-Facing rows are judged by their governing pair or by all facing pairs; a pad by pairs at its location of least margin.
-
-Share of units that keep the verdict: a Monte Carlo over all tolerances of a manufactured unit.
+A Monte Carlo study over all tolerances gives the share of units that keep the verdict.
 
     tolerances ──► Sobol points, scrambled with the seed ──► units ──► short verdicts ──► share that keeps it
 
@@ -16,9 +17,9 @@ Each unit is the design with all its tolerances drawn at once. Its gain is set a
 it is judged as the design itself is: facing rows by all facing pairs, a pad at its location of least margin. The
 random shifts of the light model are the same for all units, so two units differ by the drawn values only.
 
-Uncertainty: the share carries the exact binomial interval (Clopper and Pearson 1934) at 95 %; Sobol points are more
-even than random ones, so the interval errs on the wide side. It is the uncertainty of the *count*, not of the
-tolerances, which are assumptions. Units whose verdict the numerical error may change are counted separately.
+Uncertainty: the share has the exact binomial interval (Clopper and Pearson 1934) at 95 %. Sobol points are more even
+than random ones, so the interval is rather too wide. It covers the finite number of units only, not the tolerances,
+which are assumptions. Units whose verdict the numerical error may change are counted separately.
 
 Sensitivity: Spearman's rank correlation of each value with the margin of the unit's verdict (for units with a
 deadband, minus its length), with Fisher's 95 % interval. It shows a value's effect while all others vary; the
@@ -98,12 +99,12 @@ class Brief:
 
 
 def accuracy_of_builds(design: SensorDesign) -> Accuracy:
-    """Light settings of a design's units."""
+    """Accuracy setting of the light model for units of a design."""
     return ACCURACY if plan_of(design).is_block else FORMED_ACCURACY
 
 
 def score_curves(design: SensorDesign, curves: PairCurves, readout: Readout) -> PairScore:
-    """Judge one pair's light at its receiver's gain; the trace's error of a clipped reading is clipped, too."""
+    """Score of one pair from its light, with its receiver's gain; numerical errors clip with the readings."""
     gain = readout.of_receiver(curves.pair[1])
     is_clipped = curves.total * gain >= readout.full_scale_counts
     return score_pair(
@@ -119,7 +120,7 @@ def score_curves(design: SensorDesign, curves: PairCurves, readout: Readout) -> 
 
 
 def facing_brief(design: SensorDesign, *, seed: int) -> Brief:
-    """A unit of facing rows, judged by all facing pairs: gap of the middle one, deadband and margin of the worst."""
+    """Short verdict on facing rows: mode gap of the middle pair, deadband and margin of the worst pair."""
     cavity = cavity_of(design)
     pairs = judged_pairs(cavity)
     depth_mm = depth_schedule_mm(design.operating.max_depth_mm, COARSE_STEP_MM)
@@ -156,7 +157,7 @@ def pair_margin(
 
 
 def pair_brief(design: SensorDesign, pair: Pair, *, seed: int) -> Brief:
-    """A unit judged by one pair under the press at its chord's midpoint."""
+    """Short verdict by one pair, pressed at the midpoint of the line between its two parts."""
     place_mm = chord_midpoint_mm(cavity_of(design), pair)
     depth_mm, light, readout = _pressed(design, place_mm, (pair,), seed)
     curves = curves_of(light, pair, place_mm, slice(1, None), depth_mm)
@@ -178,7 +179,7 @@ def _usable_mm(design: SensorDesign, score: PairScore) -> float:
 def place_brief(
     design: SensorDesign, place_mm: tuple[float, float], pairs: tuple[Pair, ...], *, seed: int
 ) -> Brief:
-    """A unit judged at one location by some pairs together, over all depths; by two traces near the threshold."""
+    """Short verdict at one location by some pairs together; a margin near the threshold is traced twice."""
     depth_mm, light, readout = _pressed(design, place_mm, pairs, seed)
     counts = np.stack([_counts(light, pairs, readout, first=1)] * 2)
     full_scale, once = readout.full_scale_counts, np.zeros_like(counts[0])
@@ -203,7 +204,7 @@ def place_brief(
 
 
 def _counts(light: LightSignals, pairs: tuple[Pair, ...], readout: Readout, *, first: int = 0) -> FloatArray:
-    """(state, pair) readings from a state on."""
+    """Readings (state, pair) of all states from a given one on [counts]."""
     emitters, receivers = np.array(pairs).T
     return np.asarray(light.flux[first:, emitters, receivers] * readout.of_pairs(pairs))
 
@@ -234,7 +235,7 @@ def responsive_pairs(
 def _pressed(
     design: SensorDesign, place_mm: tuple[float, float], pairs: tuple[Pair, ...], seed: int
 ) -> tuple[FloatArray, LightSignals, Readout]:
-    """Depths, light and gain of one press: state 0 is the untouched pad with all pairs, then one state per depth."""
+    """Depths, light and gain for one press location; state 0 is the untouched pad, then one state per depth."""
     cavity = cavity_of(design)
     depth_mm = depth_schedule_mm(design.operating.max_depth_mm, COARSE_STEP_MM)
     light = _light(design, place_mm, depth_mm, pairs, seed, is_after_untouched=True)
@@ -250,7 +251,7 @@ def _light(
     *,
     is_after_untouched: bool = False,
 ) -> LightSignals:
-    """Light of some pairs at some depths; on request preceded by all pairs on the untouched pad."""
+    """Light of some pairs at some depths; on request the untouched pad with all pairs comes first."""
     begin = [0.0] if is_after_untouched else []
     states = states_of(np.array([place_mm]), np.concatenate([begin, depth_mm]))
     masks = np.repeat(mask_of(pairs, cavity_of(design))[np.newaxis], len(states), axis=0)
@@ -269,7 +270,7 @@ def _margin(
 def _trace_error(
     design: SensorDesign, full_scale: float, counts: FloatArray, standard_error: FloatArray
 ) -> float:
-    """Error of the light trace, pooled over depths and pairs, as one state has too few replicates [noise units]."""
+    """Numerical error of the light, root mean square over depths and pairs [noise units]."""
     readings = np.minimum(counts, full_scale)
     errors = np.where(readings < full_scale, standard_error, 0.0)
     return float(np.sqrt(np.mean((errors / sigma_counts(readings, **noise_of(design))) ** 2)))
@@ -286,7 +287,7 @@ BuildJudge = Callable[[SensorDesign], Brief]
 
 
 def pair_judge(pair: Pair, name: str, *, seed: int) -> tuple[str, BuildJudge]:
-    """A judge of units by one pair under its own press."""
+    """Judge of units by one pair, pressed at the middle of its path."""
     return name, lambda build: pair_brief(build, pair, seed=seed)
 
 
@@ -331,18 +332,18 @@ def _answering_pairs(
 
 
 class Memo(Protocol):
-    """A store of judged units, so that an interrupted study continues where it stopped."""
+    """Store of short verdicts by name, so that an interrupted study continues where it stopped."""
 
     def get(self, name: str) -> Any | None:
-        """The data kept under a name; None when there are none."""
+        """The plain data stored under a name; None if there are none."""
 
     def put(self, name: str, result: Any) -> None:
-        """Keep plain data under a name."""
+        """Store plain data under a name."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class BuildStudy:
-    """The units of a study.
+    """Result of a Monte Carlo study over manufactured units.
 
     Attributes
     ----------
@@ -351,9 +352,9 @@ class BuildStudy:
     as_designed : the design itself, judged as the units are
     tolerances : the varied values, in the order of `values`
     values : (build, tolerance) drawn values, each in its unit
-    deadband_mm, margin : (build,) summed deadband [mm] and margin to one [noise units]; NaN where not judged
+    deadband_mm, margin : (build,) summed deadband of each unit [mm] and its margin [noise units]; NaN where not judged
     in_doubt : (build,) whether the numerical error may change the verdict
-    unjudged : why units could not be judged, with the number of units
+    unjudged : reasons why units could not be judged, each with its number of units
     """
 
     judged: str
@@ -397,11 +398,11 @@ class BuildStudy:
 
     @property
     def firmness(self) -> FloatArray:
-        """(build,) margin of units without a deadband, minus its length for units with one; an order, no unit."""
+        """Rank order (build,) of the units: the margin, or for a unit with a deadband minus the deadband's length."""
         return np.where(self.deadband_mm > 0.0, -self.deadband_mm, self.margin)
 
     def rank_correlations(self) -> tuple[tuple[float, float, float], ...]:
-        """Spearman's correlation of each value with `firmness`, and its 95 % interval; zeros where all units agree."""
+        """Spearman's correlation of each value with the units' order, with a 95 % interval; 0 if all are equal."""
         from scipy.stats import spearmanr
 
         judged = np.isfinite(self.deadband_mm)
@@ -460,7 +461,7 @@ def build_study(
 
     Parameters
     ----------
-    judge : the brief of a unit; called for the design itself first
+    judge : gives the short verdict of a unit; it is called for the design itself first
     builds : number of units; a power of two covers the tolerances most evenly
 
     Raises
@@ -514,7 +515,7 @@ def drawn_values(tolerances: Sequence[Tolerance], builds: int, seed: int) -> Flo
 def remembered(
     judge: Callable[[SensorDesign], Brief], memo: Memo | None, name: str
 ) -> Callable[[SensorDesign], Brief]:
-    """A judge that looks a unit up first, and keeps its result."""
+    """A judge that returns the stored short verdict of a unit if there is one, and else stores its own."""
     if memo is None:
         return judge
 
@@ -543,7 +544,7 @@ def _quantile(tolerance: Tolerance, shares: FloatArray) -> FloatArray:
 
 
 def _with_interval(correlation: float, count: int) -> tuple[float, float, float]:
-    """A correlation with Fisher's interval; 1.06 widens it for ranks (Fieller, Hartley and Pearson 1957)."""
+    """A rank correlation with Fisher's 95 % interval, widened for ranks (Fieller, Hartley and Pearson 1957)."""
     if not np.isfinite(correlation):
         return 0.0, -1.0, 1.0
     middle = np.arctanh(np.clip(correlation, -0.999999, 0.999999))

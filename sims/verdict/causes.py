@@ -12,13 +12,15 @@ T is the pair's light mirrored by the top under the press (skirt included), D th
     slight    none of these: the light changes by less than 3 noise units
 
 The cause is the reason of most pairs, weighted by their untouched light; `none near` where no chord is under the tip.
-`short_mm` is the distance between the modes: for `apart` from the end of mode 1 to the depth at which the tip reaches
-the direct light (traced, or by the components' upper edges where no press reaches it), for `used up` from the depth at
-which D is gone to the deepest press. It is about the height by which all components sit too low, or too high.
+`short_mm` is the missing depth. For `apart` it is the distance from the end of mode 1 to the depth at which the tip
+reaches the direct light; if no press reaches it, that depth follows from the components' upper edges. For `used up` it
+is the distance from the depth at which D is gone to the deepest press. All components are too low, or too high, by
+about this height.
 
-Left out: pairs of which only the mirrored light runs near; interaction of pairs, each of which is judged alone.
+Left out: pairs of which only the mirrored light passes near the tip, and the combination of pairs, since each is judged
+alone.
 
-Light that rises under a press: pairs whose reading exceeds the untouched one, by how much, and by which path.
+The module also finds light that rises under a press: the pair, its reading over the untouched one, and the path.
 
 A press can only reduce direct light. Rising light is mirrored: next to the tip the press tilts the top, which then
 mirrors more of an emitter into a receiver than the untouched top. Under a dome most of a pair's light is mirrored. Its
@@ -62,7 +64,7 @@ class Rise:
     ----------
     pair : name, as E1-R3; share : its light over its untouched light [-]
     place_mm : (x, y) of that press; depth_mm : its depth [mm]
-    part : the path of light that grows most
+    part : path class of the light that increases most
     pairs, judged : number of pairs that rise at some press of the map, and of pairs that are not dark
     """
 
@@ -157,8 +159,9 @@ class Witness:
 
     Attributes
     ----------
-    pair : name, as E1-R3; lack : why it does not respond over the interval
-    mirrored, straight : light left where the interval starts, over that of the untouched pad [-]
+    pair : name, as E1-R3
+    lack : reason why it does not respond over the interval, one of the module's list
+    mirrored, straight : its mirrored and its direct light where the interval starts, over that of the untouched pad [-]
     untouched_counts, change : reading of the untouched pad [counts], change over the interval [noise units]
     mode1_end_mm, mode2_onset_mm, mode2_end_mm : of its light at this location [mm]; None where no press reaches it
     reach_mm : depth at which the tip meets the direct path's upper edge, by the components' heights [mm]
@@ -182,7 +185,7 @@ class Cause:
 
     Attributes
     ----------
-    kind : deadband (the signal comes back) or fade (the range ends)
+    kind : ``deadband`` if deeper presses are resolved again, ``fade`` if none is
     place_mm : (x, y) of the press; depth_mm : the interval [mm]
     lack : the reason of most pairs under the tip; short_mm : its length, see above [mm]; None where it has none
     witnesses : the pairs under the tip, the brightest first
@@ -197,7 +200,7 @@ class Cause:
 
     @property
     def typical(self) -> Witness | None:
-        """The median witness with this reason, by the depths of its modes; None without any."""
+        """The pair with this reason whose modes have the median depths; None if no pair has the reason."""
         lacking = [one for one in self.witnesses if one.lack == self.lack]
         order = sorted(lacking, key=lambda one: _or(one.mode2_onset_mm, np.inf) - one.mode1_end_mm)
         return order[(len(order) - 1) // 2] if order else None
@@ -239,7 +242,7 @@ def causes_of_pad(
 def causes_of_pairs(
     design: SensorDesign, judged: Sequence[tuple[PairCurves, PairScore]], readout: Readout
 ) -> tuple[Cause, ...]:
-    """The cause of every such interval of facing pairs, each under its own press, the worst first."""
+    """The cause of every interval of depth that a facing pair does not resolve under its own press, the worst first."""
     cavity, found = cavity_of(design), []
     for curves, score in judged:
         blind: list[tuple[Kind, Interval]] = [("deadband", span) for span in score.deadbands_mm]
@@ -307,7 +310,7 @@ def _cause(
 
 
 def _short_mm(lack: Lack, witnesses: Sequence[Witness], deepest_mm: float) -> float | None:
-    """Median over the witnesses with this reason."""
+    """Median missing depth over the pairs with this reason [mm]; None without any."""
     lacking = [one for one in witnesses if one.lack == lack]
     if lack == "apart":
         lengths = [

@@ -1,4 +1,6 @@
-"""The numbers on which a verdict depends, collected here; every function takes them as keywords.
+"""Signals against depth: constants of the verdict, interpolation, noise units, and where a signal is flat.
+
+The constants on which a verdict depends are collected here; every function takes them as keywords.
 
 Sources
 -------
@@ -28,12 +30,12 @@ Left out: shot noise (its variance grows with c, not c²), drift between recordi
 noise that is correlated between readings. A step of one unit is one standard deviation of one
 reading; the difference of two readings is √2 times as noisy.
 
-Source: Bartlett, "The use of transformations", Biometrics 3 (1947); default figures in `defaults`.
+Source: Bartlett, "The use of transformations", Biometrics 3 (1947).
 
 The error of a Monte-Carlo light trace, and its effect on a verdict.
 
-The noise of a reading is modelled (`noise_units`); the error of the simulation that predicts the
-mean reading is not noise of the sensor, and must not count as signal. Jitter between depths widens the
+The noise of a reading is modelled (`noise_units`). The mean reading is predicted by a simulation, whose error is not
+noise of the sensor and must not count as signal. Jitter between depths widens the
 range of a flat signal, so it *hides* deadbands; on a slope just steep enough it can also create one.
 Errors of neighbouring depths share random numbers and are correlated to an unknown degree, so they
 cannot be subtracted in quadrature. Two figures are given instead:
@@ -88,7 +90,7 @@ EVENNESS_WINDOW_MM: Final = 0.5
 """Length of the depth window whose signal range evenness compares [mm]; [F]."""
 
 MODE_TOLERANCE: Final = 0.05
-"""How near to its first and last value the light counts as being there, as a share [-]; [F]."""
+"""Share of its range within which light counts as still at its first value, or already at its last [-]; [F]."""
 
 TRACE_ERROR_LIMIT: Final = 0.5
 NUMERICAL: Final = "the numerical error of the light model"
@@ -323,7 +325,7 @@ def noise_of(design: SensorDesign) -> dict[str, float]:
 
 
 def samples_between(depth_mm: FloatArray, start_mm: float, end_mm: float) -> slice:
-    """The samples that define the straight lines between two depths, those at or just outside the ends included."""
+    """The samples that define the straight lines between two depths, with those at or just outside the two ends."""
     first = int(np.searchsorted(depth_mm, start_mm, side="right")) - 1
     return slice(max(first, 0), int(np.searchsorted(depth_mm, end_mm, side="left")) + 1)
 
@@ -337,7 +339,7 @@ def noise_margin(
     read_noise_counts: float = READ_NOISE_COUNTS,
     relative_noise: float = RELATIVE_NOISE,
 ) -> float:
-    """Largest standard error of the trace within an interval of depth.
+    """Largest numerical error of the light (standard error) within an interval of depth.
 
     Parameters
     ----------
@@ -369,7 +371,7 @@ def noise_margin(
 def widened_threshold(
     margin: float, *, threshold: float = DEADBAND_THRESHOLD, spread: float = TRACE_ERROR_SPREAD
 ) -> float:
-    """Deadband threshold that includes the range which trace errors may add.
+    """Deadband threshold plus the range that numerical errors of the light may add to a flat signal.
 
     Parameters
     ----------
@@ -418,7 +420,7 @@ GOLDEN_STEPS = 60
 def flat_intervals_mm(
     depth_mm: FloatArray, units: FloatArray, length_mm: float, threshold: float
 ) -> tuple[Interval, ...]:
-    """Depths in some window over which every signal's range is below a threshold.
+    """Intervals of depth made of windows over which the range of every signal is below a threshold.
 
     Parameters
     ----------
@@ -448,7 +450,7 @@ def flat_intervals_mm(
 
 
 def smallest_range(depth_mm: FloatArray, units: FloatArray, length_mm: float) -> float:
-    """Smallest range of a signal, or of the most responsive of several, within any window of a given length.
+    """Smallest range of a signal within any window of a given length; of several, that of the most responsive one.
 
     Parameters are those of `smallest_ranges`.
 
@@ -462,7 +464,7 @@ def smallest_range(depth_mm: FloatArray, units: FloatArray, length_mm: float) ->
 def smallest_ranges(
     depth_mm: FloatArray, units: FloatArray, length_mm: float
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Smallest range of a signal, or of the most responsive of several, by where the window starts.
+    """Smallest range of a signal, or of the most responsive of several, by the depth at which the window starts.
 
     Parameters
     ----------
@@ -548,7 +550,7 @@ def _inner_extremes(
 def _shares_below(
     at_first: FloatArray, at_last: FloatArray, threshold: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Open part of each cell, as shares 0 to 1, where all lines of all pairs are below a threshold."""
+    """Part of each cell where all lines of all pairs are below a threshold: both ends as shares of the cell, 0 to 1."""
     rise = at_last - at_first
     crossing = (threshold - at_first) / np.where(rise == 0.0, np.inf, rise)
     first_below, last_below = at_first < threshold, at_last < threshold

@@ -1,9 +1,9 @@
 """Errors of continuity, evenness and strength from the numerical error of the light model.
 
-The light of a pair is drawn again, with a normal error of the trace's standard error at every depth, and judged again.
-A figure's error is the root mean square distance of the draws from the judged value, which includes a shift: jitter
-adds to the range of flat parts. The medians over a pad's pairs are drawn likewise, pair by pair; pairs that are
-equal by symmetry share their draws.
+A pair's light is drawn again with a normal error at every depth, of the light's standard error there, and is judged
+again. The error of a figure is the root mean square distance of the draws from the judged value. It includes a shift,
+because errors add to the range of flat parts. Medians over a pad's pairs are drawn in the same way, pair by pair; pairs
+that are equal by symmetry have the same draws.
 
 Left out: the unknown correlation of errors at neighbouring depths (they are drawn independently, which has too much
 jitter and too little drift); the error of the untouched pad, whose light has no replicates; errors of the gain, of the
@@ -52,7 +52,7 @@ Load = tuple[float, float, float]
 
 @dataclass(frozen=True, kw_only=True)
 class BoundaryForces:
-    """Loads at the boundaries of the modes: (load, low end, high end) [N]; None for an open boundary.
+    """Loads at the boundaries of the modes, each (load, low end, high end) [N]; None if no press reaches it.
 
     Attributes
     ----------
@@ -107,14 +107,14 @@ Errors = tuple[float | None, float | None]
 
 
 def mode_errors_mm(curves: PairCurves, modes: Modes) -> tuple[Errors, Errors]:
-    """Standard errors of the boundaries of mode 1 and mode 2 [mm]; None where open, or where the curve is flat."""
+    """Standard errors of the boundaries of mode 1 and mode 2 [mm]; None if out of reach, or on a flat curve."""
     first = tuple(_moved_mm(curves, curves.top, boundary) for boundary in modes.mode1_mm)
     second = tuple(_moved_mm(curves, curves.direct, boundary) for boundary in modes.mode2_mm)
     return (first[0], first[1]), (second[0], second[1])
 
 
 def _moved_mm(curves: PairCurves, light: FloatArray, boundary_mm: float | None) -> float | None:
-    """Standard error over slope, both in the segment that contains the boundary [mm]."""
+    """Error of a boundary: standard error of the light over its slope, in the segment with the boundary [mm]."""
     if boundary_mm is None:
         return None
     depth = curves.depth_mm
@@ -129,7 +129,7 @@ FIGURES = ("continuity", "evenness", "swing", "resolvable_steps")
 """Columns of drawn figures: shares [-], and a number of steps."""
 
 DRAWS = 16
-"""Number of draws of a pair: its errors are then known to a sixth."""
+"""Number of draws for each pair, which gives its errors to a sixth of their value."""
 
 SEED = 20170601
 
@@ -140,7 +140,7 @@ SAME = 1e-4
 def drawn_figures(
     design: SensorDesign, curves: Sequence[PairCurves], scores: Sequence[PairScore], readout: Readout
 ) -> FloatArray:
-    """(pair, draw, figure) figures of redrawn pairs, in the order of `FIGURES`."""
+    """Figures (pair, draw, figure) of pairs whose light is drawn again, in the order of `FIGURES`."""
     known: dict[bytes, FloatArray] = {}
     found = []
     for number, (of_pair, score) in enumerate(zip(curves, scores, strict=True)):
@@ -155,7 +155,7 @@ def drawn_figures(
 
 
 def _content(curves: PairCurves, gain: float, end_mm: float) -> bytes:
-    """Key of a pair that is the same, to round-off, for pairs equal by symmetry; each keeps its own untouched light."""
+    """Key that is equal for pairs with the same light under their presses, as pairs equal by symmetry have."""
     pressed = slice(1, None)
     light = np.concatenate([curves.total[pressed], curves.standard_error[pressed]])
     return np.rint(np.append(gain * light, end_mm) / SAME).astype(np.int64).tobytes()
@@ -183,7 +183,7 @@ def _figures(
     end_mm: float,
     full_scale_counts: float,
 ) -> FloatArray:
-    """(figure,) of one curve of counts, as `sims.verdict.pair_score` computes them."""
+    """Figures (figure,) of one curve of counts, computed as in `sims.verdict.pair_score`."""
     noise = noise_of(design)
     at_mm, counts = clipped(depth_mm, unlimited, full_scale_counts)
     _, units = between(at_mm, noise_units(counts, **noise), 0.0, end_mm)
@@ -199,7 +199,7 @@ def _figures(
 
 
 def figures_of(score: PairScore) -> FloatArray:
-    """(figure,) of a pair as it was judged."""
+    """Figures (figure,) of a judged pair."""
     strength = score.strength
     return np.array(
         [

@@ -69,7 +69,7 @@ class Repeats:
         self._seen: set[bytes] = set()
 
     def has(self, message: bytes) -> bool:
-        """Whether a complete message of readings repeats a remembered one; a new message is remembered."""
+        """Whether a message of readings repeats one of the remembered ones; if not, it is remembered."""
         stamp = message[STAMP]
         if stamp in self._seen:
             return True
@@ -81,9 +81,9 @@ class Repeats:
 
 
 def restarts(values: CountArray, last: int) -> IntArray:
-    """Indices of the sequence numbers (n,) at which the board was restarted.
+    """Indices at which the sequence numbers (n,) show a restart of the board.
 
-    A restart is a number that is not above the previous one, modulo 2^32.
+    At a restart the number is not above the previous one, modulo 2^32.
 
     last : sequence number before the first one
     """

@@ -78,7 +78,8 @@ class FrameDecoder:
     lost : number of frames missing so far, by the sequence numbers
     doubled : number of messages dropped so far because they repeat an earlier one
     connection : number of the connection of the next frame
-    baseline : (emitter, receiver) untouched signals that are attached to the next frames [counts]; None without
+    baseline : (emitter, receiver) untouched signals that are attached to the next frames [counts]; None if there is no
+        baseline
     """
 
     def __init__(self, layout: FrameFormat) -> None:

@@ -195,7 +195,7 @@ def is_accepted(digest: str, accept_digest: str | None) -> bool:
 
 
 def require_digest(accept_digest: str | None) -> None:
-    """Refuse a digest of fewer than 8 digits or with other characters than hexadecimal digits, by InputError."""
+    """Refuse digits that do not identify a design: raises InputError for other than 8 to 64 hexadecimal digits."""
     if accept_digest is not None and not re.fullmatch(r"[0-9a-fA-F]{8,64}", accept_digest):
         raise InputError(
             f"accept_digest: {accept_digest!r} names no design; give 8 to 64 hexadecimal digits of the board's digest"

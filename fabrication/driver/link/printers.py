@@ -79,9 +79,9 @@ def _ask(port: Port, bauds: tuple[int, ...], until_s: float) -> None:
 
 
 def _heard(port: Port, longest_s: float, after_first_s: float = math.inf) -> bytes | None:
-    """Bytes received within `longest_s`, or within `after_first_s` after the first byte; None if a sensor sent a hello.
+    """Listen for a time; return the bytes received, or None if a sensor sent its hello.
 
-    Raises DeviceError if a printer replied.
+    The time is `longest_s`, or `after_first_s` after the first byte [s]. Raises DeviceError if a printer replied.
     """
     scanner, heard = Scanner({VERSION << 4 | Kind.HELLO: HELLO_BYTES}), b""
     end = time.monotonic() + longest_s

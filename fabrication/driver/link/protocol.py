@@ -14,7 +14,7 @@ the magic. The high half of byte 2 is the protocol's version, and the low half i
 Readings are ordered by state, and within a state by receiver, with the least significant bit first: reading k
 has bits k x bits to (k + 1) x bits - 1 of the byte string. Both counters wrap at 2^32.
 
-The module reads neither a port nor a clock; the C side of the same layout is the firmware's `session.h`.
+The module reads neither a port nor a clock. The firmware's `session.h` implements the same layout in C.
 """
 
 from __future__ import annotations
@@ -251,7 +251,7 @@ def pack_frames(layout: FrameFormat, sequence: Any, device_us: Any, counts: Any)
 
 
 def unpack_frames(layout: FrameFormat, frames: Iterable[bytes]) -> Unpacked:
-    """Arrays of the frames in complete messages of readings, whose CRC the caller has checked."""
+    """Arrays of the frames in complete messages of readings; the caller has already checked their CRC."""
     rows = np.frombuffer(b"".join(frames), _record_type(layout))
     return Unpacked(
         sequence=rows["sequence"].astype(np.uint32),

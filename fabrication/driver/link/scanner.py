@@ -33,17 +33,17 @@ class Scanner:
         self._magic = magic
         self._kept = b""
         self.damaged = 0
-        """Number of candidates whose CRC did not match."""
+        """Number of byte sequences so far that began like a message, but had a wrong CRC."""
         self.skipped_bytes = 0
-        """Number of bytes so far that belong to no complete message, except those of an unfinished candidate."""
+        """Number of bytes so far that belong to no complete message, except those of an unfinished one."""
 
     @property
     def kept_bytes(self) -> int:
-        """Number of bytes of an unfinished candidate that wait for the rest of it."""
+        """Number of bytes of an unfinished message that wait for the rest of it."""
         return len(self._kept)
 
     def forget(self) -> None:
-        """Discard an unfinished candidate, as after an interruption of the line."""
+        """Discard the bytes of an unfinished message, as after an interruption of the line."""
         self.skipped_bytes += len(self._kept)
         self._kept = b""
 

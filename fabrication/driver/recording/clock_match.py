@@ -1,17 +1,18 @@
 """Offset between the clocks of a stage's log and a recording, from the touches in both.
 
-The signals show touches. The first half second, which must be untouched, gives the untouched pattern and its noise.
-Later half seconds without a touch renew the pattern, so that drift does not count as touch. A frame is touched if the
-rest of its change, less the gains of emitters and receivers (`gain_pattern`), is far above the noise. In the log a
-touch begins and ends where the depth crosses 0.
+The signals show touches. The first half second, which must be untouched, gives the untouched signals and their noise.
+Later half seconds without a touch update these, so that drift does not count as touch. A frame counts as touched if its
+change, less the part that changed gains explain (`gain_pattern`), is far above the noise. In the log a touch begins and
+ends where the depth crosses 0.
 
-Signals and log each give a course over time: 1 while touched, else 0. The courses are correlated over every shift at
-which at least half of the shorter one overlaps. The best shifts are then refined on edges, the begins and ends of
-touches. Each edge of the signals is paired with the log's nearest edge of the same kind. The offset is the mean of the
-median lag of the begins and that of the ends. A touch is detected slightly below the surface, late on the way in and
-early on the way out: if the tip is equally fast both ways, the mean has no such error.
+Signals and log are each converted to a time series that is 1 while the pad is touched, and 0 otherwise. The two series
+are correlated at every shift at which at least half of the shorter one overlaps. The best shifts are then refined by
+means of edges, which are the begins and ends of touches. Each edge of the signals is paired with the log's nearest edge
+of the same kind. The offset is the mean of the median lag of the begins and that of the ends. The signals show a touch
+only slightly below the surface, so its begin is late and its end is early. If the tip is equally fast both ways, these
+two errors cancel in the mean.
 
-The match is refused for too few edges, for edges that do not match, and for several matching shifts. If a stage presses
+The match fails if there are too few edges, if they do not match, or if they match at several shifts. If a stage presses
 in one exact rhythm, shifts by a whole press cannot be distinguished.
 """
 
@@ -30,12 +31,14 @@ from fabrication.driver.recording.position_log import PositionLog
 Mask = BoolArray
 
 STEP_S = 0.02
-"""Time step of the courses that are correlated [s]."""
+"""Time step of the series of touches that are correlated [s]."""
 
 BASELINE_S = 0.5
 TOUCHED_EXCESS = 6.0
-"""A frame is touched if the mean square of its change, less gains, is above this multiple of that of noise alone
-[-]."""
+"""A frame counts as touched if the mean square of its change exceeds that of noise by this factor [-].
+
+The part of the change that changed gains explain is subtracted first.
+"""
 
 LEAST_FRAMES = 5
 LEAST_NOISE_COUNTS = 0.5
@@ -73,7 +76,7 @@ class ClockMatch:
 
     @property
     def is_good(self) -> bool:
-        """Whether enough edges have a partner, at lags that scatter little."""
+        """Whether most begins and ends of touches have a partner, with nearly equal time lags."""
         return self.share >= LEAST_SHARE and self.spread_s <= LARGEST_SPREAD_S
 
     def rivals(self, best: ClockMatch) -> bool:
@@ -92,7 +95,8 @@ class Touches:
     span_s: tuple[float, float]
 
     def course(self, step_s: float) -> FloatArray:
-        """Course of the touches, (n,): 1 while touched, else 0, in time steps of `step_s` [s] from the span's start."""
+        """Time series of touches, (n,): 1 while touched, else 0, in steps of `step_s` [s] from the start of the
+        span."""
         grid = np.arange(self.span_s[0], self.span_s[1], step_s)
         begun = np.searchsorted(np.sort(self.begin_s), grid, side="right")
         ended = np.searchsorted(np.sort(self.end_s), grid, side="right")
@@ -245,9 +249,9 @@ def _lasting(time_s: FloatArray, touched: Mask) -> Mask:
 
 
 def _nearest(seen: FloatArray, said: FloatArray) -> FloatArray:
-    """Lags of edges of `seen` to their nearest edges in `said`, for pairs that are nearest to one another [s].
+    """Time lags of the edges in `seen` to the nearest in `said` [s].
 
-    Lags above `WINDOW_S` are left out.
+    Only pairs of edges that are each other's nearest, within `WINDOW_S`, are included.
     """
     if not seen.size or not said.size:
         return np.zeros(0)
@@ -260,7 +264,7 @@ def _nearest(seen: FloatArray, said: FloatArray) -> FloatArray:
 
 
 def _likely_shifts(signals: Touches, log: Touches) -> list[float]:
-    """Clock offsets at which the courses of signals and log correlate best, the best first [s]."""
+    """Clock offsets at which touches in signals and log correlate best, the best first [s]."""
     seen, said = signals.course(STEP_S), log.course(STEP_S)
     agreement = _agreement(seen, said)
     lag = np.arange(len(agreement)) - (len(said) - 1)
@@ -275,7 +279,7 @@ def _likely_shifts(signals: Touches, log: Touches) -> list[float]:
 
 
 def _agreement(seen: FloatArray, said: FloatArray) -> FloatArray:
-    """Correlation coefficient of two courses of 0 and 1 at every shift; -inf where less than half of the shorter
+    """Correlation coefficient of two series of 0 and 1 at every shift; -inf if less than half of the shorter
     overlaps."""
     ones = np.ones(len(seen)), np.ones(len(said))
     n, both = _sums(ones[0], ones[1]), _sums(seen, said)
@@ -288,7 +292,7 @@ def _agreement(seen: FloatArray, said: FloatArray) -> FloatArray:
 
 
 def _sums(left: FloatArray, right: FloatArray) -> FloatArray:
-    """Sum of products of two courses at every shift, by Fourier transform, rounded to whole numbers."""
+    """Sum of products of two series of 0 and 1 at every shift, by Fourier transform, rounded to whole numbers."""
     size = len(left) + len(right) - 1
     length = 1 << (size - 1).bit_length()
     product = np.fft.rfft(left, length) * np.conj(np.fft.rfft(right, length))

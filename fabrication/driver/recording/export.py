@@ -75,7 +75,8 @@ class Recorded:
         return signals_of(self.counts.astype(np.float64))
 
     def only(self, kept: BoolArray) -> Recorded:
-        """The recording with only the frames selected by `kept` (time,); the counts of lost frames do not change."""
+        """The recording with only the frames selected by `kept` (time,); the numbers of lost and doubled frames do not
+        change."""
         values = {field.name: getattr(self, field.name) for field in fields(self)}
         cut: dict[str, Any] = {
             name: value[kept] for name, value in values.items() if isinstance(value, np.ndarray)

@@ -1,4 +1,4 @@
-"""A stage's log joined to a recording: each frame gets the position of the tip at its time, and its set and location.
+"""A stage's log joined to a recording: each frame gets the tip's position at its time, and its press number.
 
 A frame's time is its arrival on this machine, some 5 to 20 ms after the measurement. At 5 mm/s the tip moves up to 0.1
 mm in this time; stop the stage during frames if that matters. Frames whose position is not known are left out and
@@ -27,16 +27,20 @@ from fabrication.driver.recording.export import Recorded
 from fabrication.driver.recording.position_log import PositionLog
 
 LATE_S = 0.05
-"""A frame that arrives later than frames near it by more than this time had waited, because this machine was busy or
-asleep [s]."""
+"""A frame counts as delayed if it arrives later than frames near it by more than this time [s].
+
+Such delays arise if this machine is busy or asleep.
+"""
 
 LAG_S = 2.0
-"""Length of the blocks of time in which the shortest delay of a frame is searched [s]. A resonator's error of 0.5 %
-changes the delay by 20 ms over two blocks."""
+"""Length of the blocks of time in which the shortest delay of a frame is searched [s].
+
+Over two blocks, a clock error of 0.5 % changes the delay by 20 ms.
+"""
 
 Offset = float | Literal["auto"] | None
-"""Clock offset: this machine's clock less the log's [s]. `auto` finds it. None states that both clocks are one, which
-is checked."""
+"""Clock offset: this machine's clock less the log's [s]; `auto` to find it; None if both are one clock, which is
+checked."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,4 +1,4 @@
-"""Recordings of the raw stream: every frame as it arrived over the line, with its CRC.
+"""Recordings of the raw stream: files with every frame as it arrived over the line, with its CRC. A file contains
 
     one line of JSON, ended by a line feed:  kind of the file, and the complete driver configuration
     records:  B5 6B, kind u8, length u16, time of this machine f64 [s], content, CRC-32 over all of the record
@@ -36,7 +36,7 @@ FORMAT, VERSION = "optopad-recording", 1
 SUFFIX = ".optorec"
 NEEDED = f"a recording of `optopad driver record` ({SUFFIX})"
 MOST_BYTES = 8_000_000_000
-"""Largest file that is read [bytes]; the fastest sensor fills it in days."""
+"""Largest size of a recording that is read [bytes]."""
 FLUSH_S = 0.25
 """Interval at which records are written to the system [s]; the requirement is half a second."""
 
@@ -238,7 +238,7 @@ def read_records(file: Path) -> tuple[dict[str, Any], DriverConfig, list[Record]
 
 
 def press_of(record: Record) -> Press:
-    """Press in a record of that kind: x, y, depth [mm]."""
+    """x, y and depth in a record of the kind PRESS [mm]."""
     x_mm, y_mm, depth_mm = _PRESS.unpack(record.content)
     return x_mm, y_mm, depth_mm
 
@@ -260,7 +260,7 @@ def _header(file: Path, content: bytes) -> tuple[dict[str, Any], int]:
 
 
 def _records(content: bytes, start: int) -> Iterator[Record]:
-    """Every complete record of a file; after a damaged one, the search continues one byte further."""
+    """Yield every complete record in a recording's bytes, and skip damaged ones."""
     at = content.find(MAGIC, start)
     while 0 <= at <= len(content) - _HEAD.size:
         _, kind, length, host_s = _HEAD.unpack_from(content, at)

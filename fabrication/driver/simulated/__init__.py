@@ -1,4 +1,4 @@
 """A simulated board: a moving finger, its signals, and faults on request.
 
-Imports of ours: link, the driver file.
+Imports within this repository: link, the driver file.
 """

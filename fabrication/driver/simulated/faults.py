@@ -30,7 +30,7 @@ class Faults:
     ----------
     emitter_of_pin : (emitter,) index of the emitter that lights in state i
     receiver_of_channel : (receiver,) index of the receiver that channel j reads
-    emitter_share, receiver_share : (n,) remaining share of a part's signal [-]
+    emitter_share, receiver_share : (n,) remaining share of each part's signal [-]
     is_saturated : (receiver,) whether channel j stays at full scale
     """
 

@@ -180,11 +180,11 @@ def _numbers(array: xr.DataArray) -> FloatArray:
 
 
 def gains_of(config: DriverConfig) -> FloatArray:
-    """Reading that each receiver would have if all of an emitter's power reached it, (receiver,) [counts].
+    """Reading of each receiver if it got all of an emitter's power, (receiver,) [counts].
 
     Raises
     ------
-    InputError : the configuration was written before a simulation.
+    InputError : the configuration has no gains, because it was written before a simulation.
     """
     gain = config.gain
     each = gain.receiver_counts_per_flux or (gain.counts_per_flux,) * config.frame.receivers

@@ -86,7 +86,7 @@ TIP_RAYS = 64
 def coarsened(
     deposits: FloatArray, layout: IntArray, coarse: IntArray, box: FloatArray, top: Top
 ) -> FloatArray:
-    """(source, coarse patch) light deposited on walls and bottom, moved to coarser patches; 0 on the tip."""
+    """(source, coarse patch) light on walls and bottom, moved from fine to coarser patches; 0 on the tip."""
     out = np.zeros((deposits.shape[0], coarse[TIP, 2] + coarse[TIP, 0] * coarse[TIP, 1]))
     for k in range(TIP):
         across = (box[0] if k == 0 or k == 2 or k == BOTTOM else box[1]) / layout[k, 0]
@@ -105,7 +105,7 @@ def coarsened(
 
 @array_kernel
 def scattered_on(deposits: FloatArray, transfer: FloatArray) -> FloatArray:
-    """(source, patch) light deposited after scattering; row n of `transfer` results from a deposit of 1 on patch n."""
+    """(source, patch) light that lands on patches after scattering; row n of `transfer` is for light 1 on patch n."""
     out = np.zeros(deposits.shape)
     for n in range(transfer.shape[0]):
         for i in range(deposits.shape[0]):
@@ -163,9 +163,9 @@ def with_walls_on_tip(
     deposits: FloatArray, first: FloatArray, higher: FloatArray, layout: IntArray, coarse: IntArray,
     reflectances: FloatArray, shares: FloatArray,
 ) -> FloatArray:  # fmt: skip
-    """(source, patch) deposits to which the light is added that walls and bottom scatter onto the tip.
+    """(source, patch) light on patches, increased on the tip by what walls and bottom scatter onto it.
 
-    first, higher : (source, coarse patch) deposits on walls and bottom, before and after scattering
+    first, higher : (source, coarse patch) light on walls and bottom, before and after scattering
 
     The function uses loops, as Numba takes seconds to compile sums and copies of arrays.
     """
@@ -188,7 +188,7 @@ def first_hand_on_tip(
     given: FloatArray, taken: FloatArray, lattice: FloatArray, sectors: FloatArray, emitters: FloatArray,
     receivers: FloatArray, reflectance: float, layout: IntArray, box: FloatArray, top: Top,
 ) -> FloatArray:  # fmt: skip
-    """(emitter, receiver) correction of light straight from emitter to tip to receiver: by grid cells, less by patches.
+    """(emitter, receiver) correction of light from emitter to tip to receiver: sum by grid cells less sum by patches.
 
     given, taken : (emitter or receiver, row, column) light on the grid's cells in the contact
     lattice : (row, column, n) the grid
@@ -231,10 +231,11 @@ def all_orders(
     given: FloatArray, taken: FloatArray, receivers: FloatArray, patches: Patches, reflectances: FloatArray,
     orders: Orders, on_tip: FloatArray, box: FloatArray, top: Top,
 ) -> FloatArray:  # fmt: skip
-    """(2, emitter, receiver) flux scattered any number of times: without the tip, and with the tip.
+    """(2, emitter, receiver) flux scattered any number of times: without the tip, and by way of it.
 
-    given, taken : (source, patch) light deposited by emitters and by receivers before any scattering
-    patches : layout and areas of the patches of these
+    given, taken : (source, patch) light on patches before any scattering, from emitters and from receivers
+        (reciprocity)
+    patches : layout and areas of these patches
     orders : layout, areas and transfer of the coarser patches for light scattered more than once
     on_tip : as from `shares_on_tip`, or (0, 0) if no tip reflects
     """
@@ -264,21 +265,22 @@ LOW_U, HIGH_U, LOW_V, HIGH_V, LEVEL, CORNERS = range(6)
 CELL_COLUMNS = CORNERS + 4 * ECHO_COLUMNS
 DROP, DIVIDE, KEEP = range(3)
 UNKNOWN = -1.0
-"""Stands for the power at a corner that is not yet traced."""
+"""Stands for the power at a cell's corner if the path over it is not yet traced."""
 
 STEP_MM = 1.0
-"""Largest distance between the ends of a cell's corner paths at which the cell is not divided further [mm]."""
+"""A cell is not divided further if the paths over its corners end within this distance [mm]."""
 CURVE = 0.15
-"""Share of that distance by which light from inside a cell may end beyond the ends of its corner paths."""
+"""Share of that distance by which light from inside a cell may end beyond the paths over its corners."""
 MIXED_MM = 2.0
-"""Additional distance if the corner paths differ in kind [mm]."""
+"""Additional distance if the paths over a cell's corners differ in kind [mm]."""
 DEEPEST, DEEPEST_MIXED, DEEPEST_UNSEEN = 6, 4, 2
-"""Largest number of halvings of a cell: in general, if its corner paths differ in kind, and if only the emitter's edges
-light it."""
+"""Largest number of halvings of a cell: in general, if the paths over its corners differ in kind, and if only the
+emitter's edges light it."""
 KEPT_UNITS = 4.0
-"""Largest power of a kept cell, in units: points in it cost less than the paths over the corners of its quarters."""
+"""A cell with less power than this many times the power that one sample may represent is not divided further: samples
+cost less than the paths over its quarters' corners."""
 MOST_PARTS = 4.0
-"""Largest number of pieces of a kept cell along each side, with one point each."""
+"""Largest number of pieces of a sampled cell along each side, with one sample each."""
 STACK = 3 * DEEPEST + 4
 BLUR_MM = 4.0
 """Distance from the end of the emitter's centre ray within which light of the emitter's edges is searched [mm]. Rays
@@ -292,11 +294,11 @@ def power_near(
     """Largest power of rays, over a cell or its neighbours, that are mirrored again and end near a requested receiver.
 
     first : first row of the grid that is not in the contact
-    units : (receiver,) power that one point may represent near it
+    units : (receiver,) power that one sample may represent near it
 
     Returns
     -------
-    power over all replicates, 0 if there is none, negative if no ray is mirrored again; unit at that receiver
+    power over all replicates, 0 if there is none, negative if no ray is mirrored again; the receiver's entry in `units`
     """
     most = 0.0
     unit = 0.0
@@ -336,13 +338,13 @@ def power_near(
 
 @kernel
 def corner(cell: FloatArray, c: int, column: int) -> float:
-    """A number of the end of the path over a cell's corner c."""
+    """Column of the end of the path over a cell's corner c; the path starts at the emitter's centre."""
     return cell[CORNERS + c * ECHO_COLUMNS + column]
 
 
 @kernel
 def put_echo(cell: FloatArray, c: int, echo: FloatArray) -> None:
-    """Copy the end of a path to a cell's corner c."""
+    """Copy the end of a path to a cell, as the end of the path over its corner c."""
     for k in range(ECHO_COLUMNS):
         cell[CORNERS + c * ECHO_COLUMNS + k] = echo[k]
 
@@ -390,11 +392,11 @@ def _bounds(cell: FloatArray, wall: int) -> tuple[int, bool, float, float, float
 def fate_of(
     cell: FloatArray, unseen: float, unseen_unit: float, receivers: FloatArray, units: FloatArray
 ) -> tuple[int, int]:
-    """Whether to drop, divide or keep a cell; and the number of pieces of a kept cell along each side.
+    """Whether to drop, divide or sample a cell; and into how many pieces along each side a sampled cell is divided.
 
     unseen : power that the emitter's edges may send over the undivided cell where its centre sends none
-    unseen_unit : power that one point of it may represent
-    units : (receiver,) power that one point may represent, by the receiver near its end
+    unseen_unit : power that one sample of it may represent
+    units : (receiver,) power that one sample may represent near each receiver
     """
     brightest = max(
         max(corner(cell, 0, POWER), corner(cell, 1, POWER)),
@@ -436,7 +438,7 @@ def fate_of(
 
 @kernel
 def _parts(power: float, unit: float) -> int:
-    """Number of pieces along each side of a cell so that a point in each represents at most a unit of power."""
+    """Number of pieces along each side of a cell, so that a sample in each represents a power of at most `unit`."""
     return int(min(max(math.ceil(math.sqrt(power / unit)), 1.0), MOST_PARTS))
 
 
@@ -499,7 +501,7 @@ def divide(
 
 
 RAYS = 3
-"""Number of rays of a point, from points evenly spread over the emitter."""
+"""Number of rays of a sample, which is a point of the top; rays start at points evenly spread over the emitter."""
 
 
 @kernel
@@ -556,12 +558,12 @@ def repeated_reflections(
     columns: FloatArray, shifts: FloatArray, sectors: FloatArray, box: FloatArray, top: Top, p: FloatArray,
     out: FloatArray,
 ) -> None:  # fmt: skip
-    """Add light that the top mirrors twice or more to out[replicate, receiver, (outside, inside the skirt)].
+    """Add light that the top mirrors twice or more to out[replicate, receiver, (outside, inside the steep skirt)].
 
     lattice : one replicate's grid of points
     echoes : (replicate, row, column, 5) ends of the rays over the grid's points
     shifts : (replicate, 3 or more) position in a cell along u and v, and start of the first ray on the emitter, 0 to 1
-    units : (receiver,) power that one point may represent near it; 0 if not requested
+    units : (receiver,) power that one sample may represent near it; 0 if not requested
     """
     first = first_free_row(lattice)
     rings = lattice.shape[0] - first

@@ -97,7 +97,7 @@ def landing(
 def unit_there(
     kind: int, low_s: float, high_s: float, low_z: float, high_z: float, receivers: FloatArray, units: FloatArray,
 ) -> float:  # fmt: skip
-    """Smallest unit, not 0, of the receivers that a box on a wall overlaps; 0 if there is none.
+    """Smallest power, not 0, that a sample may represent near the receivers that a box on a wall overlaps; 0: none.
 
     units : (receiver,) power that one sample may represent near it; 0 if not requested
     """
@@ -337,7 +337,7 @@ def join(
     from_emitter: FloatArray, from_receiver: FloatArray, receiver_area: float, areas: FloatArray, layout: IntArray,
     reflectances: FloatArray,
 ) -> float:  # fmt: skip
-    """Flux of a pair that walls and bottom scatter once, from the light deposited by emitter and receiver."""
+    """Flux of a pair that walls and bottom scatter once, from light of emitter and receiver on patches."""
     total = 0.0
     for k in range(TIP):
         part = 0.0
@@ -354,7 +354,7 @@ def join_on_tip(
     from_emitter: FloatArray, from_receiver: FloatArray, receiver_area: float, layout: IntArray,
     reflectances: FloatArray, top: Top,
 ) -> float:  # fmt: skip
-    """Flux of a pair that a tip scatters once, from the light deposited by emitter and receiver."""
+    """Flux of a pair that a tip scatters once, from light of emitter and receiver on its patches."""
     if reflectances[TIP] == 0.0:
         return 0.0
     total = 0.0
@@ -469,7 +469,10 @@ def _place(row: FloatArray, u: float, v: float, sectors: FloatArray, top: Top) -
 
 @kernel
 def put_on_top(row: FloatArray, u: float, v: float, share: float, sectors: FloatArray, top: Top) -> None:
-    """Fill position, gradient and area of a point that represents a share of du dv = 1 in a row's sector."""
+    """Fill position, gradient and area of a point (u, v) in a grid row's sector.
+
+    share : the area du dv that the point represents
+    """
     row[PX], row[PY], area = _place(row, u, v, sectors, top)
     row[AREA] = area * share
     row[FLAT] = 0.0
@@ -520,7 +523,7 @@ def first_leg(
     p: FloatArray, ex: float, ey: float, ez: float, source: FloatArray, box: FloatArray, top: Top, least: float,
     luck: float,
 ) -> tuple[float, float, float, float, float]:  # fmt: skip
-    """Weight (0 if hidden or facing away), direction and cosine of arrival of the ray from e to the grid's point p.
+    """Weight, direction and cosine of arrival of the ray from e to the grid's point p; weight 0: hidden or facing away.
 
     A weight below `least` becomes `least` with the probability weight / least, else 0; `luck` is the random number, 0
     to 1.
@@ -585,10 +588,10 @@ def top_change(
     box: FloatArray, top: Top, out: FloatArray, echoes: FloatArray, ray_share: float, offset: FloatArray,
     sectors: FloatArray, p: FloatArray,
 ) -> None:  # fmt: skip
-    """Add the press's change of a part's deposits to `out` (patch,); fill `echoes` (row, column, 5) with ends of rays.
+    """Add the press's change of a part's light on patches to `out` (patch,); fill `echoes` (row, column, 5).
 
-    Of several rays over a cell, the end of the brightest that is mirrored again is stored; in the contact, all light
-    landing there.
+    `echoes` has the ends of rays over the grid's cells: of several rays, the brightest that is mirrored again; in the
+    contact, all light there.
 
     ray_share : power over the mean below which a ray is followed at random
     offset : (2,) position of points in the pieces of a divided cell
@@ -626,7 +629,7 @@ def _follow(
     n: int, p: FloatArray, source: FloatArray, receivers: FloatArray, shift: FloatArray, height: float, least: float,
     parts: int, layout: IntArray, box: FloatArray, top: Top, out: FloatArray, found: FloatArray,
 ) -> None:  # fmt: skip
-    """Add one ray's change of deposits to `out`: the part's n-th ray, over a point in one of parts² pieces of a cell.
+    """Add the change of light on patches by a part's n-th ray to `out`, for a point in one of a cell's parts² pieces.
 
     Its end is stored in `found` (5,), with the power of the whole cell, if `found` is empty, or if the ray is mirrored
     again and brighter than the stored one. In the contact the light is summed there.

@@ -155,7 +155,7 @@ def area_and_centroid(n: int, poly: FloatArray) -> tuple[float, float, float]:
 
 
 CLOSED_MM = 1e-10
-"""Gap below which a crossing counts as found [mm]."""
+"""Height of the top above a ray at which the ray counts as meeting the top [mm]."""
 BOTTOM, TIP, LOST = 4, 5, -1
 MAX_BOUNCES = 24
 LOST_WEIGHT = 1e-9
@@ -263,7 +263,7 @@ def chain(
     """Follow a ray through reflections at the top to a wall, the bottom or a tip.
 
     Returns kind (0-3 wall, 4 bottom, 5 tip, -1 lost), point, direction, weight with Fresnel and absorption, number of
-    reflections at the top, and smallest distance of these from a tip's axis over that tip's skirt radius.
+    reflections at the top, and smallest distance of these from a tip's axis, over the radius of the tip's steep skirt.
     """
     tops = 0
     nearest = 1e30
@@ -383,7 +383,8 @@ def _on_curve(r2: float, tip: int, rows: FloatArray) -> tuple[float, float, int]
 
 @inlined
 def _bent_step(gap: float, opening: float, bend: float) -> float:
-    """Distance within which a gap that opens at rate `opening` cannot close; `bend` bounds the rate's fall per mm."""
+    """Distance within which a ray does not reach the top: `gap` opens at rate `opening`, which falls by `bend` per mm
+    at most."""
     root = math.sqrt(opening * opening + 2.0 * bend * gap)
     return (opening + root) / bend if opening >= 0.0 else 2.0 * gap / (root - opening)
 
@@ -423,7 +424,7 @@ def _march_within(
 def march_field(
     x: float, y: float, z: float, dx: float, dy: float, dz: float, t0: float, t1: float, takes_any: bool, top: Top,
 ) -> tuple[float, float]:  # fmt: skip
-    """Interval of a crossing as from `march`, for one tip and a field: their gaps, slopes and bends add up."""
+    """Interval of a crossing as from `march`, for one tip and a smooth field, whose slopes and curvatures add up."""
     rows = top.rows
     reach = max(z + dz * t0, z + dz * t1) - rows[0, FIELD_LOWEST]
     if reach < rows[0, LOWEST]:

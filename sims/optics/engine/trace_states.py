@@ -282,7 +282,7 @@ def _names(work: _Work, kept: KeptRows) -> list[list[bytes]]:
 
 
 def _read(rows: FloatArray, wanted: BoolArray, names: list[list[bytes]], kept: KeptRows) -> BoolArray:
-    """Fill in those of the requested rows that are stored; return their mask (n, emitter)."""
+    """Fill `rows` with the requested rows of light that are stored; return the mask (n, emitter) of those found."""
     places = [(int(k), int(i)) for k, i in np.argwhere(wanted)]
     found = kept.read([names[k][i] for k, i in places])
     there = np.zeros(wanted.shape, dtype=np.bool_)

@@ -80,7 +80,7 @@ BORDER_MM = 1e-9
 MARGIN_MM = 1e-6
 """Extension of a field beyond its border [mm], so that rounding at a wall where the field ends makes no step."""
 FACE_MM = 1e-7
-"""Smallest fall of the clearance across a border that counts as a vertical face, not as rounding [mm]."""
+"""Smallest jump of the top across a border that counts as a vertical face, not as rounding [mm]."""
 
 Vector = tuple[float, float, float]
 Ray = tuple[float, float, float, float, float, float]
@@ -370,7 +370,8 @@ def _sum_hit(s: Surface, side: float, ray: Ray, limit: float) -> Meeting:
 
 @njit()
 def _clearance(s: Surface, side: float, ray: Ray, t: float) -> tuple[float, float]:
-    """Clearance of a ray from the top at distance t [mm], and its growth along the ray [-]."""
+    """Height of the top above a ray at distance t (in air, of the ray above the top) [mm], and its growth along the
+    ray."""
     x, y, z, dx, dy, dz = ray
     height, along, across = top_height(s, x + t * dx, y + t * dy)
     return side * (height - z - t * dz), side * (along * dx + across * dy - dz)
@@ -378,7 +379,8 @@ def _clearance(s: Surface, side: float, ray: Ray, t: float) -> tuple[float, floa
 
 @njit()
 def _bends(s: Surface, side: float, ray: Ray, t0: float, t1: float) -> tuple[float, float]:
-    """Bounds K_up and K_down of the clearance's second derivative between two distances on a ray [1/mm]."""
+    """Bounds K_up and K_down of the second derivative of a ray's distance from the top, between two points on it
+    [1/mm]."""
     x, y, _, dx, dy, _ = ray
     bound = s.field_bend
     a = dx * dx + dy * dy
@@ -439,7 +441,7 @@ def _next_border(s: Surface, ray: Ray, t: float, limit: float) -> tuple[float, i
 
 @njit()
 def _first_zero(s: Surface, side: float, ray: Ray, t0: float, t1: float) -> float:
-    """First distance from t0 to t1 at which the clearance falls to zero [mm]; infinite if it does not."""
+    """First distance from t0 to t1 at which a ray meets the top [mm]; infinite if it does not."""
     t, step = t0, t1 - t0
     near, growth = _clearance(s, side, ray, t)
     if near <= 0.0 and growth < 0.0:
@@ -464,7 +466,7 @@ def _first_zero(s: Surface, side: float, ray: Ray, t0: float, t1: float) -> floa
 
 @njit()
 def _zero(s: Surface, side: float, ray: Ray, low: float, high: float) -> float:
-    """Zero of the clearance between a distance where it is positive and one where it is not [mm].
+    """Distance at which a ray meets the top, between one where it does not yet and one where it is past the top [mm].
 
     Newton's steps start from the far end; a step that leaves the bracket is replaced by halving.
     """
@@ -618,9 +620,9 @@ def _cone_distance(
 def _one_cone_distance(cone: FloatArray, side: float, line: Line, limit: float) -> float:
     """Distance at which a ray passes through one cone frustum from its side [mm]; infinite if not before `limit`.
 
-    On the cone through the piece, the offset f(t) = (z - z0) kr - (r - r0) kz is zero. It grows where the ray leaves
-    the elastomer, and falls where the ray enters. Squaring r = sqrt(a t² + 2 b t + c) gives a quadratic. Newton steps
-    on f then remove its rounding, and reveal a root that is on the mirrored cone.
+    The offset from the cone, f(t) = (z - z0) kr - (r - r0) kz with start (r0, z0) and direction (kr, kz), is zero
+    there. It grows where the ray leaves the elastomer, and falls where the ray enters. Squaring r = sqrt(a t² + 2 b t +
+    c) gives a quadratic. Newton steps on f then remove its rounding, and reveal a root on the mirrored cone.
     """
     a, b, c, z, dz = line
     r0, z0, kr, kz, length = cone[:5]

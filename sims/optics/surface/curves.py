@@ -301,12 +301,12 @@ def _lower(indentation: Indentation, top_mm: float) -> _Lowered:
 
 
 def lower_curve(indentation: Indentation, top_mm: float, mean_mm: float = 0.0) -> _Lowered:
-    """Convert a press's curve: its numbers (`COLUMNS`), its radial table, and the largest move of a point [mm].
+    """Convert a press's curve: its numbers (`COLUMNS`), its radial table, and the farthest that a point was moved [mm].
 
     Parameters
     ----------
     top_mm : height of the undisturbed top, at which the curve ends [mm]
-    mean_mm : radius of the mean crown, above which the curve's heights are given; 0 for a flat top [mm]
+    mean_mm : radius of the sphere, of the crown's mean curvature, above which heights are given; 0 for a flat top [mm]
     """
     depth = indentation.depth_mm
     tip, start = _sphere(indentation)

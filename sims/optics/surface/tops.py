@@ -83,7 +83,7 @@ class Top(NamedTuple):
 
 @inlined
 def is_plain(top: Top) -> bool:
-    """Whether the top is the curve of one tip only, without a field."""
+    """Whether the top is the curve of one tip only, without a smooth field."""
     return top.rows.shape[0] == 1 and top.rows[0, FIELD_ON] == 0.0
 
 

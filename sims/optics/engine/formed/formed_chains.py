@@ -67,13 +67,13 @@ from sims.optics.surface.radial import fresnel, inlined, kernel
 
 MOST = 24
 FAINT = 1e-9
-"""Share of the emitter's power below which the ray bundle of an undivided part is not followed further."""
+"""Share of the emitter's power below which the rays from an undivided part of the emitter are not followed further."""
 SIDES, RAYS = 4, 44
 """Number of rays around the middle one, and the column in `work` where their data begin."""
 LANDED, LANDINGS = RAYS + 6 * SIDES, 32
-"""Column in `work` where a bundle's contributions to receivers begin, and their largest number."""
+"""Column in `work` where a ray bundle's contributions to receivers begin, and their largest number."""
 DIVISIONS, LEVELS = 2, 2
-"""Number of pieces of a divided bundle in either direction, and largest number of divisions."""
+"""Number of pieces of a divided ray bundle in either direction, and largest number of divisions."""
 STACK = LANDED + 3 * LANDINGS
 """Column in `work` where the list of pieces that are still to be followed begins."""
 IS_LIT = STACK + 4 * (DIVISIONS * DIVISIONS * (LEVELS + 1) + 1)
@@ -82,16 +82,17 @@ PLACE = IS_LIT + 1
 """Column in `work` where the sample's position in a piece begins, from -1 to 1 in either direction."""
 CHAIN_WORK = PLACE + 2
 BEND = 0.2
-"""Largest offset of the arriving light's mean from the middle ray of an undivided bundle [half sizes of the window]."""
+"""Largest offset of a ray bundle's mean arrival from that of its middle ray, in half sizes of the receiver's face;
+beyond, the bundle is divided."""
 STAYS_FAR, COMES_NEAR, COMES_BENT, COMES_DIM = 0, 1, 2, 3
 WIDENS = 1.2
-"""Width of a ray bundle that is assumed in the search for windows, over its width if all mirrors were plane."""
+"""Factor on the width that a ray bundle would have with plane mirrors, for the search for receivers."""
 BRIGHT = 1e4
-"""A bundle that the skirt mirrors is divided if its power is above this multiple of `FAINT`."""
+"""A ray bundle that the dimple's steep skirt mirrors is divided if its power is above this multiple of `FAINT`."""
 BEHIND = 0.5
-"""How far behind a wall the middle ray may still meet the top, over its distance to the wall."""
+"""How far behind a wall a bundle's middle ray may still meet the top, over its distance to the wall."""
 FARTHEST = 20.0
-"""A window is not tested if the middle ray misses it by more than this many of its half sizes."""
+"""A receiver is not tested if a bundle's middle ray misses its face by more than this many half sizes."""
 
 
 @kernel
@@ -104,7 +105,7 @@ def follow_chains(
 
     element : product of the areas of part and point, over which the light is averaged
     faint : remaining share of the light at which the bundle has `FAINT` of the emitter's power
-    row : 1 if the point is in the skirt, else 0
+    row : 1 if the point is in the dimple's steep skirt, else 0
     levels : largest number of divisions
     """
     per, waiting = 1.0 / DIVISIONS, 1
@@ -144,14 +145,14 @@ def _comes_near(
     wanted: BoolArray, e: FloatArray, absorbs: float, index: float, walls: FloatArray, arcs: FloatArray,
     top: FormedTop,
 ) -> int:  # fmt: skip
-    """Whether a ray bundle comes near a receiver's window after its second or a later mirror, by its middle ray alone.
+    """Whether a ray bundle comes near a receiver after its second or a later mirror, by its middle ray alone.
 
-    size : larger half size of its part of the emitter [mm]
+    size : larger half size of the bundle's start on the emitter [mm]
 
     Returns
     -------
-    `STAYS_FAR` or `COMES_NEAR`. If the ray meets the skirt, which widens the bundle strongly, `COMES_BENT`, or
-    `COMES_DIM` if little power is left
+    `STAYS_FAR`; `COMES_NEAR`; or, if the ray meets the dimple's steep skirt, which widens the bundle, `COMES_BENT` with
+    much power left or `COMES_DIM` with little
     """
     nx, ny, nz = p[MX], p[MY], p[MZ]
     way = math.sqrt((p[PX] - x0) ** 2 + (p[PY] - y0) ** 2 + (p[PZ] - z0) ** 2)
@@ -354,8 +355,9 @@ def _seen_rays(
 def _counted(
     a: float, b: float, share: float, toward: float, counts: float, r: FloatArray, work: FloatArray
 ) -> float:
-    """Mean counted share of a receiver over the arriving `share` of a bundle, whose middle is at a, b of the part.
+    """Counted share of a receiver, averaged over the rays of a bundle that arrive.
 
+    a, b, share : middle of the part of the emitter from which rays arrive, from -1 to 1, and that part's share
     toward, counts : cosine at which the middle ray arrives, and its counted share
     """
     k = RAYS + 3
@@ -381,12 +383,12 @@ def put_ray(
 def pencil(
     u: float, v: float, r: FloatArray, work: FloatArray
 ) -> tuple[float, float, float, float, float, float, float]:
-    """Image of an emitter's part on a receiver's window, in half sizes of the window.
+    """Image of a part of the emitter on a receiver's face, in half sizes of the face.
 
     Returns
     -------
     shift (u, v) by half the part's width; shift (u, v) by its half height; shift (u, v) of the mean from the middle
-    ray; last distance, -NEVER if not all rays arrive
+    ray; largest distance of the rays, -NEVER if not all arrive
     """
     k = RAYS
     u0, v0, ok0 = landing(work[k], work[k + 1], work[k + 2], work[k + 3], work[k + 4], work[k + 5], r)
@@ -416,9 +418,9 @@ def is_lit(x0: float, y0: float, z0: float, p: FloatArray, top: FormedTop) -> bo
 
 @kernel
 def _goes_on(spare: float, walls: FloatArray, arcs: FloatArray, top: FormedTop, work: FloatArray) -> bool:
-    """Whether some ray of a bundle meets the top before the walls, though the middle ray would meet it behind a wall.
+    """Whether a ray of a bundle meets the top before the walls, although the middle ray would meet it behind a wall.
 
-    spare : distance from the middle ray's point on the top to the wall, negative behind it
+    spare : distance from the middle ray's point on the top to the wall, negative if the point is behind the wall
     """
     more = 0.0
     for pair in range(2):
@@ -447,7 +449,7 @@ def _spare(
     x: float, y: float, z: float, dx: float, dy: float, dz: float, walls: FloatArray, arcs: FloatArray,
     top: FormedTop,
 ) -> tuple[float, float]:  # fmt: skip
-    """Distance to the top (NEVER: not met), and how much farther the wall is, negative if the wall is nearer."""
+    """Distance to the top (NEVER: not met), and how much farther away the wall is (negative: nearer)."""
     wall, _ = plan_exit(x, y, z, dx, dy, dz, walls, arcs)
     limit = (1.0 + BEHIND) * wall
     if dz < 0.0:

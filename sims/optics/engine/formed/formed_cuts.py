@@ -1,8 +1,9 @@
 # mypy: no-warn-return-any
-"""Share of an emitter's part whose light a point of the top mirrors through a receiver's face, by cutting polygons.
+"""Share of an emitter's part from which a point of the top mirrors light into a receiver's face, by cutting polygons.
 
-Positions in a part are in half sizes from its middle: a square from -1 to 1. The sides of the receiver's face map to
-lines g + u gu + v gv = 0 in it. The region in which all four are above 0 is a convex polygon.
+Positions in the part are in half sizes from its middle, a square from -1 to 1. The sides of the receiver's face map to
+four lines g + u gu + v gv = 0 in this square. Light from the region where all four are above 0, a convex polygon,
+reaches the receiver.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ POINT_COLUMNS = 10
 
 @inlined
 def sent(x: float, y: float, z: float, p: FloatArray, e: FloatArray, absorbs: float, index: float) -> float:
-    """Light from a point of the emitter that leaves a point of the top mirrored, over both elements of area [1/mm²]."""
+    """Light that leaves a point of the emitter and is mirrored by a point of the top, per area of both [1/mm²]."""
     dx, dy, dz = p[PX] - x, p[PY] - y, p[PZ] - z
     s2 = dx * dx + dy * dy + dz * dz
     s = math.sqrt(s2)
@@ -60,7 +61,7 @@ def lines(
 
 @kernel
 def cut(work: FloatArray) -> tuple[float, float, float, int, int]:
-    """Share of the square from -1 to 1 that is on the kept side of four lines.
+    """Share of the square from -1 to 1 in which four lines g + u gu + v gv are above 0.
 
     work : (44,) the lines in the first 12 numbers; then space for two polygons
 

@@ -27,7 +27,7 @@ def straight_flux(
     e: FloatArray, r: FloatArray, absorbs: float, top: FormedTop, nodes_e: FloatArray,
     weights_e: FloatArray, nodes_u: FloatArray, weights_u: FloatArray, nodes_v: FloatArray, weights_v: FloatArray,
 ) -> float:  # fmt: skip
-    """Direct light of a pair over the emitter's power.
+    """Direct light of a pair, as a share of the emitter's power.
 
     Parameters
     ----------

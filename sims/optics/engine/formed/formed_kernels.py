@@ -56,7 +56,7 @@ def straight_matrix(
     axes: FloatArray, numbers: FloatArray, rows: FloatArray, nodes_e: FloatArray, weights_e: FloatArray,
     nodes_u: FloatArray, weights_u: FloatArray, nodes_v: FloatArray, weights_v: FloatArray,
 ) -> FloatArray:  # fmt: skip
-    """(emitter, receiver) direct light."""
+    """(emitter, receiver) direct light, as a share of the emitter's power."""
     top = FormedTop(origin, axes, numbers, rows)
     out = np.zeros((emitters.shape[0], receivers.shape[0]))
     for i in range(emitters.shape[0]):
@@ -132,7 +132,8 @@ def deposit_matrix(
     shift: FloatArray, absorbs: float, index: float, walls: FloatArray, arcs: FloatArray,
     origin: FloatArray, axes: FloatArray, numbers: FloatArray, rows: FloatArray, layout: FloatArray, patches: int,
 ) -> FloatArray:  # fmt: skip
-    """(batch, window, patch) light that the requested emitters or receivers (windows) send to patches."""
+    """(batch, window, patch) light from the requested faces of emitters or receivers on patches of walls, bottom and
+    tip."""
     top = FormedTop(origin, axes, numbers, rows)
     out = np.zeros((windows.shape[0], RAY_BATCHES, patches))
     for i in range(windows.shape[0]):

@@ -88,7 +88,7 @@ from sims.optics.engine.formed.formed_top import (
 from sims.optics.surface.radial import inlined, kernel
 
 COLUMNS, HALVINGS = 4, 5
-"""Number of columns of the arriving light in which the hidden part is found, and number of halvings to find it."""
+"""Number of columns of an emitter's part in which light hidden by the dimple is found, and halvings to find it."""
 CHAINS_SHARE = 2.0
 """Size of undivided emitter parts for light mirrored several times, over their size for light mirrored once."""
 STEPS = (0.7548776662466927, 0.5698402909980532)
@@ -97,11 +97,11 @@ MOST_PARTS = 12
 """Largest number of parts of an emitter in either direction."""
 BATCHES = 4
 WAYS, PART = CHAIN_WORK, CHAIN_WORK + 9
-"""Columns in `work` where the mirrored direction from a part's points begins, and the part's position and sizes."""
+"""Columns of the array `work`: where the data of mirrored directions begin, and those of the emitter's part."""
 AT = PART + 5
-"""Column in `work` where the point's position in the frame of the press begins."""
+"""Column of the array `work` where the top point's position in the frame of the press begins."""
 SIGHTS = AT + 3
-"""Column in `work` where the positions of windows for `is_open` begin, the emitter's first."""
+"""Column of the array `work` where the positions of all faces for `is_open` begin, the emitter's first."""
 SIGHT = 4
 
 
@@ -113,9 +113,9 @@ def mirrored_flux(
     """Add an emitter's light through points of the top to `out` (2, batch, receiver): smooth top, and steep skirt.
 
     wanted : (receiver,) mask of the requested receivers
-    points : (n, 10) points; normals out of the elastomer; elements of area [mm²]; 1 within the skirt, else 0; batch;
-        number of points that this one represents for light mirrored several times
-    share : largest size of a part over its distance from a point
+    points : (n, 10) points; normals out of the elastomer; elements of area [mm²]; 1 within the dimple's skirt, else 0;
+        batch; number of points that this one represents for light mirrored several times
+    share : largest size of a part of the emitter over its distance from a point
     work : (`SIGHTS` + `SIGHT` (receivers + 1),) workspace
     """
     pressed = top.numbers[OUTER] > 0.0
@@ -260,7 +260,7 @@ def _follow(
 
 @kernel
 def _put_sight(window: FloatArray, number: int, top: FormedTop, work: FloatArray) -> None:
-    """Store a window's position in `work`, in the form that `is_open` takes."""
+    """Store the position of a part's face in `work`, in the form that `is_open` takes."""
     x, y, _ = into(top, window[CX], window[CY], window[CZ])
     around, most = 0.0, -NEVER
     for k in range(4):
@@ -283,10 +283,10 @@ def _brought(
     p: FloatArray, e: FloatArray, r: FloatArray, deep: float, absorbs: float, index: float, count: int, start: int,
     work: FloatArray,
 ) -> float:  # fmt: skip
-    """Mean of `_counted` over the arriving light of a part.
+    """Mean light of an emitter's part that a point of the top mirrors to a receiver, over the region that arrives.
 
-    count : 0: the whole part arrives, and Gauss' rule with four nodes is used; else number of corners of the arriving
-        polygon, in `work` from `start` on, whose triangles are sampled at the middles of their sides
+    count : number of corners of that region, in `work` from `start` on, whose triangles are sampled at the middles of
+        their sides; 0: the whole part arrives, and Gauss' rule with four nodes is used
     """
     total, whole = 0.0, 0.0
     for k in range(1, max(count - 1, 2)):
@@ -314,7 +314,7 @@ def _counted(
     a: float, b: float, p: FloatArray, e: FloatArray, r: FloatArray, deep: float, absorbs: float, index: float,
     work: FloatArray,
 ) -> float:  # fmt: skip
-    """Light from the point a, b of a part through the point of the top that the receiver counts."""
+    """Light from position a, b of an emitter's part that a point of the top mirrors to a receiver, as counted there."""
     dx, dy, dz = _way(a, b, work)
     toward = (dx * r[NX] + dy * r[NY]) / math.sqrt(dx * dx + dy * dy + dz * dz)
     if toward <= 1e-9:
@@ -325,7 +325,7 @@ def _counted(
 
 @inlined
 def _way(a: float, b: float, work: FloatArray) -> tuple[float, float, float]:
-    """Vector from the point a, b of a part to the point of the top, mirrored there."""
+    """Vector from the position a, b of an emitter's part to the point of the top, mirrored there."""
     k = WAYS
     return (
         work[k] + a * work[k + 3] + b * work[k + 6],
@@ -336,7 +336,7 @@ def _way(a: float, b: float, work: FloatArray) -> tuple[float, float, float]:
 
 @inlined
 def _place(a: float, b: float, e: FloatArray, work: FloatArray) -> tuple[float, float, float]:
-    """Point (x, y, z) of a part at a, b from -1 to 1."""
+    """Point (x, y, z) of an emitter's part at a, b from -1 to 1."""
     along = a * work[PART + 3]
     return work[PART] + along * e[UX], work[PART + 1] + along * e[UY], work[PART + 2] + b * work[PART + 4]
 
@@ -346,10 +346,10 @@ def _seen(
     p: FloatArray, e: FloatArray, r: FloatArray, deep: float, absorbs: float, index: float, count: int, start: int,
     top: FormedTop, work: FloatArray,
 ) -> float:  # fmt: skip
-    """Integral of `_counted` over the arriving light that the dimple does not hide; NEVER if it hides nothing.
+    """Integral of an emitter part's light that reaches a receiver by a point of the top; NEVER: none is hidden.
 
-    A column of the part becomes hidden from one end. Under a flat top this is the upper end, since both rays are
-    flatter there. The hidden length is found by halving.
+    A column of the part becomes hidden by the dimple from one end. Under a flat top this is the upper end, since both
+    rays are flatter there. The hidden length is found by halving.
     """
     low, high = -1.0, 1.0
     if count > 0:
@@ -394,7 +394,7 @@ def _seen(
 
 @inlined
 def _ends(a: float, work: FloatArray) -> tuple[float, float]:
-    """Lower and upper end of the arriving light in the column of a part at `a`."""
+    """Lower and upper end of the light that arrives, in the column of an emitter's part at position `a`."""
     under, over = -1.0, 1.0
     for side in range(4):
         g, gv = work[3 * side] + a * work[3 * side + 1], work[3 * side + 2]

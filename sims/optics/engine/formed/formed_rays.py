@@ -121,7 +121,8 @@ def beside(x: float, y: float, z: float, nx: float, ny: float, nz: float) -> tup
 def landing(
     x: float, y: float, z: float, dx: float, dy: float, dz: float, r: FloatArray
 ) -> tuple[float, float, float]:
-    """Where a ray crosses a window's plane: u, v in half sizes of the window, and distance; -NEVER if it moves away."""
+    """Where a ray crosses the plane of a part's face: u, v in half sizes of the face, and distance (-NEVER: moves
+    away)."""
     toward = dx * r[NX] + dy * r[NY]
     if toward <= 1e-9:
         return 0.0, 0.0, -NEVER
