@@ -442,6 +442,7 @@ def fake(
     from fabrication.driver.simulated.board import FakeBoard
     from fabrication.driver.simulated.faults import faults_of
     from fabrication.stage.fake_printer import TipFinger
+    from optopad.screen.verdict import as_typed
     from optopad.sensor.driver_view import driver_source, press_table
 
     if out is not None:
@@ -462,7 +463,7 @@ def fake(
         say(f"port      {wire.name}")
         if stage is not None:
             say(f"stage     {stage.name}: its tip barely touches the middle of the pad")
-        say(f"try       optopad driver read {config} --port {wire.name}")
+        say(f"try       optopad driver read {as_typed(str(config), set_)} --port {wire.name}")
     with stage or nullcontext():
         _serve(board, wire, seconds)
 
