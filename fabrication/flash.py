@@ -181,7 +181,7 @@ def require_uf2(chip: ArduinoProgram, file: Path) -> None:
     if not own:
         families = {family for family, _, _ in numbered}
         raise InputError(
-            f"{file}: compiled for {_listed(families) or 'no family'}; the {chip.boot_drive.board_id} board takes "
+            f"{file}: compiled for {_listed(families) or 'no family'}; the board {chip.boot_drive.board_id} takes "
             f"{_listed(takes)}; compile the sketch for {chip.fqbn}"
         )
     family, total, _ = own[0]
@@ -213,7 +213,7 @@ def boot_drive(chip: ArduinoProgram, drives: Sequence[Path]) -> Path:
     if found:
         listed = ", ".join(map(str, found))
         raise DeviceError(
-            f"{len(found)} drives of {wanted} boards: {listed}; unplug all but one, or name it: --port"
+            f"{len(found)} drives of boards {wanted}: {listed}; unplug all but one, or name it: --port"
         )
     others = [
         f"{drive} is that of a board {board_id or 'without a name'}" for drive, board_id in board_ids.items()
@@ -221,7 +221,7 @@ def boot_drive(chip: ArduinoProgram, drives: Sequence[Path]) -> Path:
     looked = others or [
         f"{drives[0]} has no {INFO_FILE}" if len(drives) == 1 else f"{len(drives)} drives are mounted"
     ]
-    raise DeviceError(f"no drive of a {wanted} board ({'; '.join(looked)}); {BOOT_MODE}")
+    raise DeviceError(f"no drive of a board {wanted} ({'; '.join(looked)}); {BOOT_MODE}")
 
 
 def _board_id(drive: Path) -> str | None:
@@ -331,8 +331,8 @@ def require_uploader(chip: BoardFirmware | ArduinoProgram, sketch: Path) -> None
         copied = (
             ""
             if chip.boot_drive is None
-            else f"; or export the compiled .uf2 file there, {BOOT_MODE}, and copy the file with "
-            "`optopad driver flash DESIGN --image FILE.uf2`"
+            else "; or export the compiled .uf2 file there and run `optopad driver flash DESIGN --image FILE.uf2`; "
+            f"before that, {BOOT_MODE}"
         )
         raise DeviceError(f"{ARDUINO} is not installed here; install it, or, {by_hand}{copied}")
 

@@ -334,7 +334,7 @@ def test_a_uf2_file_that_is_none_or_for_another_chip_is_refused(drives, tmp_path
         (tmp_path / "none.uf2", "No such file"),
         (short, "2 of its 3 blocks are there"),
         (cut, "not a UF2 file"),
-        (uf2(tmp_path / "other.uf2", RP2350), "compiled for 0xe48bff59; the RPI-RP2 board takes 0xe48bff56"),
+        (uf2(tmp_path / "other.uf2", RP2350), "compiled for 0xe48bff59; the board RPI-RP2 takes 0xe48bff56"),
     ):
         assert words in refused(capsys, "flash", DESIGN, *PICO, "--image", str(file))
     assert [one.name for one in drive.iterdir()] == ["INFO_UF2.TXT"]
@@ -343,9 +343,9 @@ def test_a_uf2_file_that_is_none_or_for_another_chip_is_refused(drives, tmp_path
 @pytest.mark.parametrize(
     ("boards", "words"),
     [
-        ([], "no drive of a RPI-RP2 board (0 drives are mounted); hold the board's BOOTSEL button"),
+        ([], "no drive of a board RPI-RP2 (0 drives are mounted); hold the board's BOOTSEL button"),
         ([None, "RP2350"], "drive 1 is that of a board RP2350); hold the board's BOOTSEL button"),
-        (["RPI-RP2", "RPI-RP2"], "2 drives of RPI-RP2 boards"),
+        (["RPI-RP2", "RPI-RP2"], "2 drives of boards RPI-RP2"),
     ],
 )
 def test_no_drive_or_two_of_them_are_told_apart(boards, words, drives, tmp_path, capsys):
