@@ -1,18 +1,18 @@
-"""The bundle: one folder per design, complete or absent after any interruption.
+"""Writing of bundles: a bundle is a design's output folder, which is never left half-written.
 
-A command works in a hidden folder next to the bundle, into which it first copies the bundle's files. At the end it
-writes the manifest, flushes everything to the disk, and swaps the two folders. If the machine stopped during the swap,
-the next writer restores the bundle.
+A command works in a hidden folder next to the bundle, into which it first copies the bundle's files. At the end the
+command writes the manifest, flushes everything to the disk, and swaps the two folders. If the machine stopped during
+the swap, the next writer restores the bundle.
 
 Several commands, processes and threads may work on one bundle at a time. Each has its own hidden folder, which is
-locked while it is in use. Before the swap it receives the files that other commands have finished meanwhile. If two
-commands wrote the same file, that of the later swap remains. Copies and swaps wait for one another.
+locked while it is in use. Before the swap, files that other commands have finished meanwhile are copied into the hidden
+folder. If two commands wrote the same file, the file of the later swap remains. Copies and swaps wait for one another.
 
 A bundle has no links: a link in place of the bundle, or of a folder that commands write into, is refused.
 
     outputs/<name>-<digest8>/                     the bundle
     outputs/.<name>-<digest8>.<random>.partial/   work in progress
-    outputs/.<name>-<digest8>.old/                the former bundle, for the moment of the change
+    outputs/.<name>-<digest8>.old/                the former bundle, during the swap only
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ from design.spec import SensorDesign
 
 MANIFEST = "manifest.json"
 FOLDERS = ("cad", "fabrication", "sims")
-"""Subfolders of a bundle that commands write into; everything else in the bundle belongs to the user."""
+"""Subfolders of a bundle (a design's output folder) that commands write into; all other files are the user's."""
 WAY_OUT = "choose another folder with --out (an earlier bundle is intact)"
 RECORDED_PACKAGES = ("optopad", "numpy", "scipy", "numba", "mujoco", "cadquery", "trimesh", "manifold3d")
 
@@ -48,7 +48,7 @@ def bundle_name(design: SensorDesign) -> str:
 
 
 _UNDER_WAY: set[Path] = set()
-"""Hidden folders of this process in which work is in progress."""
+"""Hidden working folders that this process is using; each replaces a bundle when its command succeeds."""
 
 
 @contextmanager
@@ -97,7 +97,7 @@ def bundle(design: SensorDesign, out: Path, *, seed: int) -> Iterator[Path]:
 
 
 def abandon() -> None:
-    """Remove the hidden folders of this process, which ends at once; finished bundles remain."""
+    """Remove this process's unfinished output folders, because the process ends at once; finished bundles remain."""
     for staging in tuple(_UNDER_WAY):
         shutil.rmtree(staging, ignore_errors=True)
 
@@ -105,8 +105,8 @@ def abandon() -> None:
 def write_manifest(folder: Path, design: SensorDesign, seed: int) -> None:
     """Write ``manifest.json``: digest, versions, seed, and every file with its size and SHA-256.
 
-    Several commands fill a bundle. Each file names the run that made it, by its index in
-    ``runs``; ``seed`` and ``versions`` are those of the last run.
+    Several commands fill a bundle. The entry of each file contains the index in ``runs`` of the run that wrote the
+    file. ``seed`` and ``versions`` are those of the last run.
     """
     this_run = {"seed": seed, "versions": versions()}
     former = _former_manifest(folder)
@@ -122,7 +122,7 @@ def write_manifest(folder: Path, design: SensorDesign, seed: int) -> None:
 
 
 def altered_files(folder: Path) -> tuple[str, ...]:
-    """Names of the files that are missing or differ from the bundle's manifest, as paths relative to the bundle.
+    """Paths, relative to the bundle, of files that are missing or whose digest differs from the manifest's.
 
     Raises
     ------
@@ -168,7 +168,7 @@ def _fill(staging: Path, final: Path) -> None:
 
 
 def _require_no_link(final: Path) -> None:
-    """Refuse symbolic links in the bundle: files would be written through them, and the links lost in the swap."""
+    """Raise an error for symbolic links in the bundle, because files would be written to the links' targets."""
     if final.is_symlink():
         raise OutputError(
             f"{final}: is a link, and a bundle is a folder; remove the link, or give the folder that holds the bundle "
@@ -201,7 +201,7 @@ def _alone(out: Path) -> Iterator[None]:
 
 
 def _locked(folder: Path) -> int | None:
-    """An open descriptor of a folder, locked; None if another process has locked it, or locks are not supported.
+    """Lock a folder; returns its open descriptor, or None if another process has locked it or locks do not exist.
 
     The lock ends when the descriptor is closed or the process ends.
     """
@@ -223,7 +223,10 @@ def _digests(folder: Path) -> dict[str, str]:
 
 
 def _fetch(staging: Path, final: Path, begun_with: dict[str, str]) -> None:
-    """Apply the changes that other commands have made to the bundle's files since this command began."""
+    """Copy into `staging` the files that other commands changed in the bundle since this command began.
+
+    `begun_with` has the files' digests at the beginning. A file that this command also wrote is kept.
+    """
     _require_no_link(final)
     now = _digests(final)
     if now == begun_with or not final.exists():
@@ -272,14 +275,14 @@ def _former(final: Path) -> Path:
 
 
 def _remove(folder: Path) -> None:
-    """Remove a folder, or a symbolic link but not its target."""
+    """Remove a folder with its content, or a symbolic link without its target."""
     if folder.is_symlink():
         folder.unlink()
     shutil.rmtree(folder, ignore_errors=True)
 
 
 def _sweep(final: Path) -> None:
-    """Remove hidden folders that no process has locked, left by interrupted commands."""
+    """Remove hidden working folders that interrupted commands have left, and that no process has locked."""
     pattern = re.compile(re.escape(f".{final.name}.") + r"[0-9a-f]+\.partial")
     for left in final.parent.iterdir():
         if pattern.fullmatch(left.name) and (lock := _locked(left)) is not None:

@@ -1,4 +1,4 @@
-"""Connections of parts to pins: the list from which all sheets for manufacturing are written.
+"""Connections of emitters and receivers to pins: the list from which all sheets for manufacturing are written.
 
 Order, positions and names come from `design.shape.cavity`, pins and channels from `design.circuit.pins`. In state i
 only emitter i is lit; in the last state no emitter is lit. Column j of a state's readings is receiver j.
@@ -31,18 +31,18 @@ TWO_LEADS = 2
 
 @dataclass(frozen=True, kw_only=True)
 class Connection:
-    """One part with its connection to the board.
+    """An emitter or receiver and its connection.
 
     Attributes
     ----------
     part : the part with its position and orientation
-    pin : "D22" for a digital pin of the board, "S1-Q3" for output 3 of shift register S1, "L1-Q3" of LED driver L1,
-        "A0" for an analogue channel, "M1-C3" for channel 3 of multiplexer M1, "U1-C3" of converter U1
-    pin_number : number of the digital pin, of the output in the chain of shift registers or LED drivers, of the board's
-        channel, or of the converter
-    address : address of the receiver at its multiplexer, or its input of a converter; None without either
+    pin : name of the pin: "D22" of the board, "S1-Q3" output 3 of shift register S1, "L1-Q3" output 3 of LED driver L1,
+        "A0" an analogue channel, "M1-C3" channel 3 of multiplexer M1, "U1-C3" channel 3 of converter U1
+    pin_number : number of the digital pin, of the output along the chain of shift registers or LED drivers, of the
+        board's analogue channel, or of the converter
+    address : the receiver's channel of a multiplexer, or input of a converter; None if it has neither
     polarity : how the part's own leads are connected, in words
-    number : for an emitter its number among the emitters, for a receiver its column in the readings; from 0
+    number : index of an emitter among the emitters, or of a receiver among the columns of the readings; from 0
     position_mm : centre of the active area in the cavity frame (x, y, z) [mm]
     normal : direction from the wall into the cavity (x, y, z) [-]
     """
@@ -59,7 +59,7 @@ class Connection:
 
 @dataclass(frozen=True, kw_only=True)
 class Connections:
-    """Connections of all emitters, in the order of states, and of all receivers, in the order of columns."""
+    """Connections of all emitters, in the order of lighting, and of all receivers, in the order of readings."""
 
     emitters: tuple[Connection, ...]
     receivers: tuple[Connection, ...]
@@ -71,7 +71,7 @@ class Connections:
 
 
 def pin_words(design: SensorDesign) -> str:
-    """A sentence that explains the letters in a design's pin names."""
+    """A sentence that explains a design's pin names, such as S1-Q3 for an output of a shift register."""
     words = ["D: digital pin", "A: analogue input"]
     if multiplexer_of(design) is not None:
         words.append("M1-C0: channel 0 of multiplexer M1")

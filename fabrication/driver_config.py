@@ -1,4 +1,4 @@
-"""Writing of a design's driver configuration, `driver.toml`.
+"""Makes a design's driver configuration, `driver.toml`.
 
 Every index, pin and position comes from `fabrication.connections`; times and bytes come from `design.circuit.pins`. The
 data classes and the reader are in `fabrication.driver_file`.
@@ -72,7 +72,7 @@ def driver_config(
     counts_per_flux: float | Sequence[float] | None = None,
     untouched_counts: FloatArray | None = None,
 ) -> DriverConfig:
-    """The configuration of a design.
+    """The driver configuration of a design.
 
     Parameters
     ----------

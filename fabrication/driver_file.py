@@ -1,8 +1,8 @@
-"""The driver configuration `driver.toml`, read, checked and returned as frozen data classes.
+"""Reads and checks the driver configuration `driver.toml`, and returns it as frozen data classes.
 
-The laboratory's PC needs only Python's standard library to read the file: neither the CAD kernel nor the physics nor
-the design's schema. The file belongs to one design, named by its `digest`. It has a checksum over its own content, so
-that a damaged or hand-edited file is refused. To change it, change the design and write it again.
+The laboratory's PC needs only Python's standard library to read the file, not the CAD kernel, the models or the schema
+of designs. The file belongs to one design, identified by its `digest`. The file contains a checksum of its content, so
+that a damaged or hand-edited file is refused. To change the file, change the design and write the file again.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ WAY_OUT = "write it again with `optopad driver config DESIGN`"
 
 @dataclass(frozen=True, kw_only=True)
 class Units:
-    """Units of all numbers in the file; the names of quantities end with their unit."""
+    """Units of all numbers in `driver.toml`; the names of quantities end with their unit."""
 
     length: str
     time: str
@@ -51,7 +51,7 @@ class BoardSetup:
 
     Attributes
     ----------
-    adc_reference : voltage at which the converter reads full scale
+    adc_reference : source and voltage of the converter's full scale
     baud_error : relative error of the baud rate that the board can generate: made_baud / baud - 1 [-]
     link_number : number by which the firmware names this kind of board; 0 for boards without a number
     usb_ids : USB vendor:product of the maker's boards
@@ -60,11 +60,11 @@ class BoardSetup:
     shift_pins : digital pins for data, clock and latch of the emitters' shift registers; None without shift registers
     address_pins : digital pins of the multiplexers' address, lowest bit first; None without multiplexers
     spi_pins : clock, data out and data in of the SPI bus; None if it is not used
-    converter : name of the converters that read the receivers; None: the board's own
+    converter : name of the converters that read the receivers; None for the board's own converter
     select_pins : chip selects of the converters, in their order; None without converters
-    led_driver : name of the LED drivers; None: a transistor for each emitter
+    led_driver : name of the LED drivers; None for a transistor at each emitter
     driver_pins : latch and blank of the LED drivers; None without LED drivers
-    config_crc : checksum of the configuration in the self-test of this design's firmware; None without firmware
+    config_crc : checksum that the self-test of this design's firmware reports; None if the board has no firmware
     """
 
     kind: str
@@ -102,9 +102,10 @@ class StateEntry:
 
 @dataclass(frozen=True, kw_only=True)
 class EmitterEntry:
-    """An emitter: name, pin or output of the chain, state in which it is lit, position and direction.
+    """An emitter: name, pin or output, state in which it is lit, position and direction.
 
-    With shift registers or LED drivers `pin` is the number of its output in the chain, and `output` its name.
+    With shift registers or LED drivers, `pin` is the number of the emitter's output, counted along their chain, and
+    `output` is the name of that output.
     """
 
     name: str
@@ -120,11 +121,10 @@ class EmitterEntry:
 
 @dataclass(frozen=True, kw_only=True)
 class ReceiverEntry:
-    """A receiver: name, terminal, the board's input for it, address at its multiplexer if it has one, column, position.
+    """A receiver: name, terminal, input of the board, address at its multiplexer, column, position and direction.
 
-    The column is its index among the readings of one state.
-
-    With converters `channel_number` is the converter's number, from 0, and `address` is its input.
+    The column is the receiver's index among the readings of one state. With separate converters, `channel_number` is
+    the number of the receiver's converter, from 0, and `address` is the input of that converter.
     """
 
     name: str
@@ -141,7 +141,7 @@ class ReceiverEntry:
 
 @dataclass(frozen=True, kw_only=True)
 class FrameLayout:
-    """Layout of a packed frame: head, readings, checksum.
+    """Layout of a frame on the serial line: head, packed readings, checksum.
 
     Attributes
     ----------
@@ -165,7 +165,7 @@ class FrameLayout:
 
 @dataclass(frozen=True, kw_only=True)
 class TimingBudget:
-    """Time of a frame, as the sum of its parts in `design.circuit.pins`, and the resulting frame rate.
+    """Time of a frame as a sum of its steps, and the resulting frame rate; computed in `design.circuit.pins`.
 
     Attributes
     ----------
@@ -184,11 +184,11 @@ class TimingBudget:
 
 @dataclass(frozen=True, kw_only=True)
 class WorkspaceLimits:
-    """Workspace of the verdict: the covered press centres in the cavity frame, and the deepest press [mm].
+    """Workspace of the verdict: limits of the press centres in the cavity frame, and the deepest press [mm].
 
     Attributes
     ----------
-    outline : shape of the region, by its name in a design; None for the rectangle between the limits of x and y
+    outline : name of the shape of the region of press centres; None for the rectangle between the limits of x and y
     """
 
     x0_mm: float
@@ -213,7 +213,7 @@ class SurfaceEntry:
 
     Attributes
     ----------
-    top_mm : (x, y, z) of the highest point, for a flat top of its middle, in the cavity frame [mm]
+    top_mm : (x, y, z) of the highest point, or of the middle of a flat top, in the cavity frame [mm]
     crown : "none", "sphere" or "cylinder"
     radius_mm : radius of curvature; None for a flat top
     axis : "x" or "y", direction of a cylinder's axis; None for other shapes
@@ -225,10 +225,9 @@ class SurfaceEntry:
     axis: str | None = None
 
     def point_and_normal(self, x_mm: float, y_mm: float) -> tuple[Point, Point]:
-        """Point of first contact of a press at x, y [mm], and the outward unit normal there [-].
+        """Point of first contact of a press at x, y [mm], and the outward unit normal there [-], in the cavity frame.
 
-        The cavity frame is used. A press moves against the normal. Outside the crown the nearest point of the crown is
-        used.
+        A press moves against the normal. Outside the convex surface its nearest point is used.
         """
         x, y, z = self.top_mm
         if self.radius_mm is None:
@@ -246,7 +245,7 @@ class SurfaceEntry:
 class AmbientRule:
     """Correction of ambient light: the readings of the dark state `subtract_state` are subtracted from the others.
 
-    None: the mean of the dark states before and after each emitter's state is subtracted from its readings.
+    If `subtract_state` is None, the mean of the dark states around each emitter's state is subtracted from its readings.
     """
 
     subtract_state: int | None = None
@@ -258,11 +257,11 @@ class GainNote:
 
     Attributes
     ----------
-    rule : "common", "each" or "ohms", see `design.spec.Gain`
+    rule : how the gain is set: "common", "each" or "ohms", see `design.spec.Gain`
     counts_per_flux : reading of the median receiver if it got all of an emitter's power [counts]; None if not simulated
     receiver_counts_per_flux : the same quantity for each receiver, in the order of columns
-    feedback_ohm, feedback_pf : standard resistor and capacitor of each receiver; None if the emitters' power is not
-        known. A standard resistor's gain is within 5 % of the required one
+    feedback_ohm, feedback_pf : feedback resistor and capacitor of each receiver's amplifier, in standard values; None
+        if the emitters' power is not known. Standard values change the gain by up to 5 %
     """
 
     target_counts: float
@@ -332,7 +331,7 @@ def load_driver_config(path: str | os.PathLike[str], *, digest: str | None = Non
 
 
 def config_from_document(document: dict[str, Any], *, where: str) -> DriverConfig:
-    """The driver configuration from plain data (parsed TOML), after checks.
+    """Check plain data (parsed TOML) and make a driver configuration; `where` names their origin in errors.
 
     Raises
     ------
@@ -353,7 +352,7 @@ def config_from_document(document: dict[str, Any], *, where: str) -> DriverConfi
 
 
 def content_sha256(document: dict[str, Any]) -> str:
-    """SHA-256 over the content of a configuration except the checksum itself; formatting has no influence."""
+    """SHA-256 of a driver configuration's content without its own checksum; formatting has no influence."""
     content = {key: value for key, value in document.items() if key != CHECKSUM}
     text = json.dumps(content, sort_keys=True, separators=(",", ":"))
     return hashlib.sha256(text.encode()).hexdigest()

@@ -1,8 +1,8 @@
-"""Compiling and uploading of firmware: avrdude writes an image to AVR boards, arduino-cli a sketch to all other boards.
+"""Compiles and uploads firmware: avrdude writes a compiled program to AVR boards, arduino-cli a sketch to other boards.
 
-The command is a pure function of board, image and port, so that it can be shown without being run. avrdude checks the
-chip's signature before it writes, and reads everything back afterwards. avr-gcc compiles the image without the Arduino
-IDE, and its size is reported.
+The upload command is a pure function of board, program and port, so that it can be shown without being run. avrdude
+checks the chip's signature before it writes, and reads everything back afterwards. avr-gcc compiles the program for AVR
+boards without the Arduino IDE, and the program's size is reported.
 """
 
 from __future__ import annotations
@@ -50,7 +50,8 @@ class Image:
     Attributes
     ----------
     hex_text : the program in the format Intel HEX, which avrdude reads
-    flash_bytes, ram_bytes : program memory, and RAM without the stack, that the program uses
+    flash_bytes : used program memory [bytes]
+    ram_bytes : used RAM without the stack [bytes]
     """
 
     hex_text: str
@@ -59,7 +60,7 @@ class Image:
 
 
 def has_compiler() -> bool:
-    """Whether the compiler and its tools are installed."""
+    """Whether the compiler avr-gcc and its tools are installed."""
     return all(shutil.which(tool) for tool in (COMPILER, COPIER, SIZER))
 
 
@@ -68,7 +69,7 @@ def compiled_image(design: SensorDesign) -> Image:
 
     Raises
     ------
-    DesignError : as `sketch_texts`.
+    DesignError : the design breaks a rule, or the catalogue lacks data of the board.
     DeviceError : no compiler is installed, or the compilation failed.
     """
     with temporary_folder() as scratch:
@@ -85,7 +86,7 @@ def compile_elf(design: SensorDesign, folder: Path, changes: Sequence[str] = ())
 
     Parameters
     ----------
-    changes : macro definitions that replace those in config.h, as PRESCALER_EXPONENT=5
+    changes : macro definitions that replace the definitions in config.h, for example PRESCALER_EXPONENT=5
 
     Raises
     ------
@@ -117,7 +118,7 @@ def _command(chip: BoardFirmware, clock_hz: int) -> list[str]:
 
 
 def avr_chip(settings: FirmwareSettings) -> BoardFirmware:
-    """The catalogue's entry of an AVR chip; raises DeviceError for other boards."""
+    """Catalogue entry for the firmware of an AVR board; raises DeviceError for other boards."""
     if not isinstance(settings.chip, BoardFirmware):
         raise DeviceError(
             f"the program of the {settings.board_title} is compiled by {ARDUINO} (`optopad driver flash`) or the "
@@ -194,7 +195,7 @@ def _listed(families: Iterable[int]) -> str:
 
 
 def boot_drive(chip: ArduinoProgram, drives: Sequence[Path]) -> Path:
-    """The mounted drive of a board in its boot mode.
+    """Folder of the drive that a board of this kind provides in its boot mode.
 
     Parameters
     ----------
@@ -202,7 +203,7 @@ def boot_drive(chip: ArduinoProgram, drives: Sequence[Path]) -> Path:
 
     Raises
     ------
-    DeviceError : no drive, or several drives, of this kind of board.
+    DeviceError : no drive or several drives match.
     """
     assert chip.boot_drive is not None, "the caller knows that the board has one"
     board_ids = {drive: board_id for drive in drives if (board_id := _board_id(drive)) is not None}
@@ -266,7 +267,7 @@ def copy_uf2(file: Path, drive: Path) -> None:
 
     Raises
     ------
-    DeviceError : the drive does not take the file.
+    DeviceError : the file cannot be written to the drive.
     """
     content, sent = file.read_bytes(), 0
     try:
@@ -302,11 +303,11 @@ CAUSES: Mapping[str, str] = MappingProxyType(
         "platform not installed": "install the board's core: `arduino-cli core install teensy:avr`, say",
     }
 )
-"""Parts of the uploader's error messages, in lower case, each with what to do about it."""
+"""Advice for known error messages of the uploader; the key is a part of the message in lower case."""
 
 
 def upload_command(chip: BoardFirmware, image: Path, port: str) -> list[str]:
-    """The command that writes an image to the board at a port."""
+    """The command line that writes a compiled program to the board at a port."""
     return [
         UPLOADER,
         *("-p", chip.mcu, "-c", chip.programmer, "-P", port, "-b", str(chip.upload_baud)),
@@ -316,12 +317,12 @@ def upload_command(chip: BoardFirmware, image: Path, port: str) -> list[str]:
 
 
 def sketch_command(chip: ArduinoProgram, sketch: Path, port: str) -> list[str]:
-    """The command that compiles a sketch folder and writes it to the board at a port."""
+    """The command line that compiles a sketch folder and writes the program to the board at a port."""
     return [ARDUINO, "compile", "--fqbn", chip.fqbn, "--upload", "--port", port, str(sketch)]
 
 
 def require_uploader(chip: BoardFirmware | ArduinoProgram, sketch: Path) -> None:
-    """Refuse an upload without the program that does it, by a DeviceError that says how to install or do without it."""
+    """Raise DeviceError if the upload program is missing; the message says how to install it or do without it."""
     by_hand = f"in the Arduino IDE, open {sketch}, select the board {chip.arduino_board}, and press Upload"
     if isinstance(chip, BoardFirmware) and shutil.which(UPLOADER) is None:
         raise DeviceError(
@@ -348,7 +349,8 @@ def upload(command: Sequence[str], port: str) -> None:
 
     Raises
     ------
-    DeviceError : the uploader cannot start, does not end, or fails. The message quotes it and says what to do.
+    DeviceError : the upload program cannot start, does not end, or fails. The message quotes its output and says what
+        to do.
     """
     uploader = command[0]
     limit_s = UPLOAD_LIMIT_S[uploader]

@@ -1,4 +1,4 @@
-"""The simulated gain, which converts light to counts, for all sheets; and the pairs that exceed full scale."""
+"""The simulated gain from light to counts, which all sheets use, and the pairs that it puts above full scale."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ Floats = FloatArray
 
 @dataclass(frozen=True, kw_only=True)
 class SimulatedGain:
-    """Gains of the receivers and the untouched pad's light.
+    """Gains of the receivers from light to counts, and the simulated light of the untouched pad.
 
     Attributes
     ----------
@@ -34,7 +34,7 @@ class SimulatedGain:
 
         Parameters
         ----------
-        factors : ratio of each receiver's actual gain to the required one [-]; None for 1
+        factors : ratio of each receiver's actual gain to its required gain [-]; None takes 1 for all
         """
         gains = np.array(self.counts_per_flux) * (1.0 if factors is None else np.array(factors))
         counts: Floats = np.array(self.untouched_flux) * gains
@@ -55,12 +55,12 @@ class ClippedPair:
 
 
 def feedbacks_for(design: SensorDesign, gain: SimulatedGain | None) -> tuple[Feedback, ...] | None:
-    """Feedback components of each receiver's amplifier; None if they follow from a simulated gain that is missing."""
+    """Feedback components of each receiver's amplifier; None if they depend on a simulated gain and `gain` is None."""
     return feedbacks_of(design, None if gain is None else gain.counts_per_flux)
 
 
 def clipped_pairs(design: SensorDesign, gain: SimulatedGain) -> tuple[ClippedPair, ...]:
-    """Pairs above full scale with the standard resistors, the brightest first."""
+    """Pairs that read above full scale without contact with the standard resistors, the brightest first."""
     cavity, feedbacks = cavity_of(design), feedbacks_for(design, gain)
     factors = None if feedbacks is None else [one.gain_factor for one in feedbacks]
     counts = gain.untouched_counts(factors)

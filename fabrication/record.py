@@ -1,7 +1,7 @@
-"""Conversion of plain data to frozen dataclasses and back; missing, unknown and mistyped fields are refused.
+"""Converts plain data to frozen dataclasses and back; missing, unknown and mistyped fields are refused.
 
-Supported are str, int, finite float (also from whole numbers), tuples (from lists), nested dataclasses, and `X | None`
-for optional fields. It needs the standard library only.
+Supported types are str, int, finite float (also from whole numbers), tuples (from lists), nested dataclasses, and
+`X | None` for optional fields. The module needs only the standard library.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ Record = TypeVar("Record")
 
 
 LARGEST_WHOLE = 2**63 - 1
-"""Largest whole number that arrays and packed frames can hold."""
+"""Largest whole number in a field, the largest that arrays and packed frames can hold."""
 
 
 class RecordError(ValueError):
@@ -27,7 +27,7 @@ def record_of(kind: type[Record], data: Any, path: str = "") -> Record:
 
     Raises
     ------
-    RecordError : a field is invalid; the message has its dotted path.
+    RecordError : a field is missing, unknown or of another type; the message names its dotted path.
     """
     if not isinstance(data, dict):
         raise RecordError(f"{path or 'the file'}: is no table")

@@ -1,10 +1,10 @@
-"""The sketch folder of a design: the firmware's sources and `config.h`, which the Arduino IDE opens.
+"""Writes a design's Arduino sketch: a folder with the firmware's sources and its settings in `config.h`.
 
-For AVR chips the compiler takes the folder together with `main.c`.
+The Arduino IDE opens the folder. For AVR chips, avr-gcc compiles it together with `main.c`.
 
 `config.h` contains the firmware's settings as C. `fabrication.connections` assigns pins to emitters and inputs to
 receivers, for the wiring table, `driver.toml` and the firmware. The board's catalogue entry gives the port and
-multiplexer setting of a pin, or its name in the board's Arduino core. So each number is entered only once.
+multiplexer setting of a pin, or the pin's name in the board's Arduino core.
 """
 
 from __future__ import annotations
@@ -51,9 +51,10 @@ class EmitterPin:
 
 @dataclass(frozen=True, kw_only=True)
 class ReceiverInput:
-    """A receiver's name, its terminal, name and number of the board's input for it, and its multiplexer address.
+    """A receiver's name and terminal, name and number of its input at the board, and multiplexer address.
 
-    With converters the number is the converter's, the address is its input, and the name of the board's input is "".
+    With separate converters, the number is that of the converter, the address is the converter's input, and the name of
+    the board's input is "".
     """
 
     name: str
@@ -65,14 +66,14 @@ class ReceiverInput:
 
 @dataclass(frozen=True, kw_only=True)
 class ConverterSettings:
-    """Converters on the SPI bus.
+    """Settings of separate analogue-to-digital converters on the SPI bus.
 
     Attributes
     ----------
     commands : name of the commands that the firmware sends, such as ``mcp3208``
     channels : inputs of one converter
-    clock_hz, spi_mode : clock and mode of the bus
-    gap_us : time with chip select high between two readings, in whole microseconds
+    clock_hz, spi_mode : clock frequency [Hz] and mode of the bus
+    gap_us : time with chip select high between two readings [us]
     range_code : value of the range registers; 0 for converters without them
     pins : chip select of each converter
     """
@@ -88,14 +89,14 @@ class ConverterSettings:
 
 @dataclass(frozen=True, kw_only=True)
 class DriverSettings:
-    """A chain of LED drivers on the SPI bus.
+    """Settings of a chain of LED drivers on the SPI bus.
 
     Attributes
     ----------
     outputs : outputs of the whole chain
-    grayscale_bits : bits that the chain takes for each output
-    clock_hz : clock of the bus
-    turn_on_us : wait until an output is on after blanking
+    grayscale_bits : bits for each output
+    clock_hz : clock frequency of the bus [Hz]
+    turn_on_us : time from the end of blanking until an output is on [us]
     pins : pins of latch and blank
     """
 
@@ -114,7 +115,7 @@ class FirmwareSettings:
     ----------
     board_number : number by which the board names its kind to the host
     settle_us : settling time of the design, rounded up to whole microseconds [us]
-    frame_interval_us : 1 over the design's frame rate, rounded up, so that the rate is not exceeded [us]
+    frame_interval_us : frame interval at the design's frame rate, rounded up, so that the rate is not exceeded [us]
     digest : digest of the design, 32 bytes
     is_internal : whether the converter's full scale is the internal reference; otherwise it is the supply
     dark : ``frame`` or ``each``, see `design.recordings.lit_emitters`
@@ -146,7 +147,7 @@ class FirmwareSettings:
 
     @property
     def more_pins(self) -> dict[str, tuple[int, ...]]:
-        """Pins of the circuits between board and parts, by their name in `config.h`; only those in use."""
+        """Pins of the circuits in use between board and parts (such as multiplexers), by their name in `config.h`."""
         pins = {
             "SHIFT_PINS": self.shift_pins,
             "DRIVER_PINS": () if self.driver is None else self.driver.pins,
@@ -157,12 +158,11 @@ class FirmwareSettings:
 
     @property
     def has_addresses(self) -> bool:
-        """Whether receivers have an address of a multiplexer, or an input of a converter."""
+        """Whether receivers are connected through multiplexers or separate converters, and so have an address."""
         return bool(self.address_pins) or self.converter is not None
 
     def config_block(self) -> bytes:
-        """The settings as bytes, in the form in which the firmware contains them; its self-test returns their
-        CRC-32."""
+        """The settings as bytes, in the same form as in the firmware, whose self-test returns their CRC-32."""
         head = [
             self.board_number,
             len(self.emitters),
@@ -177,7 +177,7 @@ class FirmwareSettings:
         return bytes(head) + times + interval + self.digest + bytes(pins) + bytes(inputs) + self._more()
 
     def _more(self) -> bytes:
-        """Additional bytes of the block for mean values, the internal reference, or circuits before the board."""
+        """Additional bytes of `config_block` for averaging, the internal reference, or circuits before the board."""
         pins = [pin for group in self.more_pins.values() for pin in group]
         if self.averages == 1 and not self.is_internal and not pins:
             return b""
@@ -274,7 +274,7 @@ def _driver_settings(design: SensorDesign, board: Board, emitter_count: int) -> 
 
 
 def firmware_gaps(design: SensorDesign) -> tuple[str, ...]:
-    """Reasons why no firmware can be made for the design's board; empty if firmware can be made."""
+    """Reasons why no firmware can be made for the design's board; empty if it can be made."""
     cavity = cavity_of(design)
     found = firmware_findings(design, board_of(design), len(cavity.emitters), len(cavity.receivers))
     return tuple(str(finding) for finding in found)
@@ -286,7 +286,7 @@ def plain(text: str) -> str:
 
 
 def config_header(settings: FirmwareSettings) -> str:
-    """Text of `config.h`."""
+    """Text of the file `config.h` with these settings."""
     chip = settings.chip
     own = _avr_lines(settings, chip) if isinstance(chip, BoardFirmware) else _arduino_lines(settings, chip)
     lines = [
@@ -413,7 +413,7 @@ def _chip_macro(mcu: str) -> str:
 
 
 def _tunable(name: str, value: str, comment: str) -> tuple[str, ...]:
-    """Lines of C for a setting that a compiler option may override, to measure frame rates."""
+    """Lines of C that define a setting which a compiler option may override, as in measurements of frame rates."""
     return (f"#ifndef {name}", f"#define {name} {value} /* {comment} */", "#endif")
 
 
@@ -441,8 +441,8 @@ CONFIG = "config.h"
 SHARED_FILES = ("optopad.ino", "core.h", "crc.h", "session.h")
 AVR_FILES = ("core.c", "clock.h", "line.h")
 PORTABLE_FILES = ("core.cpp",)
-"""Source files, equal for every design: `SHARED_FILES` for all boards, `AVR_FILES` for AVR chips, `PORTABLE_FILES` for
-other boards."""
+"""Names of source files that are equal for every design: `SHARED_FILES` for all boards, `AVR_FILES` for AVR chips,
+`PORTABLE_FILES` for other boards."""
 
 MAIN = "main.c"
 """File with the main function. It is not in the sketch folder, because an Arduino core has its own."""
@@ -467,7 +467,7 @@ def sketch_texts(design: SensorDesign) -> dict[str, str]:
 
 
 def write_sketch(design: SensorDesign, folder: Path) -> Path:
-    """Write the sketch folder into a folder, and remove files of another board and outdated images.
+    """Write the sketch folder into `folder`; remove files of another board and outdated compiled programs.
 
     Returns
     -------
@@ -475,7 +475,7 @@ def write_sketch(design: SensorDesign, folder: Path) -> Path:
 
     Raises
     ------
-    DesignError : as `sketch_texts`; nothing is written.
+    DesignError : the design breaks a rule, or the catalogue lacks data of the board; nothing is written.
     OutputError : the folder cannot be written.
     """
     texts, sketch = sketch_texts(design), folder / SKETCH

@@ -1,7 +1,7 @@
 """Functions of `import optopad`: load, check, score, sweep, compare, improve, predict, run.
 
 Most functions take a design and return a result; nothing is printed. Long computations take `on_step`, a function that
-is called with the name of a stage and its finished fraction. They write into the bundles in the folder `out`, as the
+is called with a step's name and its finished fraction. They write files into the bundles in the folder `out`, as the
 command line does.
 """
 
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from optopad.results.sweep import Sweep
 
 OUT = "outputs"
-"""Default folder of the bundles, as on the command line."""
+"""Default folder of the bundles (designs' output folders), the same as on the command line."""
 
 
 def presets() -> tuple[str, ...]:
@@ -34,12 +34,12 @@ def presets() -> tuple[str, ...]:
 
 
 def load(where: str | PathLike[str], /, **changes: Any) -> SensorDesign:
-    """A design from a file, a bundle's folder, or a preset's name.
+    """Load a design from a file, a bundle's folder, or a preset's name.
 
     Parameters
     ----------
-    changes : fields to set, with two underscores for the dot: ``cavity__clear_thickness_mm=10``; the same as
-        ``design.with_(**{"cavity.clear_thickness_mm": 10})`` afterwards
+    changes : fields to change, with two underscores for the dot: ``cavity__clear_thickness_mm=10`` has the effect of
+        ``design.with_(**{"cavity.clear_thickness_mm": 10})``
 
     Raises
     ------
@@ -64,7 +64,7 @@ def save(design: SensorDesign, file: str | PathLike[str]) -> Path:
 
 
 def check(design: SensorDesign) -> Checked:
-    """Check a design against the design rules: can the pad be made, and can it be scored?
+    """Check a design against the design rules: whether the pad can be manufactured and its verdict computed.
 
     The findings are those of `optopad check`.
     """
@@ -87,7 +87,7 @@ def score(
     Parameters
     ----------
     full : whether to compute the map at 11 locations along the longer side and in depth steps of 0.1 mm
-    fine : the same as `full`, with a finer setting of the light model
+    fine : whether to compute the map of `full` with finer settings of the light model
     seed : seed of the random shifts of the light model
 
     Raises
@@ -110,7 +110,7 @@ def sweep(
     out: str | PathLike[str] = OUT,
     on_step: OnStep | None = None,
 ) -> Sweep:
-    """Score a design at several values of one field; the table and the figure are also written to its bundle.
+    """Score a design at several values of a field (a dotted path); table and figure are written to the bundle.
 
     Raises
     ------
@@ -131,14 +131,14 @@ def compare(
     out: str | PathLike[str] = OUT,
     on_step: OnStep | None = None,
 ) -> Comparison:
-    """Compare designs: their differences, and the better design by each figure.
+    """Compare designs: the fields in which they differ, and the best design by each figure.
 
     Page and picture are written into the first design's bundle.
 
     Parameters
     ----------
-    designs : two or more designs, as a mapping from names or as a sequence, which takes the designs' own names; equal
-        names are numbered
+    designs : two or more designs, as a mapping from names to designs, or as a sequence that uses the designs' own
+        names; equal names are numbered
 
     Raises
     ------
@@ -200,9 +200,9 @@ def predict(
     out: str | PathLike[str] = OUT,
     on_step: OnStep | None = None,
 ) -> Prediction:
-    """Predict the errors of touch, location and depth.
+    """Predict the errors of learned models for touch, location and depth.
 
-    The paper's data collection is simulated, models are trained on it and tested.
+    The paper's data collection is simulated, and models are trained and tested on the simulated data.
 
     Parameters
     ----------

@@ -1,9 +1,9 @@
-"""Examination of this machine: Python, packages, folders and optional programs, each finding with a fix.
+"""Examines this machine: Python, packages, folders and optional programs. Each finding has a fix.
 
 Nothing is installed, and no file remains in a tested folder. Packages are imported in separate processes, so that a
-missing shared library or a crash becomes a finding and does not end the examination. Sizes are those that the operating
-system reports; on Linux a container's memory limit is used (control groups, version 2). The test of an optional program
-is only whether it is found, not whether it works or is recent enough.
+missing shared library or a crash becomes a finding and does not end the examination. Sizes are reported by the
+operating system; on Linux a container's memory limit is used (control groups, version 2). Optional programs are only
+searched for, not tested.
 """
 
 from __future__ import annotations
@@ -30,8 +30,10 @@ State = Literal["ok", "missing", "warning"]
 
 @dataclass(frozen=True)
 class Finding:
-    """One result of the examination. The state `missing` prevents the main job; `warning` costs time or an optional
-    step."""
+    """One result of the examination of this machine.
+
+    The state `missing` prevents `optopad run`; `warning` costs time or an optional step.
+    """
 
     name: str
     state: State
@@ -41,7 +43,7 @@ class Finding:
 
 @dataclass(frozen=True)
 class Failure:
-    """Reason of a failed import, and its fix."""
+    """Reason why an import failed, and the fix."""
 
     reason: str
     way_out: str
@@ -49,7 +51,7 @@ class Failure:
 
 @dataclass(frozen=True)
 class Package:
-    """A declared dependency: its distribution's name, the name to import, the oldest version that works."""
+    """A declared dependency: name of its distribution, name to import, and oldest version that works."""
 
     distribution: str
     module: str
@@ -58,7 +60,7 @@ class Package:
 
 @dataclass(frozen=True)
 class SystemLibrary:
-    """Names of the packages that contain a shared library, by package manager."""
+    """Names of the packages that contain a shared library, on Debian and on Fedora."""
 
     debian: str
     fedora: str
@@ -67,9 +69,9 @@ class SystemLibrary:
 
 @dataclass(frozen=True)
 class Tool:
-    """An optional program, with alternative commands of which one suffices.
+    """An optional program, with the alternative names of its command.
 
-    `debian` is the package that contains it; "" if there is none.
+    `debian` is the Debian package that contains the program; "" if there is none.
     """
 
     commands: tuple[str, ...]
@@ -84,7 +86,7 @@ MEMORY_ADVISED_GB = 2.0
 """Recommended memory [GB]: importing CadQuery and MuJoCo takes 0.5 GB, and a run adds meshes and matrices."""
 
 DISK_ADVISED_GB = 0.5
-"""Recommended disk space [GB]: bundles, the library of solved presses and compiled kernels each take tens of MB."""
+"""Recommended disk space [GB]: bundles, the library of solved presses and compiled code each take tens of MB."""
 
 PROBE_LIMIT_S = 60
 """Longest wait for one import [s]; CadQuery alone may take 20 s from a slow disk."""
@@ -175,7 +177,7 @@ def cpu_count() -> int:
 
 
 def cpu_finding() -> Finding:
-    """Finding on the number of processors; the light kernels use all of them."""
+    """Finding on the number of processors; the light model uses all of them."""
     count = cpu_count()
     if count == 1:
         return Finding(
@@ -185,7 +187,7 @@ def cpu_finding() -> Finding:
 
 
 def memory_gb(limit_file: Path = Path("/sys/fs/cgroup/memory.max")) -> float:
-    """Memory that this process may use [GB]: the machine's, or the container's limit if that is less."""
+    """Memory that this process may use [GB]: the machine's memory, or the container's limit if it is smaller."""
     machine = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
     limit = limit_file.read_text().strip() if limit_file.is_file() else "max"
     return min(machine, int(limit) if limit.isdigit() else machine) / 1e9
@@ -210,7 +212,7 @@ def package_findings() -> Iterator[Finding]:
 
 
 def package_finding(package: Package, version: str, failure: Failure | None) -> Finding:
-    """Finding about one package, from its version ("" if not installed) and the failure of its import, if any."""
+    """Finding on one package, from its version ("" if not installed) and the failure of its import (None if none)."""
     if not version:
         return Finding(package.distribution, "missing", "not installed", "run `make setup`")
     if failure:
@@ -235,9 +237,9 @@ def release(version: str) -> tuple[int, ...]:
 
 
 def import_failures(modules: list[str]) -> list[Failure | None]:
-    """The failure of each import, or None for success.
+    """Import modules in separate processes; returns each module's failure, or None for success.
 
-    Modules are imported together in processes that run in parallel; after a failure, each module gets its own process.
+    Several modules share a process; after a failure, each module gets its own.
     """
     processes = min(cpu_count(), len(modules))
     groups = [modules[number::processes] for number in range(processes)]
@@ -307,7 +309,7 @@ def diagnose(err: ImportError) -> Failure:
 
 
 def library_way_out(stem: str) -> str:
-    """Instruction to install the shared library with this name, as 'libGL'."""
+    """Instruction to install the shared library with this name, for example 'libGL'."""
     library = SYSTEM_LIBRARIES.get(stem)
     if library is None:
         return f"install the package of your system that holds it (Debian: `apt-file search {stem}.so`)"
@@ -333,7 +335,7 @@ def folder_finding(name: str, folder: Path, way_out: str, *, state: State = "mis
 
 
 def kept_finding(name: str, folder: Path, lost: str) -> Finding:
-    """Finding on a folder with data for later runs; a run also works without that folder."""
+    """Finding on a folder with stored data for later runs, which also work without the folder."""
     way_out = f"set {CACHE_VARIABLE} to a folder you can write to; otherwise {lost}"
     if folder.is_relative_to(NO_HOME):
         return Finding(name, "warning", "none: this user has no home folder", f"set HOME, or {way_out}")
@@ -350,7 +352,7 @@ def temporary_finding() -> Finding:
 
 
 def light_finding() -> Finding:
-    """Finding on the stored results of light tracing: their size, how to remove them, how to work without storing."""
+    """Finding on the stored results of light tracing: their size, how to remove them, how to avoid storing them."""
     from sims.cache import SIZE_VARIABLE, light_store
 
     try:
@@ -369,7 +371,7 @@ def light_finding() -> Finding:
 
 
 def kernel_finding() -> Finding:
-    """Finding on whether compiled kernels are stored for later processes."""
+    """Finding on whether the compiled code of the light model is stored for later processes."""
     return kept_finding("kernel cache", kernel_folder(), "every run compiles the kernels again")
 
 

@@ -1,10 +1,9 @@
-"""Estimated time of a quick prediction, and the name of its results; importable without the prediction's libraries.
+"""Estimates the time of `optopad predict --quick`, without importing the libraries of the prediction itself.
 
 Almost all of the time is light tracing. Locations that a symmetry of the layout maps onto each other are traced once.
 On two cores shared with other work, one press took 122 ms of processor time on `fingertip-16` (64 pairs), 46 ms on a
-ring of 4 + 4 parts on 30 x 22 mm (16 pairs), and 129 ms on the paper's pad (64 pairs). The constants below are a sixth
-lower, for a machine without other work. The rest is training at quick settings (0.3 to 5 s), the test, and the
-pictures.
+ring of 4 + 4 parts (16 pairs), and 129 ms on the paper's pad (64 pairs). The constants below are a sixth lower, for an
+idle machine. The remaining time is for training (0.3 to 5 s), the test, and the pictures.
 """
 
 from __future__ import annotations
@@ -21,9 +20,9 @@ STEM = "prediction"
 """File name, without suffix, of the results of `optopad predict` in a bundle's ``sims`` folder."""
 QUICK_PROTOCOL = "piacenza2017-quick"
 PRESS_S, PAIR_S = 14e-3, 1.4e-3
-"""Processor time for the light of one press: a fixed part, and a part per pair [s]."""
+"""Processor time to trace the light of one press: a fixed part, and a part per pair [s]."""
 LEFT_S = 8.0
-"""Processor time of a prediction without the light [s]."""
+"""Processor time of a quick prediction without light tracing [s]."""
 
 
 def quick_prediction_s(design: SensorDesign) -> float | None:

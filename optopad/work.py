@@ -1,13 +1,13 @@
-"""Helpers for long work: processes, a thread, designs by name, and a store of finished parts.
+"""Helpers for long computations: processes, a thread, loading of designs, and a store of finished parts.
 
 Programs of this package are started as processes with this interpreter and its import path. Plots are drawn on a second
 thread while compiled code traces light.
 
 Finished parts of long work are stored next to the bundle, so that an interrupted command continues from them. Each part
-is one line of JSON, appended and flushed as soon as it is known; a line that a power cut left incomplete is ignored. A
-store is valid for the same work only. Its file is named by a hash of the request (digests, seed, settings) and of all
-sources and data that a result depends on, so a changed program never reuses an old result. The file is removed when the
-work is done.
+is one line of JSON, appended and flushed as soon as the part is finished. A line that a power cut left incomplete is
+ignored. A store is valid for the same work only. Its file name contains a hash of the request (digests, seed, settings)
+and of all sources and data on which a result depends, so a changed program never reuses an old result. The file is
+removed when the work is done.
 """
 
 from __future__ import annotations
@@ -48,8 +48,8 @@ def started(
 
     Parameters
     ----------
-    arguments : arguments of the interpreter, as ``["-m", "cad", ...]``
-    stdin, stdout, stderr : as `subprocess.Popen` takes them
+    arguments : arguments of the interpreter, for example ``["-m", "cad", ...]``
+    stdin, stdout, stderr : redirections, passed to `subprocess.Popen`
     """
     # -P: a user's own design.py or cad.py in the current folder must not replace ours
     process = subprocess.Popen(
@@ -78,9 +78,9 @@ Made = TypeVar("Made")
 
 @contextmanager
 def beside(work: Callable[[], Made]) -> Iterator[Callable[[], Made]]:
-    """Run `work` on another thread; the yielded function waits for its end and returns its result, or raises its error.
+    """Run `work` on another thread. The yielded function waits for the result and returns it, or raises the error.
 
-    The block waits for the work before it ends, and raises the work's error at the latest then.
+    The `with` block waits for the thread before it ends, and raises an error of `work` at the latest then.
     """
     with ThreadPoolExecutor(max_workers=1) as pool:
         started = pool.submit(work)
@@ -112,7 +112,7 @@ def read_design(where: str, changes: list[str] | None) -> SensorDesign:
 
 
 def parsed_change(text: str, *, option: str = "--set") -> tuple[str, Any]:
-    """Path and value from a text ``PATH=VALUE``; the value is parsed as TOML if possible, else it is plain text.
+    """Parse path and value from a text ``PATH=VALUE``; the value is TOML if possible, else plain text.
 
     Raises
     ------
@@ -125,7 +125,7 @@ def parsed_change(text: str, *, option: str = "--set") -> tuple[str, Any]:
 
 
 def parsed_value(text: str) -> Any:
-    """A value from text in the form of a design file; words without quotes are strings."""
+    """Parse a value as in a design file (TOML); words without quotes are strings."""
     try:
         return parsed_toml(f"value = {text}")["value"]
     except ValueError:  # not TOML, an integer of thousands of digits, or nested too deep
@@ -137,13 +137,13 @@ ROOMS = (design, sims)
 
 
 class FinishedWork:
-    """A store of finished results by name, in memory and in one file.
+    """A store of a long computation's finished results by name, in memory and in one file.
 
     Parameters
     ----------
     out : folder of the bundles; created if missing
     title : beginning of the store's file name, as ``piacenza2017-pair-0123abcd.sweep``
-    asked : request as plain data; the store is valid for equal requests only
+    asked : request (digests, seed, settings) as plain data; the store is valid for equal requests only
     """
 
     def __init__(self, out: Path, title: str, asked: object) -> None:
@@ -155,7 +155,7 @@ class FinishedWork:
         return len(self._results)
 
     def get(self, name: str) -> Any | None:
-        """A stored result; None if there is none."""
+        """The stored result of this name; None if there is none."""
         return self._results.get(name)
 
     def put(self, name: str, result: Any) -> None:
@@ -177,7 +177,7 @@ class FinishedWork:
             raise unwritable(self.path, err, "choose another folder with --out") from err
 
     def forget(self) -> None:
-        """Remove the file, because the work is done and its result is in the bundle."""
+        """Remove the file; to be called when the work is done and the result is in the bundle."""
         self._results = {}
         self.path.unlink(missing_ok=True)
 

@@ -71,7 +71,6 @@ ALLOWED = {
     "fabrication/driver": {"serial", "numpy", "xarray", "h5py"},
     "fabrication/stage": {"numpy"},
     "optopad/studio/view": {"viser", "websockets", "msgspec", "numpy"},  # both are what viser speaks with
-    "optopad/studio": {"numpy", "tomlkit", "PIL"},
     "optopad": {"distributed", "typer", "rich", "tomlkit", "numpy", "platformdirs", "xarray", "matplotlib"},
 }
 """Third-party imports, the nearest folder deciding. OCP is CadQuery's core, pydantic_core is pydantic's."""
@@ -214,10 +213,9 @@ def test_every_library_that_a_room_imports_is_declared() -> None:
     declared = {re.split(r"[<>=]", line)[0] for line in wanted} | {
         "OCP",
         "pydantic_core",
-        "PIL",
         "serial",
         "sklearn",
-    }  # parts of others; pillow; pyserial; scikit-learn
+    }  # parts of others; pyserial; scikit-learn
     used = set().union(*(third_party(tree_of(path)) for path in python_files(*ROOMS)))
     assert used <= declared
 

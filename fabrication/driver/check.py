@@ -1,6 +1,6 @@
-"""Check of a unit's wiring against its design: measured and simulated readings of the untouched pad.
+"""Check of a unit's wiring: compares measured with simulated readings of the untouched pad.
 
-`wiring_check` distinguishes wrong wires from bright LEDs and manufacturing tolerances.
+The check distinguishes wrong wires from bright LEDs and manufacturing tolerances. It reports these faults:
 
 - *dead*: an emitter that no receiver sees, or a receiver that sees no emitter.
 - *saturated*: a receiver at full scale in the dark, or under most emitters although the simulation expects much less.
@@ -42,21 +42,21 @@ DEAD_SHARE = 0.1
 """A part counts as dead if all its readings are below this share of the weakest part's best expected reading [-]."""
 
 DIM_SHARE = 0.4
-"""A part is reported as dim if the ratio of its measured to its expected readings is below this share of the other
-parts' [-]. Resistors, binning and seating explain about +-30 %."""
+"""An emitter or receiver is reported as dim if its ratio of measured to expected readings is below this share of the
+other parts' ratio [-]. Tolerances of resistors, brightness classes and seating explain about +-30 %."""
 
 UNEXPECTED_SHARE = 0.5
 """A pair at full scale is reported if its expected reading is below this share of full scale [-]."""
 
 AMBIENT_SHARE = 0.1
-"""Dark readings above this share of full scale are reported, because they leave less range for signals [-]."""
+"""Ambient light is reported if dark readings exceed this share of full scale, because it reduces the range [-]."""
 
 NOISE_COUNTS, NOISE_SHARE = 3.0, 0.02
-"""A receiver is reported as noisy if a reading's standard deviation is above NOISE_COUNTS [counts] plus NOISE_SHARE of
-its mean."""
+"""A receiver is reported as noisy if the standard deviation of a reading is above NOISE_COUNTS [counts] plus
+NOISE_SHARE [-] times its mean."""
 
 REFERENCE_V, SUPPLY_LOW_V, SUPPLY_HIGH_V = 1.1, 4.5, 5.5
-"""Voltages of the chip's internal reference (+-10 % by its data sheet), and limits of a USB port's supply [V]."""
+"""Voltage of the AVR's internal reference (+-10 % by its data sheet), and limits of a USB port's supply [V]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -66,9 +66,9 @@ class Verdict:
     Attributes
     ----------
     problems : reported faults, errors first
-    gain : median over the pairs of measured over expected reading [-]; None if no pair could be compared
-    mismatch : median over the pairs of the relative deviation from `gain` times the expected reading [-]; None if no
-        pair could be compared
+    gain : ratio of measured to expected reading, median over the pairs [-]; None if no pair could be compared
+    mismatch : relative deviation from `gain` times the expected readings, median over the pairs [-]; None if no pair
+        could be compared
     compared : number of pairs that could be compared
     clipped_by_design : names of the pairs that are expected at full scale, as E1-R1
     frames : number of frames in the check
@@ -92,12 +92,12 @@ class Verdict:
 
 
 def check_frames(frames: Iterable[Frame], found: Descriptor, self_test: SelfTest | None = None) -> Verdict:
-    """Compare readings of the untouched pad with the simulated ones.
+    """Check a unit's wiring: compare readings of the untouched pad with the simulated ones.
 
     Parameters
     ----------
     frames : frames of the untouched pad; one second is enough
-    found : descriptor of the sensor's stream, with the expected readings
+    found : descriptor of the sensor
     self_test : the board's self-test, if it was requested
 
     Raises
@@ -150,7 +150,7 @@ def _railed_problems(railed: BoolArray, found: Descriptor) -> list[Problem]:
 
 
 def _pattern_problems(pattern: Pattern, railed: BoolArray) -> list[Problem]:
-    """Faults by type: dead parts, then exchanged wires, then dim parts, then pairs that clip unexpectedly."""
+    """Faults by type: dead parts, then exchanged wires, then dim parts, then pairs unexpectedly at full scale."""
     dead_e, dead_r = _dead(pattern, railed)
     usable = ~(dead_e[:, None] | (dead_r | railed)[None, :])
     problems = _dead_problems(pattern, dead_e, dead_r)
@@ -162,9 +162,10 @@ def _pattern_problems(pattern: Pattern, railed: BoolArray) -> list[Problem]:
 
 
 def _dead(pattern: Pattern, railed: BoolArray) -> tuple[BoolArray, BoolArray]:
-    """Whether each emitter, and each receiver, is dead: two arrays (emitter,) and (receiver,).
+    """Whether each emitter, and each receiver, shows no light: two arrays (emitter,) and (receiver,).
 
-    All readings of a dead part are dark. Exchanged wires do not conceal this, because they only permute the readings.
+    Exchanged wires do not conceal a dead part, because they only permute the readings. `railed` marks receivers at full
+    scale in the dark, (receiver,).
     """
     strong = _strong_reading(pattern)
     shows = pattern.measured > strong
@@ -173,7 +174,7 @@ def _dead(pattern: Pattern, railed: BoolArray) -> tuple[BoolArray, BoolArray]:
 
 
 def _strong_reading(pattern: Pattern) -> float:
-    """Threshold for dead parts: a working part's best pair has a higher reading [counts]."""
+    """Threshold [counts] that the strongest reading of every working emitter or receiver exceeds."""
     best = np.concatenate([pattern.expected.max(axis=0), pattern.expected.max(axis=1)])
     return max(float(DEAD_SHARE * best.min()), FLOOR_COUNTS)
 
@@ -281,7 +282,7 @@ def _supply(self_test: SelfTest | None, found: Descriptor) -> list[Problem]:
 
 
 def _program(self_test: SelfTest | None, found: Descriptor) -> list[Problem]:
-    """Report a program whose configuration checksum, which covers pins, inputs and times, differs from the design's."""
+    """Problem of a firmware whose checksum of pins, inputs and times differs from the design's; empty if none."""
     if self_test is None or found.config_crc is None or self_test.config_crc == found.config_crc:
         return []
     message = (

@@ -1,4 +1,4 @@
-"""Description of a sensor's stream: the geometry, names, units and rates behind its numbers."""
+"""Description of a sensor's stream of readings: geometry, names, units and rates."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from fabrication.driver_file import DriverConfig, EmitterEntry, ReceiverEntry, S
 
 @dataclass(frozen=True, kw_only=True)
 class PartArray:
-    """Names and geometry of all emitters, or of all receivers, in the order of their array axis.
+    """Names and geometry of all emitters, or of all receivers, in the order of the readings.
 
     Attributes
     ----------
@@ -35,7 +35,7 @@ class Descriptor:
 
     Attributes
     ----------
-    states : lit emitter of each state, in the order of axis 0 of `Frame.counts`: E1, ..., then off
+    states : name of the emitter that is lit in each row of `Frame.counts`: E1, ...; "off" in the last row
     full_scale : largest reading [counts]
     wanted_rate_hz : frame rate required by the design [Hz]; `Sensor.rate_hz` is the measured one
     possible_rate_hz : frame rate according to the timing budget [Hz]; the firmware is slightly faster
@@ -70,7 +70,7 @@ UNITS = {
 
 
 def descriptor_of(config: DriverConfig) -> Descriptor:
-    """The description of the stream that a driver configuration defines."""
+    """Description of the stream of a sensor with this driver configuration."""
     expected = config.expected
     return Descriptor(
         design=config.design,

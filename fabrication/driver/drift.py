@@ -1,11 +1,11 @@
-"""Tracking of the slow drift of the untouched pad's signals; a touch of any duration is not mistaken for drift.
+"""Tracks the slow drift of the untouched pad's signals, and holds the tracked levels constant during a touch.
 
 Every pair has a signal y, a tracked untouched level b, and an untouched level u of the training data [counts]. The
 input of a model is
 
     f = y u / b                      (f = y where u or b is below 4 counts, too small to divide by)
 
-and while the pad is untouched b follows the signal of `guard_s` ago with the time constant tau,
+While the pad is untouched, b follows the signal of `guard_s` earlier with the time constant tau,
 
     db/dt = (y(t - guard) - b) / tau.
 
@@ -14,20 +14,22 @@ before they are tracked, and are discarded if a touch begins. The pad counts as 
 
 - the model reports a touch in more than half of the last 0.2 s (single wrong frames have no effect), or
 - the excess is above 4. The change c = y / b - 1, averaged over 0.2 s, is split into gains of emitters and receivers
-  and a rest (`gain_pattern`). The excess is the mean square of the rest over that of noise alone. A press shades pairs
-  individually, so most of its change is in the rest.
+  and a rest (`gain_pattern`). The excess is the mean square of the rest, divided by the mean square of noise alone. A
+  press shades pairs individually, so most of its change is in the rest.
 
-A change is gain-like if gains explain 95 % or more of it, and it exceeds 0.5 % and five times its noise. After 1 s
-without a break it is a gain step: a part was plugged in, warmed up or lost supply, or drift continued under a touch
-that has ended. The step is counted and reported, and b is multiplied by it, even while the model reports a touch. A
-change of a part's gain by more than half is reported and not tracked. Gain steps are not detected in layouts with fewer
-than 16 degrees of freedom beyond the gains (3 x 3 parts have 4).
+A change is gain-like if gains explain 95 % or more of it, and if it exceeds 0.5 % and five times its noise. A change
+that is gain-like for 1 s is a gain step: a part was plugged in, warmed up or lost supply, or drift continued under a
+touch that has ended. The step is counted and reported, and b is multiplied by it, even while the model reports a touch.
+A change of a part's gain by more than half is reported and not tracked. Gain steps are not detected in layouts with
+fewer than 16 degrees of freedom beyond the gains (3 x 3 parts have 4).
 
-The tracker has four limits. A contact at the start counts as the untouched pad (`start_mismatch` is its deviation from
-the training data that gains do not explain). A contact is tracked as drift if it grows so slowly that the excess stays
-below the threshold within tau. A touch that changes all pairs of a part by one factor, as a finger in front of the
-part, may count as a change of gain. Drift under a held touch is not tracked, and shifts the position until the touch
-ends.
+The tracker has four limits.
+
+- A contact at the start is taken for the untouched pad; `start_mismatch` indicates this.
+- A contact is tracked as drift if it grows so slowly that the excess stays below the threshold within tau.
+- A touch that changes all pairs of a part by one factor, as a finger in front of the part, may count as a change of
+  gain.
+- Drift under a held touch is not tracked, and shifts the position until the touch ends.
 """
 
 from __future__ import annotations
@@ -45,18 +47,20 @@ from fabrication.driver.link.frames import WEAKEST_BASELINE_COUNTS
 
 TIME_CONSTANT_S, GUARD_S = 10.0, 0.5
 SHORT_S = 0.2
-"""Time constant of the average of the signals' change, which decides whether the pad counts as touched [s]."""
+"""Time constant of the averaged change of signals from which a touch is detected [s]."""
 
 HELD_EXCESS = 4.0
-"""The pad counts as touched if the excess (see the module) is above this value [-]. Noise alone gives 1, +-0.2 for 49
-degrees of freedom."""
+"""Threshold of the excess above which the pad counts as touched [-].
+
+The excess is the mean square of the signals' change that gains of parts do not explain, over the noise variance. Noise
+alone gives about 1."""
 
 GAIN_S = 1.0
 GAIN_SHARE = 0.95
 LEAST_GAIN, GAIN_SIGMAS = 0.005, 5.0
 LEAST_FREEDOM = 16
-"""Least degrees of freedom beyond the gains for detecting gain steps. With fewer, a press resembles a change of
-gains."""
+"""Least number of pairs, beyond the number of fitted gains, for detecting steps of gain; with fewer, a press resembles
+a change of gains."""
 
 LONGEST_STEP = 0.5
 """Largest time step with which one frame updates the untouched levels, after a pause [time constants]. A larger step
@@ -79,10 +83,10 @@ class DriftState:
     Attributes
     ----------
     is_held : whether the untouched levels are held constant now
-    excess : mean square of the change that gains do not explain, over that of noise alone [-]
-    drift : median over the pairs of the relative change of the untouched level since the start [-]
-    is_gain_like : whether the present change exceeds the noise, and changed gains of emitters and receivers explain it
-    gain_steps : number of gain steps so far
+    excess : mean square of the signals' change that gains of parts do not explain, divided by the noise variance [-]
+    drift : relative change of the untouched level since the start, median over the pairs [-]
+    is_gain_like : whether changed gains of parts explain the present change, and it exceeds the noise
+    gain_steps : number of sudden changes of gains so far
     held_without_touch_s : time for which `excess` has been above its threshold although the model saw no touch [s]
     """
 
@@ -109,9 +113,9 @@ class DriftTracker:
     Attributes
     ----------
     untouched : (pair,) tracked levels [counts]
-    gain_steps : number of gain steps reported so far
-    start_mismatch : root mean square over the pairs of the relative deviation of `start` from `trained`, less what
-        gains explain [-]
+    gain_steps : number of sudden changes of the parts' gains so far
+    start_mismatch : relative deviation of `start` from `trained` that gains do not explain, root mean square over the
+        pairs [-]; a large value indicates a contact
 
     Raises
     ------
@@ -136,7 +140,7 @@ class DriftTracker:
         self.untouched: FloatArray = start.mean(axis=0).ravel()
         self._first = self.untouched.copy()
         self._level_noise = 1.0 / len(start)
-        """Noise of the untouched levels, which are averages, as their variance over that of a single frame [-]."""
+        """Variance of the untouched levels, relative to the variance of one frame's signals [-]."""
         self._calibrate(start.reshape(len(start), -1))
         self.start_mismatch = self._mismatch()
         self.gain_steps = 0
@@ -145,7 +149,7 @@ class DriftTracker:
         [counts]."""
         self._short = np.zeros(self.untouched.size)
         self._short_noise = 0.0
-        """Noise of the change averaged over `SHORT_S`, as its variance over that of a single frame [-]."""
+        """Variance of the averaged change of signals, relative to the variance of one frame's signals [-]."""
         self._touched_share = 0.0
         self._time_s: float | None = None
         self._held_s = -math.inf
@@ -196,7 +200,7 @@ class DriftTracker:
         )
 
     def restart(self) -> None:
-        """Continue after a reset of the board, whose clock starts again; the untouched levels are kept."""
+        """Continue after a reset of the board, which restarts the board's clock; the untouched levels are kept."""
         self._time_s = None
         self._held_s = -math.inf
         self._gain_since_s = self._odd_since_s = None
@@ -225,9 +229,9 @@ class DriftTracker:
         return float(np.sqrt((used**2).mean())) if used.size else 0.0
 
     def _excess(self) -> float:
-        """Mean square of the averaged change that gains do not explain, over that of noise alone [-].
+        """Mean square of the averaged change that gains do not explain, divided by the noise variance [-].
 
-        The noise is that of the average, plus that of the untouched levels.
+        The noise is the sum of the noise of the average and of the untouched levels.
         """
         noise = self._quiet * (self._short_noise + self._level_noise)
         return float(self._pattern.excess(self._short)) / noise

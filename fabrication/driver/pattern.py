@@ -12,7 +12,7 @@ from design.recordings import signals_of
 from fabrication.driver.descriptor import Descriptor, PartArray
 
 FLOOR_COUNTS = 8.0
-"""Readings below this value are not distinguished: they are ambient light, noise and light outside the model
+"""Readings below this value are not compared, because ambient light, noise and light outside the model dominate them
 [counts]."""
 
 SEEN_COUNTS = 24.0
@@ -55,7 +55,7 @@ class Pattern:
 
 
 def pattern_of(counts: NDArray[np.uint16], found: Descriptor) -> Pattern:
-    """The pattern of (n, state, receiver) readings [counts]; the descriptor must have expected ones."""
+    """Means of (n, state, receiver) readings [counts] and the descriptor's expected readings, which must exist."""
     assert found.expected_counts is not None, "requested by the caller"
     mean: FloatArray = counts.mean(axis=0)
     lit = mean[:-1]
@@ -71,10 +71,10 @@ def pattern_of(counts: NDArray[np.uint16], found: Descriptor) -> Pattern:
 
 
 def emitter_text(parts: PartArray, i: int) -> str:
-    """Name and pin of emitter i, for messages."""
+    """Name and pin of emitter i (from 0), for messages."""
     return f"{parts.names[i]} (pin {parts.pins[i]})"
 
 
 def receiver_text(parts: PartArray, j: int) -> str:
-    """Name and input of receiver j, for messages."""
+    """Name and input of receiver j (from 0), for messages."""
     return f"{parts.names[j]} (input {parts.pins[j]})"

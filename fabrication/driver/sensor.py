@@ -1,4 +1,4 @@
-"""A manufactured unit as a context manager that yields frames.
+"""Reads a manufactured sensor: a context manager that yields frames.
 
     from fabrication.driver import Sensor
 
@@ -35,31 +35,28 @@ from fabrication.driver_file import DriverConfig, load_driver_config
 BASELINE_S = 0.5
 PATIENCE_S = 10.0
 POLL_S = 0.2
-"""Longest uninterrupted part of a wait, so that Ctrl-C works on every system [s]."""
+"""Longer waits are divided into parts of this length, so that Ctrl-C works on every system [s]."""
 
 FASTEST_HZ = 100_000.0
 SLOWEST_HZ = 0.001
 """Lowest permitted frame rate, the same as in a design [Hz]."""
 
 SILENCE_S = 1.0
-"""If reading for a limited time ends with this much silence, the board counts as lost [s].
-
-The limit is three frame intervals if these are longer.
-"""
+"""If reading for a limited time ends with this much silence, the board counts as lost [s]."""
 
 
 class Sensor:
-    """A manufactured unit; a context manager that yields frames.
+    """A manufactured sensor on its serial port; a context manager that yields frames.
 
     Parameters
     ----------
-    config : driver.toml of its design, or the configuration read from such a file
+    config : driver.toml of the sensor's design, or the configuration read from such a file
     port : name of the port; None finds the board by its USB identity
     rate_hz : frames per second; None takes the design's rate, 0 the board's fastest
-    accept_digest : first 8 digits or more of another design's digest that is accepted; None accepts no other design
+    accept_digest : first 8 or more digits of the digest of another accepted design; None accepts no other
     baseline_s : time for which the untouched pad is read on opening [s]; 0 takes no baseline
     patience_s : longest wait for the board on opening, and for a frame, including reconnection [s]; None takes 10 s, or
-        more for a board that boots slower. The wait for a frame is at least three frame intervals
+        more for a board that boots more slowly. The wait for a frame is at least three frame intervals
     gather_s : interval at which frames are delivered in batches, to reduce the processor's load [s]; 0 delivers each
         frame at once
     not_ports : names of ports that are never used for the board, because other devices, as a stage, use them
@@ -135,8 +132,8 @@ class Sensor:
 
         Raises
         ------
-        DeviceError : as `read`; also if the time ends while the board is lost or silent.
-        OutputError : as `read`.
+        DeviceError : no frame arrived within `patience_s`, or the time ended while the board was lost or silent.
+        OutputError : a recording failed; it contains all earlier frames.
         """
         heard_at = time.monotonic()
         end = None if seconds is None else heard_at + seconds
@@ -158,7 +155,7 @@ class Sensor:
         Raises
         ------
         DeviceError : no frame arrived within `patience_s`.
-        OutputError : a recording failed. It contains all earlier frames, and reading may continue without it.
+        OutputError : a recording failed; it contains all earlier frames, and reading may continue.
         """
         stream, end = self._open, time.monotonic() + self._patience_s
         while time.monotonic() < end:
@@ -168,7 +165,7 @@ class Sensor:
         raise self._silence(self._patience_s)
 
     def take_baseline(self, seconds: float = BASELINE_S) -> FloatArray:
-        """Read the untouched pad for some time; its mean becomes the baseline.
+        """Read the untouched pad for a time [s]; the mean of its signals becomes the baseline.
 
         Returns
         -------

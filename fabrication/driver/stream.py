@@ -1,10 +1,10 @@
-"""The thread that reads the port, so that a slow reader loses no frames: a queue keeps up to ten seconds.
+"""Reads the port in a thread, so that a slow user program loses no frames: a queue holds the frames of ten seconds.
 
     port -> scanner -> decoder -> queue -> Sensor
                   \\-> recorder
 
-If the port is lost, the thread searches for the board ten times per second, identifies it and starts it again. Other
-faults are stored as an error, which the next read of a frame raises.
+If the port is lost, the thread searches for the board ten times per second, identifies it and starts it again. Any
+other fault raises an error at the next read of a frame.
 """
 
 from __future__ import annotations
@@ -25,13 +25,13 @@ from fabrication.driver.link.scanner import Message
 from fabrication.driver.recording.raw import Recorder
 
 LOOK_EVERY_S = 0.1
-"""Interval of the search for a lost port [s]."""
+"""Time between two searches for the board after its port was lost [s]."""
 
 START_AGAIN_S = 1.0
-"""Silence after which a started board is started again, because the command may have been damaged [s]."""
+"""Silence after which the start command is sent to a board again, because it may have been damaged [s]."""
 
 LATE_HELLO_S = 1.5
-"""Time after identifying a board in which a further hello does not count as a reset [s]."""
+"""Time after a board's first hello in which another hello is taken for a repeated reply, not a reset [s]."""
 
 QUEUE_FRAMES = 4096
 """Largest number of frames in the queue; ten seconds at 400 Hz."""
@@ -42,16 +42,16 @@ Connect = Callable[[Callable[[], bool]], tuple[Link, Hello]]
 
 @dataclass
 class LinkCounts:
-    """Numbers of events on the line since it was opened.
+    """Numbers of frames, errors and reconnections on a serial line since it was opened.
 
     Attributes
     ----------
     frames : complete frames received
-    lost : frames missing by their sequence numbers
-    damaged : candidates for a message whose CRC was wrong
+    lost : frames missing, by their sequence numbers
+    damaged : messages whose CRC was wrong
     skipped_bytes : bytes that belonged to no complete message
     overrun : frames dropped because they were not read in time
-    reconnects : connections after the first one, because the board was plugged in again or restarted
+    reconnects : connections after the first one
     doubled : frames that arrived twice, with the same number and time; the second was dropped
     """
 
@@ -65,14 +65,14 @@ class LinkCounts:
 
 
 class Stream:
-    """Frames of a board, from its start to its stop.
+    """Reads a board's frames in a thread and queues them, from the board's start to its stop.
 
     Parameters
     ----------
     connect : function that opens a port and identifies the board, see `Connect`
     decoder : decoder of the frames
-    interval_us : frame interval [us]; 0 is the board's shortest
-    checked : function that returns a hello, or raises DeviceError for another design's
+    interval_us : frame interval [us]; 0 is the board's shortest interval
+    checked : function that returns a board's hello (identification), or raises DeviceError for another design
     """
 
     def __init__(
@@ -102,7 +102,7 @@ class Stream:
         self._thread.start()
 
     def end(self, *, is_clean: bool) -> None:
-        """Stop board and thread, and close port and recordings; harmless after an error and on a second call.
+        """Stop board and thread, and close port and recordings; may be called after an error and repeatedly.
 
         Parameters
         ----------
@@ -127,7 +127,7 @@ class Stream:
             self._recorders.append(recorder)
 
     def taken(self, timeout_s: float) -> Frame | None:
-        """Take the oldest frame from the queue; None if no frame arrived in time.
+        """Take the oldest frame from the queue; None if no frame arrived within `timeout_s` [s].
 
         Raises
         ------
@@ -171,7 +171,7 @@ class Stream:
 
     @property
     def counts(self) -> LinkCounts:
-        """Numbers of events on the line so far."""
+        """Counts of received, lost and damaged frames, and of reconnections, so far."""
         scanner = self.link.scanner
         return LinkCounts(
             frames=self._decoder.frames,
@@ -254,7 +254,7 @@ class Stream:
         return found
 
     def _began_anew(self, message: bytes) -> None:
-        """Restart the stream after a hello that was not requested: the board was reset."""
+        """Restart the stream after a hello (identification) that was not requested, because the board was reset."""
         if time.monotonic() - self._greeted_at < LATE_HELLO_S:
             return
         self._greeted_at = time.monotonic()  # a repeated hello is one reset

@@ -1,4 +1,4 @@
-"""Touch, location, depth and force from a sensor, frame by frame, by a trained model with drift tracking.
+"""Predicts touch, location, depth and force for each frame of a sensor, by a trained model with drift tracking.
 
 from fabrication.driver import Sensor
 from fabrication.driver.touch_reader import TouchReader
@@ -41,9 +41,9 @@ class Touch:
     Attributes
     ----------
     frame : the frame
-    is_touched : whether the model reports a touch; a change of the parts' gains does not count as touch
-    touch_score : the model's score for touch [-]: touched above 0, with more confidence for larger values
-    press_mm : (3,) x, y in the plane of the pad, depth along the surface normal [mm]; NaN if untouched
+    is_touched : the model's decision; False while the frame's change is due to changed gains of parts
+    touch_score : the model's score for touch [-]: above 0 it reports a touch, with more confidence for larger values
+    press_mm : (3,) x, y in the cavity frame, depth along the surface normal [mm]; NaN if untouched
     point_mm, normal : (3,) point of first contact [mm] and outward unit normal of the surface there [-], in the cavity
         frame; NaN if untouched, or if the driver configuration does not describe the top surface
     sigma_mm : (3,) standard deviations of x, y, depth [mm]; NaN if untouched, or if the model does not estimate them
@@ -117,7 +117,7 @@ class TouchReader:
         return self._touches(self.sensor.frames(count, seconds))
 
     def begin(self) -> None:
-        """Measure the untouched levels, unless they have been measured; the pad must be untouched.
+        """Measure the untouched levels unless they have been measured already; the pad must be untouched.
 
         Raises
         ------
@@ -127,7 +127,7 @@ class TouchReader:
             self.restart()
 
     def restart(self) -> None:
-        """Measure the untouched levels again: the pad must be untouched now."""
+        """Measure the untouched levels again; the pad must be untouched."""
         self.sensor.skip_waiting()
         end, frames = time.monotonic() + self._start_s, [self.sensor.read()]
         while time.monotonic() < end or len(frames) < 4 * LEAST_START_FRAMES:
@@ -193,8 +193,7 @@ class TouchReader:
         return np.array(point), np.array(normal)
 
     def _force_sigma_n(self, found: Prediction, k: int) -> float:
-        """Standard deviation of the force: half its difference between depths one standard deviation above and below
-        [N]."""
+        """Standard deviation of the force [N]: half its difference between depths one deviation above and below."""
         curve = self.model.header.force_curve
         if curve is None:
             return math.nan
@@ -204,7 +203,7 @@ class TouchReader:
 
 
 def require_fits(header: ModelHeader, said: Descriptor) -> None:
-    """Refuse a model that was trained on another design or other parts.
+    """Check that a model was trained on the design and the parts of this sensor.
 
     Raises
     ------

@@ -1,15 +1,15 @@
-"""Detection of exchanged wires: the order of emitters and receivers for which readings fit the expected pattern.
+"""Detects exchanged wires: finds the order of emitters and receivers for which readings fit the expected pattern.
 
-A reading is modelled as the expected one times a common factor, a factor of the emitter, one of the receiver, and one
-of the pair. The logarithms of these factors are fitted by ridge regression, the common factor without a penalty.
+A reading is modelled as the expected reading times four factors: a common factor, and factors of the emitter, the
+receiver and the pair. Their logarithms are fitted by ridge regression, the common factor without a penalty.
 Factors of parts scatter by `PART_SPREAD`; those of pairs by `PAIR_SPREAD`, or more if the best fit requires it. The
-misfit is the sum of the squared logarithms over these spreads. Readings below a floor are set to the floor. So wrong
-wires are detected by the contrast between pairs, not by their brightness.
+misfit is the sum of squares of the logarithms divided by these spreads. Readings below a floor are set to the floor.
+So a wrong wire shows in the contrast between pairs, not in the brightness.
 
 The search starts at the correct wiring. In each step it applies the exchange of two emitters or of two receivers that
-reduces the misfit most. A cyclic permutation of three becomes two exchanges. Pairs that are dark both as measured and
-as expected have no weight. A pair that is at full scale only as measured, or only as expected, counts by the other
-value's distance below full scale.
+reduces the misfit most. A cyclic permutation of three parts becomes two exchanges. A pair whose measured and expected
+readings are both dark has no weight. If only one of these two readings is at full scale, the pair's misfit is the
+distance of the other reading below full scale.
 """
 
 from __future__ import annotations
@@ -32,33 +32,33 @@ from fabrication.driver.pattern import (
 Order = tuple[int, ...]
 
 PART_SPREAD = 0.3
-"""Standard deviation of the logarithm of a part's factor [-]: resistors 5 %, LED bins a factor of 1.5, seating."""
+"""Standard deviation of the logarithm of a part's actual over expected brightness or sensitivity [-].
+
+Causes: resistors (5 %), brightness classes of LEDs (factor 1.5), seating.
+"""
 
 PAIR_SPREAD = 0.12
-"""Standard deviation of the logarithm of a pair's factor [-]: positions and heights of parts, errors of the model."""
+"""Standard deviation of the logarithm of a pair's actual over expected reading, factors of parts removed [-].
+
+Causes are positions and heights of parts, and errors of the model.
+"""
 
 LARGEST_MISS = 5.0
-"""Largest contribution of a single pair to the misfit, before squaring [standard deviations].
-
-This limits the influence of outliers.
-"""
+"""Limit of one pair's contribution to the misfit, before squaring [spreads], so that an outlier does not dominate."""
 
 EVIDENCE = 20.0
-"""Least reduction of the misfit (see the module) for which an exchange of wires is accepted [-].
-
-Under the statistical model this means odds of e^10 to one.
-"""
+"""Least reduction of the misfit for accepting an exchange of wires [-]; this means odds of e^10 to one."""
 
 EQUAL = 8.0
-"""Exchanges of wires whose misfit (see the module) is within this value of the best one's are reported as well [-]."""
+"""Exchanges of wires whose misfit is within this value of the best exchange's are reported as well [-]."""
 
 NORMAL_MEDIAN_SQUARE = 0.455
-"""Median of the square of a standard normal variable."""
+"""Median of the square of a standard normal variable [-]."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class _Fit:
-    """Misfit of a wiring (see the module), and the pairs' spread over `PAIR_SPREAD`, at least 1 [-]."""
+    """Deviation of the readings from the pattern of a wiring, and the pairs' spread over `PAIR_SPREAD` (>= 1) [-]."""
 
     misfit: float
     spread: float
@@ -66,7 +66,7 @@ class _Fit:
 
 @dataclass(frozen=True, kw_only=True)
 class _Exchange:
-    """Exchange of two emitters (axis 0) or of two receivers (axis 1); `pair` contains their indices."""
+    """Exchange of the wires of two emitters (axis 0) or two receivers (axis 1); `pair` contains their indices."""
 
     axis: int
     pair: tuple[int, int]
@@ -90,7 +90,7 @@ def exchanged_wires(pattern: Pattern, usable: BoolArray) -> tuple[list[int], lis
 
     Returns
     -------
-    order of the emitters as wired, order of the receivers as wired, one problem per exchange
+    indices of the emitters in the order as wired, the same for the receivers, one problem per exchange
     """
     rows: Order = tuple(range(usable.shape[0]))
     columns: Order = tuple(range(usable.shape[1]))
@@ -117,7 +117,7 @@ def _exchanges(usable: BoolArray) -> list[_Exchange]:
 
 
 def _fitted(pattern: Pattern, usable: BoolArray, rows: Order, columns: Order) -> _Fit:
-    """Misfit between the readings and the expected pattern, with emitters (rows) and receivers (columns) in this
+    """Deviation of the readings from the expected pattern, with emitters (rows) and receivers (columns) in an assumed
     order."""
     expected = pattern.expected[list(rows)][:, list(columns)]
     meant = pattern.is_meant_to_clip[list(rows)][:, list(columns)]

@@ -1,6 +1,6 @@
-"""All sheets of a design, written into the bundle's folder.
+"""Writes all sheets for the manufacture of a design into its bundle.
 
-The wiring table has every part, its position, and the connections of its leads.
+The module also makes the wiring table: every part, its position, and the connections of its leads.
 """
 
 from __future__ import annotations
@@ -61,11 +61,11 @@ def _cells(one: Connection) -> Sequence[Cell]:
 
 
 def sheet_texts(design: SensorDesign, gain: SimulatedGain | None = None) -> dict[str, str]:
-    """Text of every sheet by file name.
+    """Text of every sheet for the manufacture of a design, by file name.
 
     Parameters
     ----------
-    gain : the simulated gain; None omits everything that depends on the gain
+    gain : simulated gain from light to counts; None omits what depends on it
 
     Raises
     ------
@@ -91,7 +91,7 @@ def write_sheets(design: SensorDesign, folder: Path, gain: SimulatedGain | None 
 
     Raises
     ------
-    DesignError : as `sheet_texts`; nothing is written.
+    DesignError : the catalogue lacks a part or material, or the board a pin; nothing is written.
     OutputError : the folder cannot be written.
     """
     texts = sheet_texts(design, gain)

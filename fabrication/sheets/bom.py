@@ -1,8 +1,8 @@
 """Bill of materials: items to buy, print and weigh for one sensor.
 
-References extend the names of the layout: E3-Q is the transistor of emitter E3. Costs are the catalogue's, with
-currency, date and source; unknown costs are blank. For a transistor or amplifier the value gives the requirements,
-because no part is chosen. If the gain is not known, the value of feedback components says so.
+References extend the names of the layout: E3-Q is the transistor of emitter E3. Costs are from the catalogue, with
+currency, date and source; unknown costs are blank. For a transistor or amplifier the column `value` gives the
+requirements, because no part is chosen. For feedback components without a known gain, `value` refers to the gain.
 """
 
 from __future__ import annotations
@@ -66,7 +66,7 @@ class BomRow:
     ----------
     quantity, unit : number of pieces or grams; None if not known
     references : reference designators of the item, in the order of the layout
-    cost : quoted cost of one unit, if any
+    cost : quoted cost of one piece or gram; None if not known
     """
 
     item: str
@@ -85,7 +85,7 @@ def bom_rows(design: SensorDesign, gain: SimulatedGain | None = None) -> tuple[B
 
     Parameters
     ----------
-    gain : the simulated gain; if it is None and a rule sets the gain, the feedback components have no values
+    gain : simulated gain from light to counts; None leaves values that depend on it blank
     """
     cavity, board = cavity_of(design), board_of(design)
     return (
@@ -168,7 +168,7 @@ def _switch_rows(design: SensorDesign, emitters: Sequence[PlacedPart], board: Bo
 
 
 def _driver_rows(driver: LedDriver, sink: CurrentSink, emitter_count: int) -> Iterator[BomRow]:
-    """Reference resistors, and the resistor that keeps the outputs off until the program starts."""
+    """Reference resistors of LED drivers, and a resistor that keeps outputs off until the program starts."""
     names = tuple(f"L{number + 1}" for number in range(driver.needed(emitter_count)))
     formula = f"{driver.current_ratio:g} x {driver.reference_v:g} V / current"
     yield BomRow(

@@ -1,4 +1,4 @@
-"""Orientation of each part in its wall: a section through its socket, to scale, for every kind and height of part.
+"""Drawing of each part's orientation in its wall: a section to scale through its socket, for every kind and height.
 
       cavity | wall                    the active face points into the cavity; its centre's height is measured
              |______ rim               from the bottom of the clear layer (z = 0)
@@ -38,7 +38,7 @@ WALL, CLEAR, BLACK, BODY, INK, QUIET = "#d9d9d9", "#eaf4ff", "#4d4d4d", "#ffffff
 
 
 def orientation_svg(design: SensorDesign) -> str:
-    """Sections through all kinds of sockets, to scale, as SVG text.
+    """Sections through the sockets of all kinds of parts, to scale, as SVG text.
 
     Raises
     ------

@@ -1,8 +1,7 @@
-"""Shapes of a technical drawing as SVG elements; text is escaped and stripped of control characters.
+"""Shapes and circuit symbols of a technical drawing as SVG elements.
 
-Lengths are in drawing units (px), with y downward.
-
-Circuit symbols are on a grid of drawing units (IEC 60617 shapes, simplified).
+Lengths are in drawing units (px), with y downward. Text is escaped and stripped of control characters. Circuit symbols
+are simplified shapes of IEC 60617.
 """
 
 from __future__ import annotations
@@ -20,7 +19,7 @@ ARROW_HALF_PX = 3.0
 
 
 def drawing(width: float, height: float, title: str, description: str) -> Element:
-    """An empty white sheet with its text for screen readers."""
+    """An empty white sheet with title and description for screen readers."""
     root = Element(
         "svg",
         xmlns="http://www.w3.org/2000/svg",
@@ -74,7 +73,7 @@ def polygon(points: list[Point], **style: str) -> Element:
 
 
 def outline(corners: list[Point], **style: str) -> Element:
-    """A closed outline; four corners that form an upright rectangle become a rectangle element."""
+    """A closed outline; four corners of a rectangle parallel to the axes become a rectangle element."""
     if len(corners) == 4 and {corners[0], corners[2]} <= {
         (x, y) for x, _ in corners[1::2] for _, y in corners[1::2]
     }:
@@ -88,7 +87,7 @@ def polyline(points: list[Point], **style: str) -> Element:
 
 
 def text(at: Point, content: str, size: float, **style: str) -> Element:
-    """A line of text. The style `anchor` (start, middle or end) says which part of it is at the point."""
+    """A line of text. The style `anchor` says which part of the text is at the point: start, middle or end."""
     element = _shape("text", style, x=_px(at[0]), y=_px(at[1]))
     element.set("font-size", _px(size))
     element.text = one_line(content)
@@ -105,7 +104,7 @@ def arrow(tail: Point, head: Point, colour: str) -> list[Element]:
 
 
 def triangle(centre: Point, toward: Point, radius: float, **style: str) -> Element:
-    """An equilateral triangle whose tip points along a direction."""
+    """An equilateral triangle whose tip points along `toward`, with a circumscribed circle of `radius`."""
     angle = math.atan2(toward[1], toward[0])
     corners = [angle + k * math.tau / 3 for k in range(3)]
     points = [(centre[0] + radius * math.cos(a), centre[1] + radius * math.sin(a)) for a in corners]
@@ -145,7 +144,7 @@ def dot(at: Point) -> Element:
 
 
 def resistor(centre: Point, *, upright: bool) -> Element:
-    """A resistor symbol, upright or lying; the wires end at half its length from the centre."""
+    """A resistor symbol, vertical or horizontal; the wires end at half its length from the centre."""
     half = (SHORT / 2, LONG / 2) if upright else (LONG / 2, SHORT / 2)
     low = centre[0] - half[0], centre[1] - half[1]
     return rectangle(low, (centre[0] + half[0], centre[1] + half[1]), **BOX)
@@ -158,7 +157,7 @@ def capacitor(centre: Point) -> list[Element]:
 
 
 def ground(at: Point) -> list[Element]:
-    """Ground below a wire that ends here."""
+    """A ground symbol below a wire that ends at `at`."""
     x, y = at
     return [wire((x - half, y + k * 4), (x + half, y + k * 4)) for k, half in enumerate((9.0, 6.0, 3.0))]
 

@@ -1,7 +1,7 @@
-"""Comma-separated tables that a spreadsheet opens as text, never as a formula.
+"""Writes tables as CSV whose cells a spreadsheet never evaluates as formulas.
 
-A spreadsheet would evaluate a cell of text that starts with one of = + - @, or with a control character, which it
-skips. Such a cell gets an apostrophe in front. Numbers are not changed.
+A spreadsheet evaluates a text that starts with one of = + - @, also after a control character. Such a cell gets an
+apostrophe in front. Numbers are not changed.
 
 The module also makes a user's text safe in Markdown.
 """
@@ -30,7 +30,7 @@ def csv_text(columns: Sequence[str], rows: Iterable[Sequence[Cell]]) -> str:
 
 
 def safe_text(text: str) -> str:
-    """A text on one line, without control characters, which no spreadsheet evaluates as a formula."""
+    """The text on one line, without control characters, in a form that no spreadsheet evaluates as a formula."""
     line = one_line(text)
     return f"'{line}" if line.startswith(FORMULA_STARTS) else line
 
@@ -42,7 +42,7 @@ def one_line(text: str) -> str:
 
 
 def number(value: float) -> str:
-    """A number as text, to four decimals, without trailing zeros."""
+    """A number as text, rounded to four decimals, without trailing zeros."""
     return f"{value:.4f}".rstrip("0").rstrip(".")
 
 

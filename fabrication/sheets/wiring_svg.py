@@ -8,11 +8,8 @@
       +--^----o---+
          E1   R1
 
-For a disc, each label is at the side of the sheet that is nearest to its part.
-
-Bodies and mold come from `design.mold.outline`, so the drawing agrees with the printed part.
-
-The legend shares its colours and sizes with the drawing.
+On a round pad, a label is at the side of the sheet that is nearest to its part. Bodies and mold come from
+`design.mold.outline`, so the drawing agrees with the printed part.
 """
 
 from __future__ import annotations
@@ -36,7 +33,7 @@ RECEIVER_COLOUR = "#00589e"
 LINE_COLOUR = "#444444"
 WORKSPACE_COLOUR = "#2f6b3a"
 PIN_PX = 14.0
-"""Font size of pins and of the legend."""
+"""Font size of pin names and of the legend [px]."""
 LEGEND_LINE_PX, MARGIN_PX, ORIGIN_PX, SYMBOL_PX = 24.0, 24.0, 4.0, 10.0
 
 
@@ -110,9 +107,9 @@ POCKET_COLOUR = "#ffffff"
 CAVITY_COLOUR = "#f4f9ff"
 
 NAME_PX, NOTE_PX, HEADING_PX = 16.0, 13.0, 20.0
-"""Font sizes of references, notes, heading."""
+"""Font sizes of references, notes and heading [px]."""
 LETTER_SHARE = 0.6
-"""Ratio of a letter's width to its font size that is assumed for the room of labels; most letters are narrower [-]."""
+"""Assumed width of a letter as a fraction of the font size [-]; the average is smaller."""
 LABEL_LINES = 3
 LABEL_START_PX, LABEL_GAP_PX = 5.0, 10.0
 LINE_PX = 18.0
@@ -120,7 +117,7 @@ LEADER_PX = 14.0
 PAD_PX = 640.0
 """Drawn length of the cavity's longer side [px]; larger if the labels of a wall need more room."""
 SIDE_PITCH_PX = 22.0
-"""Vertical distance between labels [px]."""
+"""Vertical distance between labels left and right of the pad [px]."""
 DIMENSION_INSET_PX = 42.0
 """Distance of dimension lines from the cavity's walls, inside the cavity [px]."""
 AXIS_PX, AXIS_INSET_PX = 46.0, 34.0
@@ -128,17 +125,16 @@ AXIS_PX, AXIS_INSET_PX = 46.0, 34.0
 
 @dataclass(frozen=True, kw_only=True)
 class Sheet:
-    """Scale and position of the pad on the sheet.
+    """Scale and position of the pad on the sheet of the wiring drawing.
 
     Attributes
     ----------
     outline : dimensions of the mold
     scale : scale of the drawing [px/mm]
-    left, top : sheet position of the cavity's low-x, high-y corner [px]
+    left, top : sheet position of the cavity's upper left corner, at low x and high y [px]
     pitch : horizontal distance between labels [px]
-    columns : distances from the end of the leader to reference, pin and position, for labels left and right of the pad
-        [px]
-    side : width of the labels left and right of the pad [px]
+    columns : for labels left and right of the pad, distances from the leader line to reference, pin and position [px]
+    side : width of these labels [px]
     """
 
     outline: MoldOutline
@@ -198,7 +194,7 @@ def wiring_svg(design: SensorDesign) -> str:
 
 
 def _side(one: Connection) -> Wall:
-    """Side of the sheet for a part's label: that of its wall, or the nearest side on a disc."""
+    """Side of the sheet for a part's label: the side of the part's wall, or on a round pad the nearest side."""
     x, y = one.part.line.outward
     if abs(x) > abs(y):
         return "east" if x > 0 else "west"
@@ -206,12 +202,13 @@ def _side(one: Connection) -> Wall:
 
 
 def spread(wanted: Sequence[float], gap: float, low: float, high: float) -> list[float]:
-    """Positions of labels along a line, at least a gap apart, that are closest to the requested ones in least squares.
+    """Positions of labels along a line, at least a gap apart and closest to the requested ones in least squares.
 
     Parameters
     ----------
-    wanted : rising positions
-    gap : least distance between neighbours; there is room for all between low and high
+    wanted : requested positions, rising
+    gap : least distance between neighbours
+    low, high : limits of the positions, with room for all labels
     """
     blocks: list[list[float]] = []  # neighbours that touch share the mean of (wanted - place x gap)
     for place, position in enumerate(wanted):
@@ -335,9 +332,9 @@ def _dimensions(sheet: Sheet) -> Iterator[Element]:
 
 
 def _ends_mm(bare: Outline, direction: Point, inset_mm: float) -> tuple[Point, Point]:
-    """End points of a dimension line, inset from the pad's corner at the far end of its wall [mm].
+    """End points [mm] of a dimension line across the pad along `direction`, at `inset_mm` inside the far wall.
 
-    Next to a round wall the line passes above the text in the middle.
+    On a round pad the line passes above the text in the middle.
     """
     axis = int(direction == X)  # of the line's position next to other lines
     start, end = (place[axis] for place in bare.touches_mm(direction))

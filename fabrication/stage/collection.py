@@ -1,8 +1,8 @@
 """Unattended collection of a data set: a stage presses, and frames are stored at every position.
 
 At each position the stage waits for the settling time. Then a number of new frames is stored with the position that the
-stage reports; earlier frames are discarded. Only complete presses are stored. At the end of every run, even if it was
-stopped early, the stored presses are written as netCDF.
+stage reports; earlier frames are discarded. Only complete presses are stored. At the end of every run, even of a
+stopped one, the stored presses are written as netCDF.
 
 Each complete press is a file in a folder next to the data set, from which a stopped collection resumes.
 
@@ -44,12 +44,12 @@ COLUMNS = ("counts", "press_mm", "connection", "sequence", "device_us", "host_s"
 
 
 class CollectedParts:
-    """The folder with the stored presses of one collection.
+    """The folder with the stored presses of one collection of a data set.
 
     Parameters
     ----------
     out : the resulting data set; the folder is named after it
-    plan : sensor, presses and settings as plain data; they must be equal when a collection resumes
+    plan : sensor, presses and settings as plain data; the same plan is required to resume a collection
 
     Attributes
     ----------
@@ -71,12 +71,12 @@ class CollectedParts:
             raise InputError(f"{out}: exists already; choose another name")
 
     def begin(self) -> None:
-        """Create the folder, before any motion; raises OutputError on failure."""
+        """Create the folder for the stored presses, before the stage moves; raises OutputError on failure."""
         own_folder(self.folder, "choose another --out")
         write_whole(self.folder / PLAN, json.dumps(self._document, indent=2).encode())
 
     def numbers(self) -> set[int]:
-        """Numbers of the stored presses."""
+        """Numbers of the stored presses: their indices in the list of presses."""
         return {int(file.stem) for file in self.folder.glob("*.npz") if file.stem.isdecimal()}
 
     def save(self, number: int, frames: list[Frame], press_mm: list[Position]) -> None:
@@ -128,7 +128,7 @@ class CollectedParts:
         )
 
     def remove(self) -> None:
-        """Remove the folder, because the data set contains all presses."""
+        """Remove the folder; to be called when the data set contains all presses."""
         shutil.rmtree(self.folder, ignore_errors=True)
 
     def _part(self, number: int) -> Arrays:
@@ -157,19 +157,19 @@ class CollectedParts:
 SETTLE_S = 0.3
 FRAMES = 1
 TRIES = 3
-"""Number of attempts for a press if the connection to the board is lost during the press."""
+"""Number of attempts for one press if the connection to the board is lost during the press."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Collected:
-    """Result of one run of a collection.
+    """Result of one run of a collection of a data set.
 
     Attributes
     ----------
     file : the data set; None if no press is complete
-    made : number of presses in this run
+    made : number of presses made in this run
     kept : number of stored presses of all runs
-    wanted : number of presses in the list
+    wanted : number of presses in the whole collection
     frames : number of frames in the data set
     """
 
@@ -228,7 +228,7 @@ class Collector:
         return self._parts.was_begun
 
     def begin(self) -> None:
-        """Record on the disk that the collection has begun, before any motion; raises OutputError on failure."""
+        """Record on the disk that the collection has begun, before the stage moves; raises OutputError on failure."""
         self._parts.begin()
 
     def remaining(self, only: Collection[str] = ()) -> list[int]:
@@ -244,8 +244,10 @@ class Collector:
         ]
 
     def lights(self, numbers: Iterable[int]) -> list[SetEntry]:
-        """Sets of presses before which the room's light must be set: the first set, and each set in a different
-        light."""
+        """Sets of presses before which the user must set the room's light.
+
+        These are the first set, and each set whose light differs from the previous set's.
+        """
         changes: list[SetEntry] = []
         for number in numbers:
             entry = self._presses.sets[self._presses.presses[number].set_number]
@@ -267,8 +269,8 @@ class Collector:
         ----------
         numbers : numbers of presses, as returned by `remaining`
         on_step : called with the completed fraction
-        on_light : called with a set before its presses if its light differs from the previous set's; the tip is lifted
-            then
+        on_light : called with a set before its presses if its room light differs from the previous set's, while the
+            tip is lifted
 
         Raises
         ------
@@ -291,7 +293,9 @@ class Collector:
         return len(order)
 
     def finish(self, made: int = 0) -> Collected:
-        """Write the stored presses as a data set; remove their folder if all presses of the list are stored.
+        """Write the stored presses as a data set; remove their folder if the collection is complete.
+
+        `made` is the number of this run's presses, for the result.
 
         Raises
         ------

@@ -1,11 +1,11 @@
 """A simulated 3-axis printer with Marlin's G-code, for tests of the stage without a printer.
 
-It takes bytes and times and returns bytes; `fabrication.driver.simulated.port.FakePort` connects it to a
+The printer takes bytes and times and returns bytes; `fabrication.driver.simulated.port.FakePort` connects it to a
 pseudo-terminal. A move has constant speed, without acceleration, and begins when the previous one has ended. The
 replies to M400 and G28 come at the end of the motion, all others at once. Opening the port resets the printer: its
 coordinates become 0 at the present position.
 
-Faults are `silent` (no answer after some moves), `error` (stops with `Error:`), `shifted` (stops short of the target,
+Faults are `silent` (no reply after some moves), `error` (stops with `Error:`), `shifted` (stops short of the target,
 as at its own limits), `restarted` (sends `start` during a motion, as after a reset).
 """
 
@@ -56,7 +56,7 @@ class FakePrinter:
 
     Attributes
     ----------
-    place_text : format of the reply to M114, with x, y, z [mm]
+    place_text : format of the reply to M114 (report the position), with x, y, z [mm]
     """
 
     place_text = "X:{0:.2f} Y:{1:.2f} Z:{2:.2f} E:0.00 Count X:0 Y:0 Z:0\nok\n"
@@ -87,7 +87,7 @@ class FakePrinter:
         return _flipped(self._ride.at(now_s))
 
     def reset(self, now_s: float) -> None:
-        """Restart, as when the port is opened: the present position becomes 0."""
+        """Restart the printer, as opening the port does: the coordinates of the present position become 0."""
         here = self._ride.at(now_s)
         self._ride = _Ride(now_s, now_s, here, here)
         self._zero = here
@@ -97,11 +97,11 @@ class FakePrinter:
 
     @property
     def due_s(self) -> float:
-        """Time of the next message that the printer sends without a request [s]."""
+        """Time of the next message that the printer sends by itself [s]."""
         return self._due_s
 
     def spoken(self, now_s: float) -> bytes:
-        """Bytes that the printer sends without a request at this time."""
+        """Bytes that the printer sends by itself at time `now_s` [s]; may be empty."""
         if now_s < self._due_s:
             return b""
         if self._says:
@@ -115,7 +115,7 @@ class FakePrinter:
         return b"ok\n" + self._obeyed_all(now_s)
 
     def heard(self, piece: bytes, now_s: float) -> bytes:
-        """Process the host's bytes and return the immediate reply."""
+        """Process the host's bytes at time `now_s` [s] and return the immediate reply."""
         self._kept += piece
         *lines, self._kept = self._kept.split(b"\n")
         self._queue += lines

@@ -1,14 +1,15 @@
-"""A 3-axis printer as a stage: G-code over a serial line, as of Marlin, Klipper, RepRapFirmware and Smoothie.
+"""A 3-axis printer as a stage, driven by G-code over a serial line, for Marlin, Klipper, RepRapFirmware and Smoothie.
 
 The pad's x and y are parallel to the printer's, and the printer's z points up. There are two ways to give the position
 of the cavity's corner in the printer's coordinates: homing and known coordinates (`home`), or the present position of
-the tip (`zero`). The second also works if opening the port has reset the printer and its coordinates.
+the tip (`zero`). `zero` also works if opening the port has reset the printer and its coordinates.
 
 Every move ends with M400 (wait for the end of the motion) and is checked with M114 (report the position). M114 reports
-the firmware's own count. It does not include lost steps, play of the spindles and bending of the printer.
+the firmware's own count, which does not include lost steps, play of the spindles and bending of the printer.
 
 Each line has one command, and the next is sent after all replies. The firmware sends `ok` when it has taken a command,
-`echo:busy: ...` every second or two during a long one, `Error:...` or `!!` when it stops, and `start` after a reset.
+and `echo:busy: ...` every second or two during a long command. It sends `Error:...` or `!!` when it stops, and `start`
+after a reset.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ from fabrication.driver.link.ports import Port, PortLostError, on_standard_error
 from fabrication.stage.stage import Position, StageLimits
 
 ASK_EVERY_S = 2.0
-"""Interval of requests to a printer that may still be booting [s]."""
+"""Interval between requests to a printer that may still be booting [s]."""
 
 QUIET_S = 0.3
 """Silence after which no further replies to earlier requests are expected [s]."""
@@ -38,10 +39,10 @@ _UNKNOWN = re.compile(r"unknown command|bad command|not supported|unsupported co
 
 
 def place_of(line: str) -> tuple[tuple[float, float, float], float] | None:
-    """X, Y, Z in a reply to M114 [mm], and the step of their last digit [mm]; None for any other line.
+    """X, Y, Z in a printer's reply to M114 [mm], and the step of their last digit [mm]; None for any other line.
 
-    Marlin, Klipper, Repetier and RepRapFirmware begin the line with X, Marlin 1.0 without blanks, Smoothie with `ok
-    C:`. Positions in other coordinates than those of G1 are ignored: `MCS:`, the part after `Count`, Grbl's status.
+    Most firmware begins the line with X; Marlin 1.0 does so without blanks, and Smoothie begins with `ok C:`. Positions
+    in other coordinates than those of G1 are ignored: `MCS:`, the part after `Count`, Grbl's status.
     """
     found = _PLACE.match(line)
     if found is None:
@@ -61,7 +62,7 @@ class GcodeLine:
 
     Attributes
     ----------
-    has_begun_anew : whether the printer was reset after `greet`; its coordinates are then no longer valid
+    has_begun_anew : whether the printer was reset after `greet`, so that its coordinates are no longer valid
     """
 
     def __init__(self, port: Port, answer_s: float) -> None:
@@ -72,9 +73,7 @@ class GcodeLine:
         self.has_begun_anew = False
 
     def greet(self, boot_s: float, on_wait: Callable[[str], None] = on_standard_error) -> None:
-        """Wait until the printer replies, because opening the port may have reset it.
-
-        Raises DeviceError after `boot_s` [s].
+        """Wait until the printer replies; opening the port may have reset it. Raises DeviceError after `boot_s` [s].
 
         on_wait : called with a progress line every two seconds of the wait
         """
@@ -105,7 +104,7 @@ class GcodeLine:
         Parameters
         ----------
         takes_s : expected time that the command takes [s]
-        is_optional : whether the firmware may not know the command
+        is_optional : whether a printer that does not know the command is accepted without an error
 
         Returns
         -------
@@ -135,9 +134,9 @@ class GcodeLine:
         Parameters
         ----------
         command : the last command, for messages
-        takes_s : expected time that it takes [s]
-        is_last : whether a line belongs to the last command's reply. After that reply, missing earlier replies are no
-            longer expected: an interrupt discarded them, or prevented their commands
+        takes_s : expected time that the command takes [s]
+        is_last : function that returns whether a line belongs to the last command's reply. After that reply, earlier
+            replies are no longer expected, because an interrupt may have discarded them
         """
         said: list[str] = []
         end = time.monotonic() + self._answer_s + takes_s
@@ -177,7 +176,7 @@ class GcodeLine:
             )
 
     def _drain(self) -> None:
-        """Discard late lines until the printer is silent; then no reply is expected any more."""
+        """Discard late lines until the printer is silent, and expect no more replies to earlier commands."""
         end = time.monotonic() + QUIET_S
         while time.monotonic() < end:
             if self._read():
@@ -207,7 +206,7 @@ def _lines(heard: bytes) -> list[str]:
 
 BAUD = 115200
 TRAVEL_MM = 5.0
-"""Least height of the tip above the pad during lateral motion [mm]."""
+"""Default height of the tip above the pad during lateral motion [mm]."""
 
 NEAR_MM = 1.0
 """Height above the pad below which the tip moves at the pressing speed [mm]."""
@@ -215,11 +214,10 @@ NEAR_MM = 1.0
 TRAVEL_SPEED_MM_S, PRESS_SPEED_MM_S = 30.0, 5.0
 BOOT_S, ANSWER_S, HOMING_S = 15.0, 10.0, 120.0
 TOLERANCE_MM = 0.03
-"""Least tolerance between a reported position and its target [mm]."""
+"""Accepted distance between a reported position and its target [mm]; it is larger if the report is coarse."""
 
 COARSEST_MM = 0.1
-"""Largest step of the last digit in M114's reply that is accepted [mm]; whole millimetres are too coarse to check a
-press."""
+"""Coarsest accepted resolution of positions in M114's reply [mm]; whole millimetres are too coarse for presses."""
 
 S_PER_MIN = 60.0
 MM_DIGITS = 4
@@ -232,18 +230,18 @@ class GcodeStage:
 
     Parameters
     ----------
-    port : name of its serial port
+    port : name of the printer's serial port
     limits : permitted positions of the tip, see `stage.limits_of`
     baud : baud rate of the line
     travel_mm : height above the pad for lateral motion [mm]
-    travel_speed_mm_s, press_speed_mm_s : speeds far from the pad, and near or in it [mm/s]
+    travel_speed_mm_s, press_speed_mm_s : speeds of the tip far from the pad, and near or in the pad [mm/s]
     boot_s : longest wait for the printer after opening the port [s]
     answer_s : longest silence while a reply is expected [s]
 
     Attributes
     ----------
-    left_at : x, y, depth of the tip at the end of the `with` block [mm]; None before that, and if the tip could not be
-        lifted or a reset made its position unknown
+    left_at : x, y, depth of the tip after the `with` block [mm]; None before its end, or if the tip could not be lifted
+        or a reset made its position unknown
     """
 
     def __init__(
@@ -371,9 +369,9 @@ class GcodeStage:
             self._sent = *self._sent[:2], -self._travel_mm
 
     def position(self) -> Position:
-        """Position of the tip that the printer reports, x, y, depth [mm].
+        """Position that the printer reports: x, y, depth [mm].
 
-        If it equals the target to the last reported digit, the target is returned.
+        If the report equals the target within its last digit, the exact target is returned.
         """
         return self._position()[0]
 
@@ -461,13 +459,13 @@ class GcodeStage:
 
 
 def tolerance_mm(step_mm: float) -> float:
-    """Tolerance of a position [mm], for a reported step of the last digit; position and origin each have that step."""
+    """Tolerance of a reported position [mm]; `step_mm` is the step of its last digit, and of the origin's."""
     return max(TOLERANCE_MM, 2.0 * step_mm + ROUNDING_MM)
 
 
 def feed_word(speed_mm_s: float) -> str:
-    """G-code's word for a speed, as F300 [mm/min].
+    """G-code's word for a speed in mm/min: F300 for 5 mm/s.
 
-    It keeps decimals, because rounding would distort a slow speed or make it 0.
+    Decimals are kept, because rounding would distort a slow speed or make it 0.
     """
     return f"F{S_PER_MIN * speed_mm_s:.6g}"

@@ -41,9 +41,9 @@ class Press:
 
     Attributes
     ----------
-    set_number : index of its set in `PressList.sets`
+    set_number : index of the press's set in `PressList.sets`
     place_number : number of the press within the set
-    steps_mm : x, y, depth of each position at which frames are taken, in order [mm]
+    steps_mm : x, y, depth in the cavity frame of each position at which frames are taken, in order [mm]
     """
 
     set_number: int
@@ -53,7 +53,7 @@ class Press:
 
 @dataclass(frozen=True, kw_only=True)
 class PressList:
-    """Presses in their order of execution."""
+    """Presses of a collection in their order of execution, and their sets."""
 
     sets: tuple[SetEntry, ...]
     presses: tuple[Press, ...]
@@ -65,7 +65,7 @@ class PressList:
         return hashlib.sha256(repr((self.sets, presses)).encode()).hexdigest()
 
     def require_within(self, limits: StageLimits) -> None:
-        """Refuse a list with a position outside the limits, by InputError with the first such position."""
+        """Raise InputError if a position is outside the limits; the message names the first such position."""
         for press in self.presses:
             for step in press.steps_mm:
                 try:
@@ -80,7 +80,7 @@ def press_list(rows: Iterable[tuple[SetEntry, int, Position]]) -> PressList:
 
     Raises
     ------
-    InputError : there are no rows, two sets have one name, or a press continues after another one.
+    InputError : there are no rows, two sets have the same name, or rows of one press are not consecutive.
     """
     plain = list(rows)
     grouped = [
@@ -111,7 +111,7 @@ def read_press_list(file: Path) -> PressList:
 
     Raises
     ------
-    InputError : the file cannot be read, a column or number is missing, or as `press_list`.
+    InputError : the file cannot be read, is incomplete or contradictory.
     """
     table = read_csv(
         file, needed=f"a CSV table with {','.join(NEEDED)}, optionally 'set', 'place'", lower=True
@@ -137,7 +137,7 @@ def read_press_list(file: Path) -> PressList:
 
 
 Position = tuple[float, float, float]
-"""x, y, depth in the cavity frame [mm]."""
+"""Position of the tip: x, y, depth in the cavity frame [mm], depth positive into the pad."""
 
 HIGHEST_MM = 60.0
 """Largest permitted height of the tip above the pad [mm]; a larger value indicates a wrong unit."""
@@ -147,7 +147,7 @@ LIMIT_SLACK_MM = 1e-6
 
 @dataclass(frozen=True, kw_only=True)
 class StageLimits:
-    """Permitted positions of the tip: the design's press centres and depth, and up to 60 mm above the pad.
+    """Permitted positions of the tip: within the design's workspace, and up to 60 mm above the pad.
 
     Attributes
     ----------
@@ -159,7 +159,7 @@ class StageLimits:
     deepest_mm: float
 
     def require(self, x_mm: float, y_mm: float, depth_mm: float) -> None:
-        """Refuse a position outside the limits.
+        """Check that a position is within the limits.
 
         Raises
         ------
@@ -208,7 +208,7 @@ class Stage(Protocol):
         ...
 
     def lift(self) -> None:
-        """Move straight up to the travel height."""
+        """Move the tip straight up to the height for lateral motion."""
         ...
 
     def position(self) -> Position:

@@ -1,4 +1,4 @@
-"""The command collect: a data set of a manufactured sensor, with presses by a stage."""
+"""The command `collect`: collects a data set of a manufactured sensor, with presses by a stage."""
 
 from __future__ import annotations
 

@@ -1,5 +1,4 @@
-"""The command tree: all commands in the groups and the order of the help; also the command doctor and the group
-driver."""
+"""The tree of commands, in the groups and the order of the help; also the command `doctor` and the group `driver`."""
 
 from __future__ import annotations
 
@@ -111,7 +110,7 @@ class GroupedHelp(TyperGroup):
     """Help text that lists the commands by group."""
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:  # noqa: ARG002
-        """Write one section per group; the column of names has the same width in all sections."""
+        """Write one section of the help per group; the column of names has the same width in all sections."""
         width = max(len(name_of(verb)) for group in GROUPS.values() for verb in group)
         for title, group in GROUPS.items():
             with formatter.section(title):
@@ -163,5 +162,5 @@ for group in GROUPS.values():
 
 @cache
 def whole_command() -> Any:
-    """The whole command tree for typer; it is made only when needed, because that takes longer than many commands."""
+    """The whole command tree, as typer needs it; made only on demand, because that takes longer than many commands."""
     return typer.main.get_command(app)

@@ -202,7 +202,7 @@ def _weights(design: SensorDesign) -> Iterator[str]:
 
 
 QUICK_SWITCH_S = 0.001
-"""Switch interval of threads, which keeps page and sensor responsive during computations [s]."""
+"""Switch interval of Python's threads in the studio, which keeps page and sensor responsive during computations [s]."""
 
 
 def studio(

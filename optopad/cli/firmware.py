@@ -135,7 +135,7 @@ def flash(
 
 
 def _copy_image(chip: ArduinoProgram, image: Path, drive: str | None, *, is_dry: bool, as_json: bool) -> None:
-    """Copy a UF2 file to the board's drive; `drive` names it, or None to find it."""
+    """Copy a UF2 file to the board's drive; `drive` is the folder of the drive, or None to find it."""
     from fabrication.flash import boot_drive, copy_uf2, mounted_drives, require_uf2
 
     require_uf2(chip, image)
@@ -159,9 +159,10 @@ def _copy_image(chip: ArduinoProgram, image: Path, drive: str | None, *, is_dry:
 
 
 def _found_port(board: BoardSetup, *, is_agreed: bool, may_ask: bool) -> str:
-    """The port of the board, found by its USB identity.
+    """Name of the board's port, found by the USB identity.
 
-    A port that is identified only by a common serial chip needs the user's consent.
+    A port that is identified only by a common serial chip needs the user's consent (`is_agreed`, or a question if
+    `may_ask`).
     """
     from fabrication.driver.link.ports import GUESSED, find_port, is_guess
 

@@ -1,18 +1,20 @@
 """Handling of Ctrl-C, so that it is neither lost nor reported as a failure.
 
-Python reports Ctrl-C by the exception KeyboardInterrupt, which may not arrive where it should, in three cases. In a
-destructor, or in the callback of a weak reference, Python prints and drops it, and the work continues; so Ctrl-C is
-sent again. In an import, a package may conclude that another package is not installed, and continue without it; so the
-exception waits for the end of the import. Compiled packages may report it as a failure of their own ("initialization
-failed", "invalid bounding box"); so code that explains a failure checks `has_arrived` first.
+Python reports Ctrl-C by the exception KeyboardInterrupt, which can be lost in three cases:
 
-A thread watches for two cases in which the main thread does not respond within `PATIENCE_S`. If it waits for other
-threads at the end of a block, Ctrl-C is sent again, which ends the waiting. If it is in compiled code of a computation,
-which Python cannot interrupt, the process ends at once. Before that, it removes the folders of unfinished work and ends
-the processes that it started.
+- In a destructor, or in the callback of a weak reference, Python prints and drops the exception. Ctrl-C is sent again.
+- In an import, a package may conclude that another package is not installed, and continue without it. The exception is
+  delayed until the end of the import.
+- Compiled packages may report Ctrl-C as a failure of their own ("initialization failed", "invalid bounding box"). Code
+  that explains a failure checks `has_arrived` first.
+
+A thread watches whether the main thread responds within `PATIENCE_S`. If the main thread waits for other threads at the
+end of a block, Ctrl-C is sent again, which ends the waiting. If the main thread is in compiled code of a computation,
+which Python cannot interrupt, the process removes the folders of unfinished work, ends the processes that it started,
+and ends at once.
 
 `kill` (SIGTERM) and a closed terminal (SIGHUP, unless ignored as by `nohup`) are handled in the same way. So no hidden
-files remain, the process that makes the mold ends, and a stage does not leave its tip in the pad.
+files or processes remain, and a stage does not leave its tip in the pad.
 """
 
 from __future__ import annotations
@@ -28,17 +30,17 @@ from types import FrameType, TracebackType
 from typing import NoReturn, Protocol
 
 AGAIN_S = 0.01
-"""Delay after which Ctrl-C is sent again [s]: longer than a destructor, too short for a person to notice."""
+"""Delay after which a lost Ctrl-C is sent again [s]: longer than a destructor runs, but not noticed by a person."""
 LONGEST_IMPORT_S = 1.5
-"""Longest time that Ctrl-C waits for the end of an import [s]."""
+"""Longest time for which the handling of Ctrl-C is delayed until an import ends [s]."""
 INTERRUPTED = 130
 """Exit code of an interrupted command."""
 PATIENCE_S = 1.2
-"""Time within which the main thread must respond to Ctrl-C [s]; after that the watching thread acts."""
+"""Time within which the main thread must respond to Ctrl-C [s]; then the process is ended or Ctrl-C sent again."""
 IMPORTING = "<frozen importlib._bootstrap>"
 ROOT = Path(__file__).parents[2]
 COMPUTING = tuple(f"{ROOT / room}{os.sep}" for room in ("sims", "cad", "design"))
-"""Folders of computations that may end at any time: they move no stage, and replace files only as a whole."""
+"""Folders of code that Ctrl-C may end at any point: this code moves no stage, and replaces files only as a whole."""
 OURS = (*COMPUTING, f"{ROOT / 'optopad'}{os.sep}", f"{ROOT / 'fabrication'}{os.sep}")
 WAITING = (
     os.path.join("concurrent", "futures", "thread.py"),
@@ -49,7 +51,7 @@ DEAF = float("inf")
 
 _arrived_s: list[float] = []
 _answered_s: list[float] = [-1.0]
-"""Time of the last Ctrl-C that reached the main thread; a list with one number [s]."""
+"""Time of the last Ctrl-C that reached the main thread [s]; a list of one number."""
 
 
 class _Unraisable(Protocol):
@@ -61,7 +63,7 @@ class _Unraisable(Protocol):
 
 
 def listen() -> None:
-    """Handle Ctrl-C and `kill` as the module describes, unless Ctrl-C is ignored or the system has no timers."""
+    """Install the handlers of Ctrl-C and `kill`, unless Ctrl-C is ignored or the system has no timers."""
     if signal.getsignal(signal.SIGINT) is not signal.default_int_handler or not hasattr(signal, "setitimer"):
         return
     former = sys.unraisablehook
@@ -97,7 +99,7 @@ def answered() -> None:
 
 
 def be_deaf() -> None:
-    """Ignore further Ctrl-C, because the command is done and only the end of the Python process remains."""
+    """Ignore further Ctrl-C, because the command is done and the Python process is ending."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     _answered_s[0] = DEAF
     if hasattr(signal, "setitimer"):
@@ -108,7 +110,7 @@ def be_deaf() -> None:
 
 
 def say() -> None:
-    """Print the message of an interrupted command."""
+    """Print the message that the command was interrupted."""
     print("optopad: interrupted: no file is incomplete, and finished parts are reused", file=sys.stderr)
 
 
@@ -156,7 +158,7 @@ def _watch(reading: int) -> None:
 
 
 def _end_compiled() -> None:
-    """End the process if its main thread computes or imports a package."""
+    """End the process at once if its main thread is in a computation or imports a package."""
     frame = _of_main()
     computes = _is_importing(frame)
     while frame is not None and not computes:
@@ -178,7 +180,7 @@ def _end_compiled() -> None:
 
 
 def _is_joining(frame: FrameType) -> bool:
-    """Whether a frame of the call stack waits for the threads of a pool at the end of a block."""
+    """Whether a frame of the call stack is waiting for the threads of a pool at the end of a `with` block."""
     outer: FrameType | None = frame
     while outer is not None and not outer.f_code.co_filename.startswith(OURS):
         if outer.f_code.co_filename.endswith(WAITING) and outer.f_code.co_name in ("shutdown", "__exit__"):

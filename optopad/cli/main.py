@@ -2,7 +2,7 @@
 
 Exit codes are 0 for success, 2 for bad input (with one message), 1 for an internal error, 130 for an interrupt.
 
-Importing the commands takes half a second. It happens inside `main`, so that Ctrl-C is handled during the imports, too.
+Importing the commands takes half a second. The imports are inside `main`, so that Ctrl-C is handled during them, too.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 DONE, OUR_FAILURE, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
 COLLECTED_AFTER = (100_000, 10, 10)
-"""Thresholds of Python's garbage collector; with the defaults it scans imported modules repeatedly, 8 % of a run."""
+"""Thresholds of Python's garbage collector; by default it scans imported modules often, which takes 8 % of a run."""
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -23,7 +23,7 @@ def main(arguments: list[str] | None = None) -> int:
 
     Returns
     -------
-    the exit code; without `arguments` (as the installed command) it is raised as SystemExit instead
+    the exit code; without `arguments` (as the installed command) the code is raised as SystemExit instead
     """
     if arguments is not None:
         return _told(_run(arguments))

@@ -18,11 +18,11 @@ LARGEST_SEED = 2**31 - 1
 
 
 def file_name(*suffixes: str, or_folder: bool = False) -> Callable[[Path | None], Path | None]:
-    """A function that checks the name of a file to write, before any other work.
+    """Make a function that checks the name of an output file, before any other work.
 
     Parameters
     ----------
-    suffixes : permitted file suffixes, as ".nc"
+    suffixes : permitted file suffixes, for example ".nc"
     or_folder : whether a name without a suffix is permitted, for a folder
     """
 
@@ -126,7 +126,7 @@ def checked_out(out: Path, *read: Path | str | None) -> None:
 
 
 def parsed_press(text: str) -> tuple[float, float, float]:
-    """x, y and depth from a text ``X,Y,DEPTH`` [mm].
+    """Parse x, y and depth of a press from a text ``X,Y,DEPTH`` [mm].
 
     Raises
     ------

@@ -1,6 +1,6 @@
 """Output of a command: lines for people or one JSON object for programs, and progress on standard error.
 
-Progress is a live bar on a terminal, otherwise one line per stage. With --json there is no progress.
+Progress is a live bar on a terminal, otherwise one line per step of the computation. With --json there is no progress.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ def say(text: str = "") -> None:
 
 
 ANNOUNCED = "kernels"
-"""Name of a stage that is announced by a line even without a progress bar, because it takes long."""
+"""Step of a computation that gets a line of progress even without a bar, because it is long and unexpected."""
 
 
 def foretell_score(
@@ -67,7 +67,7 @@ def foretell_score(
 
 @contextmanager
 def progress(*, quiet: bool) -> Iterator[OnStep]:
-    """Yield the function `on_step` for progress: it is called with a stage's name and its finished fraction."""
+    """Yield the function `on_step` for progress, which is called with the name of a step and its finished fraction."""
     if quiet:
         yield lambda _stage, _share: None
     elif sys.stderr.isatty():

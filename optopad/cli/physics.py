@@ -212,13 +212,13 @@ def sweep(
 
 
 def parsed_sweep(text: str) -> tuple[str, list[Any]]:
-    """Field and values from a text ``FIELD=A:B:STEP`` (both ends included) or ``FIELD=v1,v2,...``.
+    """Parse field and values from a text ``FIELD=A:B:STEP`` (both ends included) or ``FIELD=v1,v2,...``.
 
     Whole numbers become int, for fields that count parts.
 
     Raises
     ------
-    InputError : the text has another form, or the range is empty or endless.
+    InputError : the text has another form, or the range is empty or infinite.
     """
     from design.errors import InputError
 

@@ -74,8 +74,7 @@ def improve(
 
 
 def _text(where: str, design: SensorDesign, *, is_changed: bool) -> str | None:
-    """Text of the design file; None if it does not describe the design, because fields were changed or own parts
-    added."""
+    """Text of a design file; None if fields were changed (`is_changed`) or the design has parts of its own."""
     from design.io import read_design_text
     from design.preset import preset_text
 

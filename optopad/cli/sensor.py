@@ -367,7 +367,7 @@ def _drop_output() -> None:
 
 @contextmanager
 def _until_interrupted() -> Iterator[None]:
-    """Treat Ctrl-C, or a closed pipe, as the regular end of reading and recording."""
+    """End the block without an error on Ctrl-C or a closed pipe, the regular end of reading and recording."""
     try:
         yield
     except KeyboardInterrupt:
@@ -469,7 +469,7 @@ def fake(
 
 
 def _require_free_names(link: Path | None, stage_link: Path | None) -> None:
-    """Refuse, before the light is simulated, a port name that is already in use."""
+    """Raise an error if a port name is already in use; called before the light is simulated."""
     from design.errors import InputError
     from fabrication.driver.simulated.port import require_free
 

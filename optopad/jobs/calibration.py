@@ -1,4 +1,4 @@
-"""Calibration: fit a design to a recording of its manufactured pad, and make a model that reads this pad."""
+"""Calibration: fits a design to a recording of its manufactured pad, and makes a model that reads this pad."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ MODEL_FILE = "build.optomodel"
 
 @dataclass(frozen=True, kw_only=True)
 class CalibratedBuild:
-    """The result of a calibration.
+    """Result of fitting a design to a recording of its manufactured pad.
 
     Attributes
     ----------
-    calibration : result of the fit
-    report : report of the fit
+    calibration : fitted values
+    report : quality of the fit
     model : model that reads touches of the manufactured pad; None if it was not requested
     notes : notes about the data, as sentences
     """
@@ -39,7 +39,7 @@ class CalibratedBuild:
     notes: tuple[str, ...]
 
     def to_json(self, design: SensorDesign) -> dict[str, Any]:
-        """The result as plain data for JSON."""
+        """The calibration as plain data for JSON."""
         found = self.calibration
         emitters = found.samples.emitters
         return {
@@ -81,7 +81,7 @@ def calibrate(
 def build_model(
     found: Calibration, data: PressData, *, quick: bool, seed: int, on_step: OnStep
 ) -> SignalMapModel:
-    """The model of a calibrated pad: a map of its signals over location and depth."""
+    """Make the model that reads a calibrated pad: a map of the pad's signals over location and depth."""
     lightmap = mapped(found.design, quick=quick, seed=seed, on_step=on_step)
     header = map_header(found.design, data, lightmap, seed)
     return fit_signal_map(found.design, lightmap, header, data, seed=seed, on_step=on_step)

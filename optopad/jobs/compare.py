@@ -1,9 +1,9 @@
 """Comparison of designs: their differences, their scores, and the better design by each figure.
 
-Each design is judged with two seeds of the light model. The figure of the first seed is reported; its uncertainty is
-the difference from the second, and at least the error of the depth step (0.04 mm at a mode boundary, `sims.press`). A
-winner is marked only if it is better than every other design by more than the sum of both uncertainties. Effects
-outside the models are assumed equal for all designs, and are not part of the uncertainty.
+Each design is scored with two seeds of the light model. The figure from the first seed is reported. Its uncertainty is
+the difference from the second seed's figure, and at least the error of the depth step (0.04 mm at a boundary between
+modes, `sims.press`). A winner is marked only if it is better than every other design by more than the sum of both
+uncertainties. Effects outside the models are assumed equal for all designs, and are not part of the uncertainty.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ ABSENT = "(absent)"
 SIGNAL = "untouched signal"
 USABLE = "usable depth"
 BOUNDARY_STEP_MM = 0.04
-"""Shift of the boundary between two modes if the depth step is doubled [mm]; a deadband has two such boundaries."""
+"""Shift of a boundary of a deadband in depth if the depth step is doubled [mm]."""
 
 
 def compare(
@@ -69,8 +69,10 @@ def compare(
 
 
 def changes_of(designs: Sequence[SensorDesign]) -> dict[str, tuple[object, ...]]:
-    """Fields in which the designs differ: from dotted path to the value in each design; name and description come
-    last."""
+    """Fields in which the designs differ, as a mapping from dotted path to the value in each design.
+
+    Name and description come last.
+    """
     documents = [dict(leaves(design.model_dump(mode="json"))) for design in designs]
     known = dict.fromkeys(path for document in documents for path in document)
     own = ("name", "description")
@@ -80,14 +82,14 @@ def changes_of(designs: Sequence[SensorDesign]) -> dict[str, tuple[object, ...]]
 
 
 def _given(value: object) -> object:
-    """The value, or `ABSENT` for None, so that an empty field equals one in a table that does not exist."""
+    """The value of a field, or `ABSENT` for None, so that an empty field equals a missing one in a comparison."""
     return ABSENT if value is None else value
 
 
 def measures_of(
     designs: Sequence[SensorDesign], rows: Sequence[SweepRow], again: Sequence[SweepRow]
 ) -> tuple[Measure, ...]:
-    """The figures of all designs, with uncertainties from the scores with two seeds, `rows` and `again`."""
+    """Figures of all designs and their uncertainties, from the designs' scores with two seeds: `rows` and `again`."""
     found = []
     for name, (unit, better, floor, figure) in _FIGURES.items():
         values = tuple(figure(row) for row in rows)
@@ -188,7 +190,7 @@ def _usable_error(row: SweepRow) -> float:
 
 
 _OWN_ERRORS: dict[str, Callable[[SweepRow], float]] = {SIGNAL: _signal_error, USABLE: _usable_error}
-"""Functions that compute the uncertainty of a figure from a single score, by the figure's name."""
+"""Functions that compute a figure's uncertainty from a single score; the key is the name of the figure."""
 
 
 def _pad_height_mm(design: SensorDesign) -> float:

@@ -81,7 +81,7 @@ def accuracies(
     Parameters
     ----------
     data : samples of the test sets
-    learner : name of the model in the tables; "" for the kind of the model
+    learner : name of the model in the tables; "" takes the model's kind as name
     """
     name, made = learner or model.header.kind, []
     numbers = np.unique(data.set_number)
@@ -96,7 +96,7 @@ def accuracies(
 
 
 def _test_samples(data: PressData) -> tuple[PressData, str]:
-    """Samples of the test sets, or of all sets if none is a test set; and a note about this choice."""
+    """Samples of the test sets, or of all sets if none is a test set, and a note that names the chosen sets."""
     tested = data.role("test")
     told = "judged on the test sets alone"
     if not len(tested):

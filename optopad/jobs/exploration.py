@@ -1,14 +1,14 @@
-"""A search for better designs, and the files in its folder.
+"""Runs a search for better designs, and writes its results into a folder.
 
 outputs/<name>-<digest8>/
   space.json       the search space as it was read
-  places.json      locations of a pad that are judged in addition to the map's, if there are any
-  study.db         every design that was judged (SQLite; missing if --storage names another database)
-  designs.csv      all of them, with figures and the reasons why some were stopped early
+  places.json      locations that are evaluated on each pad in addition to the map's, if there are any
+  study.db         every evaluated design (SQLite; missing if --storage names another database)
+  designs.csv      these designs, with figures and the reasons why some were stopped early
   front.csv .json  the Pareto front
   front.svg        a picture of the front
-  designs/         the front as design files: `optopad check`, `optopad run`
-  report.html      all results on one self-contained page
+  designs/         the front as design files
+  report.html      all results on one page
 """
 
 from __future__ import annotations
@@ -59,12 +59,13 @@ def search(
 
     Parameters
     ----------
-    trials : total number of designs to judge; None takes the number in the search space
+    trials : total number of designs to evaluate; None takes the number in the search space
     storage : address of a database that several workers may share; None uses SQLite in the search's folder
-    scheduler : address of a Dask scheduler whose workers judge the designs; None judges them in this process
-    first : points of the space to judge before those that the sampler proposes
-    refine : function that proposes points to judge after those of the sampler
-    also_mm : (x, y) of further locations of a pad to judge; a search that is continued keeps its own locations [mm]
+    scheduler : address of a Dask scheduler whose workers evaluate the designs; None evaluates them in this process
+    first : points of the search space to evaluate before the sampler proposes points
+    refine : function that proposes further points to evaluate after the sampler's points
+    also_mm : (x, y) of locations to evaluate on each pad in addition to the map's [mm]; a continued search keeps its
+        first ones
 
     Raises
     ------
@@ -99,9 +100,9 @@ def search(
 
 
 def figures_wanted(space: SearchSpace) -> tuple[str, ...]:
-    """Names of the figures to compute in addition to the constraints': objectives, strength and usable depth.
+    """Names of the figures to compute in addition to those in constraints: objectives, strength and usable depth.
 
-    The usable depth is left out if no other figure needs the map of a pad, because the map is the costly part.
+    The usable depth is left out if no other figure needs the map of a pad, because the map takes most of the time.
     """
     from design.shape.cavity import cavity_of, is_facing_rows
     from sims.score.objective import MAP_FIGURES
@@ -113,7 +114,7 @@ def figures_wanted(space: SearchSpace) -> tuple[str, ...]:
 
 
 def _further_places(folder: Path, wanted: Sequence[tuple[float, float]]) -> tuple[tuple[float, float], ...]:
-    """Further locations at which the designs of this search are judged: those given when the search began [mm]."""
+    """Locations at which designs are evaluated in addition to the map's, as given when the search began [mm]."""
     file = folder / PLACES
     if not file.exists():
         known = [] if (folder / "study.db").exists() else [list(place) for place in wanted]
@@ -189,7 +190,7 @@ def summary(search: Search) -> dict[str, Any]:
 
 
 def plain(value: Any) -> Any:
-    """A parameter of a design as plain data; for a choice, its label."""
+    """Value of a varied parameter as plain data; for a choice among alternatives, its label."""
     if not isinstance(value, str):
         return value
     return json.loads(value)

@@ -1,17 +1,18 @@
-"""Improvement of a design: a search for similar designs with quick light, and a full score of the best candidates.
+"""Improves a design: searches similar designs with a fast light model, and scores the best candidates in full.
 
-Quick light is a coarse, fast setting of the light model; a score uses the setting of `optopad score`.
+Quick light is a coarse, fast setting of the light model. A score uses the setting of `optopad score`.
 
 outputs/improve-<name>-<digest8>/
-  study.db, designs.csv, front.*, designs/, report.html   of the search (`optopad.jobs.exploration`)
+  study.db, designs.csv, front.*, designs/, report.html   files of the search (`optopad.jobs.exploration`)
   1-fewest-changes.toml ...    the alternatives: the original design file with the changed lines marked
   improve.json                 the design before and the alternatives, with their scores
 
-    by kind, best first ──► score's light: no deadband, better than before ──► unmeasured parameters ──► alternative
-    none of them        ──► all others that quick light leaves possible    ──► alternative, or the nearest
+For each quantity to improve (kind), the best candidates are scored first. A candidate becomes an alternative if it has
+no deadband and is better than before, and if no unmeasured parameter changes its verdict. If all fail, other designs
+that may have no deadband are scored. If these fail too, the nearest design is reported.
 
-The error of quick light mostly has the same sign for similar designs. The median amount by which it overrates the
-margin is estimated from all designs that were scored, and subtracted for the others.
+The error of quick light mostly has the same sign for similar designs. The median by which quick light overrates the
+margin in the scored designs is therefore subtracted for the others.
 """
 
 from __future__ import annotations
@@ -67,29 +68,29 @@ from sims.score.scoring import verdict_of
 from sims.verdict.depth_curve import DEADBAND_THRESHOLD
 
 PAD_MINUTES, ROW_MINUTES = 3.0, 2.0
-"""Default time budgets for a pad, and for facing rows [min on two cores]."""
+"""Default time budgets to improve a pad, and facing rows of parts [min on two cores]."""
 CORES = 2
 PAD_S, PAIR_S, ROW_S = 1.9, 0.04, 0.6
-"""Processor time to judge a design in the search [s]: fixed part of a pad, its part per pair, and that of facing
-rows."""
+"""Processor time to evaluate one design in the search [s]: for a pad a fixed part and a part per pair, for facing rows
+one value."""
 CURVED = 4.0
-"""Factor by which a disc or a crowned pad needs more processor time [-]."""
+"""Factor by which the search takes longer per design for a round pad or one with a convex top [-]."""
 SEARCH = 0.4
-"""Fraction of the time budget that the search takes; the rest is for scores [-]."""
+"""Fraction of the time budget for the search with its coarse light model [-]; the rest is for full scores."""
 SPREAD = 0.6
-"""Largest fraction of the search's designs that are spread evenly over heights and thickness [-]."""
+"""Largest fraction of a search's designs that samples the parts' heights and the pad's thickness evenly [-]."""
 FEWEST, MOST = 12, 400
 """Least and largest number of designs in a search, not counting variations of the best ones."""
 ATTEMPTS, ROW_ATTEMPTS = 4, 8
 """Largest number of candidates that are scored for one kind of improvement: for a pad, and for facing rows."""
 FIRMER = 1.3
-"""Factor on the margin that similar designs need if an unmeasured parameter changed a design's verdict [-]."""
+"""If an unmeasured parameter changes a design's verdict, similar candidates need this factor times its margin [-]."""
 MOST_JUDGED = 12
-"""Number of designs that are scored before the search reports that none is better."""
+"""Number of designs that are scored in full before the search reports that none is better."""
 LEAST_JUDGED = 2
-"""Number of designs that are scored even if the search's coarse light model finds a deadband in all designs."""
+"""Number of designs that are scored in full even if the search's coarse light finds a deadband in all designs."""
 MOST_BOUNDS = 4
-"""Largest number of pad designs whose accuracy is computed."""
+"""Largest number of a search's pads for which bounds of location and depth are computed."""
 PLACE = "location_bound_mm"
 
 
@@ -111,7 +112,9 @@ def improve(
     Parameters
     ----------
     text : text of the design file, whose comments the alternatives keep; None writes files without comments
-    vary, keep, more_parts : as `design.search.improve.improvement_space` takes them
+    vary : additional fields to vary, each with its range or None for the default range
+    keep : fields to leave unchanged
+    more_parts : whether the search may add parts to a side
     budget_min : approximate time on two idle cores [min]; None for the default
 
     Raises
@@ -172,7 +175,7 @@ def improve(
 
 
 def trials_of(design: SensorDesign, budget_min: float | None) -> int:
-    """Number of designs in a search for a time budget [min], from the usual time per design; equal on all machines."""
+    """Number of designs to search in a time budget [min], from the usual time per design; equal on all machines."""
     cavity = cavity_of(design)
     facing = is_facing_rows(cavity)
     budget = (ROW_MINUTES if facing else PAD_MINUTES) if budget_min is None else budget_min
@@ -186,10 +189,9 @@ def trials_of(design: SensorDesign, budget_min: float | None) -> int:
 
 
 def _first(space: SearchSpace, before: ContinuityScore, trials: int) -> list[dict[str, Any]]:
-    """Initial points of the search.
+    """Initial points of the search, as values of the varied fields.
 
-    First come changes that remedy the cause of the worst deadband, then steps that the sensitivities favour, then
-    evenly spread points.
+    The order is: changes against the cause of the worst deadband, steps with a good sensitivity, evenly spread points.
     """
     cause = before.causes[0] if before.causes else None
     side = 0 if cause is None else {"apart": 1, "used up": -1}.get(cause.lack, 0)
@@ -202,7 +204,7 @@ def _first(space: SearchSpace, before: ContinuityScore, trials: int) -> list[dic
 
 
 def _deciding_places(before: ContinuityScore) -> list[tuple[float, float]]:
-    """Locations that decide a pad's verdict: that of the worst deadband, and that of the least margin [mm]."""
+    """Locations that decide a pad's verdict [mm]: where the deadband is worst, and where the margin is least."""
     if before.pad_map is None or before.is_facing_rows:
         return []
     return list(dict.fromkeys((one.x_mm, one.y_mm) for one in (before.pad_map.worst, before.pad_map.weakest)))
@@ -243,7 +245,7 @@ def _write_design(file: Path, text: str, base: SensorDesign, changes: Mapping[st
 
 
 class JudgedAgain:
-    """Scores of designs from a search, with the light model's setting of `optopad score`; each is computed once.
+    """Full scores of designs from a search, with the light model of `optopad score`; each is computed once.
 
     Parameters
     ----------
@@ -259,18 +261,18 @@ class JudgedAgain:
         self.base, self.before = Judged(), self.verdict(space.base)
 
     def verdict(self, design: SensorDesign) -> ContinuityScore:
-        """Verdict of a design, with the light model's setting of `optopad score`.
+        """Verdict of a design with the light model of `optopad score`.
 
-        Bounds, unmeasured parameters and single pairs of a pad are left out.
+        Bounds, the effect of unmeasured parameters and figures of a pad's single pairs are left out.
         """
         if design.digest not in self.scores:
             self.scores[design.digest] = verdict_of(design, seed=self.seed, on_step=self.tell)
         return self.scores[design.digest]
 
     def found_by_search(self, base: Judged, tried: Sequence[Tried]) -> tuple[Tried, ...]:
-        """Store the search's figures of the original design; return the tried designs.
+        """Take over the search's figures of the original design, and return the search's designs.
 
-        The best designs of a pad also get their accuracy.
+        For a pad, the best designs get their bounds of location and depth.
         """
         self.base = replace(base, verdict=self.before.verdict)
         self._learn(base, self.before)
@@ -294,9 +296,9 @@ class JudgedAgain:
         return replace(judged, figures=more.figures | judged.figures)
 
     def alternatives(self, tried: Sequence[Tried]) -> tuple[Alternative, ...]:
-        """For each kind of improvement (such as "most depth") the first verified design, all different.
+        """The first verified design for every quantity to improve (such as "most depth"), all different.
 
-        If there are none, any verified design that is better than the original.
+        If there is none for any quantity, one verified design that is better is returned.
         """
         attempts = ATTEMPTS if self.accuracy == PLACE else ROW_ATTEMPTS
         deepest = self._first_of("most depth", self._picked("most depth", tried), attempts)
@@ -327,11 +329,10 @@ class JudgedAgain:
     def _first_of(
         self, kind: Kind, candidates: list[Tried], attempts: int, least_mm: float = 0.0
     ) -> Alternative | None:
-        """The first candidate that scores better and whose verdict no unmeasured parameter changes.
+        """The first candidate that scores better than the original and whose verdict no unmeasured parameter changes.
 
-        If there is none, the first that scores better; None if no candidate does.
-
-        For "most depth", the usable depth may be up to `NEAR_BEST_MM` below that of the deepest design.
+        If there is none, the first that scores better is returned; None if no candidate does. For "most depth", the
+        usable depth may be up to `NEAR_BEST_MM` below that of the deepest design.
 
         Parameters
         ----------
@@ -376,8 +377,7 @@ class JudgedAgain:
         return undecided
 
     def _next_of(self, candidates: Sequence[Tried], margin: float) -> Tried:
-        """The first candidate with the required margin, after correction for the search's coarse light model; else the
-        best one."""
+        """The first candidate with the required margin, corrected for the search's typical error; else the best."""
         safe = [one for one in candidates if margin_of(one.judged) - self.overrated >= margin]
         return safe[0] if safe else max(candidates, key=_worth)
 
@@ -410,7 +410,7 @@ class JudgedAgain:
         return Judged(figures=quick.figures | own, verdict=verdict, may_be=verdict == "CONTIGUOUS")
 
     def nearest(self, tried: Sequence[Tried]) -> Nearest | None:
-        """The best of the designs that were scored; None if no design was scored."""
+        """The best of the scored designs; None if no design was scored."""
         digests = {self.space.changed(one.parameters).digest: one for one in tried if one.digest}
         found = [
             (score, digests[digest])

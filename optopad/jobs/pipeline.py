@@ -1,6 +1,6 @@
-"""The whole computation for a design: each function makes one part of the bundle.
+"""The computations of `optopad run` and its parts: each function writes one part of the bundle.
 
-Mold and physics run in parallel. The mold has a new process, because the CAD kernel does not survive a fork; the
+Mold and physics run in parallel. The mold is made in a new process, because the CAD kernel does not survive a fork. The
 physics runs in this process.
 """
 
@@ -30,13 +30,13 @@ if TYPE_CHECKING:
     from sims.score.result import ContinuityScore
 
 REFUSED = 2
-"""Exit code of a process that ended with a message for the user."""
+"""Exit code of the mold's process if it refused the work with a message for the user."""
 
 Press = tuple[float, float, float]
 
 
 def run(design: SensorDesign, out: Path, *, fine: bool, seed: int, on_step: OnStep) -> Bundle:
-    """Make the whole bundle.
+    """Make the whole bundle of a design: mold, verdict, sheets, firmware, driver configuration, report.
 
     Raises
     ------
@@ -67,11 +67,11 @@ def write_parts(
     bed_mm: Bed | None = None,
     slice_parts: bool = False,
 ) -> tuple[dict[str, Any], Path]:
-    """Write mold and tools into the bundle; returns the checks and the bundle.
+    """Write mold and tools into the bundle; returns the mold's checks and the bundle's folder.
 
     Parameters
     ----------
-    bed_mm : build volume of the printer, for the checks; None for the default one
+    bed_mm : build volume of the printer, for the checks [mm]; None for the default one
     slice_parts : whether to run PrusaSlicer for time, filament and warnings
     """
     from cad.export import export_parts
@@ -96,11 +96,12 @@ def write_score(
     full: bool = False,
     builds: int | None = None,
 ) -> tuple[ContinuityScore, Path]:
-    """Write verdict, map and their signals into the bundle; returns the score and the bundle.
+    """Write verdict, map and the map's signals into the bundle; returns the score and the bundle's folder.
 
     Parameters
     ----------
-    fine, full : as `sims.score.scoring.score` takes them
+    full : whether to compute a finer map
+    fine : whether to compute the finer map with finer settings of the light model
     builds : number of units in a Monte Carlo over manufacturing tolerances; None runs none
     """
     require_valid(design)
@@ -131,7 +132,10 @@ def write_signals(
     seed: int,
     on_step: OnStep,
 ) -> tuple[dict[str, Any], Path]:
-    """Write the signals of presses into the bundle; returns a summary and the bundle."""
+    """Write the signals of presses into the bundle; returns a summary and the bundle's folder.
+
+    `oracle_rays` is the number of the ray tracer's rays per emitter and press; None omits the ray tracer.
+    """
     from optopad.jobs.signals import simulated
 
     require_valid(design)
@@ -144,7 +148,7 @@ def write_signals(
 
 
 def write_driver_config(design: SensorDesign, out: Path, *, seed: int) -> Path:
-    """Write driver configuration, wiring and bill of materials into the bundle; returns the bundle."""
+    """Write driver configuration, wiring table and bill of materials into the bundle; returns the bundle's folder."""
     require_valid(design)
     with bundle(design, out, seed=seed) as folder:
         _write_fabrication(design, folder, _known_gain(folder))
@@ -169,7 +173,7 @@ def _finished(mold: subprocess.Popen[str], folder: Path) -> dict[str, Any]:
 
     Raises
     ------
-    OutputError, RuntimeError : the process refused the work or failed; its message is included.
+    OutputError, RuntimeError : the process refused the work or failed; the error has the process's message.
     """
     _, message = mold.communicate()
     if mold.returncode == REFUSED:
@@ -186,7 +190,7 @@ def _checks(folder: Path) -> dict[str, Any]:
 
 @dataclass(frozen=True, kw_only=True)
 class _Study:
-    """A Monte Carlo over tolerances: the requested number of units, and the store of finished ones."""
+    """A Monte Carlo over tolerances: requested number of simulated units, and store of finished ones."""
 
     builds: int
     memo: FinishedWork
@@ -194,7 +198,7 @@ class _Study:
 
 @contextmanager
 def _study(design: SensorDesign, out: Path, builds: int | None, seed: int) -> Iterator[_Study | None]:
-    """Store of finished Monte Carlo units, removed when the bundle is complete; None if no units are requested."""
+    """Yield the Monte Carlo over tolerances with its store, removed afterwards; None if `builds` is None."""
     if builds is None:
         yield None
         return
@@ -216,7 +220,7 @@ def _scored(
 ) -> tuple[ContinuityScore, EarlyDrawings | None]:
     """Compute and write the score; draw the plots of the report page if `with_page`.
 
-    Files that do not depend on the tolerances are written while those are computed.
+    Files that do not depend on the tolerances are written while the effect of tolerances is computed.
     """
     from optopad.work import beside
     from sims.score.build_tolerance import with_tolerance

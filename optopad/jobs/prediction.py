@@ -1,7 +1,7 @@
-"""Prediction of the errors of touch, location and depth of a design, before it is manufactured.
+"""Predicts a design's errors of touch, location and depth, before it is manufactured.
 
-design + protocol ──► light at its locations (once) ──► signal chain, one draw per seed ──► data
-training sets ──► learners ──► models ──► test sets ──► tables, pictures, page; and the bound
+design + protocol ──► light at the protocol's locations (once) ──► signal chain, one draw per seed ──► data
+training sets ──► learners ──► models ──► test sets ──► tables, pictures, page, Cramér-Rao bound
 
 The results are files: JSON, a page, and its pictures as SVG and PNG.
 """
@@ -94,13 +94,13 @@ MOST_DRAWS = 50
 
 @dataclass(frozen=True, kw_only=True)
 class Effort:
-    """Thoroughness of a prediction.
+    """Settings that decide how thorough and how slow a prediction is.
 
     Attributes
     ----------
     protocol : name of the packaged protocol
     fit : name of the settings for training
-    is_coarse : whether to trace light at two thirds of the usual depths
+    is_coarse : whether to trace light at only two thirds of the usual depths
     learners : default learners
     """
 
@@ -135,7 +135,7 @@ def predict(
     learners : names of the learners; empty takes the default of the effort
     protocol : name of a packaged protocol, or a file; None takes the default of the effort
     draws : number of random draws of noise, drift and offsets, each with its own training; the tables pool them
-    seed : seed of the light and of the first draw
+    seed : seed of the light model and of the first random draw
 
     Raises
     ------

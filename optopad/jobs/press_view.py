@@ -43,7 +43,7 @@ HOW_TO_RELAX = (
 
 @dataclass(frozen=True, kw_only=True)
 class ProtocolView:
-    """A load protocol (depth over time), and the load during it."""
+    """A load protocol (depth of a press over time), and the load during the protocol."""
 
     name: str
     protocol: LoadProtocol
@@ -53,7 +53,7 @@ class ProtocolView:
 
 @dataclass(frozen=True, kw_only=True)
 class PressView:
-    """Results of one press.
+    """Results of one centred press.
 
     Attributes
     ----------
@@ -61,10 +61,10 @@ class PressView:
     press : the deformed surface at the requested depth
     tip_mm : outline of the tip: distance from the axis, and height above the tip's lowest point [mm]
     young : Young's modulus used for the loads, with its uncertainty band [MPa]
-    force : load against depth, to the deepest requested press
+    force : load against depth
     pressure : contact pressure between tip and pad at the requested depth
-    comparison : published and computed load of the same press
-    driven : the load protocol, if one was requested
+    comparison : published and computed load of one press; None without a published load
+    driven : the load protocol; None if none was requested
     warnings : warnings about the press
     """
 
@@ -86,7 +86,7 @@ class PressView:
 
     @property
     def pile_up_mm(self) -> tuple[float, float]:
-        """Height of the highest point of the surface, and its distance from the axis [mm]."""
+        """Height of the highest point of the deformed surface, and that point's distance from the tip's axis [mm]."""
         highest = int(self.press.height_mm.argmax())
         return float(self.press.height_mm[highest]), float(self.press.radius_mm[highest])
 
@@ -289,8 +289,8 @@ def write_pictures(view: PressView, out: Path, *, seed: int) -> list[Path]:
 
     Parameters
     ----------
-    out : folder that holds the bundles
-    seed : stored in the manifest; nothing here is random
+    out : folder that contains the bundles
+    seed : number stored in the manifest; nothing here is random
 
     Raises
     ------

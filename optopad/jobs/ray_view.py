@@ -1,4 +1,4 @@
-"""Paths of light under presses: pictures and data for the bundle."""
+"""Pictures of light paths in a pad under presses, and their data, for the bundle."""
 
 from __future__ import annotations
 
@@ -32,13 +32,13 @@ DEFAULT_DEPTHS = (0.2, 0.4, 0.8)
 
 @dataclass(frozen=True, kw_only=True)
 class RayRequest:
-    """A request for a picture.
+    """A request for a picture of light paths.
 
     Attributes
     ----------
     emitter, receiver : number of the part, from 0, or None for all parts
     presses : x, y, depth of each press [mm]; empty chooses the most informative presses
-    count : number of paths that are drawn of the strongest kind of light
+    count : number of paths drawn for the strongest kind of light; weaker kinds get at most this number
     """
 
     emitter: int | None = None
@@ -54,7 +54,7 @@ class RayRequest:
 
 @dataclass(frozen=True, kw_only=True)
 class RayView:
-    """Content of a picture.
+    """Content of a picture of light paths.
 
     Attributes
     ----------
@@ -76,7 +76,7 @@ class RayView:
 
     @property
     def unit(self) -> float:
-        """Power to which the shown fractions refer, over that of the emitters [-]."""
+        """Reference power of the shown fractions, as a fraction of the emitted power [-]."""
         return self.states[0].total if self.is_aimed and self.states[0].total > 0.0 else 1.0
 
 
@@ -97,11 +97,11 @@ def part_number(parts: Sequence[PlacedPart], text: str, field: str) -> int:
 
 
 def view_rays(design: SensorDesign, request: RayRequest, out: Path, *, seed: int, on_step: OnStep) -> RayView:
-    """Find paths and powers of the light; choose the presses if none are given.
+    """Trace the light paths of a request and their powers; choose the presses if none are given.
 
     Parameters
     ----------
-    out : folder of the bundles; the presses are chosen by the verdict in the design's bundle, if there is one
+    out : folder of the bundles; presses are chosen from the verdict in the design's bundle, if there is one
 
     Raises
     ------
@@ -166,7 +166,7 @@ def _middle(cavity: CavityGeometry) -> tuple[float, float]:
 def _telling_presses(design: SensorDesign, pair: Pair | None, score: Path) -> tuple[tuple[Press, ...], str]:
     """The most informative presses, and why they were chosen.
 
-    These are the ends of a deadband in the verdict, or else three depths.
+    They have the depths of both ends of a deadband in the verdict, or without a deadband three default depths.
     """
     cavity = cavity_of(design)
     place, spans = _judged(cavity, pair, _read_score(score))
@@ -188,9 +188,9 @@ def _telling_presses(design: SensorDesign, pair: Pair | None, score: Path) -> tu
 def _judged(
     cavity: CavityGeometry, pair: Pair | None, score: dict[str, Any]
 ) -> tuple[tuple[float, float], list[tuple[float, float]]]:
-    """Location to press [mm], and the deadbands there according to the verdict.
+    """Location to press [mm], and the depth intervals of the deadbands there according to the verdict.
 
-    The location is the middle of the pair's chord, or the pad's location of least margin.
+    The location is the middle between the pair's parts, or the pad's location of least margin.
     """
     try:
         if pair is not None:
@@ -220,7 +220,7 @@ def _read_score(file: Path) -> dict[str, Any]:
 
 
 def view_lines(view: RayView) -> list[str]:
-    """Text with the light of every press by kind, one line per press."""
+    """Text with the light of every press by kind of path (mode 1, mode 2, ...), one line per press."""
     of = "of the untouched light" if view.is_aimed else "of the emitted light"
     lines = [f"light     {view.name}, powers in % {of}; presses {view.presses_are}"]
     for state in view.states:
@@ -234,7 +234,7 @@ def view_lines(view: RayView) -> list[str]:
 
 
 def view_json(view: RayView) -> dict[str, Any]:
-    """Powers of the light by kind for JSON, without the paths."""
+    """Powers of the light under each press by kind of path, for JSON; without the paths."""
     return {
         "name": view.design.name,
         "digest": view.design.digest,
@@ -259,7 +259,7 @@ def _state_json(state: RayState, unit: float) -> dict[str, Any]:
 
 
 def paths_json(view: RayView) -> dict[str, Any]:
-    """Everything in the picture for JSON: the legend, and the points of every path."""
+    """Content of a picture of light paths for JSON: powers, legend, and the points of every path."""
     document = view_json(view)
     cavity = cavity_of(view.design)
     for row, state in zip(document["states"], view.states, strict=True):
@@ -291,7 +291,7 @@ def _receiver_name(cavity: CavityGeometry, number: int) -> str | None:
 
 
 def caption(view: RayView) -> str:
-    """The meaning of a picture's lines and numbers."""
+    """Text that explains the lines and numbers in a picture of light paths."""
     lost = (
         "Dotted: rays that reached the receiver while the pad was untouched, followed under the press; crosses: where "
         "they end."

@@ -1,4 +1,4 @@
-"""Comparison of a design with a recording of its manufactured pad, and the simulated data set of a press protocol.
+"""Compares a design with a recording of its manufactured pad, and simulates the data set of a press protocol.
 
 Figures, numbers and data sets are written into the design's bundle.
 """
@@ -36,13 +36,12 @@ def write_protocol_data(
 ) -> dict[str, Any]:
     """Simulate a press protocol and write its data set into the bundle; returns a summary.
 
-    Results of light tracing that are stored on the disk are reused. Presses that an interrupted run of the same work
-    finished are read from its journal in ``out``.
+    Stored results of light tracing are reused, as are finished presses of an interrupted run of the same work.
 
     Raises
     ------
     DesignError : the design breaks a rule; nothing is written.
-    ModelScopeError : the protocol leaves the design's workspace or range.
+    ModelScopeError : a press of the protocol is outside the design's workspace, or too deep.
     OutputError : the folder cannot be written; an earlier bundle is intact.
     """
     from sims.readings.data_writer import DataWriter
@@ -107,7 +106,7 @@ def data_lines(summary: dict[str, Any]) -> list[str]:
 
 @dataclass(frozen=True, kw_only=True)
 class ComparedRecording:
-    """A comparison with a recording, and the paths of its files."""
+    """A comparison of simulated and recorded presses, and the paths of its files."""
 
     press: RecordedPress
     digest: str
@@ -171,7 +170,7 @@ def compare_recording(
 
 
 def recorded_lines(found: ComparedRecording) -> list[str]:
-    """Text about the comparison, in a few lines."""
+    """Text that summarises a comparison of simulated and recorded presses, in a few lines."""
     x_mm, y_mm = found.press.place_mm
     lines = [f"press     at x {x_mm:g}, y {y_mm:g} mm"]
     for pair in found.press.pairs:

@@ -1,8 +1,8 @@
-"""Scores of a design at several values of one field; table and picture are written to the bundle.
+"""Scores a design at several values of one field, and writes table and picture to the bundle.
 
 If the scores of neighbouring values disagree (`sims.score.sweep.disputed`), they are computed again, as by `optopad
-score --full` or `--fine`, and marked. This is not done with `--fine`, which has the finest light already, nor with
-`--build`, where each value has its own bundle.
+score --full` or `--fine`, and marked. With `--fine` (the finest light) or `--build` (a bundle for each value), no score
+is computed again.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ def run_sweep(
 
     Parameters
     ----------
-    build : whether to make the whole bundle of every value, with the value engraved in its mold
+    build : whether to make the whole bundle for every value, with the value engraved in the mold
 
     Raises
     ------
@@ -107,7 +107,7 @@ def _row(
 
 
 def _refined(variant: SensorDesign, row: SweepRow, kept: FinishedWork, seed: int) -> SweepRow:
-    """A value's score, computed again: for a pad with the finer map, for facing pairs with finer light."""
+    """Compute a value's score again: for a pad with the finer map, for facing rows with finer settings of light."""
     setting = FULL if row.score["judged_by"] == "pad" else FINE
     name = f"{variant.digest}-{setting}"
     earlier = kept.get(name)

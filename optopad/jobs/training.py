@@ -1,4 +1,4 @@
-"""Training: from data with known presses to model files."""
+"""Trains models on data with known presses, and writes model files."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ SHOWN = {
     "held_out_depth_mm": "depth, median mm",
     "touch_held_out_right": "touch, held out",
 }
-"""Settings of a model that are shown, each with its label; the model file has all settings."""
+"""Label of each setting of a model that is shown to the user; the model file contains all settings."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,7 +45,7 @@ class TrainedModel:
     Attributes
     ----------
     file : path of the model
-    header : description of the training data, and the values that the training chose
+    header : description of the training data, and the settings that the training chose
     """
 
     file: Path
@@ -67,8 +67,8 @@ class Training:
 
     Attributes
     ----------
-    models : in the order of the learners
-    facts : counts of samples, locations and presses, and of omitted data
+    models : trained models, in the order of the learners
+    facts : numbers of samples, locations and presses, and of omitted data
     notes : sentences about missing information and saturation in the data
     """
 
@@ -85,7 +85,7 @@ class Training:
         }
 
     def lines(self) -> list[str]:
-        """Text: used and omitted data, then each model with its file."""
+        """The training as text: used and omitted data, then each model with its file."""
         facts = self.facts
         lines = [
             f"data      {facts['samples']} samples, {facts['touched_samples']} touched; "
@@ -154,7 +154,7 @@ def train_models(
 
 
 def _learners(learner: str, design: SensorDesign | None, effort: str, seed: int) -> dict[str, Learner]:
-    """The requested learners by name; the signal map needs the design."""
+    """The requested learners by name; the learner `signal-map` needs the design."""
     if learner == ALL:
         return dict(LEARNERS)
     if learner in LEARNERS:

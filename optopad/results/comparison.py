@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 WIDEST = 26
-"""Values with more characters than this are cut when they are shown."""
+"""Largest number of characters of a field's value in a table; longer values are cut."""
 Better = Literal["lower", "higher", ""]
 
 
@@ -27,8 +27,8 @@ class Measure:
     ----------
     name, unit : name and unit of the figure
     better : "higher" or "lower"; "" if neither is better
-    values : one per design; None if a design does not have the figure
-    uncertainty : one per design, in the unit of the figure
+    values : value for each design; None if a design does not have the figure
+    uncertainty : uncertainty for each design, in the unit of the figure
     winner : index of the design that is better than all others by more than the uncertainties; None if there is none
     """
 
@@ -62,12 +62,11 @@ class Comparison(Result):
 
     Attributes
     ----------
-    labels, digests : name and digest of each design; the others are compared with the first one
-    rows : score of each design, and the signal curve that is shown for it
-    changes : fields in which the designs differ: from dotted path to the value in each design
+    labels, digests : name and digest of each design; all others are compared with the first one
+    rows : score of each design, and its signal curve in the plot
+    changes : fields in which the designs differ, as a mapping from dotted path to the value in each design
     measures : figures of all designs
-    winner_of_verdict : index of the only design without a deadband; None if there is no single one, or a verdict is
-        undecided
+    winner_of_verdict : index of the only design without a deadband; None otherwise, or if a verdict is undecided
     folder, stem : folder of the written comparison, and its file name without suffix
     """
 
@@ -81,8 +80,10 @@ class Comparison(Result):
 
     @property
     def winner_of_verdict(self) -> int | None:
-        """Index of the only design without a deadband; None if there is no single one, or if any verdict is
-        undecided."""
+        """Index of the only design without a deadband.
+
+        None if several designs or none have no deadband, or if any verdict is undecided.
+        """
         if any(row.score["is_open"] for row in self.rows):
             return None
         safe = [number for number, row in enumerate(self.rows) if row.score["verdict"] == "CONTIGUOUS"]
@@ -100,7 +101,7 @@ class Comparison(Result):
 
     @property
     def winners(self) -> dict[str, str]:
-        """For each figure with a winner, the name of that design; it is better by more than the uncertainties."""
+        """Name of the best design by each figure, if it is better than all others by more than the uncertainties."""
         return {one.name: self.labels[one.winner] for one in self.measures if one.winner is not None}
 
     def plot(self) -> Figure:

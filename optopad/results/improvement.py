@@ -1,4 +1,4 @@
-"""The result of an improvement: the original design and better designs, or the closest attempt if none is better."""
+"""The result of `optopad improve`: the original design, better designs, or the nearest design if none is better."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from sims.score.result import ContinuityScore
 
 Figures = dict[str, float | None]
 WHOLE = 12
-"""Limit on the number of lines of a text, so large that no text is cut."""
+"""Largest number of lines for one text of the result, large enough that no text is cut."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -29,7 +29,7 @@ class Alternative:
     kind : the quantity in which the design is best
     changes : new values of the changed fields, by dotted path
     design, file : the design, and the name of its file
-    figures : figures of the search
+    figures : figures from the search, with its coarse light model
     score : result of `optopad score`
     """
 
@@ -43,12 +43,12 @@ class Alternative:
 
 @dataclass(frozen=True, kw_only=True)
 class Nearest:
-    """The best of the designs that were scored, if none is better than the original.
+    """The best of the scored designs, reported if none is better than the original.
 
     Attributes
     ----------
     changes : new values of the changed fields, by dotted path
-    judged : figures of the search
+    judged : figures from the search, with its coarse light model
     score : result of `optopad score`
     at_ends : dotted paths of the fields whose value is at an end of its range
     """

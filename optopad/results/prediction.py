@@ -1,5 +1,4 @@
-"""A predicted accuracy: errors of touch, location and depth by model and test set, with bounds and published
-figures."""
+"""The result of a prediction or evaluation: errors of touch, location and depth by model and test set, with bounds."""
 
 from __future__ import annotations
 
@@ -32,9 +31,9 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 FALSE_ALARM_LIMIT = 0.05
-"""Largest fraction of untouched frames classified as touched that is not reported as a finding [-]."""
+"""Fraction of untouched frames that are classified as touched, above which a finding is reported [-]."""
 LEAST_FOUND = 0.95
-"""Least detected fraction of presses 1 mm deep that is not reported as a finding [-]."""
+"""Fraction of presses 1 mm deep that are detected as touch, below which a finding is reported [-]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -92,7 +91,7 @@ class Accuracy:
         return tuple(dict.fromkeys(one.learner for one in self.found))
 
     def findings(self) -> tuple[str, ...]:
-        """Depths at which touch is not classified well, with the cause if known and a fix; empty if there are none."""
+        """Sentences on depths at which touch is often misclassified, with cause and fix; empty if there are none."""
         return tuple(
             text for learner, one in self.pooled().items() for text in self._findings_of(learner, one)
         )
@@ -121,7 +120,7 @@ class Accuracy:
         return made
 
     def pooled(self) -> dict[str, ModelAccuracy]:
-        """Results of every model over all test sets together, by model."""
+        """Results of each model on all test sets together; the key is the model's name."""
         return {
             learner: accuracy_of(
                 learner, "all test sets", True, [one.presses for one in self.found if one.learner == learner]
@@ -130,7 +129,7 @@ class Accuracy:
         }
 
     def to_json(self) -> dict[str, Any]:
-        """Plain data; `touch` and `errors` are the results of the first model over all test sets."""
+        """The accuracy as plain data; `touch` and `errors` are the first model's results over all test sets."""
         pooled = self.pooled()
         first = next(iter(pooled.values()))
         return {
@@ -204,7 +203,7 @@ def accuracy_of(
 
 
 def accuracy_lines(found: Accuracy) -> list[str]:
-    """Text: findings first, then a table of each model over all test sets together."""
+    """The accuracy as text: findings first, then a table of each model over all test sets together."""
     lines = [f"finding   {text}" for text in found.findings()]
     for learner, one in found.pooled().items():
         lines += [f"{learner}", *_touch_lines(one.touch, found.published), *_error_lines(one.errors, found)]
@@ -246,7 +245,7 @@ def _spread(one: Spread) -> str:
 
 
 def bound_text(bound_mm: float) -> str:
-    """A bound as text; it is infinite where the numerical error of the light model leaves it undecided."""
+    """A Cramér-Rao bound [mm] as text. An infinite bound is undecided, due to numerical error of the light model."""
     return f"{bound_mm:.3f}" if math.isfinite(bound_mm) else "open"
 
 
@@ -265,12 +264,12 @@ def _medians(row: ErrorRow) -> dict[str, Any]:
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Prediction:
-    """The predicted accuracy of a pad whose models are trained by the paper's data collection.
+    """The predicted accuracy of a pad whose models are trained on the paper's data collection.
 
     Attributes
     ----------
     design : the design of the pad
-    found : tables of every model and test set (`Accuracy`)
+    found : tables of errors for every model and test set
     folder : folder of the bundle with page, pictures and trained models
     """
 
@@ -292,7 +291,7 @@ class Prediction:
 
     @property
     def errors(self) -> xr.Dataset:
-        """Median errors of location and of depth, each (learner, depth) [mm]; NaN if there are no samples."""
+        """Median errors of location and of depth, each (learner, depth) [mm]; NaN where there are no samples."""
         import xarray as xr
 
         pooled = self.found.pooled()

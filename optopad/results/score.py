@@ -70,7 +70,7 @@ class Score(KeyFigures):
     Attributes
     ----------
     design : the design that was scored
-    found : the whole score (`sims.score.ContinuityScore`): pairs, map, bounds and tolerance
+    found : the whole score: pairs, map, bounds and effects of tolerances
     """
 
     design: SensorDesign
@@ -82,12 +82,12 @@ class Score(KeyFigures):
 
     @property
     def deadband_mm(self) -> float:
-        """Total length in depth of the deadbands [mm]."""
+        """Sum of the deadbands' extents in depth [mm]."""
         return self.found.deadband_total_mm
 
     @property
     def pairs(self) -> tuple[str, ...]:
-        """Names of the judged pairs."""
+        """Names of the pairs for which the score reports modes and deadbands."""
         return tuple(pair.name for pair in self.found.pairs)
 
     def to_dict(self) -> dict[str, Any]:
@@ -108,7 +108,7 @@ class Score(KeyFigures):
 
     @cached_property
     def signals(self) -> xr.Dataset:
-        """Light under the presses of the map, (state, emitter, receiver); the data of `signals.nc` in a bundle.
+        """Light under the map's presses, (state, emitter, receiver), a state being a press; as in `signals.nc`.
 
         Raises
         ------
@@ -128,14 +128,14 @@ class Score(KeyFigures):
 
         Raises
         ------
-        InputError : no judged pair has this name.
+        InputError : the score has no pair of this name.
         """
         from sims.plots.signal import plot_signal
 
         return drawn(lambda own: plot_signal(self._pair(pair), own), ax, 3.6)
 
     def plot_pairs(self, ax: Axes | None = None) -> Axes:
-        """Plot the depths of modes and deadbands of every judged pair."""
+        """Plot the depths of modes and deadbands of every pair in `pairs`."""
         from sims.plots.style import plot_spans
 
         pairs = self._answered().pairs
@@ -150,7 +150,7 @@ class Score(KeyFigures):
         return drawn(lambda own: plot_deadband_map(found, cavity_of(self.design), own), ax, 4.8)
 
     def plot_margin(self, ax: Axes | None = None) -> Axes:
-        """Plot the margin over the deadband limit at each location of the pad, in standard deviations of the noise."""
+        """Plot the signal's margin over the deadband limit at each location, in standard deviations of the noise."""
         from sims.plots.maps import plot_margin_map
 
         found = self._answered().pad_map
@@ -219,7 +219,7 @@ class Bundle:
 
     @property
     def driver(self) -> Path:
-        """Path of the driver configuration, which `fabrication.driver.Sensor` takes."""
+        """Path of the driver configuration, which `fabrication.driver.Sensor` reads."""
         return self.folder / "fabrication" / "driver.toml"
 
     @property

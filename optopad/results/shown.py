@@ -1,6 +1,6 @@
-"""How results are shown: as text on the command line; in a notebook as a headline, a small table and a picture.
+"""Display of results: as text on the command line; in a notebook as a headline, a small table and a picture.
 
-The module also contains the result of a search.
+The module also contains the result of `optopad explore`.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ class Result(ABC):
 
 
 def block(title: str, lines: Iterable[str], *parts: str) -> str:
-    """HTML of a result: a headline, lines below it, then further finished HTML."""
+    """HTML that shows a result in a notebook: a headline, lines of text, then the HTML pieces `parts`."""
     text = "".join(f"<div>{escape(line)}</div>" for line in lines)
     return f"<div><strong>{escape(title)}</strong>{text}{''.join(parts)}</div>"
 
@@ -63,7 +63,7 @@ def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
 
 
 def picture(draw: Callable[[], Figure], salt: str) -> str:
-    """HTML with a figure as SVG, in the style of the plots."""
+    """HTML with a figure as SVG, in the style of the plots; `salt` makes the SVG's identifiers unique."""
     from sims.plots.style import plain_style, svg_text
 
     with plain_style():
@@ -71,7 +71,7 @@ def picture(draw: Callable[[], Figure], salt: str) -> str:
 
 
 def drawn(draw: Callable[[Axes], Axes], ax: Axes | None, height_in: float) -> Axes:
-    """Draw into the given axes, or into a new pyplot figure, which a notebook shows and `plt.show()` opens."""
+    """Draw into the given axes, or if `ax` is None into a new pyplot figure, and return the axes."""
     from sims.plots.style import plain_style
 
     with plain_style():
@@ -83,28 +83,29 @@ def drawn(draw: Callable[[Axes], Axes], ax: Axes | None, height_in: float) -> Ax
 
 
 def number(value: float | None, digits: int = 2, missing: str = "-") -> str:
-    """A number as text, or `missing` for None."""
+    """A number as text with `digits` decimals, or `missing` for None."""
     return missing if value is None else f"{value:.{digits}f}"
 
 
 QUICK_ERRORS = {"draft": 3.0, "search": 2.0, "score": 0.0}
-"""Largest observed error of a margin in a search [noise standard deviations], by setting of the light model.
+"""Assumed error of a margin in a search [noise standard deviations], by setting of the light model.
 
-The setting `search` had an error of up to 1.94 on 13 pads (docs/how-to/search-layouts.md), and 0.86 without one of
-them. `draft` had 2.9 on four pads of 4 + 4 parts. The largest error on so few pads is not a bound.
+The values round up the largest observed errors: 1.94 for `search` on 13 pads (docs/how-to/search-layouts.md), 2.9 for
+`draft` on four pads of 4 + 4 parts. Other pads may have larger ones.
 """
 
 
 @dataclass(frozen=True, kw_only=True)
 class Search:
-    """The result of a search.
+    """The result of a search for better designs.
 
     Attributes
     ----------
     folder : folder with tables, design files and page
     findings : designs and figures that the search found
     files : design file of each design on the Pareto front, relative to the folder
-    importance : for each objective, each field's share of its variation [-]; empty if too few designs were judged
+    importance : for each objective, each field's share of the objective's variation [-]; empty if the search evaluated
+        too few designs
     """
 
     folder: Path
@@ -118,15 +119,15 @@ class Search:
         return self._headline(self.findings.base, self.findings.space.base)
 
     def headline(self, one: Tried) -> str:
-        """A design's verdict in the words of `optopad score`; empty if it has no verdict.
+        """A design's verdict in the words of `optopad score`; empty if the design has no verdict.
 
-        It is undecided if the error of the search's light model may change it.
+        The verdict is undecided if the error of the search's light model may change it.
         """
         design = self.findings.space.design_at(one.parameters) if one.judged.verdict else None
         return self._headline(one.judged, design)
 
     def is_open(self, judged: Judged) -> bool:
-        """Whether the error of the search's light model may change the verdict."""
+        """Whether a design's verdict is undecided, because the error of the search's light model may change it."""
         margin = judged.figures.get("margin")
         error = QUICK_ERRORS[self.findings.space.accuracy]
         return margin is not None and abs(margin - DEADBAND_THRESHOLD) < error

@@ -1,4 +1,4 @@
-"""The result of a sweep, a design at several values of one field: scores, table, picture."""
+"""The result of a sweep, which scores a design at several values of one field: scores, table, picture."""
 
 from __future__ import annotations
 
@@ -30,12 +30,12 @@ FIGURES = (
 
 
 FULL, FINE = "full", "fine"
-"""Settings of `optopad score` with which scores are computed again if neighbouring values disagree."""
+"""Settings of `optopad score` (`--full`, `--fine`) for repeating scores of neighbouring values that disagree."""
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Sweep(Result):
-    """A design at several values of one field.
+    """Scores of a design at several values of one field.
 
     Attributes
     ----------
@@ -54,12 +54,12 @@ class Sweep(Result):
 
     @property
     def values(self) -> tuple[Any, ...]:
-        """Values of the field, in order."""
+        """Values of the swept field, in the order of the request."""
         return tuple(row.value for row in self.rows)
 
     @property
     def verdicts(self) -> tuple[str, ...]:
-        """Verdict at each value."""
+        """Verdict at each value of the swept field."""
         return tuple(row.score["verdict"] for row in self.rows)
 
     @property
@@ -71,7 +71,7 @@ class Sweep(Result):
     def table(self) -> xr.Dataset:
         """Figures as a data set over the values; the coordinate's name is the field's dotted path.
 
-        Figures that do not exist are NaN. Lengths are in mm, and light is a fraction of the emitted power.
+        Figures that do not exist for a value are NaN. Lengths are in mm, and light is a fraction of the emitted power.
         """
         import xarray as xr
 
@@ -98,7 +98,7 @@ class Sweep(Result):
         return document
 
     def to_csv(self) -> str:
-        """The table as CSV; undecided or unknown entries are empty."""
+        """The table of the sweep as CSV; undecided or unknown entries are empty."""
         text = io.StringIO()
         writer = csv.writer(text, lineterminator="\n")
         writer.writerow([self.field, *COLUMNS])
@@ -110,7 +110,7 @@ class Sweep(Result):
         return text.getvalue()
 
     def plot(self) -> Figure:
-        """Plot of signal against depth, one panel per value."""
+        """Plot of signal against depth, one panel per value of the swept field."""
         from sims.plots.style import plain_style
         from sims.plots.sweep import plot_sweep
 
@@ -196,14 +196,14 @@ COLUMNS = (
 )
 """Columns of the table after the column of values.
 
-Columns up to `shown_pair` are figures of the design; the usable depth also has its range by the numerical error of the
-light model. Later columns are figures of the shown pair. Loads are given at both ends of the uncertainty band of
-Young's modulus.
+Columns up to `shown_pair` are figures of the design, later columns those of the pair in the plot. The usable depth also
+has the range that the numerical error of the light model causes. Loads are given at both ends of the uncertainty band
+of Young's modulus.
 """
 
 
 def table_row(row: SweepRow) -> dict[str, Any]:
-    """One row of the table, by name of the column."""
+    """One row of the sweep's table, as a mapping from the column's name to the value."""
     score = row.score
     cells: dict[str, Any] = {
         "verdict": score["verdict"],

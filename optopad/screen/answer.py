@@ -1,12 +1,12 @@
 """The sentences of a verdict: result, cause, fix, confidence, resolution, and the tool that measures a parameter.
 
 The tools are listed by kind of quantity, coarsest first, each with its resolution. A calliper has a resolution of 0.01
-or 0.02 mm, but errs by 0.05 mm on small or soft bodies; a measuring microscope is accurate to 0.01 mm. The resolution
-of a calibration is the error of fitted values over ten simulated units of thirty presses
-(docs/validation/calibration.md), rounded up; on a manufactured unit it may be larger. The other tools are common in
-optics laboratories, with resolutions by order of magnitude.
+or 0.02 mm, but errs by 0.05 mm on small or soft bodies. A measuring microscope is accurate to 0.01 mm. The resolution
+of a calibration is the error of fitted values in ten simulated calibrations with thirty presses each
+(docs/validation/calibration.md), rounded up; on a manufactured unit the error may be larger. The other tools are common
+in optics laboratories; their resolutions are given to an order of magnitude.
 
-Numbers have the same form as on the report page: depths to 0.01 mm, undecided ends as words.
+Numbers have the same form as on the report page: depths to 0.01 mm, undecided limits as words.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ def depth(value_mm: float | None, absent: str = "open") -> str:
 
 
 def signed(value_mm: float | None, absent: str = "open") -> str:
-    """A mode gap [mm] as text without unit, always with its sign; `absent` for None."""
+    """A length with a sign [mm], such as the gap between two modes, as text without unit; `absent` for None."""
     return absent if value_mm is None else f"{value_mm:+.2f}".replace("-", "\N{MINUS SIGN}")
 
 
@@ -58,9 +58,9 @@ def counted(count: int, one: str, many: str | None = None) -> str:
 
 
 USABLE_DOUBT_MM = 0.2
-"""Width of the usable depth's uncertainty range from which on the range is reported [mm]."""
+"""Width of the usable depth's uncertainty range at and above which the range is reported [mm]."""
 LEAST_SHARE = 0.01
-"""Smaller fractions are reported as "less than" this value [-]."""
+"""Least fraction that is reported as a number [-]; smaller ones are "less than" it."""
 UNITS = (
     ("_mm", " mm"),
     ("_deg", "°"),
@@ -86,9 +86,9 @@ class Answer:
     ----------
     verdict : the verdict, with the location and the depths that decide it
     why : the mechanism of the worst deadband; for a pad without a deadband, its margin
-    fix : the changes that a trial found to help, and the verdict with them
+    fix : changes of the design that help according to a trial computation, and the verdict with them
     sure : the confidence: whether an unmeasured parameter or the numerical error of the light model changes the
-        verdict, and what to measure how accurately
+        verdict, and how accurately to measure which parameter
     worth : the resolution: the Cramér-Rao bound for one frame, due to noise alone
     """
 
@@ -100,7 +100,7 @@ class Answer:
 
 
 def answer_of(design: SensorDesign, score: ContinuityScore) -> Answer:
-    """The sentences about a score."""
+    """The sentences that report a design's score: verdict, cause, fix, confidence and resolution."""
     if score.verdict == "OUT_OF_MODEL_SCOPE":
         return Answer(verdict=f"OUT_OF_MODEL_SCOPE: {score.reason}", why="", fix="", sure="", worth="")
     return Answer(
@@ -113,8 +113,10 @@ def answer_of(design: SensorDesign, score: ContinuityScore) -> Answer:
 
 
 def verdict_words(score: ContinuityScore) -> str:
-    """The headline of a score, with the uncertainty range of the usable depth due to the numerical error of the light
-    model."""
+    """The headline of a score: verdict and usable depth.
+
+    The usable depth has an uncertainty range, due to the numerical error of the light model.
+    """
     asked = None if score.force is None else float(score.force.depth_mm[-1])
     depth = score.usable_depth_mm
     words = headline(score.verdict, is_open=score.is_open, usable_mm=depth, asked_mm=asked)
@@ -179,7 +181,7 @@ def _why(score: ContinuityScore) -> str:
 
 
 def cause_sentence(cause: Cause) -> str:
-    """The mechanism of a deadband by name, and how much light or change of signal is missing."""
+    """Sentence with the mechanism of a deadband, and how much light or change of signal is missing."""
     typical = cause.typical
     if typical is None:
         return "no pair near: no line from an emitter to a receiver passes under the tip"
@@ -260,10 +262,10 @@ def at_mm(x_mm: float, y_mm: float) -> str:
 
 
 def _turn(band: ToleranceBand, row: ToleranceRow, values: dict[str, float]) -> tuple[str, float] | None:
-    """A parameter that may change the verdict: its path, and the least change that suffices.
+    """Path of a parameter, and the least change of it that changes the verdict [unit of the field].
 
-    The change [unit of the field] is interpolated linearly in the margin. None if no end of the band changes the
-    verdict.
+    The change is interpolated linearly in the margin between the ends of the parameter's uncertainty band. None if
+    neither end changes the verdict.
     """
     if not row.flips or row.path not in values:
         return None
@@ -278,7 +280,7 @@ def _turn(band: ToleranceBand, row: ToleranceRow, values: dict[str, float]) -> t
 
 
 def unit_of(path: str) -> str:
-    """Unit of a field as text with a leading space, by the ending of its name; empty for pure numbers."""
+    """Unit of a field as text with a leading space, from the ending of the field's name; empty for pure numbers."""
     return next((unit for ending, unit in UNITS if path.endswith(ending)), "")
 
 
@@ -319,9 +321,9 @@ def _worth(score: ContinuityScore) -> str:
 
 
 def unresolved(bounds: PadBounds, *, is_facing: bool) -> str:
-    """Text with the share of the volume in which one frame does not resolve x, y and depth together; empty for none.
+    """Text with the share of the pressed volume in which one frame does not resolve x, y and depth together.
 
-    Empty also for facing rows, which are pressed at known locations.
+    Empty if there is no such volume, and for facing rows, which are pressed at known locations.
     """
     share = bounds.blind_share
     if is_facing or not share > 0.0:
@@ -331,7 +333,7 @@ def unresolved(bounds: PadBounds, *, is_facing: bool) -> str:
 
 
 def fix_words(trial: Trial | None) -> str:
-    """The changes that help, and the verdict with them; empty if no change helps."""
+    """Changes of the design that improve the verdict, and the verdict with them; empty if no change helps."""
     if trial is None or trial.found == "none":
         return ""
     moved = ", ".join(_moved(one) for one in trial.moves)
@@ -340,21 +342,21 @@ def fix_words(trial: Trial | None) -> str:
 
 
 def trial_words(trial: Trial) -> str:
-    """Verdict, usable depth and margin of a design with a trial's changes."""
+    """Text with verdict, usable depth and margin of a design after a trial's changes."""
     depth = "" if trial.usable_mm is None else f" to {trial.usable_mm:.3g} mm"
     margin = "" if trial.margin is None else f", margin {trial.margin:.1f} sigma"
     return f"{trial.verdict}{depth}{margin}"
 
 
 def command_words(trial: Trial) -> str:
-    """Purpose of the next command: which components it moves, and the verdict after that."""
+    """Effect of the suggested next command: which components it moves, and the verdict after the move."""
     parts = " and ".join(one.parts for one in trial.moves if one.parts)
     moves = f"moves {parts}; " if parts else ""
     return f"{moves}trial: {trial_words(trial)}"
 
 
 def no_fix_words(trial: Trial | None) -> str:
-    """A statement that no change helps, with the changes that were tried; empty if one helps or none was tried."""
+    """Sentence that no change helps, with the changes that were tried; empty if a change helps or none was tried."""
     if trial is None or trial.found == "move" or not trial.tried:
         return ""
     helps = "reaches deeper" if trial.kind == "fade" else "fixes it at every location"
@@ -366,8 +368,10 @@ def no_fix_words(trial: Trial | None) -> str:
 
 
 def with_moves(command: str, trial: Trial) -> str:
-    """Design and changes as typed on the command line, with a trial's changes in place of earlier ones of the same
-    fields."""
+    """Design and changes as typed on the command line, with a trial's changes added.
+
+    A trial's change replaces an earlier change of the same field.
+    """
     design, *changes = shlex.split(command)
     values = [text for text in changes if text != "--set"]
     fields = {one.path for one in trial.moves}
@@ -386,7 +390,7 @@ def _moved(move: Move) -> str:
 
 
 PRESSES = 30
-"""Number of presses in the calibrations from which `CALIBRATED` was derived."""
+"""Number of presses in each of the simulated calibrations that gave the resolutions in `CALIBRATED`."""
 CALIBRATED = {
     "height_mm": 0.015,
     "clear_thickness_mm": 0.015,
@@ -397,12 +401,12 @@ CALIBRATED = {
     "absorption_db_per_cm": 0.002,
     "reflectance": 0.0015,
 }
-"""Resolution of a calibration by kind of field, given as the end of its path [unit of the field]."""
+"""Error of values fitted by `optopad calibrate` [unit of the field]; a key is the ending of a field's dotted path."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class _Tool:
-    """The name of a tool, and its resolution [unit of the field]."""
+    """Name of a measuring tool, and its resolution [unit of the field]."""
 
     name: str
     resolves: float
@@ -423,12 +427,13 @@ TOOLS: dict[str, tuple[_Tool, ...]] = {
     "reflectance": (_Tool(name="a lamp and a photodiode against a white standard", resolves=0.01),),
     "_ohm": (_Tool(name="a multimeter", resolves=1.0),),
 }
-"""Measuring tools by kind of field, given as the end of its path, the coarsest first. The first matching end is
-used."""
+"""Measuring tools for each kind of design field, the coarsest tool first.
+
+A key is the ending of a field's dotted path; the first key that matches is used."""
 
 
 def tool_words(path: str, within: float) -> str:
-    """The tool that ends a sentence "measure it to within ..."; empty if no tool is known for the field.
+    """Text with the tool for a measurement, as the end of a sentence "measure it to within ..."; empty if unknown.
 
     Parameters
     ----------

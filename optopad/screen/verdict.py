@@ -1,4 +1,4 @@
-"""A verdict in the terminal: at most twelve lines of a hundred characters; with ``--details`` all figures."""
+"""The verdict in the terminal: at most twelve lines of a hundred characters, or all figures with ``--details``."""
 
 from __future__ import annotations
 
@@ -37,14 +37,15 @@ if TYPE_CHECKING:
 
 WIDTH, LINES = 100, 12
 LABEL = 12
-"""Width of the label in front of a line [characters]."""
+"""Width of the column of labels at the start of each line [characters]."""
 FIRST = ("full scale", "do not settle", "cannot light", "too much current", "stay tacky")
-"""Phrases of warnings that are shown first, because such a pad would not work."""
+"""Phrases in warnings that are shown first, because a pad with such a fault would not work."""
 FINDING_LINES = 4
-"""Largest number of lines for one finding."""
+"""Largest number of lines for one finding of the design rules."""
 EIGHT_BIT_PRESCALER = 16
-"""Prescaler with which an AVR's converter runs at 1 MHz from 16 MHz. According to the data sheet, about 8 bits are then
-exact."""
+"""Prescaler with which an AVR's converter runs at 1 MHz from a clock of 16 MHz.
+
+According to the data sheet, about 8 bits are then exact."""
 
 
 def verdict_screen(
@@ -60,10 +61,10 @@ def verdict_screen(
 
     Parameters
     ----------
-    closing : finished lines for the end, such as the paths of the files
+    closing : last lines, such as the paths of the files
     command : the design and its changes as typed on the command line; empty omits the next command
     is_built : whether the bundle already contains mold and report
-    learner : the sentence from `learner_line`, shown below a pad's bound if there is room
+    learner : sentence on a learner's predicted errors from `learner_line`, shown if there is room
     """
     said = answer_of(design, score)
     head = [
@@ -83,7 +84,7 @@ def verdict_screen(
 
 
 def rate_words(design: SensorDesign) -> str:
-    """Sentence on the board's possible frame rate, the required rate, and changes that would raise the possible one."""
+    """Sentence on the board's possible frame rate, the required rate, and changes that raise the possible rate."""
     use, board = design.board, board_of(design)
     ways = []
     if board.divides_clock and use.adc_prescaler > EIGHT_BIT_PRESCALER:
@@ -100,8 +101,9 @@ def findings_screen(name: str, findings: Sequence[Finding], *, command: str, rat
 
     Parameters
     ----------
-    command : command and design as typed, as `score pad.toml`
-    rate : the sentence from `rate_words`; shown if there is no error
+    name : name of the design
+    command : command and design as typed, for example `score pad.toml`
+    rate : sentence on the frame rate from `rate_words`; shown if there is no error
     """
     errors = [one for one in findings if one.severity == "error"]
     notes = [one for one in findings if one.severity == "note"]
@@ -123,7 +125,7 @@ def findings_screen(name: str, findings: Sequence[Finding], *, command: str, rat
 
 
 def row(label: str, text: str, most: int = 1) -> list[str]:
-    """A sentence behind its label, on at most `most` lines; no lines for an empty sentence."""
+    """Lines of a labelled sentence, wrapped to at most `most` lines; no lines for an empty sentence."""
     if not text:
         return []
     room = WIDTH - LABEL
@@ -137,8 +139,8 @@ def row(label: str, text: str, most: int = 1) -> list[str]:
 def _to_show(score: ContinuityScore) -> list[str]:
     """Warnings that no other line reports, the most serious first.
 
-    A numerical error of the light model that leaves the verdict undecided has its own line. Otherwise it affects only
-    figures of single pairs.
+    Warnings about the light model's numerical error are left out. Another line reports an undecided verdict; otherwise
+    the error affects only figures of single pairs.
     """
     shown = (RESTS, UNDECIDED, NUMERICAL)
     left = [text for text in score.warnings if not text.startswith(shown)]
@@ -155,7 +157,7 @@ def _warnings(texts: Sequence[str], room: int) -> list[str]:
 
 
 def _clause(text: str) -> str:
-    """A warning, shortened to one line between two clauses."""
+    """A warning shortened to as many whole clauses as fit on one line."""
     room = WIDTH - LABEL
     if len(text) <= room:
         return text
@@ -185,7 +187,7 @@ def as_typed(design: str, changes: Sequence[str] | None) -> str:
 
 
 LEAST_CHANGE_MM = 0.01
-"""Smallest change of a depth that is reported [mm]."""
+"""Smallest reported change of usable depth or deadband for a step of a parameter [mm]."""
 
 
 def score_lines(score: ContinuityScore) -> list[str]:
@@ -207,7 +209,7 @@ def score_lines(score: ContinuityScore) -> list[str]:
 
 
 def labelled(label: str, text: str) -> str:
-    """A sentence of any length behind its label."""
+    """A labelled sentence of any length, on one line."""
     return f"{label:<{LABEL}}{text}"
 
 
@@ -226,7 +228,7 @@ def checks_line(checks: dict[str, Any]) -> str:
 
 
 def checks_words(checks: dict[str, Any]) -> str:
-    """Text: whether the mold can be printed, and which checks failed."""
+    """Text that says whether the mold can be printed, and which checks failed."""
     found = {
         state: [one["name"] for one in checks.get("findings", []) if one.get("state") == state]
         for state in ("error", "warning")
@@ -284,7 +286,7 @@ def _pair_line(pair: JudgedPair) -> str:
 
 
 def build_lines(study: BuildStudy) -> list[str]:
-    """Lines with the fraction of units that keep the verdict, and the tolerances with the strongest effect."""
+    """Lines with the fraction of simulated units that keep the verdict, and the tolerances of strongest effect."""
     low, high = study.kept_interval
     doubt = f"; {study.doubtful} undecided by numerical error" if study.doubtful else ""
     missing = f"; {sum(study.unjudged.values())} not judged" if study.unjudged else ""
@@ -304,7 +306,7 @@ def build_lines(study: BuildStudy) -> list[str]:
 
 
 def step_lines(steps: FieldSteps) -> list[str]:
-    """Lines with the effect of a small step of each parameter, the one with the largest gain first."""
+    """Lines with the effect of a small step of each parameter; the step that improves the design most is first."""
     order = list(steps.better_sides())
     rows = sorted(steps.rows, key=lambda row: order.index(row.path) if row.path in order else len(order))
     lines = []
@@ -346,7 +348,7 @@ def _band_line(score: ContinuityScore) -> str:
 
 
 def bound_lines(bounds: PadBounds, *, is_facing: bool) -> list[str]:
-    """Lines with median bounds, coverage, volume without resolution, detection threshold, most important component.
+    """Lines with median Cramér-Rao bounds, resolved and unresolved volume, detection threshold, main component.
 
     For facing rows, which are pressed at known locations, only the bound of the depth is reported.
     """
@@ -422,7 +424,7 @@ def _mm(value: float) -> str:
 
 
 LEAST_DEPTH_MM = 1.0
-"""Least depth for which errors are reported [mm]; lighter presses are detected, but hardly located."""
+"""Least depth for which a learner's errors are reported [mm]; lighter presses are detected, but hardly located."""
 
 
 def learner_line(design: SensorDesign, bundle: Path, command: str) -> str:

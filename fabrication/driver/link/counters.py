@@ -1,4 +1,4 @@
-"""Counters without overflow: 32-bit counters of the board, which wrap around, become numbers that do not."""
+"""Unwraps the board's 32-bit counters, and detects repeated frames and restarts of the board."""
 
 from __future__ import annotations
 
@@ -10,17 +10,16 @@ from design.arrays import IntArray
 from fabrication.driver.link.protocol import STAMP, WRAP, CountArray
 
 REMEMBERED_FRAMES = 256
-"""Number of past frames among which repeats are searched; 0.6 s at 400 Hz."""
+"""Number of past frames with which a new frame is compared to detect repeats; 0.6 s at 400 Hz."""
 
 
 class WrappingCounter:
-    """Follows a 32-bit counter of the board, and removes its wraps.
+    """Unwraps successive values of one 32-bit counter of the board.
 
     Parameters
     ----------
-    goes_back : whether the counter may step backward. True for sequence numbers, which a restart of the board sets
-        back; a step is from -2^31 to 2^31 - 1. False for device time, which only rises; a step is from 0 to 2^32 - 1
-        (71.6 minutes in microseconds).
+    goes_back : whether the counter may step backward. Sequence numbers may, because a restart of the board resets
+        them; their steps are from -2^31 to 2^31 - 1. Device time only rises, by 0 to 2^32 - 1 us (71.6 minutes).
     """
 
     def __init__(self, *, goes_back: bool) -> None:
@@ -28,9 +27,9 @@ class WrappingCounter:
         self._last: int | None = None
 
     def next(self, value: int) -> tuple[int, int]:
-        """The unwrapped number of one counter value, and the step since the previous value; 1 for the first value.
+        """The unwrapped number of one counter value, and the step since the previous value.
 
-        The result is that of `extended`, but much faster for single values.
+        The step of the first value is 1. For single values `next` is faster than `extended`.
         """
         if self._last is None:
             self._last = value
@@ -69,7 +68,7 @@ class Repeats:
         self._seen: set[bytes] = set()
 
     def has(self, message: bytes) -> bool:
-        """Whether a message of readings repeats one of the remembered ones; if not, it is remembered."""
+        """Whether a message of readings repeats one of the last 256. A message that does not is remembered."""
         stamp = message[STAMP]
         if stamp in self._seen:
             return True
@@ -81,9 +80,9 @@ class Repeats:
 
 
 def restarts(values: CountArray, last: int) -> IntArray:
-    """Indices at which the sequence numbers (n,) show a restart of the board.
+    """Indices in `values` (n,), the sequence numbers of frames, at which the board was restarted.
 
-    At a restart the number is not above the previous one, modulo 2^32.
+    A restart is a number that is not above the previous one, modulo 2^32.
 
     last : sequence number before the first one
     """

@@ -1,4 +1,4 @@
-"""Frames for users: decoded from messages in batches, with the number of lost frames and the frame rate."""
+"""Decodes the board's messages into frames, counts lost frames and measures the frame rate."""
 
 from __future__ import annotations
 
@@ -16,23 +16,23 @@ from fabrication.driver.link.protocol import FrameFormat, unpack_frames
 
 US_PER_S = 1e6
 RATE_FRAMES = 256
-"""Largest number of recent frames from which the frame rate is measured."""
+"""Number of latest frames over which the frame rate is measured."""
 
 WEAKEST_BASELINE_COUNTS = 4.0
-"""Least untouched signal for a ratio of signals [counts]. Below it, rounding is more than a tenth of the signal."""
+"""Least untouched signal by which a signal is divided [counts]; a smaller one is dominated by rounding."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Frame:
-    """One complete frame.
+    """One complete frame: a reading of every receiver in every state of the emitters.
 
     Attributes
     ----------
     connection : number of the connection, from 1; it rises at each restart of the board or reconnection
     sequence : number of the frame within the connection, without wraps
     device_us : the board's clock at the frame's first conversion, without wraps [us]
-    host_s : this machine's clock at the arrival of the frame's batch, since 1970 [s]; at 400 Hz up to 5 ms late
-    lost_before : number of frames missing between this frame and the previous one, by their sequence numbers
+    host_s : host's clock at the arrival of the frame's batch, since 1970 [s]; at 400 Hz up to 5 ms late
+    lost_before : number of frames missing between the previous frame and this one, by their sequence numbers
     counts : (state, receiver) raw readings; the last state is the dark one [counts]
     signals : (emitter, receiver) readings less the dark state's [counts]
     saturated : (state, receiver) whether a reading is at full scale
@@ -75,11 +75,10 @@ class FrameDecoder:
     Attributes
     ----------
     frames : number of frames decoded so far
-    lost : number of frames missing so far, by the sequence numbers
+    lost : number of frames missing so far, by their sequence numbers
     doubled : number of messages dropped so far because they repeat an earlier one
     connection : number of the connection of the next frame
-    baseline : (emitter, receiver) untouched signals that are attached to the next frames [counts]; None if there is no
-        baseline
+    baseline : (emitter, receiver) untouched signals that are attached to the next frames [counts]; None if not taken
     """
 
     def __init__(self, layout: FrameFormat) -> None:
@@ -92,7 +91,7 @@ class FrameDecoder:
         self.begin()
 
     def begin(self) -> None:
-        """Begin a new connection, because the board was restarted and its counters start again."""
+        """Begin a new connection; to be called when the board was restarted, so that its counters start again."""
         self.connection += 1
         self._sequence = WrappingCounter(goes_back=True)
         self._time = WrappingCounter(goes_back=False)
@@ -107,7 +106,7 @@ class FrameDecoder:
         return (len(times) - 1) * US_PER_S / passed if passed > 0 else None
 
     def without_repeats(self, messages: list[bytes]) -> list[bytes]:
-        """The messages of readings without repeated ones, which are counted in `doubled`."""
+        """Remove repeated messages from messages of readings, and count them in `doubled`."""
         new = [message for message in messages if not self._repeats.has(message)]
         self.doubled += len(messages) - len(new)
         return new

@@ -1,4 +1,4 @@
-"""Dialogue with a board on an open port: wait for its reset, identify it, refuse another design, start and stop it."""
+"""Dialogue with a board on an open port: waits for its reset, checks its identity and design, starts and stops it."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ from fabrication.driver.link.scanner import Message, Scanner
 from fabrication.driver_file import DriverConfig
 
 ASK_EVERY_S = 0.25
-"""Interval of requests for identification to a board that sends data [s]. For a silent board the interval doubles each
-time, because each byte makes a boot loader wait longer."""
+"""Interval between requests for identification, while the board sends data [s]. While the board is silent, the interval
+doubles each time, because each byte that is sent makes a boot loader wait longer."""
 
 ANSWER_S = 2.5
 """Longest wait for a board's hello after its boot time [s]; the board sends a hello once per second by itself."""
 
 SAY_EVERY_S = 2.0
-"""Interval of the progress messages during a wait [s]."""
+"""Interval between progress messages while waiting for a board [s]."""
 
 US_PER_S = 1e6
 
@@ -77,15 +77,15 @@ class Link:
     ) -> Hello:
         """Wait for the board's hello (its description of itself), and check that the board is of this design.
 
-        A board after a reset sends its hello by itself, and nothing is sent while its boot loader listens. A board that
-        already streams is stopped and then identified. A silent board is requested to identify itself after its boot
-        time. If the port is a guess, nothing is sent to a silent device, which may be a printer.
+        After a reset the board sends its hello by itself, and nothing is sent to it while its boot loader listens. A
+        board that already streams is stopped and then identified. A silent board receives a request for identification
+        after its boot time. If the port is a guess, nothing is sent to a silent device, which may be a printer.
 
         Parameters
         ----------
-        accept_digest : first 8 digits or more of another design's digest that is accepted; None accepts no other design
+        accept_digest : first 8 or more digits of the digest of another accepted design; None accepts no other
         patience_s : longest wait [s]
-        is_guess : whether the port was chosen only by a common serial chip, which other devices also have
+        is_guess : whether the port was chosen only because of its serial chip, which other devices also have
         on_wait : called with a progress line every two seconds of the wait
         is_over : called repeatedly; the wait stops when it returns True
 
@@ -157,14 +157,14 @@ class Link:
 
 
 def check_hello(hello: Hello, config: DriverConfig, *, where: str, accept_digest: str | None) -> None:
-    """Refuse a board whose hello names another design.
+    """Check that a board's hello (its identification) names the required design.
 
     Parameters
     ----------
     hello : the board's description of itself
     config : configuration of the required design
     where : name of the port, for messages
-    accept_digest : first 8 digits or more of another design's digest that is accepted; None accepts no other design
+    accept_digest : first 8 or more digits of the digest of another accepted design; None accepts no other
 
     Raises
     ------
@@ -203,5 +203,5 @@ def require_digest(accept_digest: str | None) -> None:
 
 
 def interval_us(rate_hz: float) -> int:
-    """Frame interval of a frame rate [us]; 0 (the board's shortest interval) for rate 0."""
+    """Frame interval [us] for a frame rate [Hz]; for rate 0 it is 0, which means the board's shortest interval."""
     return round(US_PER_S / rate_hz) if rate_hz > 0 else 0

@@ -1,6 +1,6 @@
-"""Serial ports: search by USB identity, opening, reading, and errors of the operating system in plain words.
+"""Serial ports: finds them by USB identity, opens and reads them, and explains errors of the operating system.
 
-A port is a name of the system (`/dev/ttyACM0`, `COM3`), the name of a pseudo-terminal, or an address of pyserial
+A port is given by its system name (`/dev/ttyACM0`, `COM3`), the name of a pseudo-terminal, or an address of pyserial
 (`socket://localhost:4242`). Opening the port of an Arduino resets the board.
 """
 
@@ -23,7 +23,7 @@ from design.errors import DeviceError
 from fabrication.driver_file import BoardSetup
 
 WAIT_S = 0.1
-"""Longest wait within one read, and so the longest delay of a stop [s]."""
+"""Longest wait within one read, which also limits the delay after a request to stop [s]."""
 
 GATHER_S = 0.005
 """Time for which a read waits for more bytes after the first [s]; each wake-up costs the host 0.2 to 0.5 ms of a
@@ -40,7 +40,7 @@ class PortLostError(DeviceError):
 
 @dataclass(frozen=True, kw_only=True)
 class FoundPort:
-    """A serial port of this machine: its name, its USB vendor:product ("" if it has none), the system's description."""
+    """A serial port of this machine: name, USB vendor:product ("" if it has none), description by the system."""
 
     name: str
     usb_id: str
@@ -63,7 +63,7 @@ def ports_here() -> list[FoundPort]:
 
 
 PTY_BAUD = 115200
-"""Baud rate given to a pseudo-terminal, which has no real rate; macOS accepts only the old standard rates."""
+"""Baud rate set on a pseudo-terminal, where it has no effect; macOS accepts only the old standard rates."""
 
 
 CHIP_MAKERS = frozenset({"0403", "067b", "10c4", "1a86"})
@@ -81,7 +81,7 @@ def is_guess(port: FoundPort, board: BoardSetup) -> bool:
 def find_port(
     board: BoardSetup, ports: Iterable[FoundPort] | None = None, *, not_ports: Iterable[str] = ()
 ) -> FoundPort:
-    """The only port with a board of this kind, by the maker's USB identity, or else by the serial chips of copies.
+    """The only port with a board of this kind, by USB vendor and product of its maker, or else of copied boards.
 
     Parameters
     ----------
@@ -110,7 +110,7 @@ def find_port(
 
 
 def on_standard_error(line: str) -> None:
-    """Print a progress line on standard error; the default of the arguments `on_wait`."""
+    """Print a progress line on standard error; the default of the `on_wait` arguments."""
     print(line, file=sys.stderr)
 
 
@@ -174,7 +174,7 @@ class Port:
                 raise DeviceError(f"{self.name}: {_why_not(self.name, err, baud)}") from err
 
     def close(self) -> None:
-        """Close the line; a lost port is not an error."""
+        """Close the line; no error is raised if the port was lost."""
         try:
             self._line.close()
         except (OSError, serial.SerialException):
@@ -190,7 +190,7 @@ class Port:
         return first + rest
 
     def _read_socket(self) -> bytes:
-        """Read one byte from a socket, then all that wait; a socket does not report how many bytes wait."""
+        """Read one byte from a socket, then all waiting bytes; a socket does not report their number."""
         self._line.timeout = WAIT_S
         first: bytes = self._line.read(1)
         if not first:

@@ -19,13 +19,13 @@ BAUDS = 115200, 250000
 """Baud rates of nearly all printers' serial lines."""
 
 ANSWER_S = 1.5
-"""Wait for a reply at each baud rate [s]; more frequent requests would keep a boot loader running."""
+"""Time to wait for a reply at each baud rate [s]; more frequent requests would keep a boot loader running."""
 
 HEARD_BYTES = 4096
 """Number of the latest received bytes that are searched for a printer's reply."""
 
 FIRST_WORDS_S = 1.0
-"""Listening time to a board after its reset, from the first byte that it sends [s]."""
+"""Time for which a device is listened to after its reset, from the first byte that it sends [s]."""
 
 _SAID = re.compile(
     rb"^(?:start|ok\b.*|echo:.*|.*(?:FIRMWARE_NAME|Marlin|Klipper|RepRapFirmware|Repetier|Smoothie|Grbl).*)\r?\n",
@@ -35,7 +35,7 @@ _KLIPPER = re.compile(rb"\x05[\x10-\x1f]..\x7e", re.S)
 
 
 def printer_words(heard: bytes) -> str:
-    """The first line of text that only a printer sends, or a note of Klipper's protocol; "" if there is neither."""
+    """First line of `heard` that only a printer sends, or a note of Klipper's protocol; "" if there is neither."""
     if line := _SAID.search(heard):
         return line[0].decode("ascii", errors="replace").strip()
     blocks = (block for block in _KLIPPER.findall(heard) if block[2:4] == _klipper_crc(block[:2]))
@@ -43,9 +43,9 @@ def printer_words(heard: bytes) -> str:
 
 
 def require_no_printer(name: str, baud: int, patience_s: float) -> None:
-    """Refuse a port with a printer: listen after a reset, then send requests as a printer's host does.
+    """Check that no 3D printer is at a port: listen after a reset, then send a printer's requests.
 
-    The hello of a sensor of any design ends the test at once.
+    The test ends at once if a sensor of any design sends its hello (its identification).
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""The bytes between board and host, packed and unpacked.
+"""Packs and unpacks the messages between board and host.
 
 All numbers are little-endian. Every message ends in a CRC-32 (`zlib.crc32`) over all preceding bytes, including
 the magic. The high half of byte 2 is the protocol's version, and the low half is the kind or command.
@@ -14,7 +14,7 @@ the magic. The high half of byte 2 is the protocol's version, and the low half i
 Readings are ordered by state, and within a state by receiver, with the least significant bit first: reading k
 has bits k x bits to (k + 1) x bits - 1 of the byte string. Both counters wrap at 2^32.
 
-The module reads neither a port nor a clock. The firmware's `session.h` implements the same layout in C.
+The firmware's `session.h` has the same layout in C.
 """
 
 from __future__ import annotations
@@ -40,10 +40,10 @@ MAGIC = b"\xa5\x5a"
 COMMAND_MAGIC = b"\xc5\x5c"
 CRC_BYTES = 4
 WRAP = 2**32
-"""Number of values of the 32-bit counters: sequence number and device time start again from 0 after WRAP - 1."""
+"""Number of values of a 32-bit counter; sequence number and device time wrap from WRAP - 1 to 0."""
 
 STAMP = slice(3, 11)
-"""Bytes of a message of readings that hold sequence number and device time."""
+"""Range of bytes in a message of readings that contains sequence number and device time."""
 
 CountArray = NDArray[np.uint32]
 _HELLO = struct.Struct("<2sB7BHII32s")
@@ -53,7 +53,7 @@ _CRC = struct.Struct("<I")
 
 
 class Kind(IntEnum):
-    """Kinds of messages from the board, as the low half of byte 2."""
+    """Kinds of messages from the board; the value is the low half of byte 2 of a message."""
 
     READINGS = 0
     HELLO = 1
@@ -171,8 +171,8 @@ class SelfTest:
 class Unpacked:
     """Frames as arrays: sequence number (n,), device time (n,) [us], readings (n, state, receiver) [counts].
 
-    Sequence number and device time are as sent, so they wrap at 2^32. The last state of the readings is dark. Frames
-    with more dark states are brought to this form by `design.recordings.with_one_dark`.
+    Sequence number and device time are as sent, so they wrap at 2^32. The last state of the readings is dark. Where the
+    board sends dark states around each emitter's state, `design.recordings.with_one_dark` has converted the frames.
     """
 
     sequence: CountArray
@@ -209,7 +209,7 @@ MAX_BITS = 16
 
 
 def message_lengths(layout: FrameFormat) -> dict[int, int]:
-    """Length in bytes of each kind of message from the board, by its byte 2."""
+    """Length in bytes of each kind of message from the board; the key is byte 2 of the message."""
     lengths = {
         Kind.READINGS: layout.total_bytes,
         Kind.HELLO: HELLO_BYTES,
@@ -219,7 +219,7 @@ def message_lengths(layout: FrameFormat) -> dict[int, int]:
 
 
 def sealed(content: bytes) -> bytes:
-    """A message: its content followed by the content's CRC."""
+    """Message made of `content` and, at its end, the content's CRC-32."""
     return content + _CRC.pack(zlib.crc32(content))
 
 
@@ -235,7 +235,7 @@ def pack_frames(layout: FrameFormat, sequence: Any, device_us: Any, counts: Any)
     ----------
     layout : shape of the frames
     sequence, device_us : (n,) sequence numbers and device times [us]; both wrap at 2^32
-    counts : (n, state, receiver) readings in the states on the line, from 0 to full scale [counts]
+    counts : (n, state, receiver) readings in all states that are sent, from 0 to full scale [counts]
     """
     values = np.asarray(counts).reshape(-1, layout.readings)
     rows = np.zeros(len(values), _record_type(layout))
@@ -251,7 +251,7 @@ def pack_frames(layout: FrameFormat, sequence: Any, device_us: Any, counts: Any)
 
 
 def unpack_frames(layout: FrameFormat, frames: Iterable[bytes]) -> Unpacked:
-    """Arrays of the frames in complete messages of readings; the caller has already checked their CRC."""
+    """Arrays of the frames in messages of readings; the caller must have checked the CRCs."""
     rows = np.frombuffer(b"".join(frames), _record_type(layout))
     return Unpacked(
         sequence=rows["sequence"].astype(np.uint32),
@@ -261,7 +261,7 @@ def unpack_frames(layout: FrameFormat, frames: Iterable[bytes]) -> Unpacked:
 
 
 def pack_hello(hello: Hello) -> bytes:
-    """The message of a hello."""
+    """Message with the board's description of itself."""
     bits = hello.bits | (_DARK_AROUND_EACH if hello.dark == "each" else 0)
     head = (*hello.firmware, hello.board, hello.emitters, hello.receivers, bits)
     rest = hello.prescaler_exponent, hello.settle_us, hello.baud, hello.interval_us
@@ -270,7 +270,7 @@ def pack_hello(hello: Hello) -> bytes:
 
 
 def unpack_hello(message: bytes) -> Hello:
-    """The hello in a complete message."""
+    """The board's description of itself in a complete message."""
     _, _, *plain, digest = _HELLO.unpack_from(message)
     major, minor, board, emitters, receivers, bits, exponent, settle_us, baud, interval_us = plain
     return Hello(
@@ -289,7 +289,7 @@ def unpack_hello(message: bytes) -> Hello:
 
 
 def pack_self_test(found: SelfTest) -> bytes:
-    """The message of a self-test's result."""
+    """Message with a self-test's result."""
     numbers = found.reference_counts, found.late_frames, found.least_free_ram_bytes, found.config_crc
     return sealed(_SELF_TEST.pack(MAGIC, VERSION << 4 | Kind.SELF_TEST, *numbers))
 
@@ -301,7 +301,7 @@ def unpack_self_test(message: bytes) -> SelfTest:
 
 
 def pack_command(command: Command, argument: int = 0) -> bytes:
-    """The message of a command."""
+    """Message with a command to the board, and the command's argument."""
     return sealed(_COMMAND.pack(COMMAND_MAGIC, VERSION << 4 | command, argument))
 
 
@@ -325,7 +325,7 @@ def _record_type(layout: FrameFormat) -> np.dtype[np.void]:
 
 
 def _unpacked(layout: FrameFormat, packed: NDArray[np.uint8]) -> NDArray[np.uint16]:
-    """(n, emitter + 1, receiver) readings of (n, bytes) packed ones.
+    """Unpack (n, bytes) packed readings into (n, state, receiver) counts, with one dark state last.
 
     A reading has at most 16 bits, so it spans three bytes or fewer.
     """
@@ -342,7 +342,7 @@ def _unpacked(layout: FrameFormat, packed: NDArray[np.uint8]) -> NDArray[np.uint
 
 @cache
 def _places(layout: FrameFormat) -> tuple[IntArray, CountArray]:
-    """Index of each reading's first byte, and the number of low bits in it that belong to the previous reading.
+    """Index of each reading's first byte, and the number of low bits in that byte that belong to the previous reading.
 
     Both arrays are (readings,).
     """

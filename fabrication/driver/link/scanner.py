@@ -1,8 +1,8 @@
-"""Search for complete messages in a stream of bytes that may be damaged, cut, or begin in the middle of a message.
+"""Finds complete messages in a stream of bytes that may be damaged, cut, or begin in the middle of a message.
 
-A candidate begins with the two bytes of the magic and a known byte 2. It is a message if its CRC matches. Otherwise the
-search continues one byte further, so that a damaged message never removes a complete one after it. The bytes that are
-kept from one piece of the stream to the next are always shorter than one message.
+A message begins with two fixed bytes (the magic), and a byte for its kind. A run of bytes that begins so is a
+candidate. It is a message if its CRC matches. Otherwise the search continues one byte further, so that no complete
+message after a damaged one is lost. Less than one message is kept from one piece of the stream to the next.
 
 A false candidate delays the following bytes until its full length has arrived.
 """
@@ -14,7 +14,7 @@ from collections.abc import Mapping
 from fabrication.driver.link.protocol import MAGIC, is_whole
 
 Message = tuple[int, bytes]
-"""A message from the board: its byte 2, and all its bytes."""
+"""A message from the board: byte 2, which gives its kind, and all its bytes."""
 
 HEAD_BYTES = 3
 
@@ -24,7 +24,7 @@ class Scanner:
 
     Parameters
     ----------
-    lengths : length in bytes of each kind of message, by its byte 2
+    lengths : length in bytes of each kind of message; the key is byte 2 of the message
     magic : the two bytes with which a message begins
     """
 
@@ -33,17 +33,17 @@ class Scanner:
         self._magic = magic
         self._kept = b""
         self.damaged = 0
-        """Number of byte sequences so far that began like a message, but had a wrong CRC."""
+        """Number of byte sequences so far that began as a message but whose CRC did not match."""
         self.skipped_bytes = 0
-        """Number of bytes so far that belong to no complete message, except those of an unfinished one."""
+        """Number of bytes so far that belong to no message; bytes of a message still arriving are not counted."""
 
     @property
     def kept_bytes(self) -> int:
-        """Number of bytes of an unfinished message that wait for the rest of it."""
+        """Number of bytes received of a possible message whose end has not arrived."""
         return len(self._kept)
 
     def forget(self) -> None:
-        """Discard the bytes of an unfinished message, as after an interruption of the line."""
+        """Discard the bytes of an unfinished message, for example after an interruption of the line."""
         self.skipped_bytes += len(self._kept)
         self._kept = b""
 

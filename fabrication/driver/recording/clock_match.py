@@ -43,11 +43,11 @@ The part of the change that changed gains explain is subtracted first.
 LEAST_FRAMES = 5
 LEAST_NOISE_COUNTS = 0.5
 SHORTEST_S = 0.1
-"""Touches and pauses that are shorter are attributed to noise of single frames [s]."""
+"""Shortest touch, and shortest pause between touches [s]; shorter ones are attributed to noise of single frames."""
 
 LEAST_TOUCHES = 2
 WINDOW_S = 1.0
-"""Largest time between an edge of the signals and an edge of the log that may be the same event [s]."""
+"""Largest time between a touch's begin or end in the signals and the same event in the log [s]."""
 
 LEAST_SHARE = 0.8
 LARGEST_SPREAD_S = 0.15
@@ -66,7 +66,7 @@ class ClockMatch:
     offset_s : the recording's clock less the log's [s]
     spread_s : standard deviation of the lags of single edges, estimated robustly [s]
     share : fraction of the edges in the common time that have a partner [-]
-    edges : number of edges in the common time: the larger of the signals' and the log's
+    edges : number of edges in the common time, of the signals or of the log, whichever has more
     """
 
     offset_s: float
@@ -193,7 +193,7 @@ def match_at(signals: Touches, log: Touches, shift_s: float) -> ClockMatch:
 
 
 def require_in_step(signals: Touches, log: Touches) -> ClockMatch:
-    """Check that a log's touches match the recording's without a clock offset; return the match.
+    """Check that touches of log and recording match without a clock offset, and return the match.
 
     Raises
     ------
@@ -237,7 +237,7 @@ def _why_out_of_step(signals: Touches, log: Touches, found: ClockMatch) -> str:
 
 
 def _lasting(time_s: FloatArray, touched: Mask) -> Mask:
-    """Whether each frame is touched, (time,), after touches and pauses that are too short are removed."""
+    """Remove touches and pauses that are too short from `touched`, (time,): whether each frame is touched."""
     lasting = touched.copy()
     for wanted in (False, True):  # pauses first: a touch with a flickering edge is one touch
         edges = [0, *(np.flatnonzero(lasting[1:] != lasting[:-1]) + 1), len(lasting)]
@@ -264,7 +264,7 @@ def _nearest(seen: FloatArray, said: FloatArray) -> FloatArray:
 
 
 def _likely_shifts(signals: Touches, log: Touches) -> list[float]:
-    """Clock offsets at which touches in signals and log correlate best, the best first [s]."""
+    """Clock offsets at which the touches of signals and log correlate best, the best first [s]."""
     seen, said = signals.course(STEP_S), log.course(STEP_S)
     agreement = _agreement(seen, said)
     lag = np.arange(len(agreement)) - (len(said) - 1)
@@ -292,7 +292,7 @@ def _agreement(seen: FloatArray, said: FloatArray) -> FloatArray:
 
 
 def _sums(left: FloatArray, right: FloatArray) -> FloatArray:
-    """Sum of products of two series of 0 and 1 at every shift, by Fourier transform, rounded to whole numbers."""
+    """Sum of products of two series at every shift, by Fourier transform, rounded to whole numbers."""
     size = len(left) + len(right) - 1
     length = 1 << (size - 1).bit_length()
     product = np.fft.rfft(left, length) * np.conj(np.fft.rfft(right, length))

@@ -1,4 +1,6 @@
-"""A recording as netCDF, for `optopad compare` and learners (docs/reference/files.md). The export needs xarray."""
+"""Export of a recording as netCDF or CSV, for `optopad compare` and learners (docs/reference/files.md).
+
+netCDF needs xarray."""
 
 from __future__ import annotations
 
@@ -42,11 +44,12 @@ class Recorded:
     ----------
     config : driver configuration of the sensor
     counts : (time, state, receiver) readings [counts]
-    connection, sequence : (time,) number of the connection, from 1, and of the frame within the connection
+    connection : (time,) number of the connection, from 1
+    sequence : (time,) number of the frame within its connection
     device_s : (time,) the board's clock since its reset [s]
-    host_s : (time,) this machine's clock since 1970 [s]
+    host_s : (time,) host's clock since 1970 [s]
     labels : press of each frame; None if the recording contains no presses
-    lost : number of frames missing by the sequence numbers
+    lost : number of frames missing, by their sequence numbers
     doubled : number of frames that arrived twice; one of the two is kept
     stray_bytes : number of bytes in the file that belong to no complete record
     ended_cleanly : whether the recorder closed the file regularly
@@ -89,7 +92,7 @@ def read_recorded(file: Path, path: FingerPath | None = None) -> Recorded:
 
     Parameters
     ----------
-    path : presses over the board's clock; None takes the presses in the recording
+    path : presses over time by the board's clock; None takes the presses in the recording
 
     Raises
     ------
@@ -174,7 +177,7 @@ def _label(dataset: xr.Dataset, labels: PressLabels) -> None:
 
 
 def write_netcdf(recorded: Recorded, out: Path, name: str) -> None:
-    """Write frames as netCDF, completely or not at all.
+    """Write frames as netCDF, in a complete file or none.
 
     Parameters
     ----------
@@ -229,7 +232,7 @@ def write_csv(recorded: Recorded, out: Path, name: str) -> None:
 
 
 def can_export() -> bool:
-    """Whether this Python has the libraries for netCDF."""
+    """Whether the libraries for netCDF are installed."""
     from importlib.util import find_spec
 
     return all(find_spec(name) is not None for name in ("xarray", "h5netcdf"))
@@ -246,9 +249,9 @@ def _without_repeats(records: list[Record]) -> list[Record]:
 
 
 def _connections(records: list[Record], found: Unpacked) -> IntArray:
-    """Number of each frame's connection, (time,), from 1.
+    """Number of each frame's connection to the board, (time,), from 1.
 
-    The number rises at every hello between frames, and where the sequence number decreases.
+    The number rises at every hello (identification of the board), and where the sequence number decreases.
     """
     begins, number = np.zeros(len(found.sequence), dtype=bool), 0
     is_new = False
@@ -281,7 +284,7 @@ def _fits(record: Record, frame_bytes: int) -> bool:
 
 
 def _presses(records: list[Record], host_s: FloatArray) -> PressLabels | None:
-    """Press of each frame: the last one recorded before it, or none before the first press.
+    """Press of each frame: the last press recorded before it. Frames before the first press are untouched.
 
     Returns None if the recording contains no presses.
     """

@@ -1,8 +1,7 @@
-"""A stage's log joined to a recording: each frame gets the tip's position at its time, and its press number.
+"""Joins a stage's log to a recording: each frame gets the tip's position, the set and the press number from the log.
 
-A frame's time is its arrival on this machine, some 5 to 20 ms after the measurement. At 5 mm/s the tip moves up to 0.1
-mm in this time; stop the stage during frames if that matters. Frames whose position is not known are left out and
-counted.
+A frame's time is its arrival on the host, some 5 to 20 ms after the measurement. At 5 mm/s the tip moves up to 0.1 mm
+in this time; stop the stage during frames if that matters. Frames whose position is not known are left out and counted.
 """
 
 from __future__ import annotations
@@ -39,8 +38,8 @@ Over two blocks, a clock error of 0.5 % changes the delay by 20 ms.
 """
 
 Offset = float | Literal["auto"] | None
-"""Clock offset: this machine's clock less the log's [s]; `auto` to find it; None if both are one clock, which is
-checked."""
+"""Clock offset: the recording machine's clock less the log's [s]. `auto` finds the offset from the touches. None states
+that both use the same clock, which is checked."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -50,7 +49,7 @@ class JoinedLog:
     Attributes
     ----------
     recorded : the frames with a known position
-    offset_s : clock offset that was used, see `Offset` [s]
+    offset_s : clock offset that was used: the recording machine's clock less the log's [s]
     match : match of the touches in recording and log, near that offset
     left_out : number of frames without a known position
     """
@@ -62,7 +61,7 @@ class JoinedLog:
 
 
 def joined(recorded: Recorded, log: PositionLog, offset: Offset = None) -> JoinedLog:
-    """Give every frame the log's position at its time.
+    """Give every frame of a recording the tip's position in a stage's log at the frame's time.
 
     Raises
     ------
@@ -93,9 +92,9 @@ def joined(recorded: Recorded, log: PositionLog, offset: Offset = None) -> Joine
 
 
 def _measured_s(recorded: Recorded) -> FloatArray:
-    """This machine's time of each frame, (time,) [s].
+    """Arrival time of each frame by the host's clock, (time,) [s].
 
-    Frames that waited because this machine was busy get a time from the board's clock.
+    Frames that had to wait because the host was busy get a time from the board's clock.
     """
     late_s = np.zeros(len(recorded.host_s))
     for number in np.unique(recorded.connection):

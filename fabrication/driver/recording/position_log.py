@@ -1,15 +1,15 @@
-"""The log of any stage: the positions of its tip over time.
+"""Reads the log of any stage: the positions of its tip over time.
 
 The file is CSV with a heading; lines that start with # are remarks. Required are a time and the three coordinates:
 
     time_s               seconds since 1970, or of any other clock with a known or found offset (also _ms, _us, _ns, and
                          t for time); a counter of 32 bits may wrap around
-    time                 or ISO 8601 with its zone: 2026-05-04T14:03:07.250+02:00 (also timestamp)
+    time                 instead of time_s: ISO 8601 with its zone, 2026-05-04T14:03:07.250+02:00 (also timestamp)
     x_mm y_mm depth_mm   location in the cavity frame, depth positive into the pad (also _um, _m)
 
 Optional columns are `set` (name), `place` (whole number of the press within its set), `role` (train, test), `pattern`
-(grid, random) and `ambient` (yes, no). A row with an empty `set` or `place` belongs to no press, because the stage
-travels.
+(grid, random) and `ambient` (yes, no). A row with an empty `set` or `place` belongs to no press: the stage is moving
+between presses.
 """
 
 from __future__ import annotations
@@ -37,10 +37,10 @@ COUNTER_TICKS = 2.0**32
 YES, NO = {"yes", "true", "1"}, {"no", "false", "0"}
 
 LONGEST_GAP_S = 1.0
-"""Longest interval between rows for interpolating a moving tip's position [s]."""
+"""Longest interval between two rows over which a moving tip's position is interpolated [s]."""
 
 STILL_MM = 0.02
-"""Largest distance between rows at which the tip counts as not moving [mm]."""
+"""Largest distance between the positions in two successive rows at which the tip counts as not moving [mm]."""
 
 NOWHERE = -1
 NEEDED = (
@@ -50,15 +50,15 @@ NEEDED = (
 
 @dataclass(frozen=True, kw_only=True)
 class PositionLog:
-    """Positions of a stage's tip over time.
+    """Positions of a stage's tip over time, as read from its log.
 
     Attributes
     ----------
     file : name of the log's file
     time_s : (row,) rising times [s]
     press_mm : (row, 3) x, y, depth in the cavity frame [mm]
-    set_number : (row,) index of the set in `sets`; -1 for none; None if the log has no sets
-    place_number : (row,) number of the press within its set; -1 for none; None if the log has no such column
+    set_number : (row,) index of the row's set in `sets`, -1 without one; None if the log has no sets
+    place_number : (row,) number of the row's press within its set, -1 without one; None if the log has no such column
     sets : the sets of presses
     """
 
@@ -70,7 +70,7 @@ class PositionLog:
     sets: tuple[SetEntry, ...] = ()
 
     def labels_at(self, time_s: FloatArray) -> tuple[PressLabels, BoolArray]:
-        """Positions and set numbers at given times of the log's clock [s], and whether each is known, (time,).
+        """Positions and set numbers at given times (time,) of the log's clock [s], and whether each is known, (time,).
 
         Positions are interpolated linearly between rows. They are unknown outside the log, in a long gap in which the
         tip moved, and in rows that belong to no set.
@@ -220,7 +220,10 @@ def _sets(table: CsvTable) -> tuple[tuple[SetEntry, ...], IntArray | None]:
 
 
 def set_entry(where: str, row: dict[str, str]) -> SetEntry:
-    """The set of presses in a row of a table: `set`, with `role`, `pattern` and `ambient` if present."""
+    """Set of presses named in the column `set` of a row, with `role`, `pattern` and `ambient` if present.
+
+    `where` names file and row in errors.
+    """
     ambient = (row.get("ambient") or "yes").lower()
     if ambient not in YES | NO:
         raise InputError(f"{where}: ambient is {ambient!r}, needs yes or no")
@@ -243,7 +246,7 @@ def _places(table: CsvTable) -> IntArray | None:
 
 
 def whole_place(where: str, text: str) -> int:
-    """The number of a press, from 0; spreadsheets may write it as 3.0.
+    """Parse the number of a press, from 0; spreadsheets may write 3 as 3.0.
 
     Raises
     ------

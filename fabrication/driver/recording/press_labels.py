@@ -10,7 +10,7 @@ from design.recordings import SetEntry
 
 @dataclass(frozen=True, kw_only=True)
 class PressLabels:
-    """Press of each frame.
+    """Press of each frame of a recording.
 
     Attributes
     ----------

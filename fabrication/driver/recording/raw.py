@@ -1,11 +1,16 @@
-"""Recordings of the raw stream: files with every frame as it arrived over the line, with its CRC. A file contains
+"""Writes and reads recordings of the raw stream: every frame as it arrived over the line, with its CRC.
 
     one line of JSON, ended by a line feed:  kind of the file, and the complete driver configuration
     records:  B5 6B, kind u8, length u16, time of this machine f64 [s], content, CRC-32 over all of the record
 
-Kinds are 0 a frame, 1 a hello (a connection begins), 2 a press (x, y, depth f64 [mm], valid until the next press), 3
-the regular end (frames u64, lost u64). A truncated file keeps every complete record before the cut; a damaged record is
-skipped and counted.
+Kinds of records:
+
+- 0, a frame
+- 1, a hello: the board's identification, with which a connection begins
+- 2, a press: x, y, depth as f64 [mm], valid until the next press
+- 3, the regular end: numbers of frames and of lost frames, each u64.
+
+A truncated file keeps every complete record. A damaged record is skipped, and its bytes are counted.
 """
 
 from __future__ import annotations
@@ -38,7 +43,7 @@ NEEDED = f"a recording of `optopad driver record` ({SUFFIX})"
 MOST_BYTES = 8_000_000_000
 """Largest size of a recording that is read [bytes]."""
 FLUSH_S = 0.25
-"""Interval at which records are written to the system [s]; the requirement is half a second."""
+"""Interval at which records are handed to the operating system [s]; the required maximum is 0.5 s."""
 
 MAGIC = b"\xb5\x6b"
 _HEAD = struct.Struct("<2sBHd")
@@ -84,9 +89,9 @@ def packed_record(kind: RecordKind, host_s: float, content: bytes) -> bytes:
 
 
 class Recorder:
-    """Writes a recording; a context manager.
+    """Writes a recording of the raw stream; a context manager.
 
-    A separate thread writes the records to the system, so that a stalled disk does not delay the reading of the port.
+    A separate thread writes the records to the disk, so that a stalled disk does not delay the reading of the port.
     The methods may be called from several threads.
 
     Parameters
@@ -99,7 +104,7 @@ class Recorder:
     ----------
     failure : error that stopped the recording; None while it continues
     frames : number of frames recorded so far
-    lost : number of frames missing so far by the sequence numbers
+    lost : number of frames missing so far, by their sequence numbers
 
     Raises
     ------
@@ -153,11 +158,11 @@ class Recorder:
                 self.frames += 1
 
     def hello(self, message: bytes, host_s: float) -> None:
-        """Append a board's hello, with which a connection begins."""
+        """Append a board's hello (its identification), with which a connection begins."""
         self._append(packed_record(RecordKind.HELLO, host_s, message))
 
     def press(self, x_mm: float, y_mm: float, depth_mm: float, host_s: float | None = None) -> None:
-        """Record the press that is valid from now on [mm]; depth 0 or less is untouched.
+        """Record the press that is valid from `host_s` on, or from now on if None; depth 0 or less is untouched.
 
         Raises
         ------
@@ -238,7 +243,7 @@ def read_records(file: Path) -> tuple[dict[str, Any], DriverConfig, list[Record]
 
 
 def press_of(record: Record) -> Press:
-    """x, y and depth in a record of the kind PRESS [mm]."""
+    """Press that a record of the kind PRESS contains: x, y, depth [mm]."""
     x_mm, y_mm, depth_mm = _PRESS.unpack(record.content)
     return x_mm, y_mm, depth_mm
 
@@ -260,7 +265,7 @@ def _header(file: Path, content: bytes) -> tuple[dict[str, Any], int]:
 
 
 def _records(content: bytes, start: int) -> Iterator[Record]:
-    """Yield every complete record in a recording's bytes, and skip damaged ones."""
+    """Every complete record in a file's bytes from `start`; the search skips damaged records byte by byte."""
     at = content.find(MAGIC, start)
     while 0 <= at <= len(content) - _HEAD.size:
         _, kind, length, host_s = _HEAD.unpack_from(content, at)
@@ -282,7 +287,7 @@ def _new_file(file: Path) -> IO[bytes]:
 
 
 def _write_all(stream: IO[bytes], records: list[bytes]) -> None:
-    """Write records in one call; if that fails, remove the written part of the last one."""
+    """Write records in one call; if that fails, remove an incomplete record at the end of the file."""
     whole, written = b"".join(records), 0
     try:
         while written < len(whole):

@@ -1,4 +1,4 @@
-"""Faults of a unit, which the simulated board can show and `driver check` must find.
+"""Faults of a unit: the simulated board can show them, and `optopad driver check` must find them.
 
 swap:E1,E2        wires of two emitters exchanged; swap:R1,R2 wires of two receivers
 dead:E3, dead:R4  a part without any signal
@@ -24,13 +24,13 @@ KINDS = ("swap", "dead", "saturated", "dim")
 
 @dataclass(frozen=True, kw_only=True)
 class Faults:
-    """Effect of the faults on the signals.
+    """Effect of a simulated unit's faults on its signals.
 
     Attributes
     ----------
     emitter_of_pin : (emitter,) index of the emitter that lights in state i
     receiver_of_channel : (receiver,) index of the receiver that channel j reads
-    emitter_share, receiver_share : (n,) remaining share of each part's signal [-]
+    emitter_share, receiver_share : (n,) remaining share of a part's signal [-]
     is_saturated : (receiver,) whether channel j stays at full scale
     """
 
@@ -41,8 +41,10 @@ class Faults:
     is_saturated: BoolArray
 
     def applied(self, signals: FloatArray) -> FloatArray:
-        """Signals of the faulty unit, (..., state, channel), from those without faults, (..., emitter, receiver)
-        [counts]."""
+        """Signals of the faulty unit, (..., state, channel), for `signals` without faults, (..., emitter, receiver).
+
+        Both are in counts.
+        """
         left = signals * self.emitter_share[:, None] * self.receiver_share
         found: FloatArray = left[..., self.emitter_of_pin, :][..., self.receiver_of_channel]
         return found
@@ -57,7 +59,7 @@ class _Draft:
 
 
 def faults_of(config: DriverConfig, texts: Iterable[str] = ()) -> Faults:
-    """Faults from texts such as `swap:E1,E2`.
+    """Parse faults from texts such as `swap:E1,E2` (kinds: swap, dead, saturated, dim).
 
     Raises
     ------

@@ -1,6 +1,6 @@
-"""A moving finger: presses along a path in time, linear between its points, repeated forever.
+"""A moving finger for the simulated board: presses along a path in time, repeated forever.
 
-The file is CSV with the heading `t_s,x_mm,y_mm,depth_mm` and times rising from 0.
+A path is linear between its points. Its file is CSV with the heading `t_s,x_mm,y_mm,depth_mm` and times rising from 0.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ class FingerPath:
 
     Attributes
     ----------
-    time_s : (n,) times rising from 0; the last is the period [s]
+    time_s : (n,) times rising from 0; the last one is the period after which the path repeats [s]
     press_mm : (n, 3) x, y, depth in the cavity frame [mm]
     """
 
@@ -59,9 +59,9 @@ NO_FINGER = FingerPath(time_s=np.zeros(1), press_mm=np.array([[0.0, 0.0, HOVER_M
 
 
 def demo_path(workspace: WorkspaceLimits, rest_s: float = 2.0) -> FingerPath:
-    """A path for demonstrations: rest, full-depth presses at the middle and near the corners, a stroke across the pad.
+    """A path for demonstrations: rest, deepest presses at the middle and near the corners, a stroke across the pad.
 
-    The path takes 14 s and the rest.
+    The path takes 14 s plus `rest_s`.
 
     Parameters
     ----------
@@ -87,7 +87,7 @@ def demo_path(workspace: WorkspaceLimits, rest_s: float = 2.0) -> FingerPath:
 
 
 def read_path(file: Path) -> FingerPath:
-    """A path from a CSV file.
+    """Read the path of a finger from a CSV file.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""A simulated device on a port: a pseudo-terminal, or a socket of this machine where there are none (Windows).
+"""A simulated device on a port: a pseudo-terminal, or a local socket on Windows, which has no pseudo-terminals.
 
 Opening the port resets the board, as on an Arduino. A host that does not read loses bytes, as on a serial line.
 """
@@ -27,24 +27,24 @@ QUEUE_BYTES = 16384
 
 
 class Device(Protocol):
-    """Interface of a device simulated on a port, which takes bytes and times [s] and returns bytes."""
+    """Interface of a simulated device on a port; its methods take bytes and times [s] and return bytes."""
 
     @property
     def due_s(self) -> float:
-        """Time of the next message that the device sends without a request [s]."""
+        """Time of the next message that the device sends by itself [s]."""
 
     def reset(self, now_s: float) -> None:
-        """Restart, because the port was opened."""
+        """Restart the device at time `now_s` [s], because the port was opened."""
 
     def spoken(self, now_s: float) -> bytes:
-        """Bytes that the device sends without a request at this time."""
+        """Bytes that the device sends by itself at time `now_s` [s]; may be empty."""
 
     def heard(self, piece: bytes, now_s: float) -> bytes:
-        """Process the host's bytes and return the reply."""
+        """Process the host's bytes at time `now_s` [s] and return the reply."""
 
 
 def queued(unsent: bytes, sent: bytes) -> bytes:
-    """Bytes to send next: the rest of earlier messages, and a new message if the rest has at most `QUEUE_BYTES`."""
+    """Bytes to send next: those not sent yet, followed by a new message unless more than 16 KiB already wait."""
     return unsent if len(unsent) > QUEUE_BYTES else unsent + sent
 
 
@@ -64,11 +64,11 @@ class Wire(Protocol):
 
 
 class PtyWire:
-    """A pseudo-terminal; the host opens its `name`.
+    """The device's end of a pseudo-terminal; the host opens its `name`.
 
     Parameters
     ----------
-    link : symbolic link to the pseudo-terminal, whose name stays the same after unplugging; None makes no link
+    link : symbolic link that gives the pseudo-terminal a fixed name; None makes no link
     """
 
     def __init__(self, link: Path | None = None) -> None:
@@ -99,7 +99,10 @@ class PtyWire:
         return bool(piece)
 
     def exchange(self, sent: bytes, wait_s: float) -> bytes:
-        """Send what the system's buffer takes, then wait for the host; `queued` holds the rest for the next call."""
+        """Send what the system's buffer accepts, wait up to `wait_s` [s], and return the host's bytes.
+
+        The rest is sent in the next call.
+        """
         self._unsent = queued(self._unsent, sent)
         if self._unsent:
             with contextlib.suppress(OSError):
@@ -114,7 +117,7 @@ class PtyWire:
             return b""
 
     def close(self) -> None:
-        """Unplug the board. The link is removed first, because the system may reuse the port's name at once."""
+        """Unplug the board. The symbolic link is removed first, because the system may reuse the port's name."""
         if (
             self._link is not None
             and self._link.is_symlink()
@@ -151,7 +154,10 @@ class SocketWire:
         return True
 
     def exchange(self, sent: bytes, wait_s: float) -> bytes:
-        """Send the bytes that the host accepts, then wait for its bytes; `queued` holds the rest for the next call."""
+        """Send the bytes that the host accepts, wait up to `wait_s` [s], and return the host's bytes.
+
+        The rest is sent in the next call.
+        """
         host = self._host
         if host is None:
             return b""
@@ -246,7 +252,7 @@ class FakePort:
 
 
 def require_free(link: Path, option: str = "--link") -> None:
-    """Refuse a name for a link that is in use; a broken link of an ended board may be replaced.
+    """Check that a name is free for the link to a simulated port. A broken link that an ended run left may be replaced.
 
     Raises
     ------

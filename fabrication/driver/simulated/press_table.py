@@ -1,8 +1,8 @@
-"""Signals of a pad under presses, in a table over locations and depths; they are the input of the simulated board.
+"""Table of a pad's signals over location and depth of a press: the input of the simulated board.
 
-The table is interpolated linearly in x, y and depth. Presses beyond its last location or depth take the nearest values,
-and depth 0 or less is the untouched pad. Real signals are not linear over depth steps of 0.2 mm, so the table serves
-tests of software, not the judgement of a layout.
+The table is interpolated linearly in x, y and depth. Presses outside the table's grid take the nearest values, and
+depth 0 or less is the untouched pad. Real signals are not linear over depth steps of 0.2 mm, so the table serves to
+test software, not to judge a layout.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
 MOST_BYTES = 500_000_000
-"""Largest size of the unpacked arrays [bytes]; 6,000 states of 1,024 pairs need 50 MB."""
+"""Largest size of the unpacked arrays of a signal file [bytes]; 6,000 presses with 1,024 pairs need 50 MB."""
 SAME_MM = 1e-6
 """Tolerance within which two coordinates of the grid are equal [mm]."""
 
@@ -33,7 +33,8 @@ class PressTable:
 
     Attributes
     ----------
-    x_mm, y_mm, depth_mm : (nx,), (ny,), (nd,) rising coordinates of the grid [mm]; the first depth is 0
+    x_mm, y_mm, depth_mm : (nx,), (ny,), (nd,) rising coordinates of the grid in the cavity frame [mm]; the first depth
+        is 0
     counts : (nx, ny, nd, emitter, receiver) signals without ambient light, not clipped [counts]
     """
 
@@ -71,7 +72,7 @@ class PressTable:
 
 
 def _neighbours(line: FloatArray, values: FloatArray) -> list[tuple[NDArray[np.intp], FloatArray]]:
-    """Indices of the grid coordinates below and above each value, each with its weight in linear interpolation."""
+    """Indices of the coordinates in `line` below and above each value, and their weights for linear interpolation."""
     place = np.interp(values, line, np.arange(len(line)))
     low = np.minimum(place.astype(np.intp), max(len(line) - 2, 0))
     share = place - low
@@ -79,7 +80,7 @@ def _neighbours(line: FloatArray, values: FloatArray) -> list[tuple[NDArray[np.i
 
 
 def untouched_table(config: DriverConfig) -> PressTable:
-    """A table that contains only the untouched pad's simulated signals, from a driver configuration.
+    """Table with only the untouched pad's signals, as a driver configuration contains them.
 
     Raises
     ------
@@ -96,13 +97,13 @@ def untouched_table(config: DriverConfig) -> PressTable:
 
 
 def table_of(presses: FloatArray, counts: FloatArray, *, is_whole: bool = True) -> PressTable:
-    """A table from presses that form a full grid, in any order.
+    """Build a table from presses that form a full grid, in any order.
 
     Parameters
     ----------
-    presses : (state, 3) x, y, depth; the least depth must be 0 [mm]
+    presses : (state, 3) x, y, depth of each press [mm]; the least depth must be 0
     counts : (state, emitter, receiver) signals [counts]
-    is_whole : whether every location of the grid is present; if not, missing locations get the nearest one's signals
+    is_whole : True requires every location of the grid; with False, a missing location gets the signals of the nearest
 
     Raises
     ------
@@ -126,7 +127,7 @@ def table_of(presses: FloatArray, counts: FloatArray, *, is_whole: bool = True) 
 
 
 def _squared(presses: FloatArray, counts: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Presses and signals on a full rectangular grid; missing locations get the nearest one's signals."""
+    """Presses and signals on a full rectangular grid; a missing location gets the signals of the nearest one."""
     there = np.unique(presses[:, :2], axis=0)
     every = np.array([(x, y) for x in np.unique(presses[:, 0]) for y in np.unique(presses[:, 1])])
     absent = [place for place in every if not (np.abs(there - place).max(axis=1) < SAME_MM).any()]
@@ -140,7 +141,9 @@ def _squared(presses: FloatArray, counts: FloatArray) -> tuple[FloatArray, Float
 
 
 def table_from_signals(file: Path, config: DriverConfig) -> PressTable:
-    """The table of a bundle's `sims/signals.nc`, with the gains of its driver configuration; needs xarray.
+    """Table of the simulated signals in `file` (a bundle's `sims/signals.nc`), with the configuration's gains.
+
+    Needs xarray.
 
     Raises
     ------

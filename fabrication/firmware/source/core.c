@@ -3,9 +3,9 @@
 
    The next conversion is started before the reading of the last one is packed, so packing and checksum cost
    no time. Interrupts send the buffer that is not being filled. A state is read no sooner than
-   SETTLE_US after its emitter was switched. Emitters are switched between conversions, so that none sees the step of
-   the supply; with SWITCH_EARLY they are switched during a state's last conversion, once its input is held.
-   The messages are in session.h. */
+   SETTLE_US after its emitter was switched. Emitters are switched between conversions, so that the step of the supply
+   disturbs no conversion. With SWITCH_EARLY they are switched during a state's last conversion, after the converter has
+   sampled its input. The messages are in session.h. */
 #pragma GCC optimize("O2")
 
 #include "config.h"
@@ -24,9 +24,9 @@
 #error "readings are packed for a converter of 10 bits"
 #endif
 
-#define REFERENCE_US 2000 /* the reference and its weak drive of the input have settled long before */
+#define REFERENCE_US 2000 /* much longer than the reference and the input, which it drives weakly, take to settle */
 #define SETTLE_TICKS (SETTLE_US * TICKS_PER_US + 1)
-/* The input is held 1.5 clocks of the converter after a wait of at most one. */
+/* The converter samples its input 1.5 of its clocks after it has begun; it begins at most one clock late. */
 #define HOLD_TICKS ((3UL << PRESCALER_EXPONENT) / 8 + 1)
 #define FRESH_RAM 0xa7
 
@@ -37,7 +37,7 @@ typedef struct {
     uint8_t mask;
 } emitter_pin;
 
-/* A change of light, looked up in advance. */
+/* A change from one emitter to the next, whose registers are looked up in advance. */
 typedef struct {
     volatile uint8_t *off_port, *on_port;
     uint8_t off_mask, on_mask;
@@ -85,8 +85,8 @@ static void pulse(enum shift_line line) {
     *shift_lines[line].port &= ~shift_lines[line].mask;
 }
 
-/* A single bit moves along the chain and out of it; any other change to darkness fills the chain with zeros, and any
-   other change to an emitter shifts the bit in again. */
+/* A single set bit moves along the chain of shift registers, and at the end out of it. Any other change to darkness
+   fills the chain with zeros, and any other change to an emitter shifts the bit in again. */
 static void shift_to(const emitter_pin *next) {
     const emitter_pin *data = &shift_lines[DATA];
     bool moves = next == lit + 1;
@@ -119,7 +119,7 @@ static inline void select_input(uint8_t mux) {
 #endif
 }
 
-/* Receivers of one address are consecutive: a new address waits for the multiplexers. */
+/* Receivers with the same address are consecutive. After a change of address, the multiplexers need time to settle. */
 static inline void select_receiver(uint8_t receiver) {
     select_input(channel_mux[receiver]);
 #if ADDRESS_BITS
@@ -148,14 +148,15 @@ static inline void wait_for_conversion(void) {
     while (ADCSRA & _BV(ADSC)) {}
 }
 
-/* Sum of all readings of a value but the last, which is left in progress, plus half a value for rounding. */
+/* Sum of the readings for one mean value, plus half of AVERAGES for rounding. The last conversion is left in progress,
+   and its reading is not in the sum. */
 static inline uint32_t most_of_value(void) {
     uint32_t sum = AVERAGES / 2;
     for (uint16_t n = 1; n < AVERAGES; n++) {
         wait_for_conversion();
         sum += ADC;
         start_conversion();
-        clock_us(); /* counts the clock's overflows, one in 32 ms */
+        clock_us(); /* counts the clock's overflows, one every 32 ms */
     }
     return sum;
 }
@@ -188,7 +189,7 @@ static void drop_frame(void) {
 
 /* ---- a frame */
 
-/* Ten bits, the least significant first, after the bits held so far. */
+/* Appends ten bits to the packed readings, the least significant first. */
 static inline __attribute__((always_inline)) void pack_reading(packer *frame, uint16_t reading) {
     switch (frame->phase++) {
     case 0:
@@ -210,7 +211,7 @@ static inline __attribute__((always_inline)) void pack_reading(packer *frame, ui
     }
 }
 
-/* Reads every state. When it runs freely, the first conversion of the next frame is left in progress. */
+/* Reads every state. If frames follow without a pause, the first conversion of the next frame is left in progress. */
 static void read_frame(void) {
     packer frame = {0};
     const emitter_pin *next_lit = FIRST;
@@ -257,7 +258,7 @@ static void read_frame(void) {
 static uint16_t reference_reading(void) {
     uint32_t since_us = clock_us();
     uint16_t reading;
-    if (FULL_SCALE_BITS != _BV(REFS0)) return 0; /* the reference itself is full scale */
+    if (FULL_SCALE_BITS != _BV(REFS0)) return 0; /* the reference is full scale, so it cannot be measured */
     ADCSRB = 0;
     ADMUX = _BV(REFS0) | REFERENCE_MUX;
     do {

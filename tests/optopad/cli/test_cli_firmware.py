@@ -359,7 +359,7 @@ def test_only_drives_of_the_boot_drives_file_system_are_looked_at(tmp_path):
     mounts = tmp_path / "mounts"
     mounts.write_text(
         "/dev/sda1 / ext4 rw 0 0\n"
-        "server:/export /mnt/far nfs rw 0 0\n"
+        "server:/export /net/far nfs rw 0 0\n"
         "/dev/sdb1 /media/a\\040user/RPI-RP2 vfat rw 0 0\n"
     )
     assert mounted_drives(mounts) == [Path("/media/a user/RPI-RP2")]
