@@ -245,7 +245,7 @@ class SurfaceEntry:
 class AmbientRule:
     """Correction of ambient light: the readings of the dark state `subtract_state` are subtracted from the others.
 
-    If `subtract_state` is None, the mean of the dark states around each emitter's state is subtracted from its readings.
+    If `subtract_state` is None, the mean of the dark states around each emitter is subtracted from its readings.
     """
 
     subtract_state: int | None = None
