@@ -451,7 +451,8 @@ def fake(
     source = driver_source(config, set_, bundles)
     faults = faults_of(source.config, fault or [])
     with progress(quiet=as_json) as step:
-        said, table = press_table(source, seed=seed, on_step=step)
+        is_still = still and stage_link is None
+        said, table = press_table(source, is_still=is_still, seed=seed, on_step=step)
     printer = None if stage_link is None else _printer(said, table, path, out, still)
     finger: Finger = TipFinger(printer) if printer else _path(said, table, path, still, out)
     board = FakeBoard(said, table, finger, faults=faults, seed=seed)
