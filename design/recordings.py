@@ -9,11 +9,13 @@ from __future__ import annotations
 import json
 from collections.abc import Iterable
 from dataclasses import asdict, dataclass
+from functools import cache
 from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from design.arrays import IntArray
 from design.errors import InputError
 
 OFF = "off"
@@ -65,38 +67,67 @@ def sets_json(sets: Iterable[SetEntry]) -> str:
     return json.dumps([asdict(entry) for entry in sets])
 
 
+@cache
 def lit_emitters(emitter_count: int, dark: str = "frame") -> tuple[int | None, ...]:
     """Index of the lit emitter in each state of a frame, None in a dark state.
 
     Parameters
     ----------
-    dark : ``frame``: one dark state at the end; ``each``: one after each emitter's state
+    dark : ``frame``: one dark state at the end; ``each``: one before and one after each emitter's state
     """
-    after = () if dark == "frame" else (None,)
-    last = (None,) if dark == "frame" else ()
-    return (*(state for number in range(emitter_count) for state in (number, *after)), *last)
+    between = () if dark == "frame" else (None,)
+    return (*(state for number in range(emitter_count) for state in (*between, number)), None)
 
 
-def with_one_dark(counts: NDArray[Number], full_scale: float) -> NDArray[Number]:
-    """Readings with one dark state, from readings with a dark state after each emitter's.
-
-    Every emitter's row is reduced by the dark row after it, and raised by the largest dark reading of the frame. So
-    `signals_of` gives the difference to the emitter's own dark state, and no reading is below 0. A row is at full scale
-    where one of its readings was, or where the sum exceeds it.
+@cache
+def nearest_dark_states(states: tuple[int | None, ...]) -> IntArray:
+    """Dark states nearest to each emitter's state: two equally near ones, or the nearest one twice.
 
     Parameters
     ----------
-    counts : (..., 2 x emitter, receiver) readings in a signed number type: E1, dark, E2, dark, ... [counts]
+    states : emitter that is lit in each state of a frame, None in a dark state; one or more are dark
+
+    Returns
+    -------
+    (emitter, 2) indices of states, the earlier one first; read-only
+    """
+    dark = np.array([state for state, emitter in enumerate(states) if emitter is None])
+    found = []
+    for state, emitter in enumerate(states):
+        if emitter is not None:
+            apart = np.abs(dark - state)
+            found.append(dark[apart == apart.min()][[0, -1]])
+    rows = np.array(found, dtype=np.int64).reshape(-1, 2)
+    rows.flags.writeable = False
+    return rows
+
+
+def with_one_dark(
+    counts: NDArray[Number], states: tuple[int | None, ...], full_scale: float
+) -> NDArray[np.float64]:
+    """Readings of a frame of any states as readings of the emitters' states and one dark state, not rounded.
+
+    Each emitter's reading is reduced by the mean of its nearest dark readings, and raised by the largest dark reading
+    of its receiver. So `signals_of` gives the difference to the nearest dark readings, and no reading is below 0.
+    A reading stays at full scale if it was there, and a sum above full scale becomes full scale. The readings of a
+    frame with one dark state, the last, remain as they are.
+
+    Parameters
+    ----------
+    counts : (..., state, receiver) readings [counts]
+    states : emitter that is lit in each state, None in a dark state
     full_scale : largest reading [counts]
 
     Returns
     -------
-    (..., emitter + 1, receiver) readings in the same number type; the last row has the largest dark readings [counts]
+    (..., emitter + 1, receiver) readings; the last row has each receiver's largest dark reading [counts]
     """
-    lit, dark = counts[..., 0::2, :], counts[..., 1::2, :]
-    common = dark.max(axis=-2, keepdims=True)
+    read = counts.astype(np.float64)
+    lit = read[..., [emitter is not None for emitter in states], :]
+    common = read[..., [emitter is None for emitter in states], :].max(axis=-2, keepdims=True)
+    dark = read[..., nearest_dark_states(states), :].mean(axis=-2)
     moved = np.where(lit >= full_scale, full_scale, np.minimum(lit - dark + common, full_scale))
-    return np.concatenate([moved.astype(counts.dtype), common], axis=-2)
+    return np.concatenate([moved, common], axis=-2)
 
 
 def signals_of(counts: NDArray[Number]) -> NDArray[Number]:

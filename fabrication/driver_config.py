@@ -57,7 +57,7 @@ TABLE_COMMENTS = {
     "timing": "sum of all states' switching, settling and conversion times and of the sending",
     "workspace": "press centres that the verdict covers, seen from above; outline disc: within the four sides",
     "surface": "the untouched top, by its highest point; a press moves against its normal",
-    "ambient": "subtract this state's readings from all others; absent: from each emitter's, those of the next state",
+    "ambient": "subtract_state: dark state to subtract from all others; absent: subtract the mean of both neighbours",
     "gain": "counts if one receiver received an emitter's total power (median; each); absent if not simulated",
     "states": "in order: the emitter that is lit alone; empty: all off",
     "emitters": "active_mm: emitting area along the wall and upward; normal points into the cavity",
@@ -212,10 +212,10 @@ def _frame(design: SensorDesign, emitter_count: int, receiver_count: int) -> Fra
 
 
 def _timing(design: SensorDesign, board: Board, emitter_count: int, receiver_count: int) -> TimingBudget:
-    use, driver = design.board, timing.driver_of(design)
+    use, driver = design.board, timing.driver_of(design) or timing.shift_register_of(design)
     sent = timing.frame_bytes(emitter_count, receiver_count, timing.adc_bits(design), use.dark)
     frame_ms = timing.design_frame_time_ms(design, emitter_count, receiver_count, board, use)
-    switch_ms = timing.switch_time_ms(driver, emitter_count)
+    switch_ms = timing.switch_time_ms(driver, emitter_count, use.dark)
     return TimingBudget(
         conversion_us=timing.reading_time_ms(board, use, timing.converter_of(design)) * timing.US_PER_MS,
         settle_us=use.settle_us,

@@ -245,7 +245,7 @@ class SurfaceEntry:
 class AmbientRule:
     """Correction of ambient light: the readings of the dark state `subtract_state` are subtracted from the others.
 
-    If `subtract_state` is None, each emitter's readings are corrected with the dark state that follows them.
+    If `subtract_state` is None, the mean of the dark states around each emitter is subtracted from its readings.
     """
 
     subtract_state: int | None = None
@@ -387,7 +387,8 @@ def _check_consistent(config: DriverConfig, where: str) -> None:
 def _claims(config: DriverConfig) -> dict[str, bool]:
     frame, lit = config.frame, [emitter.name for emitter in config.emitters]
     names = lit + [receiver.name for receiver in config.receivers]
-    has_one_dark = config.ambient.subtract_state is not None
+    between = () if config.ambient.subtract_state is not None else ("",)
+    states = [*(name for emitter in lit for name in (*between, emitter)), ""]
     head = frame.magic_bytes + frame.version_bytes + frame.sequence_bytes + frame.time_bytes
     return {
         "design must be a file's name: letters, digits, dots, dashes": bool(
@@ -397,12 +398,12 @@ def _claims(config: DriverConfig) -> dict[str, bool]:
             text.isprintable() for text in (*names, *(receiver.channel for receiver in config.receivers))
         ),
         "states must be numbered from 0": [s.number for s in config.states] == list(range(frame.states)),
-        "each emitter must be lit in turn, with a dark state at the end or after each": [
+        "each emitter must be lit in turn, with a dark state at the end or before and after each": [
             s.emitter for s in config.states
         ]
-        == ([*lit, ""] if has_one_dark else [name for one in lit for name in (one, "")]),
+        == states,
         "emitters must be in the order of states": [e.state for e in config.emitters]
-        == list(range(0, len(lit) * (1 if has_one_dark else 2), 1 if has_one_dark else 2)),
+        == [state for state, emitter in enumerate(states) if emitter],
         "receivers must be in the order of columns": [r.column for r in config.receivers]
         == list(range(frame.receivers)),
         "names must be unique": len(set(names)) == len(names),

@@ -8,10 +8,12 @@ boards without the Arduino IDE, and the program's size is reported.
 from __future__ import annotations
 
 import os
+import re
 import shutil
+import string
 import struct
 import subprocess
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
@@ -149,27 +151,47 @@ UF2_MAGIC = 0x0A324655, 0x9E5D5157, 0x0AB16F30
 """First, second and last number of each block of a UF2 file (Microsoft's specification of UF2)."""
 UF2_HAS_FAMILY = 0x2000
 INFO_FILE = "INFO_UF2.TXT"
-BOOT_MODE = "hold the board's BOOTSEL button while you plug it in; it then appears as a drive"
+BOARD_ID = "Board-ID:"
+BOOT_MODE = "hold the board's BOOTSEL button while you plug it in, and mount the drive that then appears"
 
 
-def uf2_families(file: Path) -> set[int]:
-    """Identifiers of chip families for which a UF2 file is made.
+def require_uf2(chip: ArduinoProgram, file: Path) -> None:
+    """Refuse a file that is no complete UF2 file for a board.
+
+    Files of the RP2350 begin with a block of another family, which its boot loader ignores, so only the blocks of the
+    board's own families are counted.
 
     Raises
     ------
-    InputError : the file does not exist, or does not consist of complete UF2 blocks.
+    InputError : the file does not exist, has other bytes than blocks of UF2, is for other boards, or lacks blocks.
     """
+    assert chip.boot_drive is not None, "the caller knows that the board has one"
     try:
         content = file.read_bytes()
     except OSError as err:
         raise InputError(f"{file}: {err.strerror}; name a .uf2 file") from None
-    whole = bool(content) and len(content) % UF2_BLOCK.size == 0
-    blocks = [UF2_BLOCK.unpack_from(content, at) for at in range(0, len(content), UF2_BLOCK.size) if whole]
-    if not whole or any((one[0], one[1], one[-1]) != UF2_MAGIC for one in blocks):
+    is_whole = bool(content) and len(content) % UF2_BLOCK.size == 0
+    blocks = list(UF2_BLOCK.iter_unpack(content)) if is_whole else []
+    if not is_whole or any((block[0], block[1], block[-1]) != UF2_MAGIC for block in blocks):
         raise InputError(
             f"{file}: not a UF2 file; Sketch > Export Compiled Binary of the Arduino IDE writes one"
         )
-    return {one[7] for one in blocks if one[2] & UF2_HAS_FAMILY}
+    takes = chip.boot_drive.families
+    numbered = {(block[7], block[6], block[5]) for block in blocks if block[2] & UF2_HAS_FAMILY}
+    own = sorted(one for one in numbered if one[0] in takes)
+    if not own:
+        families = {family for family, _, _ in numbered}
+        raise InputError(
+            f"{file}: compiled for {_listed(families) or 'no family'}; the board {chip.boot_drive.board_id} takes "
+            f"{_listed(takes)}; compile the sketch for {chip.fqbn}"
+        )
+    family, total, _ = own[0]
+    if own != [(family, total, number) for number in range(len(own))] or total != len(own):
+        raise InputError(f"{file}: {len(own)} of its {total} blocks are there; export or copy it again")
+
+
+def _listed(families: Iterable[int]) -> str:
+    return ", ".join(f"0x{family:08x}" for family in sorted(families))
 
 
 def boot_drive(chip: ArduinoProgram, drives: Sequence[Path]) -> Path:
@@ -184,47 +206,78 @@ def boot_drive(chip: ArduinoProgram, drives: Sequence[Path]) -> Path:
     DeviceError : no drive or several drives match.
     """
     assert chip.boot_drive is not None, "the caller knows that the board has one"
-    wanted = f"Board-ID: {chip.boot_drive.board_id}"
-    found: list[Path] = []
-    other: list[Path] = []
-    for drive in drives:
-        try:
-            lines = (drive / INFO_FILE).read_text(encoding="ascii", errors="replace").splitlines()
-        except OSError:
-            continue
-        (found if wanted in map(str.strip, lines) else other).append(drive)
-    if len(found) != 1:
-        seen = (
-            f"{len(found)} of them: {', '.join(map(str, found))}; unplug all but one" if found else BOOT_MODE
+    board_ids = {drive: board_id for drive in drives if (board_id := _board_id(drive)) is not None}
+    wanted = chip.boot_drive.board_id
+    found = [drive for drive, board_id in board_ids.items() if board_id == wanted]
+    if len(found) == 1:
+        return found[0]
+    if found:
+        listed = ", ".join(map(str, found))
+        raise DeviceError(
+            f"{len(found)} drives of boards {wanted}: {listed}; unplug all but one, or name it: --port"
         )
-        also = f" (other boards: {', '.join(map(str, other))})" if other and not found else ""
-        raise DeviceError(f"needs one drive of a {chip.boot_drive.board_id} board{also}: {seen}")
-    return found[0]
+    others = [
+        f"{drive} is that of a board {board_id or 'without a name'}" for drive, board_id in board_ids.items()
+    ]
+    looked = others or [
+        f"{drives[0]} has no {INFO_FILE}" if len(drives) == 1 else f"{len(drives)} drives are mounted"
+    ]
+    raise DeviceError(f"no drive of a board {wanted} ({'; '.join(looked)}); {BOOT_MODE}")
 
 
-def mounted_drives() -> list[Path]:
-    """Folders at which drives are mounted, on Linux and macOS."""
+def _board_id(drive: Path) -> str | None:
+    """Identifier of the board in its boot mode whose drive this is; None for another drive."""
     try:
-        rows = Path("/proc/mounts").read_text(encoding="utf-8").splitlines()
-        return [Path(row.split()[1].replace("\\040", " ")) for row in rows]
+        lines = (drive / INFO_FILE).read_text(encoding="ascii", errors="replace").splitlines()
+    except OSError:
+        return None
+    return next((line.removeprefix(BOARD_ID).strip() for line in lines if line.startswith(BOARD_ID)), "")
+
+
+MOUNTS = Path("/proc/mounts")
+FAT = "vfat", "msdos"
+"""Names of the file system of a boot drive in Linux; others, as those on a network, may not reply."""
+
+
+def mounted_drives(mounts: Path = MOUNTS) -> list[Path]:
+    """Folders at which drives are mounted that may be boot drives.
+
+    Parameters
+    ----------
+    mounts : Linux's table of mounted drives; without it the drives are those of macOS or Windows
+    """
+    try:
+        rows = [row.split() for row in mounts.read_text(encoding="utf-8").splitlines()]
     except OSError:
         volumes = Path("/Volumes")
-        return sorted(volumes.iterdir()) if volumes.is_dir() else []
+        letters = [Path(f"{letter}:\\") for letter in string.ascii_uppercase] if os.name == "nt" else []
+        return sorted(volumes.iterdir()) if volumes.is_dir() else letters
+    escaped = re.compile(r"\\([0-7]{3})")
+    return [
+        Path(escaped.sub(lambda code: chr(int(code[1], 8)), row[1]))
+        for row in rows
+        if len(row) > 2 and row[2] in FAT
+    ]
 
 
 def copy_uf2(file: Path, drive: Path) -> None:
     """Copy a UF2 file to the drive of a board, which then restarts with the new program.
 
+    The board restarts when it has the last block, so its drive may be gone before the system has closed the file.
+
     Raises
     ------
     DeviceError : the file cannot be written to the drive.
     """
+    content, sent = file.read_bytes(), 0
     try:
-        with open(drive / file.name, "wb") as target:
-            target.write(file.read_bytes())
-            target.flush()
+        with open(drive / file.name, "wb", buffering=0) as target:
+            while sent < len(content):
+                sent += target.write(content[sent:])
             os.fsync(target.fileno())
     except OSError as err:
+        if sent == len(content) and not (drive / INFO_FILE).exists():
+            return
         raise DeviceError(
             f"{drive}: the file was not copied: {err.strerror}; {BOOT_MODE}, then try again"
         ) from err
@@ -268,8 +321,8 @@ def sketch_command(chip: ArduinoProgram, sketch: Path, port: str) -> list[str]:
     return [ARDUINO, "compile", "--fqbn", chip.fqbn, "--upload", "--port", port, str(sketch)]
 
 
-def require_uploader(chip: BoardFirmware | ArduinoProgram, sketch: Path, port: str) -> None:
-    """Raise DeviceError if the upload program or the port is missing, so that an upload cannot start."""
+def require_uploader(chip: BoardFirmware | ArduinoProgram, sketch: Path) -> None:
+    """Raise DeviceError if the upload program is missing; the message says how to install it or do without it."""
     by_hand = f"in the Arduino IDE, open {sketch}, select the board {chip.arduino_board}, and press Upload"
     if isinstance(chip, BoardFirmware) and shutil.which(UPLOADER) is None:
         raise DeviceError(
@@ -279,9 +332,14 @@ def require_uploader(chip: BoardFirmware | ArduinoProgram, sketch: Path, port: s
         copied = (
             ""
             if chip.boot_drive is None
-            else "; or export the compiled .uf2 file there and give it as --image"
+            else "; or export the compiled .uf2 file there and run `optopad driver flash DESIGN --image FILE.uf2`; "
+            f"before that, {BOOT_MODE}"
         )
         raise DeviceError(f"{ARDUINO} is not installed here; install it, or, {by_hand}{copied}")
+
+
+def require_port(port: str) -> None:
+    """Refuse a port that does not exist, by DeviceError."""
     if os.sep == "/" and not Path(port).exists():
         raise DeviceError(f"{port}: no such port; plug the board in and name the port that then appears")
 

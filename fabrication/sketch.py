@@ -118,7 +118,7 @@ class FirmwareSettings:
     frame_interval_us : frame interval at the design's frame rate, rounded up, so that the rate is not exceeded [us]
     digest : digest of the design, 32 bytes
     is_internal : whether the converter's full scale is the internal reference; otherwise it is the supply
-    has_own_darks : whether a dark state follows each emitter's state, in place of one at the end of a frame
+    dark : ``frame`` or ``each``, see `design.recordings.lit_emitters`
     """
 
     design: str
@@ -137,7 +137,7 @@ class FirmwareSettings:
     receivers: tuple[ReceiverInput, ...]
     averages: int = 1
     is_internal: bool = False
-    has_own_darks: bool = False
+    dark: str = "frame"
     shift_pins: tuple[int, ...] = ()
     shift_bits: int = 0
     address_pins: tuple[int, ...] = ()
@@ -167,7 +167,7 @@ class FirmwareSettings:
             self.board_number,
             len(self.emitters),
             len(self.receivers),
-            self.adc_bits,
+            self.adc_bits | self.is_dark_around_each << 7,
             self.prescaler_exponent,
         ]
         times = self.settle_us.to_bytes(2, "little") + self.baud.to_bytes(4, "little")
@@ -179,20 +179,15 @@ class FirmwareSettings:
     def _more(self) -> bytes:
         """Additional bytes of `config_block` for averaging, the internal reference, or circuits before the board."""
         pins = [pin for group in self.more_pins.values() for pin in group]
-        if not self.has_more:
+        if self.averages == 1 and not self.is_internal and not pins:
             return b""
         addresses = bytes(receiver.address for receiver in self.receivers if self.has_addresses)
-        return self.averages.to_bytes(2, "little") + bytes([self.flags, *pins]) + addresses
+        return self.averages.to_bytes(2, "little") + bytes([self.is_internal, *pins]) + addresses
 
     @property
-    def has_more(self) -> bool:
-        """Whether `config_block` has additional bytes, for averaging, flags or circuits before the board."""
-        return self.averages > 1 or self.flags > 0 or bool(self.more_pins)
-
-    @property
-    def flags(self) -> int:
-        """Bit 0 is set if full scale is the internal reference, bit 1 if a dark state follows each emitter's state."""
-        return self.is_internal + 2 * self.has_own_darks
+    def is_dark_around_each(self) -> bool:
+        """Whether a frame has a dark state before and after each emitter's state."""
+        return self.dark == "each"
 
     def config_crc(self) -> int:
         """CRC-32 of the settings as bytes, which the self-test reports."""
@@ -240,7 +235,7 @@ def firmware_settings(design: SensorDesign) -> FirmwareSettings:
         ),
         averages=use.averages,
         is_internal=use.reference == "internal",
-        has_own_darks=use.dark == "each",
+        dark=use.dark,
         shift_pins=() if register is None else switch_pins(design, board, len(connections.emitters)),
         shift_bits=0 if register is None else register.needed(len(connections.emitters)) * register.outputs,
         address_pins=address_pins(design),
@@ -314,7 +309,7 @@ def config_header(settings: FirmwareSettings) -> str:
         f"#define N_RECEIVERS {len(settings.receivers)}",
         *_list("CHANNEL_NUMBERS", (str(r.number) for r in settings.receivers)),
         *_tunable("AVERAGES", f"{settings.averages}", "readings a value"),
-        f"#define DARK_AFTER_EACH {int(settings.has_own_darks)} /* 1: a dark state after each emitter's */",
+        f"#define DARK_AROUND_EACH {int(settings.is_dark_around_each)} /* 1: dark before and after each emitter */",
         f"#define ADDRESS_BITS {len(settings.address_pins)} /* of the multiplexers; 0: none */",
         f"#define SHIFT_BITS {settings.shift_bits} /* of the shift registers; 0: none */",
         f"#define CONVERTERS {len(settings.more_pins.get('SELECT_PINS', ()))} /* on the SPI bus; 0: the board's own */",
@@ -350,8 +345,8 @@ def _more_hardware(settings: FirmwareSettings) -> Iterable[str]:
     if settings.has_addresses:
         yield from _list("CHANNEL_ADDRESSES", (str(one.address) for one in settings.receivers))
         more.append("CHANNEL_ADDRESSES")
-    if settings.has_more:
-        more = [f"U16({settings.averages})", str(settings.flags), *more]
+    if more or settings.averages > 1 or settings.is_internal:
+        more = [f"U16({settings.averages})", str(int(settings.is_internal)), *more]
     yield f"#define MORE_CONFIG {''.join(f', {one}' for one in more)}".rstrip()
 
 

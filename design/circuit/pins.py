@@ -685,13 +685,12 @@ def reading_time_ms(board: Board, use: BoardUse, converter: Converter | None) ->
     return conversion_time_ms(board, use.adc_prescaler)
 
 
-def switch_time_ms(driver: LedDriver | None, emitter_count: int) -> float:
-    """Time from the begin of a state until its emitter is on, by LED drivers [ms]; transistors switch at once.
-
-    It is all bits of the chain on the SPI bus, the edges of latch and blank, and the drivers' own delay.
-    """
+def switch_time_ms(driver: LedDriver | ShiftRegister | None, emitter_count: int, dark: str) -> float:
+    """Time to switch an emitter on [ms]: pins 0, LED drivers all bits, edges of latch and blank, and their delay."""
     if driver is None:
         return 0.0
+    if isinstance(driver, ShiftRegister):
+        return driver.switch_us(emitter_count, dark) / US_PER_MS
     sent_ms = driver.bits(emitter_count) / driver.clock_hz(emitter_count) * MS_PER_S
     return sent_ms + (DRIVER_EDGES * EDGE_US + driver.turn_on_wait_us) / US_PER_MS
 
@@ -724,10 +723,10 @@ def frame_time_ms(
     multiplexer: Multiplexer | None = None,
     *,
     converter: Converter | None = None,
-    driver: LedDriver | None = None,
+    driver: LedDriver | ShiftRegister | None = None,
 ) -> float:
     """Time of one full frame: all states, then the line [ms]; with multiplexers each new address also settles."""
-    state = switch_time_ms(driver, emitter_count)
+    state = switch_time_ms(driver, emitter_count, use.dark)
     state += _lit_ms(board, use, receiver_count, multiplexer, converter)
     bits = board.adc_bits if converter is None else converter.bits
     sent = frame_bytes(emitter_count, receiver_count, bits, use.dark)
@@ -737,7 +736,7 @@ def frame_time_ms(
 def design_frame_time_ms(
     design: SensorDesign, emitter_count: int, receiver_count: int, board: Board, use: BoardUse
 ) -> float:
-    """Time of one full frame with a design's multiplexers, converters and LED drivers [ms]."""
+    """Time of one full frame with all circuits between a design's board and its parts [ms]."""
     return frame_time_ms(
         board,
         use,
@@ -745,7 +744,7 @@ def design_frame_time_ms(
         receiver_count,
         multiplexer_of(design),
         converter=converter_of(design),
-        driver=driver_of(design),
+        driver=driver_of(design) or shift_register_of(design),
     )
 
 

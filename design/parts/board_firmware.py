@@ -56,6 +56,8 @@ class BoardFirmware(Model):
 class BootDrive(Model):
     """The drive as which a board appears in its boot mode: a UF2 file that is copied to it programs the board."""
 
+    source: Annotated[Text, Field(description="where the entry's values come from")]
+    confidence: Confidence
     board_id: Annotated[Text, Field(description="Board-ID in the drive's INFO_UF2.TXT")]
     families: Annotated[
         tuple[Annotated[int, Field(ge=0, lt=2**32)], ...],

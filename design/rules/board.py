@@ -357,12 +357,12 @@ def _answer_findings(takes_ms: float, design: SensorDesign, board: Board) -> Ite
 def _slow_fields(design: SensorDesign, board: Board) -> str:
     """Remedy for a frame that takes too long: the fields to lower or raise."""
     fields = ["board.averages"] if design.board.averages > 1 else []
-    fields = ['board.dark to "frame"', *fields] if design.board.dark == "each" else fields
     fields += ["board.adc_prescaler"] if board.divides_clock else []
     faster = "raise board.baud" if board.divides_clock else "name a faster board"
     if converter_of(design) is not None:
         faster = "name a faster converter in board.receivers.converter"
-    return f"{', '.join([*fields, 'board.settle_us'])}, or {faster}"
+    fewer = ['set board.dark = "frame"'] if design.board.dark == "each" else []
+    return f"{', '.join([*fields, 'board.settle_us', *fewer])}, or {faster}"
 
 
 def _rate_findings(

@@ -478,7 +478,9 @@ class BoardUse(Model):
     ] = 1
     dark: Annotated[
         Literal["frame", "each"],
-        Field(description="dark state: one at the end of a frame, or one after each emitter's state"),
+        Field(
+            description="dark state: one at the end of a frame, or one before and one after each emitter's state"
+        ),
     ] = "frame"
     baud: Annotated[int, Field(ge=1200, le=4_000_000)] = 1_000_000
     frame_rate_hz: Annotated[

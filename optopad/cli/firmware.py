@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from design.errors import DeviceError, InputError
+from design.errors import DeviceError
 from optopad.cli import options
 from optopad.cli.output import print_json, say
 from optopad.work import read_design
@@ -91,7 +91,14 @@ def flash(
     from design.parts.board_firmware import BoardFirmware
     from fabrication.driver.link.printers import require_no_printer
     from fabrication.driver.sensor import PATIENCE_S
-    from fabrication.flash import avr_chip, require_uploader, sketch_command, upload, upload_command
+    from fabrication.flash import (
+        avr_chip,
+        require_port,
+        require_uploader,
+        sketch_command,
+        upload,
+        upload_command,
+    )
     from fabrication.sketch import firmware_settings
     from optopad.sensor.firmware import board_setup, given_image, image_to_upload, write_firmware
 
@@ -106,6 +113,8 @@ def flash(
         file = image_to_upload(read, out, seed=seed) if image is None else given_image(image)
     else:
         file = write_firmware(read, out, seed=seed).sketch
+    if not dry_run:
+        require_uploader(chip, file)
     found = _found_port(board, is_agreed=yes or dry_run, may_ask=not as_json) if port is None else port
     command = (
         upload_command(avr, file, found)
@@ -113,7 +122,7 @@ def flash(
         else sketch_command(chip, file, found)
     )
     if not dry_run:
-        require_uploader(chip, file, found)
+        require_port(found)
         print(f"listening {found}: is the device a printer?", file=sys.stderr)
         require_no_printer(found, board.baud, PATIENCE_S if patience is None else patience)
         upload(command, found)
@@ -127,16 +136,9 @@ def flash(
 
 def _copy_image(chip: ArduinoProgram, image: Path, drive: str | None, *, is_dry: bool, as_json: bool) -> None:
     """Copy a UF2 file to the board's drive; `drive` is the folder of the drive, or None to find it."""
-    from fabrication.flash import boot_drive, copy_uf2, mounted_drives, uf2_families
+    from fabrication.flash import boot_drive, copy_uf2, mounted_drives, require_uf2
 
-    assert chip.boot_drive is not None, "only boards with a boot drive come here"
-    families, takes = uf2_families(image), set(chip.boot_drive.families)
-    if not families & takes:
-        listed = ", ".join(f"0x{one:08x}" for one in sorted(families)) or "no family"
-        raise InputError(
-            f"{image}: compiled for {listed}; the {chip.boot_drive.board_id} board takes "
-            f"{', '.join(f'0x{one:08x}' for one in sorted(takes))}; compile the sketch for {chip.fqbn}"
-        )
+    require_uf2(chip, image)
     found = boot_drive(chip, mounted_drives() if drive is None else [Path(drive)])
     command = ["cp", str(image), str(found)]
     if not is_dry:

@@ -442,6 +442,7 @@ def fake(
     from fabrication.driver.simulated.board import FakeBoard
     from fabrication.driver.simulated.faults import faults_of
     from fabrication.stage.fake_printer import TipFinger
+    from optopad.screen.verdict import as_typed
     from optopad.sensor.driver_view import driver_source, press_table
 
     if out is not None:
@@ -450,7 +451,8 @@ def fake(
     source = driver_source(config, set_, bundles)
     faults = faults_of(source.config, fault or [])
     with progress(quiet=as_json) as step:
-        said, table = press_table(source, seed=seed, on_step=step)
+        is_still = still and stage_link is None
+        said, table = press_table(source, is_still=is_still, seed=seed, on_step=step)
     printer = None if stage_link is None else _printer(said, table, path, out, still)
     finger: Finger = TipFinger(printer) if printer else _path(said, table, path, still, out)
     board = FakeBoard(said, table, finger, faults=faults, seed=seed)
@@ -462,7 +464,7 @@ def fake(
         say(f"port      {wire.name}")
         if stage is not None:
             say(f"stage     {stage.name}: its tip barely touches the middle of the pad")
-        say(f"try       optopad driver read {config} --port {wire.name}")
+        say(f"try       optopad driver read {as_typed(str(config), set_)} --port {wire.name}")
     with stage or nullcontext():
         _serve(board, wire, seconds)
 

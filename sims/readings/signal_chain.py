@@ -12,8 +12,9 @@ For emitter e and receiver r, in a frame that begins at t, with flux F (share of
                                                          over the board's averages
     counts   = whole number within 0 and full scale
 
-States follow one another as on the board: every emitter alone, with all off at the end or after each. In each state the
-receivers are read one after another (`design.circuit.pins`). Readings of a pair and of its dark state have different
+States follow one another as on the board: every emitter alone, with all off at the end, or before and after each
+emitter, so that the mean of both is subtracted (`design.recordings.with_one_dark`). In each state the receivers are
+read one after another (`design.circuit.pins`). Readings of a pair and of its dark states have different
 times, so part of the ambient light's flicker remains when the dark state is subtracted.
 
 Left out: settling of amplifiers (the firmware waits for it), crosstalk of the converter's inputs, ambient light that
@@ -79,12 +80,13 @@ from design.circuit.pins import (
     multiplexer_of,
     reading_time_ms,
     receiver_paths,
+    shift_register_of,
     state_count,
     switch_time_ms,
 )
 from design.circuit.transimpedance import emitted_mw, feedbacks_of, responsivity_at
 from design.errors import ModelScopeError
-from design.recordings import lit_emitters, with_one_dark
+from design.recordings import lit_emitters, nearest_dark_states, with_one_dark
 from design.shape.cavity import cavity_of
 from design.spec import SensorDesign
 from design.spec.sensor import PURE, Noise
@@ -321,37 +323,40 @@ class SignalChain:
         if self.noise.quantised:
             np.rint(reading, out=reading)
         np.clip(reading, 0.0, self.full_scale_counts, out=reading)
-        if self.dark == "each":
-            reading = with_one_dark(reading, self.full_scale_counts)
+        reading = with_one_dark(reading, states, self.full_scale_counts)
+        if self.noise.quantised:
+            np.rint(reading, out=reading)
         return reading.astype(np.float32)
 
     def pair_sigma_counts(self, signal: FloatArray) -> FloatArray:
         """Standard deviation of pairs' signals from frame to frame, with the off state subtracted [counts].
 
-        Included are the noise, rounding and shot noise of both readings, and the emitter's fluctuation. Left out are
-        drift, and flicker (`flicker_sigma_counts`), which neighbouring pairs have in common.
+        Included are the noise and rounding of the pair's reading and of its dark readings, the rounding of the mean of
+        two dark readings to whole counts (variance 1/8), shot noise, and the emitter's fluctuation. Left out are drift,
+        and flicker (`flicker_sigma_counts`), which neighbouring pairs have in common.
 
         Parameters
         ----------
         signal : (..., emitter, receiver) signals [counts]
         """
-        rounding = 1.0 / 12.0 if self.noise.quantised else 0.0
+        rounding, of_mean = (1.0 / 12.0, 1.0 / 8.0) if self.noise.quantised else (0.0, 0.0)
         each = self.noise.read_noise_counts**2 + rounding
+        earlier, later = nearest_dark_states(lit_emitters(len(self.gains), self.dark)).T[..., None]
+        dark = np.where(earlier == later, each, each / 2.0 + of_mean)
         shot = self.shot_variance_per_count * np.maximum(signal, 0.0)
-        return np.sqrt(2.0 * each + shot + (self.noise.led_fluctuation * signal) ** 2)
+        return np.sqrt(each + dark + shot + (self.noise.led_fluctuation * signal) ** 2)
 
     def flicker_sigma_counts(self) -> FloatArray:
         """Flicker (emitter, receiver) of ambient light that remains after the off state is subtracted, rms [counts].
 
-        It is A m sqrt(1 - cos(2 pi f dt)) for ambient light A, modulation m and frequency f. The time dt is between a
-        pair's reading and that of its dark state.
+        It is A m sqrt(1 - cos(2 pi f dt)) for ambient light A, modulation m and frequency f, with one dark state at the
+        time dt from a pair's reading, and A m (1 - cos(2 pi f dt)) / sqrt(2) with one dt before and one dt after it.
         """
-        is_lit = np.array([one is not None for one in lit_emitters(len(self.gains), self.dark)])
-        apart_s = self.read_at_s[~is_lit] - self.read_at_s[is_lit]
-        turn = 1.0 - np.cos(2.0 * np.pi * self.noise.flicker_hz * apart_s)
-        return np.asarray(
-            self.noise.ambient_counts * self.noise.ambient_flicker * np.sqrt(np.maximum(turn, 0.0))
-        )
+        states = lit_emitters(len(self.gains), self.dark)
+        wave = np.exp(2j * np.pi * self.noise.flicker_hz * self.read_at_s)
+        lit = wave[[emitter is not None for emitter in states]]
+        left = np.abs(lit - wave[nearest_dark_states(states)].mean(axis=1)) / np.sqrt(2.0)
+        return np.asarray(self.noise.ambient_counts * self.noise.ambient_flicker * left)
 
     def _ambient(self, time_s: FloatArray, held: SetDraw) -> FloatArray | float:
         if held.ambient_counts == 0.0:
@@ -392,7 +397,9 @@ def reading_times_s(design: SensorDesign) -> FloatArray:
     conversion_ms = reading_time_ms(board_of(design), design.board, converter_of(design))
     value_s = design.board.averages * conversion_ms / MS_PER_S
     within_s = np.arange(len(addresses)) * value_s + (addresses + 1) * wait_s
-    settle_s = design.board.settle_us / US_PER_S + switch_time_ms(driver_of(design), emitters) / MS_PER_S
+    driver = driver_of(design) or shift_register_of(design)
+    switch_s = switch_time_ms(driver, emitters, design.board.dark) / MS_PER_S
+    settle_s = design.board.settle_us / US_PER_S + switch_s
     state_s = settle_s + len(addresses) * value_s + (addresses.max() + 1) * wait_s
     return np.asarray((np.arange(states) * state_s + settle_s)[:, None] + within_s)
 

@@ -26,7 +26,6 @@ from numpy.typing import NDArray
 from design.arrays import FloatArray, IntArray
 from design.parts.board_firmware import BoardFirmware
 from design.parts.catalog import find_board
-from design.recordings import lit_emitters
 from design.spec import SensorDesign
 from design.spec.properties import entries_of
 from fabrication.driver.link.protocol import (
@@ -384,12 +383,11 @@ def board_on_a_port(
 
 def read_log(settings: FirmwareSettings, log: NDArray[Any]) -> Run:
     """Messages out of the bytes of a log."""
-    dark = "each" if settings.has_own_darks else "frame"
     layout = FrameFormat(
-        states=len(lit_emitters(len(settings.emitters), dark)),
+        emitters=len(settings.emitters),
         receivers=len(settings.receivers),
         bits=settings.adc_bits,
-        dark=dark,
+        dark=settings.dark,
     )
     sent = log[log["kind"] == BYTE_SENT]
     stream = sent["number"].astype(np.uint8).tobytes()

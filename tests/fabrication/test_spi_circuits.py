@@ -212,7 +212,7 @@ def test_a_reading_takes_its_clocks_at_the_supplys_speed(board: str, converter: 
 
 
 def test_the_boards_own_circuits_take_no_time_for_switching() -> None:
-    assert switch_time_ms(driver_of(disc()), 12) == 0.0
+    assert switch_time_ms(driver_of(disc()), 12, "frame") == 0.0
 
 
 def test_full_scale_is_the_converters_and_ends_at_the_amplifiers_supply() -> None:

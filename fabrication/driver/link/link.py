@@ -171,12 +171,13 @@ def check_hello(hello: Hello, config: DriverConfig, *, where: str, accept_digest
     DeviceError : the board's frames have another shape, or its design is neither the required nor the accepted one.
     """
     layout = frame_format(config)
-    has = (hello.emitters, hello.receivers, hello.bits)
-    wanted = (layout.emitters, layout.receivers, layout.bits)
+    has = (hello.emitters, hello.receivers, hello.bits, hello.dark)
+    wanted = (layout.emitters, layout.receivers, layout.bits, layout.dark)
     if has != wanted:
+        darks = (f', dark states "{has[3]}"', f', "{wanted[3]}"') if has[3] != wanted[3] else ("", "")
         raise DeviceError(
-            f"{where}: firmware for {has[0]} emitters, {has[1]} receivers, {has[2]} bits; driver.toml of "
-            f"{config.design} has {wanted[0]}, {wanted[1]}, {wanted[2]}; flash this design's firmware "
+            f"{where}: firmware for {has[0]} emitters, {has[1]} receivers, {has[2]} bits{darks[0]}; driver.toml of "
+            f"{config.design} has {wanted[0]}, {wanted[1]}, {wanted[2]}{darks[1]}; flash this design's firmware "
             "(`optopad driver flash DESIGN`), or use the driver.toml of the board's design"
         )
     if hello.digest == config.digest or is_accepted(hello.digest, accept_digest):

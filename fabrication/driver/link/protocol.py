@@ -4,8 +4,9 @@ All numbers are little-endian. Every message ends in a CRC-32 (`zlib.crc32`) ove
 the magic. The high half of byte 2 is the protocol's version, and the low half is the kind or command.
 
     readings  A5 5A 10  sequence u32, device time u32 [us], readings packed bit by bit, CRC
-    hello     A5 5A 11  firmware 2 x u8, board, emitters, receivers, bits, prescaler exponent, settle u16 [us],
-                        baud u32, interval u32 [us], design digest 32 bytes, CRC
+    hello     A5 5A 11  firmware 2 x u8, board, emitters, receivers, bits (plus 128 if each emitter's state has a
+                        dark state before and after it), prescaler exponent, settle u16 [us], baud u32,
+                        interval u32 [us], design digest 32 bytes, CRC
     self-test A5 5A 12  reference reading u16, late frames u32, least free RAM u16,
                         CRC u32 of the program's configuration, CRC
     command   C5 5C 1x  argument u32, CRC; x: 1 start, 2 stop, 3 interval [us], 4 identify, 5 self-test
@@ -31,7 +32,7 @@ from numpy.typing import NDArray
 
 from design.arrays import IntArray
 from design.errors import DeviceError
-from design.recordings import with_one_dark
+from design.recordings import lit_emitters, with_one_dark
 from fabrication.driver_file import DriverConfig
 
 VERSION = 1
@@ -77,23 +78,27 @@ COMMAND_BYTES = _COMMAND.size + CRC_BYTES
 
 @dataclass(frozen=True, kw_only=True)
 class FrameFormat:
-    """Shape of a frame: numbers of states and receivers, and bits of each reading.
+    """Shape of a frame: numbers of emitters and receivers, dark states, and bits of each reading.
 
     Attributes
     ----------
-    states : number of states per frame, with dark ones
-    dark : ``frame`` for one dark state after all emitters' states, ``each`` for a dark state after each of them
+    dark : ``frame`` or ``each``, see `design.recordings.lit_emitters`
     """
 
-    states: int
+    emitters: int
     receivers: int
     bits: int
     dark: str = "frame"
 
     @property
-    def emitters(self) -> int:
-        """Number of emitters."""
-        return self.states // 2 if self.dark == "each" else self.states - 1
+    def lit(self) -> tuple[int | None, ...]:
+        """Index of the emitter that is lit in each state, None in a dark state."""
+        return lit_emitters(self.emitters, self.dark)
+
+    @property
+    def states(self) -> int:
+        """Number of states."""
+        return len(self.lit)
 
     @property
     def readings(self) -> int:
@@ -124,6 +129,7 @@ class Hello:
     ----------
     firmware : major and minor version
     board : number of the kind of board in the catalogue
+    dark : ``frame`` or ``each``, see `design.recordings.lit_emitters`
     prescaler_exponent : the converter's clock is the board's clock divided by 2 to this power
     interval_us : requested frame interval [us]; 0 is the board's shortest
     digest : SHA-256 of the design that the firmware was made for, 64 hexadecimal digits
@@ -139,6 +145,7 @@ class Hello:
     baud: int
     interval_us: int
     digest: str
+    dark: str = "frame"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -165,7 +172,7 @@ class Unpacked:
     """Frames as arrays: sequence number (n,), device time (n,) [us], readings (n, state, receiver) [counts].
 
     Sequence number and device time are as sent, so they wrap at 2^32. The last state of the readings is dark. Where the
-    board sends a dark state after each emitter's state, `design.recordings.with_one_dark` has converted the frames.
+    board sends dark states around each emitter's state, `design.recordings.with_one_dark` has converted the frames.
     """
 
     sequence: CountArray
@@ -182,7 +189,7 @@ def frame_format(config: DriverConfig) -> FrameFormat:
     """
     frame = config.frame
     found = FrameFormat(
-        states=frame.states,
+        emitters=len(config.emitters),
         receivers=frame.receivers,
         bits=frame.bits_per_reading,
         dark="frame" if config.ambient.subtract_state is not None else "each",
@@ -195,6 +202,8 @@ def frame_format(config: DriverConfig) -> FrameFormat:
     return found
 
 
+_DARK_AROUND_EACH = 1 << 7
+"""Bit of the hello's byte of bits per reading: set if frames have a dark state before and after each emitter's."""
 MAX_BITS = 16
 """Largest number of bits per reading, limited by the type of the arrays."""
 
@@ -253,7 +262,8 @@ def unpack_frames(layout: FrameFormat, frames: Iterable[bytes]) -> Unpacked:
 
 def pack_hello(hello: Hello) -> bytes:
     """Message with the board's description of itself."""
-    head = (*hello.firmware, hello.board, hello.emitters, hello.receivers, hello.bits)
+    bits = hello.bits | (_DARK_AROUND_EACH if hello.dark == "each" else 0)
+    head = (*hello.firmware, hello.board, hello.emitters, hello.receivers, bits)
     rest = hello.prescaler_exponent, hello.settle_us, hello.baud, hello.interval_us
     version = VERSION << 4 | Kind.HELLO
     return sealed(_HELLO.pack(MAGIC, version, *head, *rest, bytes.fromhex(hello.digest)))
@@ -268,7 +278,8 @@ def unpack_hello(message: bytes) -> Hello:
         board=board,
         emitters=emitters,
         receivers=receivers,
-        bits=bits,
+        bits=bits & ~_DARK_AROUND_EACH,
+        dark="each" if bits & _DARK_AROUND_EACH else "frame",
         prescaler_exponent=exponent,
         settle_us=settle_us,
         baud=baud,
@@ -324,8 +335,8 @@ def _unpacked(layout: FrameFormat, packed: NDArray[np.uint8]) -> NDArray[np.uint
     words = padded[:, :-2] | padded[:, 1:-1] << 8 | padded[:, 2:] << 16
     values = (words[:, first] >> shift) & np.uint32(layout.full_scale)
     readings = values.reshape(-1, layout.states, layout.receivers)
-    if layout.dark == "each":
-        readings = with_one_dark(readings.astype(np.int32), layout.full_scale)
+    if layout.states > layout.emitters + 1:
+        readings = np.rint(with_one_dark(readings, layout.lit, layout.full_scale))
     return readings.astype(np.uint16)
 
 

@@ -18,7 +18,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from design.arrays import FloatArray
-from design.recordings import lit_emitters
 from fabrication.driver.link.protocol import (
     COMMAND_BYTES,
     COMMAND_MAGIC,
@@ -149,7 +148,7 @@ class FakeBoard:
         """(state, receiver) readings at time `now_s` [s], in the states that the board sends [counts]."""
         signals = self._faults.applied(self._table.at(self.press_mm(now_s))[0])
         light = np.zeros((self._layout.states, signals.shape[1]))
-        light[[one is not None for one in lit_emitters(len(signals), self._layout.dark)]] = signals
+        light[[emitter is not None for emitter in self._layout.lit]] = signals
         light *= 1.0 + LIGHT_NOISE * self._rng.standard_normal((len(light), 1))
         levels = light + AMBIENT_COUNTS + READ_NOISE_COUNTS * self._rng.standard_normal(light.shape)
         levels[:, self._faults.is_saturated] = np.inf
@@ -193,6 +192,7 @@ class FakeBoard:
             emitters=self._layout.emitters,
             receivers=frame.receivers,
             bits=frame.bits_per_reading,
+            dark=self._layout.dark,
             prescaler_exponent=0 if board.adc_prescaler is None else board.adc_prescaler.bit_length() - 1,
             settle_us=math.ceil(board.settle_us),
             baud=board.baud,

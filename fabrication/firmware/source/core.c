@@ -54,6 +54,7 @@ typedef struct {
 static const emitter_pin emitters[N_EMITTERS + 1] = {EMITTERS, NO_LED};
 #define FIRST emitters
 #define DARK (emitters + N_EMITTERS)
+#define BEGIN (DARK_AROUND_EACH ? DARK : FIRST)
 #if SHIFT_BITS
 static const emitter_pin shift_lines[] = {SHIFTS};
 enum shift_line { DATA, CLOCK, LATCH };
@@ -172,7 +173,7 @@ static inline void wait_until_held(void) {
 
 static void begin_frame(void) {
     select_receiver(0);
-    if (lit != FIRST) make(change_to(FIRST));
+    if (lit != BEGIN) make(change_to(BEGIN));
     wait_until_settled();
     start_conversion();
     began_us = clock_us();
@@ -223,7 +224,7 @@ static void read_frame(void) {
         if (lit != DARK) next_lit++;
         ends_frame = lit == DARK && next_lit == DARK;
         is_chained = ends_frame && !interval_us;
-        to_next = change_to(is_chained ? FIRST : ends_frame || (DARK_AFTER_EACH && lit != DARK) ? DARK : next_lit);
+        to_next = change_to(is_chained ? BEGIN : ends_frame || (DARK_AROUND_EACH && lit != DARK) ? DARK : next_lit);
         clock_us();
         for (uint8_t next = 1; next < N_RECEIVERS; next++) {
             sum = most_of_value();

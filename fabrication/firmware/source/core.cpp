@@ -227,8 +227,8 @@ static void read_frame(void) {
     message frame{};
     uint32_t held = 0;
     uint8_t held_bits = 0;
-    for (uint8_t state = 0; state < N_STATES; state++) {
-        light(!DARK_AFTER_EACH ? state : state % 2 ? N_EMITTERS : state / 2);
+    for (uint16_t state = 0; state < N_STATES; state++) {
+        light(!DARK_AROUND_EACH ? state : state % 2 ? state / 2 : N_EMITTERS);
         settle_for(SETTLE_US);
         if (!state) open_frame(&frame, clock_us());
         for (uint8_t j = 0; j < N_RECEIVERS; j++) {

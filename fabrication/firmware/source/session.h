@@ -3,8 +3,9 @@
 
    All numbers are little-endian; every message ends with the CRC-32 of all preceding bytes.
      readings   A5 5A 10, sequence u32, microseconds u32 when the first conversion began, readings packed bit by bit
-     hello      A5 5A 11, version u8 u8, board, emitters, receivers, bits, prescaler exponent u8, settle us u16,
-                baud u32, frame interval us u32, design digest 32 bytes
+     hello      A5 5A 11, version u8 u8, board, emitters, receivers, bits (plus 128 if each emitter has a dark state
+                before and after it), prescaler exponent u8, settle us u16, baud u32, frame interval us u32,
+                design digest 32 bytes
      self-test  A5 5A 12, reading of the 1.1 V reference u16, late frames u32, least free RAM u16, config CRC u32
      commands   C5 5C, version and command u8, argument u32 */
 #ifndef OPTOPAD_SESSION_H
@@ -22,7 +23,7 @@
 enum kind { KIND_READINGS, KIND_HELLO, KIND_SELF_TEST };
 enum command { COMMAND_START = 1, COMMAND_STOP, COMMAND_RATE, COMMAND_IDENTIFY, COMMAND_TEST };
 
-#define N_STATES (DARK_AFTER_EACH ? 2 * N_EMITTERS : N_EMITTERS + 1)
+#define N_STATES (DARK_AROUND_EACH ? 2 * N_EMITTERS + 1 : N_EMITTERS + 1)
 #define HEAD_BYTES 3
 #define CRC_BYTES 4
 #define FRAME_BYTES (HEAD_BYTES + 8 + (1UL * N_STATES * N_RECEIVERS * ADC_BITS + 7) / 8 + CRC_BYTES)
@@ -55,8 +56,8 @@ typedef struct {
 
 /* Bytes that identify the program's design; the host has the same bytes. Hello repeats the first 47. */
 static const uint8_t config_block[] IN_PROGRAM = {
-    BOARD_NUMBER, N_EMITTERS, N_RECEIVERS, ADC_BITS, PRESCALER_EXPONENT, U16(SETTLE_US), U32(BAUD),
-    U32(FRAME_INTERVAL_US), DESIGN_DIGEST, EMITTER_PINS, CHANNEL_NUMBERS MORE_CONFIG};
+    BOARD_NUMBER, N_EMITTERS, N_RECEIVERS, ADC_BITS | DARK_AROUND_EACH << 7, PRESCALER_EXPONENT, U16(SETTLE_US),
+    U32(BAUD), U32(FRAME_INTERVAL_US), DESIGN_DIGEST, EMITTER_PINS, CHANNEL_NUMBERS MORE_CONFIG};
 #define INTERVAL_AT 11
 #define HELLO_CONFIG_BYTES 47
 

@@ -191,7 +191,10 @@ def test_a_port_that_is_not_there_is_named(avrdude, board_image, capsys):
     assert "nowhere/ttyACM9: no such port" in message
 
 
-def test_without_a_port_the_board_is_looked_for_by_its_usb_identity(monkeypatch, board_image, capsys):
+def test_without_a_port_the_board_is_looked_for_by_its_usb_identity(
+    monkeypatch, avrdude, board_image, capsys
+):
+    avrdude()
     monkeypatch.setattr("fabrication.driver.link.ports.ports_here", list)
     message = refused(capsys, "flash", DESIGN, "--image", str(board_image))
     assert "no Arduino Mega 2560 found by its USB identity" in message
@@ -325,10 +328,13 @@ def test_a_uf2_file_that_is_none_or_for_another_chip_is_refused(drives, tmp_path
     (drive,) = drives("RPI-RP2")
     cut = uf2(tmp_path / "cut.uf2")
     cut.write_bytes(cut.read_bytes()[:-1])
+    short = uf2(tmp_path / "short.uf2")
+    short.write_bytes(short.read_bytes()[:-512])
     for file, words in (
         (tmp_path / "none.uf2", "No such file"),
+        (short, "2 of its 3 blocks are there"),
         (cut, "not a UF2 file"),
-        (uf2(tmp_path / "other.uf2", RP2350), "compiled for 0xe48bff59; the RPI-RP2 board takes 0xe48bff56"),
+        (uf2(tmp_path / "other.uf2", RP2350), "compiled for 0xe48bff59; the board RPI-RP2 takes 0xe48bff56"),
     ):
         assert words in refused(capsys, "flash", DESIGN, *PICO, "--image", str(file))
     assert [one.name for one in drive.iterdir()] == ["INFO_UF2.TXT"]
@@ -337,9 +343,9 @@ def test_a_uf2_file_that_is_none_or_for_another_chip_is_refused(drives, tmp_path
 @pytest.mark.parametrize(
     ("boards", "words"),
     [
-        ([], "hold the board's BOOTSEL button while you plug it in"),
-        ([None, "RP2350"], "drive 1): hold the board's BOOTSEL button"),
-        (["RPI-RP2", "RPI-RP2"], "2 of them"),
+        ([], "no drive of a board RPI-RP2 (0 drives are mounted); hold the board's BOOTSEL button"),
+        ([None, "RP2350"], "drive 1 is that of a board RP2350); hold the board's BOOTSEL button"),
+        (["RPI-RP2", "RPI-RP2"], "2 drives of boards RPI-RP2"),
     ],
 )
 def test_no_drive_or_two_of_them_are_told_apart(boards, words, drives, tmp_path, capsys):
@@ -347,7 +353,51 @@ def test_no_drive_or_two_of_them_are_told_apart(boards, words, drives, tmp_path,
     assert words in refused(capsys, "flash", DESIGN, *PICO, "--image", str(uf2(tmp_path / "a.uf2")))
 
 
-def test_where_drives_are_mounted_is_read_from_the_system():
+def test_only_drives_of_the_boot_drives_file_system_are_looked_at(tmp_path):
     from fabrication.flash import mounted_drives
 
-    assert Path("/") in mounted_drives() or not Path("/proc/mounts").exists()
+    mounts = tmp_path / "mounts"
+    mounts.write_text(
+        "/dev/sda1 / ext4 rw 0 0\n"
+        "server:/export /net/far nfs rw 0 0\n"
+        "/dev/sdb1 /media/a\\040user/RPI-RP2 vfat rw 0 0\n"
+    )
+    assert mounted_drives(mounts) == [Path("/media/a user/RPI-RP2")]
+    assert Path("/") not in mounted_drives()
+
+
+def test_a_file_of_the_rp2350_may_begin_with_a_block_that_its_boot_loader_ignores(drives, tmp_path, capsys):
+    (drive,) = drives("RP2350")
+    file, absolute = uf2(tmp_path / "a.uf2", RP2350), uf2(tmp_path / "b.uf2", 0xE48BFF57, blocks=2)
+    file.write_bytes(absolute.read_bytes()[:512] + file.read_bytes())
+    pico_2 = ["--set", "board.kind=raspberry-pi-pico-2", *PICO[2:]]
+    assert main(["driver", "flash", DESIGN, *pico_2, "--image", str(file)]) == 0
+    assert (drive / file.name).read_bytes() == file.read_bytes()
+
+
+@pytest.mark.parametrize("is_gone", [True, False])
+def test_a_drive_that_leaves_after_the_last_block_has_taken_the_file(
+    is_gone, drives, tmp_path, monkeypatch, capsys
+):
+    (drive,) = drives("RPI-RP2")
+
+    def restarted(_: int) -> None:
+        if is_gone:
+            (drive / "INFO_UF2.TXT").unlink()
+        raise OSError(5, "Input/output error")
+
+    monkeypatch.setattr("os.fsync", restarted)
+    given = ["driver", "flash", DESIGN, *PICO, "--image", str(uf2(tmp_path / "a.uf2"))]
+    if is_gone:
+        assert main(given) == 0
+        assert "uploaded" in capsys.readouterr().out
+    else:
+        assert "the file was not copied: Input/output error" in refused(capsys, *given[1:])
+
+
+def test_without_arduino_cli_a_pico_needs_no_port_to_be_told_of_its_boot_mode(monkeypatch, tmp_path, capsys):
+    monkeypatch.setenv("PATH", "")
+    said = refused(capsys, "flash", DESIGN, *PICO, "--out", str(tmp_path / "outputs"))
+    assert "arduino-cli is not installed here" in said
+    assert "hold the board's BOOTSEL button" in said
+    assert "driver flash DESIGN --image FILE.uf2" in said
