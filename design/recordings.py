@@ -9,11 +9,13 @@ from __future__ import annotations
 import json
 from collections.abc import Iterable
 from dataclasses import asdict, dataclass
+from functools import cache
 from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from design.arrays import IntArray
 from design.errors import InputError
 
 OFF = "off"
@@ -63,6 +65,69 @@ UNNAMED = SetEntry(name="unnamed", role="train", pattern="unknown", is_ambient=T
 def sets_json(sets: Iterable[SetEntry]) -> str:
     """The sets as JSON text for the attribute `sets` of a netCDF file."""
     return json.dumps([asdict(entry) for entry in sets])
+
+
+@cache
+def lit_emitters(emitter_count: int, dark: str = "frame") -> tuple[int | None, ...]:
+    """Index of the lit emitter in each state of a frame, None in a dark state.
+
+    Parameters
+    ----------
+    dark : ``frame``: one dark state at the end; ``each``: one before and one after each emitter's state
+    """
+    between = () if dark == "frame" else (None,)
+    return (*(state for number in range(emitter_count) for state in (*between, number)), None)
+
+
+@cache
+def nearest_dark_states(states: tuple[int | None, ...]) -> IntArray:
+    """Dark states nearest to each emitter's state: two equally near ones, or the nearest one twice.
+
+    Parameters
+    ----------
+    states : emitter that is lit in each state of a frame, None in a dark state; one or more are dark
+
+    Returns
+    -------
+    (emitter, 2) indices of states, the earlier one first; read-only
+    """
+    dark = np.array([state for state, emitter in enumerate(states) if emitter is None])
+    found = []
+    for state, emitter in enumerate(states):
+        if emitter is not None:
+            apart = np.abs(dark - state)
+            found.append(dark[apart == apart.min()][[0, -1]])
+    rows = np.array(found, dtype=np.int64).reshape(-1, 2)
+    rows.flags.writeable = False
+    return rows
+
+
+def with_one_dark(
+    counts: NDArray[Number], states: tuple[int | None, ...], full_scale: float
+) -> NDArray[np.float64]:
+    """Readings of a frame of any states as readings of the emitters' states and one dark state, not rounded.
+
+    Each emitter's reading is reduced by the mean of its nearest dark readings, and raised by the largest dark reading
+    of its receiver. So `signals_of` gives the difference to the nearest dark readings, and no reading is below 0.
+    A reading stays at full scale if it was there, and a sum above full scale becomes full scale. The readings of a
+    frame with one dark state, the last, remain as they are.
+
+    Parameters
+    ----------
+    counts : (..., state, receiver) readings [counts]
+    states : emitter that is lit in each state, None in a dark state
+    full_scale : largest reading [counts]
+
+    Returns
+    -------
+    (..., emitter + 1, receiver) readings; the last row has each receiver's largest dark reading [counts]
+    """
+    read = counts.astype(np.float64)
+    lit = read[..., [emitter is not None for emitter in states], :]
+    common = read[..., [emitter is None for emitter in states], :].max(axis=-2, keepdims=True)
+    dark = read[..., nearest_dark_states(states), :].mean(axis=-2)
+    moved = np.where(lit >= full_scale, full_scale, np.minimum(lit - dark + common, full_scale))
+    return np.concatenate([moved, common], axis=-2)
 
 
 def signals_of(counts: NDArray[Number]) -> NDArray[Number]:

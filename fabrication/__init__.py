@@ -1,4 +1,4 @@
-"""From design to unit: the bundle, and the driver configuration of sheets, firmware and driver.
+"""Output for the manufacture of a design: its folder of files, sheets, firmware, and the driver of a unit.
 
-Rooms: sheets, driver, stage; firmware in C. Imports of ours: design, cad, sims.
+Subfolders: sheets, driver, stage, firmware (in C). Imports within this repository: design, cad, sims.
 """

@@ -1,18 +1,18 @@
-"""The bundle: one folder per design, complete or absent after any interruption.
+"""Writing of bundles: a bundle is a design's output folder, which is never left half-written.
 
-Work takes place in a hidden folder next to the bundle, which starts with the bundle's files. At the
-end the manifest is written and the folders are swapped. If the machine stopped during the swap, the next
-writer restores the bundle. Everything is on the disk before the swap.
+A command works in a hidden folder next to the bundle, into which it first copies the bundle's files. At the end the
+command writes the manifest, flushes everything to the disk, and swaps the two folders. If the machine stopped during
+the swap, the next writer restores the bundle.
 
 Several commands, processes and threads may work on one bundle at a time. Each has its own hidden folder, which is
-locked while it is in use. Before the swap it receives the files that others have finished meanwhile; a file that both
-wrote is the later one's. Copies and swaps wait for one another.
+locked while it is in use. Before the swap, files that other commands have finished meanwhile are copied into the hidden
+folder. If two commands wrote the same file, the file of the later swap remains. Copies and swaps wait for one another.
 
 A bundle has no links: a link in place of the bundle, or of a folder that commands write into, is refused.
 
     outputs/<name>-<digest8>/                     the bundle
     outputs/.<name>-<digest8>.<random>.partial/   work in progress
-    outputs/.<name>-<digest8>.old/                the former bundle, for the moment of the change
+    outputs/.<name>-<digest8>.old/                the former bundle, during the swap only
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ from design.spec import SensorDesign
 
 MANIFEST = "manifest.json"
 FOLDERS = ("cad", "fabrication", "sims")
-"""Folders of a bundle that commands write into; everything else in it is the user's."""
+"""Subfolders of a bundle (a design's output folder) that commands write into; all other files are the user's."""
 WAY_OUT = "choose another folder with --out (an earlier bundle is intact)"
 RECORDED_PACKAGES = ("optopad", "numpy", "scipy", "numba", "mujoco", "cadquery", "trimesh", "manifold3d")
 
@@ -48,21 +48,22 @@ def bundle_name(design: SensorDesign) -> str:
 
 
 _UNDER_WAY: set[Path] = set()
-"""Hidden folders of the work in progress."""
+"""Hidden working folders that this process is using; each replaces a bundle when its command succeeds."""
 
 
 @contextmanager
 def bundle(design: SensorDesign, out: Path, *, seed: int) -> Iterator[Path]:
-    """A folder to write into, which becomes the bundle if the block succeeds.
+    """Yield a folder to write into, which becomes the design's bundle if the block succeeds.
 
     Parameters
     ----------
-    out : folder of the bundles; created if missing
-    seed : recorded in the manifest
+    out : folder that contains the bundles; created if missing
+    seed : seed of random numbers, recorded in the manifest
 
     Raises
     ------
-    OutputError : the folder cannot be written, the disk is full, or a link is in the way; the old bundle is intact.
+    OutputError : the folder cannot be written, the disk is full, or a link is in the way. The previous bundle is
+        intact.
     """
     final = out / bundle_name(design)
     staging = final.parent / f".{final.name}.{secrets.token_hex(4)}.partial"
@@ -96,7 +97,7 @@ def bundle(design: SensorDesign, out: Path, *, seed: int) -> Iterator[Path]:
 
 
 def abandon() -> None:
-    """Remove the work in progress of a process that ends at once; finished bundles are kept."""
+    """Remove this process's unfinished output folders, because the process ends at once; finished bundles remain."""
     for staging in tuple(_UNDER_WAY):
         shutil.rmtree(staging, ignore_errors=True)
 
@@ -104,8 +105,8 @@ def abandon() -> None:
 def write_manifest(folder: Path, design: SensorDesign, seed: int) -> None:
     """Write ``manifest.json``: digest, versions, seed, and every file with its size and SHA-256.
 
-    Several commands fill a bundle. Each file names the run that made it, by its index in
-    ``runs``; ``seed`` and ``versions`` are those of the last run.
+    Several commands fill a bundle. The entry of each file contains the index in ``runs`` of the run that wrote the
+    file. ``seed`` and ``versions`` are those of the last run.
     """
     this_run = {"seed": seed, "versions": versions()}
     former = _former_manifest(folder)
@@ -121,11 +122,11 @@ def write_manifest(folder: Path, design: SensorDesign, seed: int) -> None:
 
 
 def altered_files(folder: Path) -> tuple[str, ...]:
-    """Names of files that are missing or differ from the bundle's manifest.
+    """Paths, relative to the bundle, of files that are missing or whose digest differs from the manifest's.
 
     Raises
     ------
-    InputError : a missing or damaged manifest.
+    InputError : the manifest is missing or damaged.
     """
     try:
         manifest = json.loads((folder / MANIFEST).read_text(encoding="utf-8"))
@@ -144,7 +145,7 @@ def altered_files(folder: Path) -> tuple[str, ...]:
 
 
 def versions() -> dict[str, str]:
-    """Versions of Python and of the packages that made a result."""
+    """Versions of Python and of the packages with which a result is computed."""
     found = {"python": platform.python_version()}
     for package in RECORDED_PACKAGES:
         try:
@@ -155,7 +156,6 @@ def versions() -> dict[str, str]:
 
 
 def _fill(staging: Path, final: Path) -> None:
-    """Make the folder of the work in progress, with the files of the bundle."""
     former = _former(final)
     if former.exists() and not os.path.lexists(final):
         former.rename(final)  # a swap was interrupted
@@ -168,7 +168,7 @@ def _fill(staging: Path, final: Path) -> None:
 
 
 def _require_no_link(final: Path) -> None:
-    """Refuse links that would be written through, and lost afterwards."""
+    """Raise an error for symbolic links in the bundle, because files would be written to the links' targets."""
     if final.is_symlink():
         raise OutputError(
             f"{final}: is a link, and a bundle is a folder; remove the link, or give the folder that holds the bundle "
@@ -185,7 +185,7 @@ def _require_no_link(final: Path) -> None:
 
 @contextmanager
 def _alone(out: Path) -> Iterator[None]:
-    """Prevent other commands from copying and swapping bundles of a folder during the block."""
+    """Prevent other processes from copying and swapping bundles in a folder during the block."""
     if os.name == "nt":  # it has no locks of folders
         yield
         return
@@ -201,9 +201,9 @@ def _alone(out: Path) -> Iterator[None]:
 
 
 def _locked(folder: Path) -> int | None:
-    """A descriptor of a folder, locked; None if another process has locked it, or there are no locks.
+    """Lock a folder; returns its open descriptor, or None if another process has locked it or locks do not exist.
 
-    The lock ends with the descriptor, and with the process in any case.
+    The lock ends when the descriptor is closed or the process ends.
     """
     if os.name == "nt":
         return None
@@ -219,12 +219,14 @@ def _locked(folder: Path) -> int | None:
 
 
 def _digests(folder: Path) -> dict[str, str]:
-    """SHA-256 of every file but the manifest."""
     return {name: _record(folder / name)["sha256"] for name in _files(folder)}
 
 
 def _fetch(staging: Path, final: Path, begun_with: dict[str, str]) -> None:
-    """Apply the files that others have added to the bundle, or removed, since this command began."""
+    """Copy into `staging` the files that other commands changed in the bundle since this command began.
+
+    `begun_with` has the files' digests at the beginning. A file that this command also wrote is kept.
+    """
     _require_no_link(final)
     now = _digests(final)
     if now == begun_with or not final.exists():
@@ -273,14 +275,14 @@ def _former(final: Path) -> Path:
 
 
 def _remove(folder: Path) -> None:
-    """Remove a folder, or a link to one without its target."""
+    """Remove a folder with its content, or a symbolic link without its target."""
     if folder.is_symlink():
         folder.unlink()
     shutil.rmtree(folder, ignore_errors=True)
 
 
 def _sweep(final: Path) -> None:
-    """Remove work in progress that no process has locked."""
+    """Remove hidden working folders that interrupted commands have left, and that no process has locked."""
     pattern = re.compile(re.escape(f".{final.name}.") + r"[0-9a-f]+\.partial")
     for left in final.parent.iterdir():
         if pattern.fullmatch(left.name) and (lock := _locked(left)) is not None:
@@ -299,7 +301,7 @@ def _record(file: Path) -> dict[str, Any]:
 
 
 def _former_manifest(folder: Path) -> dict[str, Any]:
-    """Runs and files of the previous manifest; none if it is missing or damaged."""
+    """Runs and files of the previous manifest; empty if it is missing or damaged."""
     nothing: dict[str, Any] = {"runs": [], "files": {}}
     try:
         document = json.loads((folder / MANIFEST).read_text(encoding="utf-8"))
@@ -311,7 +313,7 @@ def _former_manifest(folder: Path) -> dict[str, Any]:
 
 
 def _is_elsewhere(err: OSError, out: Path) -> bool:
-    """Whether an error names a file outside the bundles' folder, and so is not about writing there."""
+    """Whether an error is about a file outside the bundles' folder."""
     if not isinstance(err.filename, str):
         return False
     return not Path(err.filename).absolute().is_relative_to(out.absolute())

@@ -1,7 +1,7 @@
-"""Connections of parts to pins: the list from which every sheet is written.
+"""Connections of emitters and receivers to pins: the list from which all sheets for manufacturing are written.
 
-Order, positions and names come from `design.shape.cavity`, pins and channels from `design.circuit.pins`. State i lights
-emitter i alone; the last state lights none. Column j of a state's readings is receiver j.
+Order, positions and names come from `design.shape.cavity`, pins and channels from `design.circuit.pins`. In state i
+only emitter i is lit; in the last state no emitter is lit. Column j of a state's readings is receiver j.
 """
 
 from __future__ import annotations
@@ -31,18 +31,18 @@ TWO_LEADS = 2
 
 @dataclass(frozen=True, kw_only=True)
 class Connection:
-    """One part and its connection.
+    """An emitter or receiver and its connection.
 
     Attributes
     ----------
-    part : the placed part
-    pin : "D22" for a digital pin of the board, "S1-Q3" for output 3 of shift register S1, "L1-Q3" of LED driver L1,
-        "A0" for an analogue channel, "M1-C3" for channel 3 of multiplexer M1, "U1-C3" of converter U1
-    pin_number : digital pin, output in the chain of shift registers or LED drivers, index of the channel among the
-        board's channels, or number of the converter
-    address : address of a receiver behind a multiplexer, or input of a converter
-    polarity : connection of the part's own leads
-    number : state of an emitter, column of a receiver; from 0
+    part : the part with its position and orientation
+    pin : name of the pin: "D22" of the board, "S1-Q3" output 3 of shift register S1, "L1-Q3" output 3 of LED driver L1,
+        "A0" an analogue channel, "M1-C3" channel 3 of multiplexer M1, "U1-C3" channel 3 of converter U1
+    pin_number : number of the digital pin, of the output along the chain of shift registers or LED drivers, of the
+        board's analogue channel, or of the converter
+    address : the receiver's channel of a multiplexer, or input of a converter; None if it has neither
+    polarity : how the part's own leads are connected, in words
+    number : index of an emitter among the emitters, or of a receiver among the columns of the readings; from 0
     position_mm : centre of the active area in the cavity frame (x, y, z) [mm]
     normal : direction from the wall into the cavity (x, y, z) [-]
     """
@@ -59,19 +59,19 @@ class Connection:
 
 @dataclass(frozen=True, kw_only=True)
 class Connections:
-    """All emitters in the order of states, all receivers in the order of columns."""
+    """Connections of all emitters, in the order of lighting, and of all receivers, in the order of readings."""
 
     emitters: tuple[Connection, ...]
     receivers: tuple[Connection, ...]
 
     @property
     def all(self) -> tuple[Connection, ...]:
-        """Emitters, then receivers."""
+        """All connections: emitters, then receivers."""
         return self.emitters + self.receivers
 
 
 def pin_words(design: SensorDesign) -> str:
-    """The letters in the names of a design's pins and their meaning."""
+    """A sentence that explains a design's pin names, such as S1-Q3 for an output of a shift register."""
     words = ["D: digital pin", "A: analogue input"]
     if multiplexer_of(design) is not None:
         words.append("M1-C0: channel 0 of multiplexer M1")
@@ -85,7 +85,7 @@ def pin_words(design: SensorDesign) -> str:
 
 
 def polarity_of(part: PlacedPart, design: SensorDesign) -> str:
-    """Connection of a part's own leads; the data sheet identifies the leads."""
+    """How the leads of a part are connected, in words; the data sheet shows which lead is which."""
     emitter = EMITTER_POLARITY if driver_of(design) is None else SINK_POLARITY
     polarity = emitter if part.kind == "emitter" else RECEIVER_POLARITY
     leads = part.part.lead_count
@@ -102,11 +102,11 @@ def _number(path: ReceiverPath, channels: Sequence[str]) -> int:
 
 
 def connections_of(design: SensorDesign) -> Connections:
-    """Every part of a design with its pin, position and number.
+    """Connections of all parts of a design.
 
     Raises
     ------
-    DesignError : parts or pins that the catalogue or the board does not have.
+    DesignError : the catalogue does not have a part, or the board does not have a pin.
     """
     cavity = cavity_of(design)
     (pins, _), paths = assigned_pins(design), receiver_paths(design)

@@ -1,7 +1,7 @@
-"""Driver configuration of a design's exact geometry: `driver.toml`.
+"""Makes a design's driver configuration, `driver.toml`.
 
-Every index, pin and position comes from `fabrication.connections`; times and bytes come from
-`design.circuit.pins`. The records, and their reader, are in `fabrication.driver_file`.
+Every index, pin and position comes from `fabrication.connections`; times and bytes come from `design.circuit.pins`. The
+data classes and the reader are in `fabrication.driver_file`.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ from design.circuit import pins as timing
 from design.circuit.pins import board_of
 from design.circuit.transimpedance import feedbacks_of
 from design.parts.catalog import Board
+from design.recordings import lit_emitters
 from design.shape.cavity import plan_of, workspace_of
 from design.shape.outline import PLAIN
 from design.spec import SensorDesign
@@ -56,9 +57,9 @@ TABLE_COMMENTS = {
     "timing": "sum of all states' switching, settling and conversion times and of the sending",
     "workspace": "press centres that the verdict covers, seen from above; outline disc: within the four sides",
     "surface": "the untouched top, by its highest point; a press moves against its normal",
-    "ambient": "subtract this state's readings from those of every other state",
+    "ambient": "subtract_state: dark state to subtract from all others; absent: subtract the mean of both neighbours",
     "gain": "counts if one receiver received an emitter's total power (median; each); absent if not simulated",
-    "states": "in order: each emitter alone, then all off",
+    "states": "in order: the emitter that is lit alone; empty: all off",
     "emitters": "active_mm: emitting area along the wall and upward; normal points into the cavity",
     "expected": "simulated untouched pad: one row per emitter, one column per receiver; absent if not simulated",
     "receivers": "column: index within a state's readings; channel_number: index among the board's channels, or the "
@@ -71,20 +72,22 @@ def driver_config(
     counts_per_flux: float | Sequence[float] | None = None,
     untouched_counts: FloatArray | None = None,
 ) -> DriverConfig:
-    """The configuration of a design.
+    """The driver configuration of a design.
 
     Parameters
     ----------
-    counts_per_flux : simulated gain, one for all receivers or one for each [counts]; None omits it
+    counts_per_flux : simulated gain [counts]: reading of a receiver that gets all of an emitter's power. One number for
+        all receivers or one for each; None omits the gain
     untouched_counts : (emitter, receiver) expected readings of the untouched pad [counts]; None omits them
 
     Raises
     ------
-    DesignError : pins or parts that the board or the catalogue does not have.
+    DesignError : the catalogue does not have a part, or the board does not have a pin.
     """
     connections, board = connections_of(design), board_of(design)
     lit = [one.part.name for one in connections.emitters]
     counts = len(lit), len(connections.receivers)
+    states = lit_emitters(len(lit), design.board.dark)
     config = DriverConfig(
         format_version=FORMAT_VERSION,
         design=design.name,
@@ -93,19 +96,21 @@ def driver_config(
         content_sha256="",
         units=Units(length="mm", time="us or ms, as named", rate="Hz", reading="ADC counts"),
         board=_board(design, board),
-        frame=_frame(timing.adc_bits(design), *counts),
+        frame=_frame(design, *counts),
         timing=_timing(design, board, *counts),
         workspace=_workspace(design),
         surface=_surface(design),
-        ambient=AmbientRule(subtract_state=counts[0]),
+        ambient=AmbientRule(subtract_state=counts[0] if design.board.dark == "frame" else None),
         gain=_gain(design, counts_per_flux, counts[1]),
-        states=tuple(StateEntry(number=k, emitter=name) for k, name in enumerate([*lit, ""])),
+        states=tuple(
+            StateEntry(number=k, emitter="" if one is None else lit[one]) for k, one in enumerate(states)
+        ),
         emitters=tuple(
             EmitterEntry(
                 name=one.part.name,
                 pin=one.pin_number,
                 output=None if design.board.emitters is None else one.pin,
-                state=one.number,
+                state=states.index(one.number),
                 **_place(one),
             )
             for one in connections.emitters
@@ -131,7 +136,7 @@ def dump_driver_config(
     counts_per_flux: float | Sequence[float] | None = None,
     untouched_counts: FloatArray | None = None,
 ) -> str:
-    """The configuration as TOML text with comments; parameters and errors as `driver_config`."""
+    """The driver configuration as TOML text with comments; parameters and errors are those of `driver_config`."""
     text = tomlkit.document()
     for line in HEADING:
         text.add(tomlkit.comment(line))
@@ -185,9 +190,10 @@ def _reference_words(design: SensorDesign, board: Board) -> str:
     return f"board supply, taken as {volts:g} V" if board.divides_clock else f"{volts:g} V"
 
 
-def _frame(bits: int, emitter_count: int, receiver_count: int) -> FrameLayout:
-    states = timing.state_count(emitter_count)
-    total = timing.frame_bytes(emitter_count, receiver_count, bits)
+def _frame(design: SensorDesign, emitter_count: int, receiver_count: int) -> FrameLayout:
+    bits, dark = timing.adc_bits(design), design.board.dark
+    states = timing.state_count(emitter_count, dark)
+    total = timing.frame_bytes(emitter_count, receiver_count, bits, dark)
     head = timing.MAGIC_BYTES + timing.VERSION_BYTES + timing.SEQUENCE_BYTES + timing.TIME_BYTES
     return FrameLayout(
         order=("state", "receiver"),
@@ -206,10 +212,10 @@ def _frame(bits: int, emitter_count: int, receiver_count: int) -> FrameLayout:
 
 
 def _timing(design: SensorDesign, board: Board, emitter_count: int, receiver_count: int) -> TimingBudget:
-    use, driver = design.board, timing.driver_of(design)
-    sent = timing.frame_bytes(emitter_count, receiver_count, timing.adc_bits(design))
+    use, driver = design.board, timing.driver_of(design) or timing.shift_register_of(design)
+    sent = timing.frame_bytes(emitter_count, receiver_count, timing.adc_bits(design), use.dark)
     frame_ms = timing.design_frame_time_ms(design, emitter_count, receiver_count, board, use)
-    switch_ms = timing.switch_time_ms(driver, emitter_count)
+    switch_ms = timing.switch_time_ms(driver, emitter_count, use.dark)
     return TimingBudget(
         conversion_us=timing.reading_time_ms(board, use, timing.converter_of(design)) * timing.US_PER_MS,
         settle_us=use.settle_us,
@@ -262,7 +268,6 @@ def _gain(design: SensorDesign, counts_per_flux: float | Sequence[float] | None,
 
 
 def _place(one: Connection) -> dict[str, Any]:
-    """The fields that emitters and receivers share."""
     part = one.part.part
     return {
         "position_mm": one.position_mm,

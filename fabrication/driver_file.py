@@ -1,8 +1,8 @@
-"""The driver configuration for the laboratory's PC: `driver.toml`, checked, as frozen records.
+"""Reads and checks the driver configuration `driver.toml`, and returns it as frozen data classes.
 
-The module needs the standard library only: neither the CAD kernel nor the physics, nor the design's schema.
-The file belongs to one design (`digest`) and has a checksum over its own content, so that a
-damaged or hand-edited file is refused: change the design to change the file.
+The laboratory's PC needs only Python's standard library to read the file, not the CAD kernel, the models or the schema
+of designs. The file belongs to one design, identified by its `digest`. The file contains a checksum of its content, so
+that a damaged or hand-edited file is refused. To change the file, change the design and write the file again.
 """
 
 from __future__ import annotations
@@ -26,17 +26,18 @@ if TYPE_CHECKING:
 
 FORMAT_VERSION = 2
 MOST_BYTES = 1_000_000
-"""Largest size of a file: the largest configuration takes some 30 kB."""
+"""Largest size of a file that is read [bytes]; the largest configuration takes some 30 kB."""
 CHECKSUM = "content_sha256"
 DESIGN_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,62}")
-"""The same pattern as `design.fields.base.FileName`; recordings are named after the design."""
+"""Pattern of a design's name, the same as `design.fields.base.FileName`, because recordings are named after the
+design."""
 Point = tuple[float, float, float]
 WAY_OUT = "write it again with `optopad driver config DESIGN`"
 
 
 @dataclass(frozen=True, kw_only=True)
 class Units:
-    """Units of all numbers in the file; names of quantities with a unit end in it."""
+    """Units of all numbers in `driver.toml`; the names of quantities end with their unit."""
 
     length: str
     time: str
@@ -50,19 +51,20 @@ class BoardSetup:
 
     Attributes
     ----------
-    adc_reference : voltage of full scale
-    baud_error : made_baud over baud, less 1
-    link_number : the firmware's number of this kind of board; 0 is any other
-    usb_ids, bridge_usb_ids : vendor:product of the maker's boards, and of serial chips that copies use
-    boot_s : longest time from opening the port, which resets the board, to the sketch
-    shift_pins : data, clock and latch of the shift registers that switch the emitters; None without
+    adc_reference : source and voltage of the converter's full scale
+    baud_error : relative error of the baud rate that the board can generate: made_baud / baud - 1 [-]
+    link_number : number by which the firmware names this kind of board; 0 for boards without a number
+    usb_ids : USB vendor:product of the maker's boards
+    bridge_usb_ids : USB vendor:product of serial chips that copies of the board use
+    boot_s : longest time from opening the port, which resets the board, to the start of the firmware [s]
+    shift_pins : digital pins for data, clock and latch of the emitters' shift registers; None without shift registers
     address_pins : digital pins of the multiplexers' address, lowest bit first; None without multiplexers
     spi_pins : clock, data out and data in of the SPI bus; None if it is not used
-    converter : name of the converters that read the receivers; None: the board's own
+    converter : name of the converters that read the receivers; None for the board's own converter
     select_pins : chip selects of the converters, in their order; None without converters
-    led_driver : name of the LED drivers; None: a transistor for each emitter
+    led_driver : name of the LED drivers; None for a transistor at each emitter
     driver_pins : latch and blank of the LED drivers; None without LED drivers
-    config_crc : checksum of the configuration in the self-test of this design's firmware; None without firmware
+    config_crc : checksum that the self-test of this design's firmware reports; None if the board has no firmware
     """
 
     kind: str
@@ -92,7 +94,7 @@ class BoardSetup:
 
 @dataclass(frozen=True, kw_only=True)
 class StateEntry:
-    """One state of the emitters: `emitter` is lit, "" for none."""
+    """One state of the emitters: its index, and the name of the lit emitter ("" in the dark state)."""
 
     number: int
     emitter: str
@@ -100,7 +102,11 @@ class StateEntry:
 
 @dataclass(frozen=True, kw_only=True)
 class EmitterEntry:
-    """An emitter: its pin, or number and name of its output of the shift registers or LED drivers; state, location."""
+    """An emitter: name, pin or output, state in which it is lit, position and direction.
+
+    With shift registers or LED drivers, `pin` is the number of the emitter's output, counted along their chain, and
+    `output` is the name of that output.
+    """
 
     name: str
     pin: int
@@ -115,10 +121,10 @@ class EmitterEntry:
 
 @dataclass(frozen=True, kw_only=True)
 class ReceiverEntry:
-    """A receiver: its terminal, the board's input behind that and the multiplexer's address, if any; its
-    column in a state's readings, its location.
+    """A receiver: name, terminal, input of the board, address at its multiplexer, column, position and direction.
 
-    With converters `channel_number` is the converter's number, from 0, and `address` is its input.
+    The column is the receiver's index among the readings of one state. With separate converters, `channel_number` is
+    the number of the receiver's converter, from 0, and `address` is the input of that converter.
     """
 
     name: str
@@ -135,12 +141,12 @@ class ReceiverEntry:
 
 @dataclass(frozen=True, kw_only=True)
 class FrameLayout:
-    """A packed frame: head, readings state by state and receiver by receiver, check.
+    """Layout of a frame on the serial line: head, packed readings, checksum.
 
     Attributes
     ----------
-    order : axes of the readings, the slowest first
-    head_bytes : magic, version, sequence number, time
+    order : axes of the readings, the slowest-varying first
+    head_bytes : number of bytes before the readings: magic, version, sequence number, time
     """
 
     order: tuple[str, ...]
@@ -159,11 +165,12 @@ class FrameLayout:
 
 @dataclass(frozen=True, kw_only=True)
 class TimingBudget:
-    """Time of a frame by the plain sum of `design.circuit.pins`, and the resulting rate.
+    """Time of a frame as a sum of its steps, and the resulting frame rate; computed in `design.circuit.pins`.
 
     Attributes
     ----------
-    switch_us : data of the LED drivers and their delay, at the begin of each state; None without LED drivers
+    switch_us : time at the beginning of each state in which the LED drivers take their data and switch; None without
+        LED drivers
     """
 
     conversion_us: float
@@ -177,11 +184,11 @@ class TimingBudget:
 
 @dataclass(frozen=True, kw_only=True)
 class WorkspaceLimits:
-    """Press centres that the verdict covers, in the cavity frame, and the deepest press.
+    """Workspace of the verdict: limits of the press centres in the cavity frame, and the deepest press [mm].
 
     Attributes
     ----------
-    outline : outline of the press centres, by its name in a design; None for the rectangle of the four sides
+    outline : name of the shape of the region of press centres; None for the rectangle between the limits of x and y
     """
 
     x0_mm: float
@@ -193,7 +200,7 @@ class WorkspaceLimits:
 
     @property
     def area(self) -> Outline:
-        """The press centres."""
+        """The region of the press centres, in the cavity frame."""
         from design.shape.outline import PLAIN, outline_in
 
         box = (self.x0_mm, self.y0_mm, self.x1_mm, self.y1_mm)
@@ -202,14 +209,14 @@ class WorkspaceLimits:
 
 @dataclass(frozen=True, kw_only=True)
 class SurfaceEntry:
-    """The untouched top: flat, or convex with its highest point over the middle of the pad.
+    """Shape of the untouched top surface: flat, or convex with its highest point over the middle of the pad.
 
     Attributes
     ----------
     top_mm : (x, y, z) of the highest point, or of the middle of a flat top, in the cavity frame [mm]
     crown : "none", "sphere" or "cylinder"
     radius_mm : radius of curvature; None for a flat top
-    axis : "x" or "y", direction in which a cylinder is straight; None for others
+    axis : "x" or "y", direction of a cylinder's axis; None for other shapes
     """
 
     top_mm: tuple[float, float, float]
@@ -218,9 +225,9 @@ class SurfaceEntry:
     axis: str | None = None
 
     def point_and_normal(self, x_mm: float, y_mm: float) -> tuple[Point, Point]:
-        """Point of first contact of a press at x, y in plan [mm], and the unit normal out of the pad there [-].
+        """Point of first contact of a press at x, y [mm], and the outward unit normal there [-], in the cavity frame.
 
-        A press moves against the normal. Beyond the crown its nearest point is used.
+        A press moves against the normal. Outside the convex surface its nearest point is used.
         """
         x, y, z = self.top_mm
         if self.radius_mm is None:
@@ -236,22 +243,25 @@ class SurfaceEntry:
 
 @dataclass(frozen=True, kw_only=True)
 class AmbientRule:
-    """Correction of ambient light: the readings of `subtract_state` are subtracted from those of the other states."""
+    """Correction of ambient light: the readings of the dark state `subtract_state` are subtracted from the others.
 
-    subtract_state: int
+    If `subtract_state` is None, the mean of the dark states around each emitter is subtracted from its readings.
+    """
+
+    subtract_state: int | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
 class GainNote:
-    """The receivers' gain: the target reading of the median judged pair, untouched, and the components.
+    """The receivers' gain: the target reading of the median pair on the untouched pad [counts], and the components.
 
     Attributes
     ----------
-    rule : "common", "each" or "ohms", see `design.spec.Gain`
-    counts_per_flux : counts for all of an emitter's power on one receiver, if known; of the median receiver
+    rule : how the gain is set: "common", "each" or "ohms", see `design.spec.Gain`
+    counts_per_flux : reading of the median receiver if it got all of an emitter's power [counts]; None if not simulated
     receiver_counts_per_flux : the same quantity for each receiver, in the order of columns
-    feedback_ohm, feedback_pf : standard resistor and capacitor of each receiver, where the emitters' power is known;
-        a rule's gain differs from the resistor's by its step, at most 5 %
+    feedback_ohm, feedback_pf : feedback resistor and capacitor of each receiver's amplifier, in standard values; None
+        if the emitters' power is not known. Standard values change the gain by up to 5 %
     """
 
     target_counts: float
@@ -268,8 +278,8 @@ class ExpectedPattern:
 
     Attributes
     ----------
-    source : origin of the simulation
-    untouched_counts : (emitter, receiver) readings less ambient light, at most full scale [counts]
+    source : description of the simulation
+    untouched_counts : (emitter, receiver) readings without ambient light, at most full scale [counts]
     """
 
     source: str
@@ -278,7 +288,7 @@ class ExpectedPattern:
 
 @dataclass(frozen=True, kw_only=True)
 class DriverConfig:
-    """Everything that a reader of a manufactured unit needs, for exactly one design."""
+    """Everything that a program needs to read a manufactured unit of one design."""
 
     format_version: int
     design: str
@@ -308,7 +318,7 @@ def load_driver_config(path: str | os.PathLike[str], *, digest: str | None = Non
 
     Raises
     ------
-    InputError : missing, damaged, of another format version, or of another design.
+    InputError : the file is missing, damaged, of another format version, or of another design.
     """
     file = Path(path)
     config = config_from_document(_document(file), where=str(file))
@@ -321,11 +331,11 @@ def load_driver_config(path: str | os.PathLike[str], *, digest: str | None = Non
 
 
 def config_from_document(document: dict[str, Any], *, where: str) -> DriverConfig:
-    """Checked records from plain data.
+    """Check plain data (parsed TOML) and make a driver configuration; `where` names their origin in errors.
 
     Raises
     ------
-    InputError : as `load_driver_config`.
+    InputError : the data are incomplete, damaged, or of another format version.
     """
     _check_version(document, where)
     try:
@@ -342,7 +352,7 @@ def config_from_document(document: dict[str, Any], *, where: str) -> DriverConfi
 
 
 def content_sha256(document: dict[str, Any]) -> str:
-    """Checksum over the content of the file without the checksum itself, independent of formatting."""
+    """SHA-256 of a driver configuration's content without its own checksum; formatting has no influence."""
     content = {key: value for key, value in document.items() if key != CHECKSUM}
     text = json.dumps(content, sort_keys=True, separators=(",", ":"))
     return hashlib.sha256(text.encode()).hexdigest()
@@ -377,6 +387,8 @@ def _check_consistent(config: DriverConfig, where: str) -> None:
 def _claims(config: DriverConfig) -> dict[str, bool]:
     frame, lit = config.frame, [emitter.name for emitter in config.emitters]
     names = lit + [receiver.name for receiver in config.receivers]
+    between = () if config.ambient.subtract_state is not None else ("",)
+    states = [*(name for emitter in lit for name in (*between, emitter)), ""]
     head = frame.magic_bytes + frame.version_bytes + frame.sequence_bytes + frame.time_bytes
     return {
         "design must be a file's name: letters, digits, dots, dashes": bool(
@@ -386,9 +398,12 @@ def _claims(config: DriverConfig) -> dict[str, bool]:
             text.isprintable() for text in (*names, *(receiver.channel for receiver in config.receivers))
         ),
         "states must be numbered from 0": [s.number for s in config.states] == list(range(frame.states)),
-        "each state but the last lights its emitter": [s.emitter for s in config.states] == [*lit, ""],
+        "each emitter must be lit in turn, with a dark state at the end or before and after each": [
+            s.emitter for s in config.states
+        ]
+        == states,
         "emitters must be in the order of states": [e.state for e in config.emitters]
-        == list(range(len(lit))),
+        == [state for state, emitter in enumerate(states) if emitter],
         "receivers must be in the order of columns": [r.column for r in config.receivers]
         == list(range(frame.receivers)),
         "names must be unique": len(set(names)) == len(names),
@@ -398,7 +413,8 @@ def _claims(config: DriverConfig) -> dict[str, bool]:
         "readings must fit their bytes": frame.reading_bytes
         == -(-frame.readings * frame.bits_per_reading // 8),
         "the frame's bytes must add up": frame.total_bytes == head + frame.reading_bytes + frame.check_bytes,
-        "the last state must be the one subtracted": config.ambient.subtract_state == frame.states - 1,
+        "the last state must be the one subtracted, or none named": config.ambient.subtract_state
+        in {None, frame.states - 1},
         "the readings' order must be state, receiver": frame.order == ("state", "receiver"),
         "the expected pattern must be emitters x receivers": config.expected is None
         or [len(row) for row in config.expected.untouched_counts] == [frame.receivers] * len(lit),

@@ -1,22 +1,24 @@
-"""Uploading: an image over an AVR board's boot loader by avrdude, a sketch to any other board by arduino-cli.
+"""Compiles and uploads firmware: avrdude writes a compiled program to AVR boards, arduino-cli a sketch to other boards.
 
-The command is a pure function of board, image and port, so that it can be shown without being run. avrdude
-checks the chip's signature before it writes and reads everything back afterwards.
-
-avr-gcc compiles the sketch without the Arduino IDE to an image for the boot loader, and reports its size.
+The upload command is a pure function of board, program and port, so that it can be shown without being run. avrdude
+checks the chip's signature before it writes, and reads everything back afterwards. avr-gcc compiles the program for AVR
+boards without the Arduino IDE, and the program's size is reported.
 """
 
 from __future__ import annotations
 
 import os
+import re
 import shutil
+import string
+import struct
 import subprocess
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
 
-from design.errors import DeviceError
+from design.errors import DeviceError, InputError
 from design.files import temporary_folder
 from design.parts.board_firmware import ArduinoProgram, BoardFirmware
 from design.spec import SensorDesign
@@ -34,7 +36,7 @@ OPTIONS = (
     "-Wl,--gc-sections",
 )
 COMPILE_LIMIT_S = 60.0
-"""Time limit of a compilation, which takes about a second."""
+"""Time limit of a compilation, which usually takes about a second [s]."""
 
 GET_COMPILER = (
     "install it (Debian and Ubuntu: gcc-avr and avr-libc), or open the sketch folder in the Arduino IDE"
@@ -43,12 +45,13 @@ GET_COMPILER = (
 
 @dataclass(frozen=True, kw_only=True)
 class Image:
-    """A compiled program.
+    """A compiled program for an AVR chip.
 
     Attributes
     ----------
-    hex_text : Intel HEX, as avrdude takes it
-    flash_bytes, ram_bytes : memory that it uses on the chip; the latter excludes the stack
+    hex_text : the program in the format Intel HEX, which avrdude reads
+    flash_bytes : used program memory [bytes]
+    ram_bytes : used RAM without the stack [bytes]
     """
 
     hex_text: str
@@ -57,17 +60,17 @@ class Image:
 
 
 def has_compiler() -> bool:
-    """Whether the compiler and its tools are installed."""
+    """Whether the compiler avr-gcc and its tools are installed."""
     return all(shutil.which(tool) for tool in (COMPILER, COPIER, SIZER))
 
 
 def compiled_image(design: SensorDesign) -> Image:
-    """The program of a design.
+    """Compile the firmware of a design.
 
     Raises
     ------
-    DesignError : as `sketch_texts`.
-    DeviceError : no compiler, or a failed compilation.
+    DesignError : the design breaks a rule, or the catalogue lacks data of the board.
+    DeviceError : no compiler is installed, or the compilation failed.
     """
     with temporary_folder() as scratch:
         folder = Path(scratch)
@@ -79,11 +82,11 @@ def compiled_image(design: SensorDesign) -> Image:
 
 
 def compile_elf(design: SensorDesign, folder: Path, changes: Sequence[str] = ()) -> Path:
-    """The linked program, in a folder with its sources.
+    """Compile and link the firmware of a design in a folder; return the path of the program (ELF).
 
     Parameters
     ----------
-    changes : definitions in place of those in config.h, as PRESCALER_EXPONENT=5
+    changes : macro definitions that replace the definitions in config.h, for example PRESCALER_EXPONENT=5
 
     Raises
     ------
@@ -115,7 +118,7 @@ def _command(chip: BoardFirmware, clock_hz: int) -> list[str]:
 
 
 def avr_chip(settings: FirmwareSettings) -> BoardFirmware:
-    """The chip of an AVR board; DeviceError for another board."""
+    """Catalogue entry for the firmware of an AVR board; raises DeviceError for other boards."""
     if not isinstance(settings.chip, BoardFirmware):
         raise DeviceError(
             f"the program of the {settings.board_title} is compiled by {ARDUINO} (`optopad driver flash`) or the "
@@ -125,7 +128,7 @@ def avr_chip(settings: FirmwareSettings) -> BoardFirmware:
 
 
 def _sizes(elf: Path) -> tuple[int, int, int]:
-    """Bytes of program, of variables with a first value, and of those without."""
+    """Sizes [bytes] of the program, of variables with an initial value, and of variables without."""
     row = _run([SIZER, str(elf)]).splitlines()[1].split()
     return int(row[0]), int(row[1]), int(row[2])
 
@@ -143,9 +146,147 @@ def _run(command: list[str], folder: Path | None = None) -> str:
     return done.stdout
 
 
+UF2_BLOCK = struct.Struct("<8I476sI")
+UF2_MAGIC = 0x0A324655, 0x9E5D5157, 0x0AB16F30
+"""First, second and last number of each block of a UF2 file (Microsoft's specification of UF2)."""
+UF2_HAS_FAMILY = 0x2000
+INFO_FILE = "INFO_UF2.TXT"
+BOARD_ID = "Board-ID:"
+BOOT_MODE = "hold the board's BOOTSEL button while you plug it in, and mount the drive that then appears"
+
+
+def require_uf2(chip: ArduinoProgram, file: Path) -> None:
+    """Refuse a file that is no complete UF2 file for a board.
+
+    Files of the RP2350 begin with a block of another family, which its boot loader ignores, so only the blocks of the
+    board's own families are counted.
+
+    Raises
+    ------
+    InputError : the file does not exist, has other bytes than blocks of UF2, is for other boards, or lacks blocks.
+    """
+    assert chip.boot_drive is not None, "the caller knows that the board has one"
+    try:
+        content = file.read_bytes()
+    except OSError as err:
+        raise InputError(f"{file}: {err.strerror}; name a .uf2 file") from None
+    is_whole = bool(content) and len(content) % UF2_BLOCK.size == 0
+    blocks = list(UF2_BLOCK.iter_unpack(content)) if is_whole else []
+    if not is_whole or any((block[0], block[1], block[-1]) != UF2_MAGIC for block in blocks):
+        raise InputError(
+            f"{file}: not a UF2 file; Sketch > Export Compiled Binary of the Arduino IDE writes one"
+        )
+    takes = chip.boot_drive.families
+    numbered = {(block[7], block[6], block[5]) for block in blocks if block[2] & UF2_HAS_FAMILY}
+    own = sorted(one for one in numbered if one[0] in takes)
+    if not own:
+        families = {family for family, _, _ in numbered}
+        raise InputError(
+            f"{file}: compiled for {_listed(families) or 'no family'}; the board {chip.boot_drive.board_id} takes "
+            f"{_listed(takes)}; compile the sketch for {chip.fqbn}"
+        )
+    family, total, _ = own[0]
+    if own != [(family, total, number) for number in range(len(own))] or total != len(own):
+        raise InputError(f"{file}: {len(own)} of its {total} blocks are there; export or copy it again")
+
+
+def _listed(families: Iterable[int]) -> str:
+    return ", ".join(f"0x{family:08x}" for family in sorted(families))
+
+
+def boot_drive(chip: ArduinoProgram, drives: Sequence[Path]) -> Path:
+    """Folder of the drive that a board of this kind provides in its boot mode.
+
+    Parameters
+    ----------
+    drives : folders at which drives are mounted
+
+    Raises
+    ------
+    DeviceError : no drive or several drives match.
+    """
+    assert chip.boot_drive is not None, "the caller knows that the board has one"
+    board_ids = {drive: board_id for drive in drives if (board_id := _board_id(drive)) is not None}
+    wanted = chip.boot_drive.board_id
+    found = [drive for drive, board_id in board_ids.items() if board_id == wanted]
+    if len(found) == 1:
+        return found[0]
+    if found:
+        listed = ", ".join(map(str, found))
+        raise DeviceError(
+            f"{len(found)} drives of boards {wanted}: {listed}; unplug all but one, or name it: --port"
+        )
+    others = [
+        f"{drive} is that of a board {board_id or 'without a name'}" for drive, board_id in board_ids.items()
+    ]
+    looked = others or [
+        f"{drives[0]} has no {INFO_FILE}" if len(drives) == 1 else f"{len(drives)} drives are mounted"
+    ]
+    raise DeviceError(f"no drive of a board {wanted} ({'; '.join(looked)}); {BOOT_MODE}")
+
+
+def _board_id(drive: Path) -> str | None:
+    """Identifier of the board in its boot mode whose drive this is; None for another drive."""
+    try:
+        lines = (drive / INFO_FILE).read_text(encoding="ascii", errors="replace").splitlines()
+    except OSError:
+        return None
+    return next((line.removeprefix(BOARD_ID).strip() for line in lines if line.startswith(BOARD_ID)), "")
+
+
+MOUNTS = Path("/proc/mounts")
+FAT = "vfat", "msdos"
+"""Names of the file system of a boot drive in Linux; others, as those on a network, may not reply."""
+
+
+def mounted_drives(mounts: Path = MOUNTS) -> list[Path]:
+    """Folders at which drives are mounted that may be boot drives.
+
+    Parameters
+    ----------
+    mounts : Linux's table of mounted drives; without it the drives are those of macOS or Windows
+    """
+    try:
+        rows = [row.split() for row in mounts.read_text(encoding="utf-8").splitlines()]
+    except OSError:
+        volumes = Path("/Volumes")
+        letters = [Path(f"{letter}:\\") for letter in string.ascii_uppercase] if os.name == "nt" else []
+        return sorted(volumes.iterdir()) if volumes.is_dir() else letters
+    escaped = re.compile(r"\\([0-7]{3})")
+    return [
+        Path(escaped.sub(lambda code: chr(int(code[1], 8)), row[1]))
+        for row in rows
+        if len(row) > 2 and row[2] in FAT
+    ]
+
+
+def copy_uf2(file: Path, drive: Path) -> None:
+    """Copy a UF2 file to the drive of a board, which then restarts with the new program.
+
+    The board restarts when it has the last block, so its drive may be gone before the system has closed the file.
+
+    Raises
+    ------
+    DeviceError : the file cannot be written to the drive.
+    """
+    content, sent = file.read_bytes(), 0
+    try:
+        with open(drive / file.name, "wb", buffering=0) as target:
+            while sent < len(content):
+                sent += target.write(content[sent:])
+            os.fsync(target.fileno())
+    except OSError as err:
+        if sent == len(content) and not (drive / INFO_FILE).exists():
+            return
+        raise DeviceError(
+            f"{drive}: the file was not copied: {err.strerror}; {BOOT_MODE}, then try again"
+        ) from err
+
+
 UPLOADER, ARDUINO = "avrdude", "arduino-cli"
 UPLOAD_LIMIT_S = {UPLOADER: 180.0, ARDUINO: 900.0}
-"""Time limits of uploads: a whole chip at 115200 baud takes a minute, a core's first compilation some minutes."""
+"""Time limits of an upload by each program [s]. A whole chip at 115200 baud takes a minute, arduino-cli's first
+compilation some minutes."""
 
 SHOWN_LINES = 3
 
@@ -162,11 +303,11 @@ CAUSES: Mapping[str, str] = MappingProxyType(
         "platform not installed": "install the board's core: `arduino-cli core install teensy:avr`, say",
     }
 )
-"""Messages of the uploader in lower case, and their ways out."""
+"""Advice for known error messages of the uploader; the key is a part of the message in lower case."""
 
 
 def upload_command(chip: BoardFirmware, image: Path, port: str) -> list[str]:
-    """The command that writes an image to the board at a port."""
+    """The command line that writes a compiled program to the board at a port."""
     return [
         UPLOADER,
         *("-p", chip.mcu, "-c", chip.programmer, "-P", port, "-b", str(chip.upload_baud)),
@@ -176,29 +317,40 @@ def upload_command(chip: BoardFirmware, image: Path, port: str) -> list[str]:
 
 
 def sketch_command(chip: ArduinoProgram, sketch: Path, port: str) -> list[str]:
-    """The command that compiles a sketch folder and writes it to the board at a port."""
+    """The command line that compiles a sketch folder and writes the program to the board at a port."""
     return [ARDUINO, "compile", "--fqbn", chip.fqbn, "--upload", "--port", port, str(sketch)]
 
 
-def require_uploader(chip: BoardFirmware | ArduinoProgram, sketch: Path, port: str) -> None:
-    """Refuse an upload that cannot start: DeviceError for no avrdude or arduino-cli, or no such port."""
+def require_uploader(chip: BoardFirmware | ArduinoProgram, sketch: Path) -> None:
+    """Raise DeviceError if the upload program is missing; the message says how to install it or do without it."""
     by_hand = f"in the Arduino IDE, open {sketch}, select the board {chip.arduino_board}, and press Upload"
     if isinstance(chip, BoardFirmware) and shutil.which(UPLOADER) is None:
         raise DeviceError(
             f"{UPLOADER} is not installed here; install it (Debian and Ubuntu: avrdude), or, {by_hand}"
         )
     if isinstance(chip, ArduinoProgram) and shutil.which(ARDUINO) is None:
-        raise DeviceError(f"{ARDUINO} is not installed here; install it, or, {by_hand}")
+        copied = (
+            ""
+            if chip.boot_drive is None
+            else "; or export the compiled .uf2 file there and run `optopad driver flash DESIGN --image FILE.uf2`; "
+            f"before that, {BOOT_MODE}"
+        )
+        raise DeviceError(f"{ARDUINO} is not installed here; install it, or, {by_hand}{copied}")
+
+
+def require_port(port: str) -> None:
+    """Refuse a port that does not exist, by DeviceError."""
     if os.sep == "/" and not Path(port).exists():
         raise DeviceError(f"{port}: no such port; plug the board in and name the port that then appears")
 
 
 def upload(command: Sequence[str], port: str) -> None:
-    """Run the result of `upload_command` or `sketch_command`.
+    """Run an upload command from `upload_command` or `sketch_command`.
 
     Raises
     ------
-    DeviceError : the uploader cannot start, does not end, or fails; with its own message and the way out.
+    DeviceError : the upload program cannot start, does not end, or fails. The message quotes its output and says what
+        to do.
     """
     uploader = command[0]
     limit_s = UPLOAD_LIMIT_S[uploader]

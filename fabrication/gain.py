@@ -1,4 +1,4 @@
-"""The simulated gain for all sheets: counts for light, and pairs above full scale."""
+"""The simulated gain from light to counts, which all sheets use, and the pairs that it puts above full scale."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ Floats = FloatArray
 
 @dataclass(frozen=True, kw_only=True)
 class SimulatedGain:
-    """Gains of the receivers and the untouched pad's light.
+    """Gains of the receivers from light to counts, and the simulated light of the untouched pad.
 
     Attributes
     ----------
-    counts_per_flux : for each receiver, counts for all of an emitter's power on it
-    untouched_flux : (emitter, receiver) flux over the emitter's power [-]
+    counts_per_flux : reading of each receiver if it got all of an emitter's power [counts]
+    untouched_flux : (emitter, receiver) flux at the receiver over the emitter's power, without contact [-]
     """
 
     counts_per_flux: tuple[float, ...]
@@ -34,14 +34,14 @@ class SimulatedGain:
 
         Parameters
         ----------
-        factors : for each receiver, ratio of its gain to the required one
+        factors : ratio of each receiver's actual gain to its required gain [-]; None takes 1 for all
         """
         gains = np.array(self.counts_per_flux) * (1.0 if factors is None else np.array(factors))
         counts: Floats = np.array(self.untouched_flux) * gains
         return counts
 
     def untouched_readings(self, design: SensorDesign) -> Floats:
-        """(emitter, receiver) readings of the converter for the untouched pad [counts]."""
+        """(emitter, receiver) readings of the untouched pad, limited by full scale [counts]."""
         readings: Floats = np.minimum(self.untouched_counts(), full_scale_counts(design))
         return readings
 
@@ -55,12 +55,12 @@ class ClippedPair:
 
 
 def feedbacks_for(design: SensorDesign, gain: SimulatedGain | None) -> tuple[Feedback, ...] | None:
-    """Feedback of each receiver; None if the gain is by a rule and has not been simulated."""
+    """Feedback components of each receiver's amplifier; None if they depend on a simulated gain and `gain` is None."""
     return feedbacks_of(design, None if gain is None else gain.counts_per_flux)
 
 
 def clipped_pairs(design: SensorDesign, gain: SimulatedGain) -> tuple[ClippedPair, ...]:
-    """Pairs above full scale with the standard resistors, the brightest first."""
+    """Pairs that read above full scale without contact with the standard resistors, the brightest first."""
     cavity, feedbacks = cavity_of(design), feedbacks_for(design, gain)
     factors = None if feedbacks is None else [one.gain_factor for one in feedbacks]
     counts = gain.untouched_counts(factors)

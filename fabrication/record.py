@@ -1,7 +1,7 @@
-"""Conversion of plain data to frozen dataclasses and back; missing, unknown and mistyped fields are refused.
+"""Converts plain data to frozen dataclasses and back; missing, unknown and mistyped fields are refused.
 
-It supports str, int, float (finite; whole numbers are accepted), lists as tuples, nested dataclasses, and
-`X | None` for optional fields. It needs the standard library only.
+Supported types are str, int, finite float (also from whole numbers), tuples (from lists), nested dataclasses, and
+`X | None` for optional fields. The module needs only the standard library.
 """
 
 from __future__ import annotations
@@ -15,19 +15,19 @@ Record = TypeVar("Record")
 
 
 LARGEST_WHOLE = 2**63 - 1
-"""Largest whole number of arrays and packed frames."""
+"""Largest whole number in a field, the largest that arrays and packed frames can hold."""
 
 
 class RecordError(ValueError):
-    """A field that is missing, unknown or of another type; the message names it."""
+    """Error of a field that is missing, unknown or of another type; the message names the field."""
 
 
 def record_of(kind: type[Record], data: Any, path: str = "") -> Record:
-    """Nested plain data as a frozen dataclass.
+    """Convert nested plain data to a frozen dataclass.
 
     Raises
     ------
-    RecordError : the first invalid field, by its dotted path.
+    RecordError : a field is missing, unknown or of another type; the message names its dotted path.
     """
     if not isinstance(data, dict):
         raise RecordError(f"{path or 'the file'}: is no table")
@@ -45,7 +45,7 @@ def record_of(kind: type[Record], data: Any, path: str = "") -> Record:
 
 
 def plain_of(value: Any) -> Any:
-    """A frozen dataclass as the nested plain data that `record_of` reads; fields that are None are left out."""
+    """Convert a frozen dataclass to the plain data that `record_of` reads; fields that are None are left out."""
     if is_dataclass(value):
         named = {field.name: getattr(value, field.name) for field in fields(value)}
         return {name: plain_of(entry) for name, entry in named.items() if entry is not None}

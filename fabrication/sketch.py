@@ -1,12 +1,10 @@
-"""The sketch folder, which the Arduino IDE opens. For AVR chips the compiler takes it together with `main.c`.
+"""Writes a design's Arduino sketch: a folder with the firmware's sources and its settings in `config.h`.
 
-The firmware's settings of a design are derived from the wiring's own connections.
+The Arduino IDE opens the folder. For AVR chips, avr-gcc compiles it together with `main.c`.
 
-`fabrication.connections` assigns pins to emitters and inputs to receivers, for the wiring table, `driver.toml` and the
-firmware alike. The board's entry gives the port and multiplexer setting of a pin, or its name in the board's Arduino
-core. No number is entered twice.
-
-`config.h`: a design's firmware settings as C.
+`config.h` contains the firmware's settings as C. `fabrication.connections` assigns pins to emitters and inputs to
+receivers, for the wiring table, `driver.toml` and the firmware. The board's catalogue entry gives the port and
+multiplexer setting of a pin, or the pin's name in the board's Arduino core.
 """
 
 from __future__ import annotations
@@ -45,7 +43,7 @@ from fabrication.connections import connections_of
 
 @dataclass(frozen=True, kw_only=True)
 class EmitterPin:
-    """An emitter's name, and its pin's number on the board."""
+    """An emitter's name, and the number of its pin on the board."""
 
     name: str
     number: int
@@ -53,9 +51,10 @@ class EmitterPin:
 
 @dataclass(frozen=True, kw_only=True)
 class ReceiverInput:
-    """A receiver's name, its terminal, its input's name and index among the board's inputs, its address.
+    """A receiver's name and terminal, name and number of its input at the board, and multiplexer address.
 
-    With converters the index is the converter's, the address is its input, and the name of a board's input is "".
+    With separate converters, the number is that of the converter, the address is the converter's input, and the name of
+    the board's input is "".
     """
 
     name: str
@@ -67,9 +66,16 @@ class ReceiverInput:
 
 @dataclass(frozen=True, kw_only=True)
 class ConverterSettings:
-    """Converters on the SPI bus: the commands, inputs of one, bus, and the pins of their chip selects.
+    """Settings of separate analogue-to-digital converters on the SPI bus.
 
-    `range_code` is 0 where the commands have none; `gap_us` is in whole microseconds.
+    Attributes
+    ----------
+    commands : name of the commands that the firmware sends, such as ``mcp3208``
+    channels : inputs of one converter
+    clock_hz, spi_mode : clock frequency [Hz] and mode of the bus
+    gap_us : time with chip select high between two readings [us]
+    range_code : value of the range registers; 0 for converters without them
+    pins : chip select of each converter
     """
 
     commands: str
@@ -83,7 +89,16 @@ class ConverterSettings:
 
 @dataclass(frozen=True, kw_only=True)
 class DriverSettings:
-    """A chain of LED drivers on the SPI bus: all outputs, data of one, bus, wait, and the pins of latch and blank."""
+    """Settings of a chain of LED drivers on the SPI bus.
+
+    Attributes
+    ----------
+    outputs : outputs of the whole chain
+    grayscale_bits : bits for each output
+    clock_hz : clock frequency of the bus [Hz]
+    turn_on_us : time from the end of blanking until an output is on [us]
+    pins : pins of latch and blank
+    """
 
     outputs: int
     grayscale_bits: int
@@ -94,15 +109,16 @@ class DriverSettings:
 
 @dataclass(frozen=True, kw_only=True)
 class FirmwareSettings:
-    """Everything in `config.h`.
+    """All settings in `config.h`.
 
     Attributes
     ----------
-    board_number : the board's number for the host
-    settle_us : whole microseconds, rounded up from the design's
-    frame_interval_us : 1 over the design's frame rate, rounded up, so that it is never exceeded
+    board_number : number by which the board names its kind to the host
+    settle_us : settling time of the design, rounded up to whole microseconds [us]
+    frame_interval_us : frame interval at the design's frame rate, rounded up, so that the rate is not exceeded [us]
     digest : digest of the design, 32 bytes
-    is_internal : whether full scale is the internal reference and not the supply
+    is_internal : whether the converter's full scale is the internal reference; otherwise it is the supply
+    dark : ``frame`` or ``each``, see `design.recordings.lit_emitters`
     """
 
     design: str
@@ -121,6 +137,7 @@ class FirmwareSettings:
     receivers: tuple[ReceiverInput, ...]
     averages: int = 1
     is_internal: bool = False
+    dark: str = "frame"
     shift_pins: tuple[int, ...] = ()
     shift_bits: int = 0
     address_pins: tuple[int, ...] = ()
@@ -130,7 +147,7 @@ class FirmwareSettings:
 
     @property
     def more_pins(self) -> dict[str, tuple[int, ...]]:
-        """Pins of the circuits between board and parts, by their name in `config.h`; only those in use."""
+        """Pins of the circuits in use between board and parts (such as multiplexers), by their name in `config.h`."""
         pins = {
             "SHIFT_PINS": self.shift_pins,
             "DRIVER_PINS": () if self.driver is None else self.driver.pins,
@@ -141,16 +158,16 @@ class FirmwareSettings:
 
     @property
     def has_addresses(self) -> bool:
-        """Whether receivers have an address of a multiplexer, or an input of a converter."""
+        """Whether receivers are connected through multiplexers or separate converters, and so have an address."""
         return bool(self.address_pins) or self.converter is not None
 
     def config_block(self) -> bytes:
-        """The bytes that the program has about itself; a self-test returns their CRC-32."""
+        """The settings as bytes, in the same form as in the firmware, whose self-test returns their CRC-32."""
         head = [
             self.board_number,
             len(self.emitters),
             len(self.receivers),
-            self.adc_bits,
+            self.adc_bits | self.is_dark_around_each << 7,
             self.prescaler_exponent,
         ]
         times = self.settle_us.to_bytes(2, "little") + self.baud.to_bytes(4, "little")
@@ -160,24 +177,29 @@ class FirmwareSettings:
         return bytes(head) + times + interval + self.digest + bytes(pins) + bytes(inputs) + self._more()
 
     def _more(self) -> bytes:
-        """Additional bytes of the block for mean values, the internal reference, or circuits before the board."""
+        """Additional bytes of `config_block` for averaging, the internal reference, or circuits before the board."""
         pins = [pin for group in self.more_pins.values() for pin in group]
         if self.averages == 1 and not self.is_internal and not pins:
             return b""
         addresses = bytes(receiver.address for receiver in self.receivers if self.has_addresses)
         return self.averages.to_bytes(2, "little") + bytes([self.is_internal, *pins]) + addresses
 
+    @property
+    def is_dark_around_each(self) -> bool:
+        """Whether a frame has a dark state before and after each emitter's state."""
+        return self.dark == "each"
+
     def config_crc(self) -> int:
-        """CRC-32 of the config block."""
+        """CRC-32 of the settings as bytes, which the self-test reports."""
         return zlib.crc32(self.config_block())
 
 
 def firmware_settings(design: SensorDesign) -> FirmwareSettings:
-    """The settings of a valid design.
+    """The firmware's settings of a valid design.
 
     Raises
     ------
-    DesignError : the design breaks a rule, or its board's entry is not sufficient to program it.
+    DesignError : the design breaks a rule, or the catalogue does not contain all data of the board.
     """
     require_valid(design)
     gaps = firmware_gaps(design)
@@ -213,6 +235,7 @@ def firmware_settings(design: SensorDesign) -> FirmwareSettings:
         ),
         averages=use.averages,
         is_internal=use.reference == "internal",
+        dark=use.dark,
         shift_pins=() if register is None else switch_pins(design, board, len(connections.emitters)),
         shift_bits=0 if register is None else register.needed(len(connections.emitters)) * register.outputs,
         address_pins=address_pins(design),
@@ -251,19 +274,19 @@ def _driver_settings(design: SensorDesign, board: Board, emitter_count: int) -> 
 
 
 def firmware_gaps(design: SensorDesign) -> tuple[str, ...]:
-    """Reasons why no firmware can be made for the design's board; empty if it can."""
+    """Reasons why no firmware can be made for the design's board; empty if it can be made."""
     cavity = cavity_of(design)
     found = firmware_findings(design, board_of(design), len(cavity.emitters), len(cavity.receivers))
     return tuple(str(finding) for finding in found)
 
 
 def plain(text: str) -> str:
-    """A text that is safe in a comment or a string of C; other characters become spaces."""
+    """A text that is safe inside a comment or string of C; other characters are replaced by spaces."""
     return re.sub(r"[^A-Za-z0-9 ._+():-]", " ", text)
 
 
 def config_header(settings: FirmwareSettings) -> str:
-    """Text of `config.h`."""
+    """Text of the file `config.h` with these settings."""
     chip = settings.chip
     own = _avr_lines(settings, chip) if isinstance(chip, BoardFirmware) else _arduino_lines(settings, chip)
     lines = [
@@ -286,6 +309,7 @@ def config_header(settings: FirmwareSettings) -> str:
         f"#define N_RECEIVERS {len(settings.receivers)}",
         *_list("CHANNEL_NUMBERS", (str(r.number) for r in settings.receivers)),
         *_tunable("AVERAGES", f"{settings.averages}", "readings a value"),
+        f"#define DARK_AROUND_EACH {int(settings.is_dark_around_each)} /* 1: dark before and after each emitter */",
         f"#define ADDRESS_BITS {len(settings.address_pins)} /* of the multiplexers; 0: none */",
         f"#define SHIFT_BITS {settings.shift_bits} /* of the shift registers; 0: none */",
         f"#define CONVERTERS {len(settings.more_pins.get('SELECT_PINS', ()))} /* on the SPI bus; 0: the board's own */",
@@ -384,23 +408,20 @@ def _heading(settings: FirmwareSettings) -> Iterable[str]:
 
 
 def _chip_macro(mcu: str) -> str:
-    """The macro that the compiler defines for a chip: __AVR_ATmega2560__, __AVR_ATmega328P__."""
     number = mcu.removeprefix("atmega")
     return f"__AVR_ATmega{number.upper()}__"
 
 
 def _tunable(name: str, value: str, comment: str) -> tuple[str, ...]:
-    """A setting that a compiler option may override, for the tables of rates."""
+    """Lines of C that define a setting which a compiler option may override, as in measurements of frame rates."""
     return (f"#ifndef {name}", f"#define {name} {value} /* {comment} */", "#endif")
 
 
 def _list(name: str, items: Iterable[str]) -> Iterable[str]:
-    """A list without braces in one line."""
     yield f"#define {name} {', '.join(items)}"
 
 
 def _commented_list(name: str, items: Iterable[str]) -> Iterable[str]:
-    """A list without braces, one item and its comment per line."""
     *most, last = items
     yield f"#define {name} \\"
     yield from (f"    {_with_comma(item)} \\" for item in most)
@@ -413,30 +434,31 @@ def _with_comma(item: str) -> str:
 
 
 SKETCH = "optopad"
-"""Name of the folder and of the .ino in it, which the Arduino IDE requires to be equal."""
+"""Name of the sketch folder and of its .ino file; the Arduino IDE requires equal names."""
 
 IMAGE = f"{SKETCH}.hex"
 CONFIG = "config.h"
 SHARED_FILES = ("optopad.ino", "core.h", "crc.h", "session.h")
 AVR_FILES = ("core.c", "clock.h", "line.h")
 PORTABLE_FILES = ("core.cpp",)
-"""Files that are the same for every design: for all boards, for AVR chips, for boards with another Arduino core."""
+"""Names of source files that are equal for every design: `SHARED_FILES` for all boards, `AVR_FILES` for AVR chips,
+`PORTABLE_FILES` for other boards."""
 
 MAIN = "main.c"
-"""The main function that an Arduino core provides; it is not in the sketch folder, to avoid two of them."""
+"""File with the main function. It is not in the sketch folder, because an Arduino core has its own."""
 
 
 def source_text(name: str) -> str:
-    """A packaged source file."""
+    """Text of a source file of the firmware."""
     return files("fabrication").joinpath("firmware", "source", name).read_text(encoding="utf-8")
 
 
 def sketch_texts(design: SensorDesign) -> dict[str, str]:
-    """Text of every file of the sketch folder by name.
+    """Text of every file in the sketch folder, by file name.
 
     Raises
     ------
-    DesignError : the design breaks a rule, or its board's entry is not sufficient to program it.
+    DesignError : the design breaks a rule, or the catalogue does not contain all data of the board.
     """
     settings = firmware_settings(design)
     is_avr = isinstance(settings.chip, BoardFirmware)
@@ -445,7 +467,7 @@ def sketch_texts(design: SensorDesign) -> dict[str, str]:
 
 
 def write_sketch(design: SensorDesign, folder: Path) -> Path:
-    """Write the sketch folder into a folder; files of another board and outdated images are removed.
+    """Write the sketch folder into `folder`; remove files of another board and outdated compiled programs.
 
     Returns
     -------
@@ -453,7 +475,7 @@ def write_sketch(design: SensorDesign, folder: Path) -> Path:
 
     Raises
     ------
-    DesignError : as `sketch_texts`; nothing is written.
+    DesignError : the design breaks a rule, or the catalogue lacks data of the board; nothing is written.
     OutputError : the folder cannot be written.
     """
     texts, sketch = sketch_texts(design), folder / SKETCH

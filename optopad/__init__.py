@@ -1,4 +1,4 @@
-"""Entry points for users, Python and terminal: from one design file to mold, verdict and driver.
+"""Entry points for users, in Python and in the terminal: from one design file to mold, verdict and driver.
 
     import optopad
 
@@ -6,7 +6,8 @@
     optopad.score(design).verdict
     optopad.score(design.with_(**{"cavity.clear_thickness_mm": 10})).deadbands_mm
 
-Rooms from the ground up: work, screen, results, report, jobs, sensor; entry points: api (Python), cli (terminal).
+Parts, each importing only earlier ones: work, screen, results, report, jobs, sensor. Entry points: api (Python), cli
+(terminal).
 """
 
 from optopad.api import check, compare, improve, load, predict, presets, run, save, score, sweep

@@ -1,4 +1,4 @@
-"""`python -m optopad`: the command line for a machine where `optopad` itself is not on the path."""
+"""Runs the command line as `python -m optopad`, for a machine where the program `optopad` is not on the path."""
 
 from optopad.cli import main
 

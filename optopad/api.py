@@ -1,7 +1,8 @@
 """Functions of `import optopad`: load, check, score, sweep, compare, improve, predict, run.
 
-Each call takes a design and returns a result; nothing is printed. Long calls take `on_step`, which is called with the
-name of a stage and the fraction of it that is done. They write into the bundles of `out`, as the command line does.
+Most functions take a design and return a result; nothing is printed. Long computations take `on_step`, a function that
+is called with a step's name and its finished fraction. They write files into the bundles in the folder `out`, as the
+command line does.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ if TYPE_CHECKING:
     from optopad.results.sweep import Sweep
 
 OUT = "outputs"
-"""Folder of the bundles, as on the command line."""
+"""Default folder of the bundles (designs' output folders), the same as on the command line."""
 
 
 def presets() -> tuple[str, ...]:
@@ -33,16 +34,16 @@ def presets() -> tuple[str, ...]:
 
 
 def load(where: str | PathLike[str], /, **changes: Any) -> SensorDesign:
-    """A design from a file, a bundle's folder, or a preset's name.
+    """Load a design from a file, a bundle's folder, or a preset's name.
 
     Parameters
     ----------
-    changes : fields to set, with two underscores for the dot: ``cavity__clear_thickness_mm=10``; the same as
-        ``design.with_(**{"cavity.clear_thickness_mm": 10})`` afterwards
+    changes : fields to change, with two underscores for the dot: ``cavity__clear_thickness_mm=10`` has the effect of
+        ``design.with_(**{"cavity.clear_thickness_mm": 10})``
 
     Raises
     ------
-    DesignError, InputError : the file or a change is invalid; the message says how.
+    DesignError, InputError : the file or a change is invalid.
     """
     from optopad.work import read_design
 
@@ -55,7 +56,7 @@ def load(where: str | PathLike[str], /, **changes: Any) -> SensorDesign:
 
 
 def save(design: SensorDesign, file: str | PathLike[str]) -> Path:
-    """Write a design as TOML; loading it gives the same digest."""
+    """Write a design as TOML; the design loaded from this file has the same digest."""
     from design.io import save_design
 
     save_design(design, file)
@@ -63,7 +64,10 @@ def save(design: SensorDesign, file: str | PathLike[str]) -> Path:
 
 
 def check(design: SensorDesign) -> Checked:
-    """Findings of the design rules: can the pad be built, and can it be scored? The same list as `optopad check`."""
+    """Check a design against the design rules: whether the pad can be manufactured and its verdict computed.
+
+    The findings are those of `optopad check`.
+    """
     from design.rules.check import check as findings_of
     from optopad.results.score import Checked
 
@@ -82,8 +86,8 @@ def score(
 
     Parameters
     ----------
-    full : 11 locations along the longer side and depth steps of 0.1 mm for the map
-    fine : the same, with finer light
+    full : whether to compute the map at 11 locations along the longer side and in depth steps of 0.1 mm
+    fine : whether to compute the map of `full` with finer settings of the light model
     seed : seed of the random shifts of the light model
 
     Raises
@@ -106,11 +110,11 @@ def sweep(
     out: str | PathLike[str] = OUT,
     on_step: OnStep | None = None,
 ) -> Sweep:
-    """Score a design at several values of one field; the table and the figure are also written to its bundle.
+    """Score a design at several values of a field (a dotted path); table and figure are written to the bundle.
 
     Raises
     ------
-    DesignError, InputError : a field or value is refused; nothing was computed.
+    DesignError, InputError : a field or value is invalid; nothing was computed.
     """
     from optopad.jobs.sweep import run_sweep
 
@@ -127,16 +131,18 @@ def compare(
     out: str | PathLike[str] = OUT,
     on_step: OnStep | None = None,
 ) -> Comparison:
-    """Compare designs: differences, and the better one in each figure. Page and figure go into the first one's bundle.
+    """Compare designs: the fields in which they differ, and the best design by each figure.
+
+    Page and picture are written into the first design's bundle.
 
     Parameters
     ----------
-    designs : two or more; a mapping gives each its name; a sequence takes the designs' names, numbered where two are
-        equal
+    designs : two or more designs, as a mapping from names to designs, or as a sequence that uses the designs' own
+        names; equal names are numbered
 
     Raises
     ------
-    DesignError, InputError : too few designs, a design given twice, or one that breaks a rule.
+    DesignError, InputError : too few designs are given, a design is given twice, or a design breaks a rule.
     """
     from optopad.jobs.compare import compare as hold
     from optopad.results.comparison import labelled
@@ -156,18 +162,20 @@ def improve(
     out: str | PathLike[str] = OUT,
     on_step: OnStep | None = None,
 ) -> Improvement:
-    """Find up to four verified changes that fix or improve a design, also as files; the same call continues a search.
+    """Find up to four verified changes that fix or improve a design, and write the changed designs as files.
+
+    The same call continues an interrupted search.
 
     Parameters
     ----------
-    vary : fields to vary in addition to the default ones, with their range; None for the default range
+    vary : fields to vary in addition to the default ones, each with its range or None for the default range
     keep : fields to leave unchanged
     more_parts : whether the search may also add parts to a side
-    budget_min : approximate time on two idle cores [min]; 3 for a pad, 2 for facing rows
+    budget_min : approximate time on two idle cores [min]; None for 3 min for a pad, 2 min for facing rows
 
     Raises
     ------
-    DesignError, InputError : a design, field, range or budget is refused.
+    DesignError, InputError : the design, a field, a range or the budget is invalid.
     """
     from optopad.jobs.improvement import improve as search_around
 
@@ -192,16 +200,18 @@ def predict(
     out: str | PathLike[str] = OUT,
     on_step: OnStep | None = None,
 ) -> Prediction:
-    """Predict the errors of touch, location and depth: the paper's collection is simulated, learned and evaluated.
+    """Predict the errors of learned models for touch, location and depth.
+
+    The paper's data collection is simulated, and models are trained and tested on the simulated data.
 
     Parameters
     ----------
-    quick : fewer presses and one learner, in less than a minute; otherwise the paper's whole collection, some minutes
-    learners : names, as `optopad predict --learner` takes them; empty for the default of the effort
+    quick : whether to use fewer presses and one learner (less than a minute) instead of the whole collection (minutes)
+    learners : names as for `optopad predict --learner`; empty for the default ones
 
     Raises
     ------
-    DesignError, InputError : the design or a name is refused.
+    DesignError, InputError : the design or a name is invalid.
     """
     from optopad.jobs.prediction import QUICK, USUAL
     from optopad.jobs.prediction import predict as foretell

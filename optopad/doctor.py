@@ -1,9 +1,9 @@
-"""Examination of this machine: Python, packages, folders and optional tools, each finding with a fix.
+"""Examines this machine: Python, packages, folders and optional programs. Each finding has a fix.
 
-Nothing is installed, and no file is left in a folder that is tested. Packages are imported in separate processes, so
-that a missing shared library, or a crash while loading one, becomes a finding and does not end the examination. Sizes
-come from the operating system; a container's own memory limit is read where Linux provides it (control groups,
-version 2). An optional tool is only searched for: whether it works, or is recent enough, is not tested.
+Nothing is installed, and no file remains in a tested folder. Packages are imported in separate processes, so that a
+missing shared library or a crash becomes a finding and does not end the examination. Sizes are reported by the
+operating system; on Linux a container's memory limit is used (control groups, version 2). Optional programs are only
+searched for, not tested.
 """
 
 from __future__ import annotations
@@ -30,7 +30,10 @@ State = Literal["ok", "missing", "warning"]
 
 @dataclass(frozen=True)
 class Finding:
-    """One result of the examination. `missing` stops the main job; `warning` costs time or one optional step."""
+    """One result of the examination of this machine.
+
+    The state `missing` prevents `optopad run`; `warning` costs time or an optional step.
+    """
 
     name: str
     state: State
@@ -40,7 +43,7 @@ class Finding:
 
 @dataclass(frozen=True)
 class Failure:
-    """Reason of a failed import, and its fix."""
+    """Reason why an import failed, and the fix."""
 
     reason: str
     way_out: str
@@ -48,7 +51,7 @@ class Failure:
 
 @dataclass(frozen=True)
 class Package:
-    """A declared dependency: distribution name, import name, oldest release that works."""
+    """A declared dependency: name of its distribution, name to import, and oldest version that works."""
 
     distribution: str
     module: str
@@ -57,7 +60,7 @@ class Package:
 
 @dataclass(frozen=True)
 class SystemLibrary:
-    """The package that holds a shared library, by package manager."""
+    """Names of the packages that contain a shared library, on Debian and on Fedora."""
 
     debian: str
     fedora: str
@@ -66,7 +69,10 @@ class SystemLibrary:
 
 @dataclass(frozen=True)
 class Tool:
-    """An optional program with alternative commands, one of which suffices; `debian` is empty if no package has it."""
+    """An optional program, with the alternative names of its command.
+
+    `debian` is the Debian package that contains the program; "" if there is none.
+    """
 
     commands: tuple[str, ...]
     purpose: str
@@ -74,16 +80,16 @@ class Tool:
 
 
 PYTHON_RANGE = ((3, 11), (3, 14))
-"""First supported version and first unsupported one."""
+"""First supported version of Python, and first version after it that is not supported."""
 
 MEMORY_ADVISED_GB = 2.0
-"""Importing CadQuery and MuJoCo takes 0.5 GB; a run adds meshes and the solver's matrices."""
+"""Recommended memory [GB]: importing CadQuery and MuJoCo takes 0.5 GB, and a run adds meshes and matrices."""
 
 DISK_ADVISED_GB = 0.5
-"""A bundle is some tens of MB; the library of solved profiles and compiled kernels are of the same order."""
+"""Recommended disk space [GB]: bundles, the library of solved presses and compiled code each take tens of MB."""
 
 PROBE_LIMIT_S = 60
-"""Longest wait for one import; from a cold disk CadQuery alone may take 20 s."""
+"""Longest wait for one import [s]; CadQuery alone may take 20 s from a slow disk."""
 
 PACKAGES = (
     Package("cadquery", "cadquery", "2.8"),
@@ -138,7 +144,7 @@ TOOLS = (
 
 
 def examine(outputs: Path = Path("outputs")) -> list[Finding]:
-    """All findings about this machine, in the order in which to fix them."""
+    """All findings about this machine, in the order in which problems should be fixed."""
     return [
         python_finding(),
         cpu_finding(),
@@ -154,7 +160,7 @@ def examine(outputs: Path = Path("outputs")) -> list[Finding]:
 
 
 def python_finding(version: tuple[int, ...] = sys.version_info[:3]) -> Finding:
-    """Whether this Python is one that the dependencies support."""
+    """Finding on whether the dependencies support this version of Python."""
     first, beyond = PYTHON_RANGE
     detail = ".".join(map(str, version))
     if first <= version < beyond:
@@ -164,14 +170,14 @@ def python_finding(version: tuple[int, ...] = sys.version_info[:3]) -> Finding:
 
 
 def cpu_count() -> int:
-    """Processors that this process may use [-]."""
+    """Number of processors that this process may use."""
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
 
 
 def cpu_finding() -> Finding:
-    """The number of processors; the light kernels use all of them."""
+    """Finding on the number of processors; the light model uses all of them."""
     count = cpu_count()
     if count == 1:
         return Finding(
@@ -181,14 +187,14 @@ def cpu_finding() -> Finding:
 
 
 def memory_gb(limit_file: Path = Path("/sys/fs/cgroup/memory.max")) -> float:
-    """Memory that this process may use [GB]: the machine's, or the container's limit if that is less."""
+    """Memory that this process may use [GB]: the machine's memory, or the container's limit if it is smaller."""
     machine = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
     limit = limit_file.read_text().strip() if limit_file.is_file() else "max"
     return min(machine, int(limit) if limit.isdigit() else machine) / 1e9
 
 
 def memory_finding() -> Finding:
-    """Whether the memory is enough for the solids and the contact model."""
+    """Finding on whether the memory suffices for the CAD solids and the contact model."""
     memory = memory_gb()
     detail = f"{memory:.1f} GB"
     if memory >= MEMORY_ADVISED_GB:
@@ -206,7 +212,7 @@ def package_findings() -> Iterator[Finding]:
 
 
 def package_finding(package: Package, version: str, failure: Failure | None) -> Finding:
-    """Judge one package by its version (empty: not installed) and by the result of its import."""
+    """Finding on one package, from its version ("" if not installed) and the failure of its import (None if none)."""
     if not version:
         return Finding(package.distribution, "missing", "not installed", "run `make setup`")
     if failure:
@@ -231,7 +237,10 @@ def release(version: str) -> tuple[int, ...]:
 
 
 def import_failures(modules: list[str]) -> list[Failure | None]:
-    """The failure of each import; packages share processes that run in parallel, and get their own after a failure."""
+    """Import modules in separate processes; returns each module's failure, or None for success.
+
+    Several modules share a process; after a failure, each module gets its own.
+    """
     processes = min(cpu_count(), len(modules))
     groups = [modules[number::processes] for number in range(processes)]
     with ThreadPoolExecutor(max_workers=processes) as pool:
@@ -242,7 +251,7 @@ def import_failures(modules: list[str]) -> list[Failure | None]:
 
 
 def import_failure(*modules: str) -> Failure | None:
-    """Import modules in a separate process; the first failure, or None."""
+    """Import modules in a separate process; return the first failure, or None."""
     command = [sys.executable, "-c", PROBE, *modules]
     try:
         probe = subprocess.run(command, capture_output=True, text=True, timeout=PROBE_LIMIT_S, check=False)
@@ -273,7 +282,7 @@ except Exception as err:
     print("{PROBE_MARK}" + kind, name, " ".join(str(err).split()), sep="\\t")
     sys.exit(3)
 """
-"""Program of the import probe: it prints kind, module and message of the failure."""
+"""Program that tests imports in a separate process: on failure it prints kind of error, module and message."""
 
 MISSING_ON_LINUX = re.compile(r"(?P<file>(?P<stem>lib[\w.+-]+?)\.so[\d.]*): cannot open shared object file")
 MISSING_ON_MACOS = re.compile(r"Library not loaded: \S*?(?P<file>(?P<stem>lib[\w+-]+)(?:\.\d+)*\.dylib)")
@@ -287,7 +296,7 @@ def explain_import_error(err: ImportError) -> str:
 
 
 def diagnose(err: ImportError) -> Failure:
-    """Distinguish a missing package, a missing system library, a system that is too old, and other errors."""
+    """Find the cause of a failed import: a missing package or system library, an old system, or another error."""
     message, name = str(err), err.name or "a package"
     if isinstance(err, ModuleNotFoundError):
         return Failure(f"the Python package {err.name or message} is not installed", "run `make setup`")
@@ -300,7 +309,7 @@ def diagnose(err: ImportError) -> Failure:
 
 
 def library_way_out(stem: str) -> str:
-    """How to install the shared library with this name, e.g. 'libGL'."""
+    """Instruction to install the shared library with this name, for example 'libGL'."""
     library = SYSTEM_LIBRARIES.get(stem)
     if library is None:
         return f"install the package of your system that holds it (Debian: `apt-file search {stem}.so`)"
@@ -311,11 +320,11 @@ def library_way_out(stem: str) -> str:
 
 
 def folder_finding(name: str, folder: Path, way_out: str, *, state: State = "missing") -> Finding:
-    """Whether files can be written to a folder, and whether its disk has room.
+    """Finding on whether files can be written to a folder, and whether its disk has room.
 
     Parameters
     ----------
-    state : state of a finding about a folder that cannot be written to
+    state : state of the finding if the folder cannot be written to
     """
     if fault := folder_fault(folder):
         return Finding(name, state, f"{folder}: {fault}", way_out)
@@ -326,7 +335,7 @@ def folder_finding(name: str, folder: Path, way_out: str, *, state: State = "mis
 
 
 def kept_finding(name: str, folder: Path, lost: str) -> Finding:
-    """Whether a folder for data of later runs can be written; a run works without it."""
+    """Finding on a folder with stored data for later runs, which also work without the folder."""
     way_out = f"set {CACHE_VARIABLE} to a folder you can write to; otherwise {lost}"
     if folder.is_relative_to(NO_HOME):
         return Finding(name, "warning", "none: this user has no home folder", f"set HOME, or {way_out}")
@@ -334,7 +343,7 @@ def kept_finding(name: str, folder: Path, lost: str) -> Finding:
 
 
 def temporary_finding() -> Finding:
-    """Whether temporary files can be written; the mold, the firmware and the studio need them."""
+    """Finding on whether temporary files can be written; mold, firmware and studio need them."""
     way_out = "set TMPDIR to a folder you can write to"
     try:
         return folder_finding("temporary folder", Path(tempfile.gettempdir()), way_out)
@@ -343,7 +352,7 @@ def temporary_finding() -> Finding:
 
 
 def light_finding() -> Finding:
-    """The amount of traced light that is stored, how to clear it and how to work without it."""
+    """Finding on the stored results of light tracing: their size, how to remove them, how to avoid storing them."""
     from sims.cache import SIZE_VARIABLE, light_store
 
     try:
@@ -362,12 +371,12 @@ def light_finding() -> Finding:
 
 
 def kernel_finding() -> Finding:
-    """Whether compiled kernels remain after the process ends."""
+    """Finding on whether the compiled code of the light model is stored for later processes."""
     return kept_finding("kernel cache", kernel_folder(), "every run compiles the kernels again")
 
 
 def tool_finding(tool: Tool) -> Finding:
-    """Whether an optional program is on the search path."""
+    """Finding on whether an optional program is on the search path."""
     name = tool.commands[0]
     found = next(filter(None, map(shutil.which, tool.commands)), None)
     if found:

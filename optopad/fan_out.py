@@ -1,8 +1,8 @@
-"""Judging of designs on a Dask cluster: a search sends a batch of designs, and results return in any order.
+"""Scores the designs of a search on a Dask cluster: designs are sent in batches, and results return in any order.
 
-The user provides the cluster: scheduler and workers with the same optopad installed. If a worker dies, nothing is lost:
-the scheduler gives its designs to another. The kernels use all processors of a worker by themselves, so each worker
-should have one thread (`dask worker --nthreads 1`).
+The user provides the cluster: scheduler and workers with the same version of optopad. If a worker dies, the scheduler
+gives its designs to another worker. The light model uses all processors of a worker, so each worker should have one
+thread (`dask worker --nthreads 1`).
 """
 
 from __future__ import annotations
@@ -20,11 +20,12 @@ CONNECT_TIMEOUT_S = 10
 
 @contextmanager
 def on_cluster(address: str) -> Iterator[FanOut]:
-    """A fan-out over the workers of the scheduler at an address such as tcp://127.0.0.1:8786.
+    """Yield a function that scores designs on the workers of the scheduler at an address, as tcp://127.0.0.1:8786.
 
     Raises
     ------
-    InputError : the package is missing, no scheduler answers, it has no workers, or the connection is lost.
+    InputError : the package `distributed` is missing, no scheduler replies, the scheduler has no workers, or the
+        connection is lost.
     """
     try:
         from distributed import Client

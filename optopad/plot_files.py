@@ -1,4 +1,4 @@
-"""A figure as files: SVG with text for pages and print, PNG for programs that cannot read SVG."""
+"""Writes plots as files: SVG for pages and print, with searchable text, and PNG for programs that cannot read SVG."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ PNG_DPI = 160
 
 
 def write_plot(figure: Figure, stem: Path) -> tuple[Path, Path]:
-    """Write ``<stem>.svg`` and ``<stem>.png``; call it inside `plain_style`. Returns both paths."""
+    """Write ``<stem>.svg`` and ``<stem>.png``, and return both paths; must be called inside `plain_style`."""
     svg, png = (stem.with_name(f"{stem.name}.{kind}") for kind in ("svg", "png"))
     write_text_atomically(svg, svg_text(figure, stem.name))
     figure.set_layout_engine("none")  # the layout was made for the SVG and must not change
@@ -30,7 +30,8 @@ def write_plot(figure: Figure, stem: Path) -> tuple[Path, Path]:
 
 
 def write_bound_plots(design: SensorDesign, bounds: PadBounds, folder: Path) -> list[Path]:
-    """Plot location and depth bounds by depth, and the detection threshold, as SVG and PNG; returns their paths."""
+    """Plot the bounds of location and depth over depth, and the detection threshold; returns the paths of SVG and
+    PNG."""
     cavity = cavity_of(design)
     written: list[Path] = []
     with plain_style():

@@ -1,10 +1,9 @@
-"""Facts about a prediction that need none of its libraries: its file, and the time of a quick one.
+"""Estimates the time of `optopad predict --quick`, without importing the libraries of the prediction itself.
 
-Almost all of the time is light; locations that a symmetry of the layout maps onto each other are traced once. Measured
-on `fingertip-16`, a ring of 4 + 4 parts on 30 x 22 mm, and the paper's pad, on two cores shared with other work: 122,
-46 and 129 ms of processor time a press (64, 16 and 64 pairs). The constants below are a sixth lower, for a machine
-without other work. The rest is the fit of the paper's learner at quick settings (0.3 to 5 s), its test, and the
-pictures.
+Almost all of the time is light tracing. Locations that a symmetry of the layout maps onto each other are traced once.
+On two cores shared with other work, one press took 122 ms of processor time on `fingertip-16` (64 pairs), 46 ms on a
+ring of 4 + 4 parts (16 pairs), and 129 ms on the paper's pad (64 pairs). The constants below are a sixth lower, for an
+idle machine. The remaining time is for training (0.3 to 5 s), the test, and the pictures.
 """
 
 from __future__ import annotations
@@ -18,18 +17,18 @@ from design.press_protocol import load_protocol_file
 from design.spec import SensorDesign
 
 STEM = "prediction"
-"""File stem of the results of `optopad predict` in a bundle's ``sims`` folder."""
+"""File name, without suffix, of the results of `optopad predict` in a bundle's ``sims`` folder."""
 QUICK_PROTOCOL = "piacenza2017-quick"
 PRESS_S, PAIR_S = 14e-3, 1.4e-3
-"""Processor time of a press, and of each pair under it [s]."""
+"""Processor time to trace the light of one press: a fixed part, and a part per pair [s]."""
 LEFT_S = 8.0
-"""Processor time of everything except light [s]."""
+"""Processor time of a quick prediction without light tracing [s]."""
 
 
 def quick_prediction_s(design: SensorDesign) -> float | None:
-    """Time of `optopad predict DESIGN --quick` on all cores of this machine, without any stored results [s].
+    """Estimated time of `optopad predict DESIGN --quick` on all cores of this machine [s].
 
-    None if the protocol cannot press the design.
+    The estimate assumes that no light is stored. It is None if the protocol's presses do not fit the design.
     """
     from sims.optics.scene.lower import scene_of
     from sims.optics.scene.symmetry import state_classes

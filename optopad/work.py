@@ -1,15 +1,13 @@
-"""Programs of ours in their own process, with this interpreter and everything that this one can import.
+"""Helpers for long computations: processes, a thread, loading of designs, and a store of finished parts.
 
-Work on its own thread: light is traced outside Python, so pictures are drawn at the same time.
+Programs of this package are started as processes with this interpreter and its import path. Plots are drawn on a second
+thread while compiled code traces light.
 
-Designs by name: a file, a bundle or a preset, with changes applied.
-
-Finished parts of long work, stored next to the bundle so that an interrupted command continues from them.
-
-Each part is one line of JSON, appended and flushed as soon as it is known; a line that a power cut left incomplete
-is ignored. A store is valid for the same work only: its file is named by a hash of the request (the caller's
-key: digests, seed, settings) and of all sources and data that a result depends on, so a changed program never
-reuses an old result. The file is removed when the work is done.
+Finished parts of long work are stored next to the bundle, so that an interrupted command continues from them. Each part
+is one line of JSON, appended and flushed as soon as the part is finished. A line that a power cut left incomplete is
+ignored. A store is valid for the same work only. Its file name contains a hash of the request (digests, seed, settings)
+and of all sources and data on which a result depends, so a changed program never reuses an old result. The file is
+removed when the work is done.
 """
 
 from __future__ import annotations
@@ -46,12 +44,12 @@ def started(
     stdout: int = subprocess.DEVNULL,
     stderr: int = subprocess.PIPE,
 ) -> subprocess.Popen[str]:
-    """Start ``python ARGUMENTS``.
+    """Start ``python ARGUMENTS`` as a process with the import path of this one.
 
     Parameters
     ----------
-    arguments : as ``["-m", "cad", ...]``
-    stdin, stdout, stderr : as `subprocess.Popen` takes them
+    arguments : arguments of the interpreter, for example ``["-m", "cad", ...]``
+    stdin, stdout, stderr : redirections, passed to `subprocess.Popen`
     """
     # -P: a user's own design.py or cad.py in the current folder must not replace ours
     process = subprocess.Popen(
@@ -68,7 +66,7 @@ def started(
 
 
 def end_started() -> None:
-    """End every running program that was started here."""
+    """End all running processes that `started` has started."""
     for process in tuple(_STARTED):
         if process.poll() is None:
             process.kill()
@@ -80,9 +78,9 @@ Made = TypeVar("Made")
 
 @contextmanager
 def beside(work: Callable[[], Made]) -> Iterator[Callable[[], Made]]:
-    """Start work on another thread; the yielded function waits for it and returns its result, or raises its error.
+    """Run `work` on another thread. The yielded function waits for the result and returns it, or raises the error.
 
-    The block does not end before the work does; an error of the work is raised at the end of the block at the latest.
+    The `with` block waits for the thread before it ends, and raises an error of `work` at the latest then.
     """
     with ThreadPoolExecutor(max_workers=1) as pool:
         started = pool.submit(work)
@@ -95,7 +93,7 @@ def read_design(where: str, changes: list[str] | None) -> SensorDesign:
 
     Raises
     ------
-    DesignError, InputError : the file or a change is invalid; the message says how.
+    DesignError, InputError : the file or a change is invalid.
     """
     from design.fields.base import nearest
     from design.io import load_design
@@ -114,11 +112,11 @@ def read_design(where: str, changes: list[str] | None) -> SensorDesign:
 
 
 def parsed_change(text: str, *, option: str = "--set") -> tuple[str, Any]:
-    """Path and value of one ``PATH=VALUE``; the value is read as TOML, or else as plain text.
+    """Parse path and value from a text ``PATH=VALUE``; the value is TOML if possible, else plain text.
 
     Raises
     ------
-    InputError : no ``=`` or no path.
+    InputError : the text has no ``=`` or no path.
     """
     path, equals, value = text.partition("=")
     if not equals or not path.strip():
@@ -127,7 +125,7 @@ def parsed_change(text: str, *, option: str = "--set") -> tuple[str, Any]:
 
 
 def parsed_value(text: str) -> Any:
-    """A value written as in a design file; bare words are text."""
+    """Parse a value as in a design file (TOML); words without quotes are strings."""
     try:
         return parsed_toml(f"value = {text}")["value"]
     except ValueError:  # not TOML, an integer of thousands of digits, or nested too deep
@@ -139,13 +137,13 @@ ROOMS = (design, sims)
 
 
 class FinishedWork:
-    """Results by name, in memory and in one file.
+    """A store of a long computation's finished results by name, in memory and in one file.
 
     Parameters
     ----------
     out : folder of the bundles; created if missing
-    title : beginning of the file's name, as ``piacenza2017-pair-0123abcd.sweep``
-    asked : plain data that identifies the work
+    title : beginning of the store's file name, as ``piacenza2017-pair-0123abcd.sweep``
+    asked : request (digests, seed, settings) as plain data; the store is valid for equal requests only
     """
 
     def __init__(self, out: Path, title: str, asked: object) -> None:
@@ -157,11 +155,11 @@ class FinishedWork:
         return len(self._results)
 
     def get(self, name: str) -> Any | None:
-        """An earlier result; None if there is none."""
+        """The stored result of this name; None if there is none."""
         return self._results.get(name)
 
     def put(self, name: str, result: Any) -> None:
-        """Store a result on disk.
+        """Store a result in memory and on the disk.
 
         Raises
         ------
@@ -179,14 +177,14 @@ class FinishedWork:
             raise unwritable(self.path, err, "choose another folder with --out") from err
 
     def forget(self) -> None:
-        """Remove the file, because the work is done and its result is in the bundle."""
+        """Remove the file; to be called when the work is done and the result is in the bundle."""
         self._results = {}
         self.path.unlink(missing_ok=True)
 
 
 @cache
 def source_digest() -> str:
-    """SHA-256 over every source and data file of the rooms that results depend on, as 64 hexadecimal digits."""
+    """SHA-256, as 64 hexadecimal digits, over all sources and data that a result may depend on."""
     digest = hashlib.sha256()
     for room in ROOMS:
         folder = Path(str(room.__file__)).parent

@@ -1,7 +1,7 @@
-"""Progress of compiling kernels: once per machine, and again after a change of a source, numba or the processor.
+"""Report when kernels are compiled: once per machine, and again after a change of a source, numba or the processor.
 
-A progress display registers a callback; rooms with compiled code listen to numba's events of compiling. Code read from
-numba's cache on disk is not compiled, so there is no event. Nothing here imports numba before it is needed.
+A progress display registers a callback. Modules with compiled code forward numba's compiling events to it. Code that is
+read from numba's cache on disk is not compiled, so it causes no event. Nothing here imports numba before it is needed.
 """
 
 from __future__ import annotations
@@ -11,17 +11,17 @@ from contextlib import contextmanager
 from typing import Any
 
 LAST = ("trace_further", "trace_emitter", "next_path", "straight_matrix")
-"""Entry points that are called after all others of their kind of pad, or of the ray tracer."""
+"""The last entry points that each kind of pad and the ray tracer call; when one is compiled, compiling is done."""
 
 _TOLD = set(LAST)
-"""Entry points, which take long; functions compiled for a caller in Python take less than a second."""
+"""Names of the entry points whose compiling is reported. Others take less than a second."""
 _ASKED: list[_Word] = []
 _LISTENERS: list[Any] = []
-"""The listener, at most one."""
+"""The listener to numba's events; empty, or one entry."""
 
 
 class _Word:
-    """State of one callback."""
+    """A callback and the last value that it was called with, so that it is not called twice with the same value."""
 
     def __init__(self, tell: Callable[[float], None]) -> None:
         self.tell, self.share = tell, 1.0
@@ -45,7 +45,7 @@ def compiling_told(tell: Callable[[float], None]) -> Iterator[None]:
 
 
 def listen_to_numba() -> None:
-    """Forward numba's own events; modules with compiled entry points call it, any number of times."""
+    """Report numba's compiling events to the callbacks; modules with entry points call it, any number of times."""
     from numba.core import event
 
     class Listener(event.Listener):
@@ -62,12 +62,12 @@ def listen_to_numba() -> None:
 
 
 def tell_of(entry_point: str) -> None:
-    """Report the compiling of this function, too."""
+    """Report the compiling of this entry point, too."""
     _TOLD.add(entry_point)
 
 
 def is_there(entry_point: str) -> None:
-    """An entry point is compiled, by this process or by another one."""
+    """Note that an entry point is compiled, by any process; after the last one, report the end of compiling."""
     if entry_point in LAST:
         _say(1.0)
 

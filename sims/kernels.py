@@ -1,12 +1,12 @@
 # mypy: allow-untyped-calls
 """Compiled kernels on disk: one folder per version of the sources, outside the checkout and the installation.
 
-Numba stores compiled code next to the sources, where a new clone does not find it. Here it is in the cache folder
-(`NUMBA_CACHE_DIR`, else ``kernels`` in `sims.cache`), in a folder named by a hash of the code: any checkout with the
-same code reads it, and changed code never uses an old cache. Numba itself checks its own version and the
-processor. If two processes need the same kernel, one compiles, and the other waits for it.
+Numba stores compiled code next to the sources, where a new clone does not find it. Here it is stored in the cache
+folder (`NUMBA_CACHE_DIR`, else ``kernels`` in `sims.cache`), in a folder named by a hash of the code. Any checkout with
+the same code reads it, and changed code never uses an old cache. Numba itself checks its own version and the processor.
+If two processes need the same kernel, one compiles, and the other waits for it.
 
-The used parts of numba are no public interface: `FunctionCache`, its locators, and the attribute ``_cache``.
+Some used parts of numba are no public interface: `FunctionCache`, its locators, and the attribute ``_cache``.
 """
 
 from __future__ import annotations
@@ -32,15 +32,15 @@ from sims.compiling import is_there, tell_of
 
 Function = TypeVar("Function", bound=Callable[..., object])
 KEPT_FOLDERS = 24
-"""Number of source versions whose kernels are kept; the least recently used is dropped when another is added."""
+"""Number of source versions whose kernels are kept. When another is added, the least recently compiled is removed."""
 
 
 def entry_points(modules: Sequence[ModuleType], **options: Any) -> Callable[[Function], Function]:
-    """Decorator of compiled entry points that are cached on disk; all functions that they call are compiled into them.
+    """Decorator for entry points that are compiled together with all functions that they call, and cached on disk.
 
     Parameters
     ----------
-    modules : modules of all functions that they call, and last the module that defines them
+    modules : modules of all functions that the entry points call, and last the module that defines the entry points
     options : options of `numba.njit`
     """
     room, _, own = modules[-1].__name__.rpartition(".")
@@ -57,12 +57,14 @@ def entry_points(modules: Sequence[ModuleType], **options: Any) -> Callable[[Fun
 
 @cache
 def compile_beside(program: str, entry_point: Any) -> None:
-    """Start a program that compiles, once, unless an entry point is on disk; it ends no later than this process.
+    """Start a compiling program in the background, once, unless the entry point is on disk already.
+
+    The program ends no later than this process.
 
     Parameters
     ----------
-    program : name of a module that runs as a program, until it is done or its standard input ends
-    entry_point : one of those that it compiles
+    program : name of a module to run, which ends when it is done or its standard input closes
+    entry_point : an entry point that the program compiles
     """
     files = entry_point._cache
     folder = Path(files.cache_path)
@@ -87,7 +89,7 @@ def _see_out(process: subprocess.Popen[bytes]) -> None:
 
 
 class _KernelFiles(FunctionCache):
-    """Files of one entry point, and the lock of the process that compiles it."""
+    """Numba's cache of one entry point, with a lock so that only one process compiles it."""
 
     def __init__(self, function: Any, name: str) -> None:
         class Implementation(CompileResultCacheImpl):
@@ -98,7 +100,7 @@ class _KernelFiles(FunctionCache):
         super().__init__(function)
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
-        """The kernel on disk; if there is none, that which another process is about to write."""
+        """Load the kernel from disk. If it is missing and another process compiles it, wait for that process."""
         try:
             found = super().load_overload(sig, target_context)
             if found is None and self._lock is None:
@@ -112,7 +114,7 @@ class _KernelFiles(FunctionCache):
         return found
 
     def save_overload(self, sig: Any, data: Any) -> None:
-        """Store the compiled kernel; a folder that cannot be written costs compiling once more, but no result."""
+        """Store the compiled kernel; if the folder cannot be written, the next process compiles again."""
         try:
             super().save_overload(sig, data)
         except OSError:
@@ -121,7 +123,7 @@ class _KernelFiles(FunctionCache):
             self._leave_lock()
 
     def _take_lock(self) -> None:
-        """Take the lock until it is released, or this process ends in any way."""
+        """Wait for the lock and take it; it is released by `_leave_lock` or when this process ends in any way."""
         self._impl.locator.ensure_cache_path()
         file = Path(self.cache_path) / f"{self._impl.filename_base}.lock"
         self._lock = os.open(file, os.O_RDWR | os.O_CREAT)
@@ -134,7 +136,7 @@ class _KernelFiles(FunctionCache):
 
 
 def _located(name: str) -> type[Any]:
-    """Locator by which numba finds the kernels of a folder."""
+    """Class by which numba finds the folder of the kernels with this name."""
 
     class Locator(_CacheLocator):
         def get_cache_path(self) -> str:
@@ -160,7 +162,7 @@ def _located(name: str) -> type[Any]:
 
 
 def _make_room(folder: Path) -> None:
-    """Remove the kernels of the least recently compiled sources."""
+    """Remove the folders of the least recently compiled sources, so that there is space for one more."""
     if folder.is_dir():
         known = sorted(
             (path for path in folder.iterdir() if path.is_dir()), key=lambda path: path.stat().st_mtime

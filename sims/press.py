@@ -1,14 +1,13 @@
-"""The depths at which signals are computed: fine near contact, where mode 1 can be over in 0.3 mm.
+"""What contact and light models share about a press: depths, the deformed surface, and numbered locations.
 
-The deformed surface of the pad under one press: the vocabulary shared by contact and light.
+Signals are computed at a schedule of depths that is fine near contact, where mode 1 can end within 0.3 mm.
 
-A press is axisymmetric. The surface is stored as a curve (radius, height) that starts on the axis
-under the tip and runs outward; near the shank it may run back, so radius need not increase.
-Heights are relative to the undisturbed surface, negative in the dimple, positive in the pile-up.
-Inside the contact circle the surface is the tip's: exactly a sphere under a hemisphere, the curve itself
-under any other tip.
+A press is axisymmetric. Its deformed surface is stored as a curve (radius, height), which starts on the axis under the
+tip and runs outward. Near the shank the curve may run back, so radius need not increase. Heights are relative to the
+undisturbed surface, negative in the dimple and positive in the pile-up. Inside the contact circle the surface is the
+tip's: an exact sphere for a hemisphere, the curve itself for any other tip.
 
-Merging of locations that a stage reports slightly differently each time.
+A stage reports the same location slightly differently each time; such locations are merged.
 """
 
 from __future__ import annotations
@@ -23,10 +22,10 @@ from scipy.spatial import cKDTree
 from design.arrays import FloatArray, IntArray
 
 NEAR_CONTACT_MM = (0.0, 0.02, 0.05, 0.1, 0.15)
-"""First depths [mm]; from the study of depth steps."""
+"""First depths of the fine schedule [mm]; from the study of depth steps."""
 
 NEAR_CONTACT_COARSE_MM = (0.0, 0.1)
-"""First depths of a coarse schedule [mm]."""
+"""First depths of the coarse schedule [mm]."""
 
 STEP_MM = 0.1
 """Step of the fine schedule [mm]."""
@@ -36,12 +35,12 @@ COARSE_STEP_MM = 0.2
 
 
 def depth_schedule_mm(max_depth_mm: float, step_mm: float = STEP_MM) -> FloatArray:
-    """Depths from 0 to the deepest press, rising, the deepest one included.
+    """Depths from 0 to the deepest press, increasing; the deepest one is included.
 
     Parameters
     ----------
     max_depth_mm : deepest press [mm]
-    step_mm : step beyond 0.2 mm [mm]
+    step_mm : step between depths beyond the first few [mm]
 
     Returns
     -------
@@ -55,7 +54,7 @@ def depth_schedule_mm(max_depth_mm: float, step_mm: float = STEP_MM) -> FloatArr
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Indentation:
-    """One press of a tip, which is a body of revolution, into the pad.
+    """The deformed surface under one press by a tip that is a body of revolution.
 
     Attributes
     ----------
@@ -65,9 +64,9 @@ class Indentation:
     height_mm : (n,) height relative to the undisturbed surface [mm]
     contact_radius_mm : radius of the circle where the surface leaves the tip [mm]
     force_n : press force [N]
-    is_hemisphere : whether the tip is a hemisphere of that radius
-    inclination_deg : (n,) angle of the curve's tangent to the radial direction, continuous along the curve
-        (its normal is C1 data, the points are its knots) [deg]; None where only points are known
+    is_hemisphere : whether the tip is a hemisphere of radius `tip_radius_mm`
+    inclination_deg : (n,) angle of the curve's tangent to the radial direction at each point, continuous along the
+        curve [deg]; None if only points are known
     """
 
     depth_mm: float
@@ -81,16 +80,17 @@ class Indentation:
 
 
 SAME_PLACE_MM = 0.15
-"""Locations this near are the same: seven positioning errors of the default stage; random ones are 1 mm apart."""
+"""Locations within this distance are the same [mm]: seven times the default stage's positioning error. Locations drawn
+at random are 1 mm apart."""
 
 
 def place_numbers(at_mm: FloatArray, within_mm: float = SAME_PLACE_MM) -> IntArray:
-    """Number the locations of samples.
+    """Number the locations of samples; samples at the same location get the same number.
 
     Parameters
     ----------
     at_mm : (n, 2) reported x, y [mm]
-    within_mm : locations linked by steps of at most this are the same [mm]
+    within_mm : locations are the same if a chain of samples with steps up to this links them [mm]
 
     Returns
     -------

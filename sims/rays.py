@@ -1,24 +1,20 @@
-"""Kinds of light path for display: the mode of each, its words and its colours.
+"""Sample light paths for display: their kinds, with modes and colours, and the power of each kind.
 
-The light models distinguish more classes and losses than a picture can; this is the only table of those that
-are drawn in the same way. A class that is not in it is drawn as `other`, under its own name.
+The light models distinguish more classes and losses of light than a picture can show. The table of kinds says which are
+drawn in the same way. A class that is not in the table is drawn as `other`, under its own name. Colours are those of
+the signal plots (Okabe and Ito 2008), and pale versions of them for a dark ground. Dash and mark differ too, so that
+nothing depends on colour alone.
 
-Colours are those of the signal plots (Okabe and Ito 2008) and pale versions of them for a dark ground; dash
-and mark differ too, so that nothing depends on colour alone.
+Paths are random walks of the ray tracer (`sims.optics.oracle.paths`). Powers are integrals of the light model
+(`sims.optics.tracing`), because a few dozen paths would not give them. Powers are those of the whole pressed surface.
+Paths are drawn on the axisymmetric surface around the press axis, which leaves out the change by walls, a few tenths of
+a millimetre near them. The classes of both models agree except for the border between `top` and `skirt`, which are one
+kind here.
 
-Sample paths of some pairs' light, untouched and under presses, with the power of each kind.
-
-There are two models: the paths are random walks of the ray tracer (`sims.optics.oracle.paths`); the powers are
-integrals of the light model (`sims.optics.tracing`), which a few dozen paths could not give. Paths are drawn on the
-press's curve around its axis, without the change by walls, up to a few tenths of a millimetre near them; powers are
-those of the whole surface.
-The classes of both agree except for the border between `top` and `skirt`, which are one kind here.
-
-The probability of a path of a kind is proportional to its power. The number of drawn paths of a kind grows with the
-square root of its power, so that weak kinds are visible and strong ones do not hide them; it is at least a few. Light
-lost under a press is found by following the rays that arrived while the pad was untouched, so it is a sample of the
-light that the press removes. Left out: absorption along the drawn paths, and kinds so rare that no ray of the search
-shows them.
+A path of a kind is drawn with a probability proportional to its power. The number of drawn paths of a kind, at least a
+few, grows with the square root of its power, so that weak kinds are visible and strong ones do not hide them. To find
+the light lost under a press, rays that arrived while the pad was untouched are followed again. Left out: absorption
+along the drawn paths, and kinds so rare that the search finds no ray.
 """
 
 from __future__ import annotations
@@ -44,18 +40,18 @@ Mark = Literal["none", "mirror", "scatter", "end"]
 
 @dataclass(frozen=True, kw_only=True)
 class LightKind:
-    """Light that is drawn in the same way.
+    """A kind of light: one or more path classes that are drawn in the same way.
 
     Attributes
     ----------
     key : short name, in files and in the page
     title : name for a legend
     words : description, in a sentence
-    mode : 1, 2, or None for light that is part of neither
+    mode : 1, 2, or None for light that is part of neither mode
     classes : names of path classes and losses of the light models
-    colour, night_colour : on a light and on a dark ground
+    colour, night_colour : colour on a light and on a dark ground
     dash : lengths of strokes and gaps over the line's width; empty for a solid line
-    mark : marked points of a path: those where it is mirrored or scattered, or its end
+    mark : points of a path that are marked: where it is mirrored or scattered, or its end
     """
 
     key: str
@@ -142,7 +138,7 @@ _BY_CLASS = {name: kind for kind in KINDS for name in kind.classes}
 
 
 def kind_of(class_name: str) -> LightKind:
-    """The kind of a path class or loss; one that is not in the table becomes a kind of its own."""
+    """Kind of a path class or loss; a class that is not in the table becomes a kind of its own."""
     if class_name in _BY_CLASS:
         return _BY_CLASS[class_name]
     return LightKind(
@@ -162,11 +158,11 @@ Pair = tuple[int, int]
 Press = tuple[float, float, float]
 
 POOL_PER_PATH = 20
-"""Paths found for each one drawn, so that a kind with a hundredth of the power is still present."""
+"""Number of paths found for each drawn path, so that a kind with a hundredth of the power is still present."""
 FEWEST = 5
-"""Least number of paths drawn of a kind, where that many were found."""
+"""Smallest number of drawn paths of a kind, if that many were found."""
 MOST_RAYS = 2_000_000
-"""Most rays tried for an emitter under one press: 1 to 3 s."""
+"""Largest number of rays tried for an emitter under one press; they take 1 to 3 s."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -177,10 +173,10 @@ class RayState:
     ----------
     press_mm : x, y, depth [mm]; depth 0 is untouched
     indentation : the deformed surface around the axis; None where untouched
-    power : (pair,) by path class, over the power of the pair's emitter [-]
-    emitters : number of the pairs' emitters
-    paths : light that arrives, more paths of a kind with more power
-    lost : light that does not arrive: under a press, rays that arrived while it was untouched
+    power : for each path class, (pair,) power over that of the pair's emitter [-]
+    emitters : number of different emitters in the pairs
+    paths : drawn paths that reach a receiver of the pairs; a kind with more power has more paths
+    lost : drawn paths that do not; under a press, those of rays that arrived while the pad was untouched
     lost_by : for each lost path, the receiver that it reached while untouched, or `NO_RECEIVER`
     """
 
@@ -194,12 +190,15 @@ class RayState:
 
     @property
     def power_by_kind(self) -> dict[str, float]:
-        """Power of all pairs together by the key of its kind, over that of their emitters together [-]."""
+        """Power of all pairs together for each kind's key, over the power of all their emitters together [-]."""
         everything = list(range(len(next(iter(self.power.values())))))
         return {key: value / self.emitters for key, value in self.sums_by_kind(everything).items()}
 
     def sums_by_kind(self, pairs: list[int]) -> dict[str, float]:
-        """Power of some pairs, by their indices in `power`, by the key of its kind, over that of one emitter [-]."""
+        """Power of some pairs together for each kind's key, over the power of one emitter [-].
+
+        pairs : indices of the pairs in `power`
+        """
         found: dict[str, float] = {}
         for name, values in self.power.items():
             key = kind_of(name).key
@@ -208,22 +207,22 @@ class RayState:
 
     @property
     def total(self) -> float:
-        """Power of all pairs and kinds together, over that of their emitters together [-]."""
+        """Power of all pairs and kinds together, over the power of all their emitters together [-]."""
         return sum(self.power_by_kind.values())
 
 
 @dataclass(frozen=True, kw_only=True)
 class RayChoice:
-    """The light to show, and the number of its paths.
+    """Which light to show, and with how many paths.
 
     Attributes
     ----------
-    pairs : emitter and receiver numbers
-    count : paths drawn of the strongest kind of light
-    draws_each_pair : whether `count` applies to each pair's strongest kind, not to that of all pairs together
-    shows_all_losses : whether to draw all light that misses the pairs' receivers, not that removed by the press
-    pool_per_path : paths searched, over those drawn
-    most_rays : rays tried for an emitter under one press
+    pairs : emitter and receiver number of each pair
+    count : number of paths drawn of the strongest kind of light
+    draws_each_pair : True: `count` applies to each pair's strongest kind; False: to that of all pairs together
+    shows_all_losses : True: draw all light that misses the pairs' receivers; False: only light that the press removes
+    pool_per_path : number of paths searched for each drawn path
+    most_rays : largest number of rays tried for an emitter under one press
     accuracy : settings of the light model
     seed : seed of all random streams
     """
@@ -239,20 +238,20 @@ class RayChoice:
 
     @property
     def receivers(self) -> dict[int, tuple[int, ...]]:
-        """Receivers of each emitter."""
+        """For each emitter, the receivers of its pairs."""
         emitters = dict.fromkeys(emitter for emitter, _ in self.pairs)
         return {one: tuple(r for emitter, r in self.pairs if emitter == one) for one in emitters}
 
     @property
     def groups(self) -> list[list[int]]:
-        """Pairs whose light is drawn together, by their indices in `pairs`."""
+        """Pairs whose light is drawn together, as lists of indices in `pairs`."""
         everything = list(range(len(self.pairs)))
         return [[number] for number in everything] if self.draws_each_pair else [everything]
 
 
 @dataclass(frozen=True, kw_only=True)
 class _Found:
-    """A path and its pair: for lost light, the pair that it reached while untouched."""
+    """A path and its pair; for lost light, the pair whose receiver the ray reached while the pad was untouched."""
 
     pair: Pair
     path: LightPath
@@ -264,16 +263,18 @@ def ray_states(
     presses: Sequence[Press],
     on_step: Callable[[float], None] | None = None,
 ) -> tuple[RayState, ...]:
-    """Find paths and powers, untouched first and then under each press.
+    """Find paths and powers: first of the untouched pad, then under each press.
 
     Parameters
     ----------
-    presses : x, y, depth > 0 [mm]
-    on_step : called with the share that is done
+    design : the sensor
+    choice : the light to show
+    presses : x, y, depth > 0 of each press [mm]
+    on_step : function that is called with the share that is done, 0 to 1
 
     Raises
     ------
-    InputError, ModelScopeError : the contact or light model refuses a press
+    InputError, ModelScopeError : the contact or light model refuses a press.
     """
     from sims.contact import indent
 
@@ -321,13 +322,13 @@ def _power(light: LightSignals, state: int, pairs: tuple[Pair, ...]) -> dict[str
 
 @dataclass(frozen=True, kw_only=True)
 class _Search:
-    """Search for paths under one press."""
+    """Search for paths of the chosen pairs' light under one press."""
 
     walker: LightWalker
     choice: RayChoice
 
     def arriving(self) -> list[_Found]:
-        """Light that reaches the pairs' receivers."""
+        """Find paths that reach a receiver of the pairs."""
         choice = self.choice
         together = len(choice.pairs) if choice.draws_each_pair else 1
         wanted = max(1, round(choice.count * choice.pool_per_path * together / len(choice.receivers)))
@@ -338,7 +339,7 @@ class _Search:
         ]
 
     def anything_lost(self, receivers: int) -> list[_Found]:
-        """Light that reaches no receiver of the pairs, with this many receivers in all."""
+        """Find paths that reach no receiver of the pairs; `receivers` is the number of all receivers of the pad."""
         choice, found = self.choice, []
         for emitter, own in choice.receivers.items():
             ends = [NO_RECEIVER, *sorted(set(range(receivers)) - set(own))]
@@ -347,7 +348,7 @@ class _Search:
         return found
 
     def missing(self, before: list[_Found]) -> list[_Found]:
-        """Light that arrived before and does not arrive now."""
+        """Paths of the rays `before`, found in the untouched pad, that no longer reach the pairs' receivers."""
         found = []
         for emitter, own in self.choice.receivers.items():
             former = {one.path.ray: one.pair for one in before if one.pair[0] == emitter}
@@ -364,7 +365,7 @@ def _filled(
     before: list[_Found],
     lost: list[_Found],
 ) -> RayState:
-    """A state with the drawn paths of those found."""
+    """Copy a state with the drawn paths, which are selected from the found ones."""
     drawn: list[_Found] = []
     gone: list[_Found] = []
     for group in choice.groups:
@@ -394,12 +395,12 @@ def _of(pairs: set[Pair], found: list[_Found]) -> list[_Found]:
 
 
 def _number(share: float, count: int) -> int:
-    """Number of paths drawn of a kind by its power over that of the brightest kind of the untouched pad."""
+    """Number of drawn paths of a kind, by its power over that of the untouched pad's brightest kind (`share`)."""
     return min(count, max(FEWEST, round(count * float(np.sqrt(max(share, 0.0))))))
 
 
 def _in_turn(found: list[_Found], count: int) -> list[_Found]:
-    """Paths of the emitters in turn, up to a count."""
+    """Select up to `count` paths, taking one of each emitter in turn."""
     seen: dict[int, int] = {}
     ranks = []
     for place, one in enumerate(found):

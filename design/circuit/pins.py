@@ -34,6 +34,7 @@ from design.errors import DesignError
 from design.fields.finding import Finding, error
 from design.parts import catalog
 from design.parts.catalog import Board, Chip, Converter, LedDriver, Multiplexer, ShiftRegister
+from design.recordings import lit_emitters
 from design.shape.cavity import cavity_of
 from design.spec import BoardUse, SensorDesign
 from design.spec.properties import entries_of
@@ -631,7 +632,6 @@ SEQUENCE_BYTES = 4
 TIME_BYTES = 4
 CHECK_BYTES = 4
 """Length of a frame's check value, the CRC-32 over all preceding bytes."""
-
 LINE_BITS_PER_BYTE = 10
 """Bits on the serial line for each byte: start bit, 8 data bits, stop bit."""
 
@@ -646,14 +646,14 @@ US_PER_MS = 1e3
 US_PER_S = 1e6
 
 
-def state_count(emitter_count: int) -> int:
-    """Number of states of a frame: each emitter lit alone, then all off."""
-    return emitter_count + 1
+def state_count(emitter_count: int, dark: str = "frame") -> int:
+    """Number of states of a frame, see `lit_emitters`."""
+    return len(lit_emitters(emitter_count, dark))
 
 
-def frame_bytes(emitter_count: int, receiver_count: int, adc_bits: int) -> int:
+def frame_bytes(emitter_count: int, receiver_count: int, adc_bits: int, dark: str = "frame") -> int:
     """Length of a packed frame [bytes]: header, readings packed bit by bit, check value."""
-    readings = state_count(emitter_count) * receiver_count
+    readings = state_count(emitter_count, dark) * receiver_count
     packed = math.ceil(readings * adc_bits / 8)
     return MAGIC_BYTES + VERSION_BYTES + SEQUENCE_BYTES + TIME_BYTES + packed + CHECK_BYTES
 
@@ -685,13 +685,12 @@ def reading_time_ms(board: Board, use: BoardUse, converter: Converter | None) ->
     return conversion_time_ms(board, use.adc_prescaler)
 
 
-def switch_time_ms(driver: LedDriver | None, emitter_count: int) -> float:
-    """Time from the begin of a state until its emitter is on, by LED drivers [ms]; transistors switch at once.
-
-    It is all bits of the chain on the SPI bus, the edges of latch and blank, and the drivers' own delay.
-    """
+def switch_time_ms(driver: LedDriver | ShiftRegister | None, emitter_count: int, dark: str) -> float:
+    """Time to switch an emitter on [ms]: pins 0, LED drivers all bits, edges of latch and blank, and their delay."""
     if driver is None:
         return 0.0
+    if isinstance(driver, ShiftRegister):
+        return driver.switch_us(emitter_count, dark) / US_PER_MS
     sent_ms = driver.bits(emitter_count) / driver.clock_hz(emitter_count) * MS_PER_S
     return sent_ms + (DRIVER_EDGES * EDGE_US + driver.turn_on_wait_us) / US_PER_MS
 
@@ -724,20 +723,20 @@ def frame_time_ms(
     multiplexer: Multiplexer | None = None,
     *,
     converter: Converter | None = None,
-    driver: LedDriver | None = None,
+    driver: LedDriver | ShiftRegister | None = None,
 ) -> float:
     """Time of one full frame: all states, then the line [ms]; with multiplexers each new address also settles."""
-    state = switch_time_ms(driver, emitter_count)
+    state = switch_time_ms(driver, emitter_count, use.dark)
     state += _lit_ms(board, use, receiver_count, multiplexer, converter)
     bits = board.adc_bits if converter is None else converter.bits
-    sent = frame_bytes(emitter_count, receiver_count, bits)
-    return state_count(emitter_count) * state + sending_time_ms(board, use, sent)
+    sent = frame_bytes(emitter_count, receiver_count, bits, use.dark)
+    return state_count(emitter_count, use.dark) * state + sending_time_ms(board, use, sent)
 
 
 def design_frame_time_ms(
     design: SensorDesign, emitter_count: int, receiver_count: int, board: Board, use: BoardUse
 ) -> float:
-    """Time of one full frame with a design's multiplexers, converters and LED drivers [ms]."""
+    """Time of one full frame with all circuits between a design's board and its parts [ms]."""
     return frame_time_ms(
         board,
         use,
@@ -745,7 +744,7 @@ def design_frame_time_ms(
         receiver_count,
         multiplexer_of(design),
         converter=converter_of(design),
-        driver=driver_of(design),
+        driver=driver_of(design) or shift_register_of(design),
     )
 
 

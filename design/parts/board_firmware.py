@@ -53,10 +53,22 @@ class BoardFirmware(Model):
     transmit_vector: Annotated[VectorName, Field(description="interrupt: the serial line can send a byte")]
 
 
+class BootDrive(Model):
+    """The drive as which a board appears in its boot mode: a UF2 file that is copied to it programs the board."""
+
+    source: Annotated[Text, Field(description="where the entry's values come from")]
+    confidence: Confidence
+    board_id: Annotated[Text, Field(description="Board-ID in the drive's INFO_UF2.TXT")]
+    families: Annotated[
+        tuple[Annotated[int, Field(ge=0, lt=2**32)], ...],
+        Field(min_length=1, description="family identifiers of the UF2 files that its boot loader takes"),
+    ]
+
+
 class ArduinoProgram(Model):
     """Arduino core, pins and memory of a board that runs the portable program."""
 
-    unsaid = ("spi_pins",)
+    unsaid = ("spi_pins", "boot_drive")
 
     source: Annotated[Text, Field(description="where the entry's values come from")]
     confidence: Confidence
@@ -83,6 +95,9 @@ class ArduinoProgram(Model):
     ] = None
     flash_bytes: Annotated[int, Field(gt=0, description="left for the program by the boot loader")]
     ram_bytes: Annotated[int, Field(gt=0, description="memory of the chip")]
+    boot_drive: Annotated[
+        BootDrive | None, Field(description="of a board that takes UF2 files; absent: none")
+    ] = None
     notes: tuple[Text, ...] = ()
 
     @property

@@ -22,8 +22,11 @@ from design.fields.quantity import (
     TimeUs,
     VoltageV,
 )
+from design.recordings import lit_emitters
 
 HZ_PER_MHZ = 1e6
+SHIFT_EDGE_US = 1.0
+"""Wait of the firmware after each edge on a shift register's data, clock or latch [us]."""
 KHZ_PER_MHZ = 1e3
 
 
@@ -88,6 +91,26 @@ class ShiftRegister(Chip):
     def needed(self, emitter_count: int) -> int:
         """Number of shift registers in the chain for that many emitters."""
         return math.ceil(emitter_count / self.outputs)
+
+    def switch_us(self, emitter_count: int, dark: str) -> float:
+        """Time to switch an emitter, as the mean over the states of a frame [us]; AVR boards need less.
+
+        One clock moves the lit output on by one. For an emitter after any other state, a bit is clocked in anew, and
+        for other dark states zeros are clocked into the whole chain. The latch is one more pulse.
+
+        Parameters
+        ----------
+        dark : ``frame`` or ``each``, see `design.recordings.lit_emitters`
+        """
+        states, lit, edges = lit_emitters(emitter_count, dark), emitter_count, 0
+        for emitter in states:
+            now = emitter_count if emitter is None else emitter
+            moves, all_bits = now == lit + 1, self.needed(emitter_count) * self.outputs
+            clocks = 1 if moves else all_bits if emitter is None else now + 1
+            data_edges = 1 if moves or emitter is None else 2
+            edges += data_edges + 2 * (clocks + 1)
+            lit = now
+        return SHIFT_EDGE_US * edges / len(states)
 
 
 COMMAND_CLOCKS = {"mcp3208": 24, "ads8688": 32}

@@ -78,7 +78,9 @@ def firmware_findings(
         return
     yield from _converter_findings(board)
     yield from _pin_findings(design, board, chip, emitter_count, receiver_count)
-    yield from _memory_findings(board, chip, emitter_count, receiver_count, board.adc_bits)
+    yield from _memory_findings(
+        board, chip, frame_bytes(emitter_count, receiver_count, board.adc_bits, design.board.dark)
+    )
 
 
 def _portable_findings(
@@ -96,7 +98,9 @@ def _portable_findings(
     channels = design.board.receiver_channels or board.analog_channels[: input_count(design, receiver_count)]
     unnamed = [name for name in channels if name in board.analog_channels and name not in chip.analog_pins]
     yield from _unknown("board.receiver_channels", "arduino", "analog_pins", unnamed)
-    yield from _memory_findings(board, chip, emitter_count, receiver_count, adc_bits(design))
+    yield from _memory_findings(
+        board, chip, frame_bytes(emitter_count, receiver_count, adc_bits(design), design.board.dark)
+    )
 
 
 def _converter_findings(board: Board) -> Iterator[Finding]:
@@ -135,9 +139,9 @@ def _unknown(field: str, program: str, table: str, names: Sequence[object]) -> I
 
 
 def _memory_findings(
-    board: Board, chip: BoardFirmware | ArduinoProgram, emitter_count: int, receiver_count: int, bits: int
+    board: Board, chip: BoardFirmware | ArduinoProgram, frame_length: int
 ) -> Iterator[Finding]:
-    frame = max(frame_bytes(emitter_count, receiver_count, bits), HELLO_BYTES)
+    frame = max(frame_length, HELLO_BYTES)
     needed = FRAME_BUFFERS * frame + PROGRAM_RAM_BYTES
     if needed > chip.ram_bytes:
         yield error(
@@ -357,7 +361,8 @@ def _slow_fields(design: SensorDesign, board: Board) -> str:
     faster = "raise board.baud" if board.divides_clock else "name a faster board"
     if converter_of(design) is not None:
         faster = "name a faster converter in board.receivers.converter"
-    return f"{', '.join([*fields, 'board.settle_us'])}, or {faster}"
+    fewer = ['set board.dark = "frame"'] if design.board.dark == "each" else []
+    return f"{', '.join([*fields, 'board.settle_us', *fewer])}, or {faster}"
 
 
 def _rate_findings(

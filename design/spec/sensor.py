@@ -446,7 +446,7 @@ def _require_owner(pins: str, given: tuple[int, ...] | None, owner: str, owner_i
 class BoardUse(Model):
     """The microcontroller board and its settings; pins and inputs are assigned in the board's order by default."""
 
-    unsaid = ("receivers", "emitters", "averages", "reference")
+    unsaid = ("receivers", "emitters", "averages", "reference", "dark")
 
     kind: PartId = "arduino-mega-2560"
     emitter_pins: Annotated[
@@ -476,6 +476,12 @@ class BoardUse(Model):
     averages: Annotated[
         int, Field(ge=1, le=256, description="readings of which the board sends the mean as one value")
     ] = 1
+    dark: Annotated[
+        Literal["frame", "each"],
+        Field(
+            description="dark state: one at the end of a frame, or one before and one after each emitter's state"
+        ),
+    ] = "frame"
     baud: Annotated[int, Field(ge=1200, le=4_000_000)] = 1_000_000
     frame_rate_hz: Annotated[
         float, Field(ge=0.001, le=1e5, description="required number of full frames per second")

@@ -1,4 +1,4 @@
-"""Driver of a manufactured unit: frames over a serial line. It runs without the CAD kernel and the physics."""
+"""Driver of a manufactured sensor: receives frames over a serial line. It imports no CAD kernel and no models."""
 
 from fabrication.driver.link.frames import Frame
 from fabrication.driver.sensor import Sensor

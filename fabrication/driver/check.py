@@ -1,14 +1,15 @@
-"""Check of a unit's wiring against its design: readings of the untouched pad against the simulated pattern, by part.
+"""Check of a unit's wiring: compares measured with simulated readings of the untouched pad.
 
-`wiring_check` distinguishes wrong wires from bright LEDs and manufacturing tolerances.
+The check distinguishes wrong wires from bright LEDs and manufacturing tolerances. It reports these faults:
 
 - *dead*: an emitter that no receiver sees, or a receiver that sees no emitter.
-- *saturated*: a receiver at full scale in the dark, or under most emitters though expected well below it.
+- *saturated*: a receiver at full scale in the dark, or under most emitters although the simulation expects much less.
 - *swapped*: exchanges of two emitters or of two receivers that explain the readings much better than the right wiring.
 - *dim*: an emitter or receiver far below the others, relative to the expected readings.
 
 The check cannot detect an exchange that a symmetry of the layout leaves unchanged. Where two exchanges explain the
-readings equally well, as at a pad with mirror symmetry, both are named. A pair that should clip has no information.
+readings equally well, as on a pad with mirror symmetry, both are reported. Pairs that are expected at full scale are
+not compared.
 """
 
 from __future__ import annotations
@@ -38,35 +39,38 @@ from fabrication.driver.pattern import (
 from fabrication.driver.wiring_check import exchanged_wires
 
 DEAD_SHARE = 0.1
-"""A part whose strong pairs show less than this share of the expected reading is dead [-]."""
+"""A part counts as dead if all its readings are below this share of the weakest part's best expected reading [-]."""
 
 DIM_SHARE = 0.4
-"""A part below this share of the others is reported as dim; resistors, binning and seating explain some +-30 %."""
+"""An emitter or receiver is reported as dim if its ratio of measured to expected readings is below this share of the
+other parts' ratio [-]. Tolerances of resistors, brightness classes and seating explain about +-30 %."""
 
 UNEXPECTED_SHARE = 0.5
-"""A pair at full scale is reported if it was expected below this share of it."""
+"""A pair at full scale is reported if its expected reading is below this share of full scale [-]."""
 
 AMBIENT_SHARE = 0.1
-"""Dark readings above this share of full scale reduce the range."""
+"""Ambient light is reported if dark readings exceed this share of full scale, because it reduces the range [-]."""
 
 NOISE_COUNTS, NOISE_SHARE = 3.0, 0.02
-"""Readings are reported if they scatter by more than the first plus this share of themselves."""
+"""A receiver is reported as noisy if the standard deviation of a reading is above NOISE_COUNTS [counts] plus
+NOISE_SHARE [-] times its mean."""
 
 REFERENCE_V, SUPPLY_LOW_V, SUPPLY_HIGH_V = 1.1, 4.5, 5.5
-"""The chip's internal reference, +-10 % by its data sheet, and the limits of a USB port's supply."""
+"""Voltage of the AVR's internal reference (+-10 % by its data sheet), and limits of a USB port's supply [V]."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Verdict:
-    """Result of a check.
+    """Result of a wiring check.
 
     Attributes
     ----------
-    problems : errors first
-    gain : median of readings over expected ones [-]; None where nothing could be compared
-    mismatch : median distance of a pair from the expected pattern, as a factor less 1 [-]
+    problems : reported faults, errors first
+    gain : ratio of measured to expected reading, median over the pairs [-]; None if no pair could be compared
+    mismatch : relative deviation from `gain` times the expected readings, median over the pairs [-]; None if no pair
+        could be compared
     compared : number of pairs that could be compared
-    clipped_by_design : pairs that are expected at full scale
+    clipped_by_design : names of the pairs that are expected at full scale, as E1-R1
     frames : number of frames in the check
     """
 
@@ -79,16 +83,16 @@ class Verdict:
 
     @property
     def is_good(self) -> bool:
-        """Whether there is no error; warnings do not count."""
+        """Whether the check found no error; warnings do not count."""
         return not any(problem.is_error for problem in self.problems)
 
     def to_json(self) -> dict[str, Any]:
-        """The verdict as plain data."""
+        """The result of the check as a dictionary for JSON."""
         return {"is_good": self.is_good, **asdict(self)}
 
 
 def check_frames(frames: Iterable[Frame], found: Descriptor, self_test: SelfTest | None = None) -> Verdict:
-    """Compare the untouched pad with its simulated pattern.
+    """Check a unit's wiring: compare readings of the untouched pad with the simulated ones.
 
     Parameters
     ----------
@@ -98,7 +102,7 @@ def check_frames(frames: Iterable[Frame], found: Descriptor, self_test: SelfTest
 
     Raises
     ------
-    InputError : no expected pattern, or no frame.
+    InputError : the descriptor has no expected readings, or there is no frame.
     """
     taken = list(frames)
     if found.expected_counts is None:
@@ -129,7 +133,6 @@ def check_frames(frames: Iterable[Frame], found: Descriptor, self_test: SelfTest
 
 
 def _railed(dark: NDArray[np.uint16], found: Descriptor) -> BoolArray:
-    """(receiver,) whether a receiver is at full scale in the dark."""
     is_railed: BoolArray = dark.mean(axis=0) >= CLIP_SHARE * found.full_scale
     return is_railed
 
@@ -147,7 +150,7 @@ def _railed_problems(railed: BoolArray, found: Descriptor) -> list[Problem]:
 
 
 def _pattern_problems(pattern: Pattern, railed: BoolArray) -> list[Problem]:
-    """Problems of dead parts first, then of wires of live parts, then the remaining distance, by part."""
+    """Faults by type: dead parts, then exchanged wires, then dim parts, then pairs unexpectedly at full scale."""
     dead_e, dead_r = _dead(pattern, railed)
     usable = ~(dead_e[:, None] | (dead_r | railed)[None, :])
     problems = _dead_problems(pattern, dead_e, dead_r)
@@ -159,8 +162,11 @@ def _pattern_problems(pattern: Pattern, railed: BoolArray) -> list[Problem]:
 
 
 def _dead(pattern: Pattern, railed: BoolArray) -> tuple[BoolArray, BoolArray]:
-    """(emitter,) and (receiver,) whether a part is dead. A wrong wire moves rows and columns, so a dead part has a row
-    or column that is completely dark, whatever its expected readings."""
+    """Whether each emitter, and each receiver, shows no light: two arrays (emitter,) and (receiver,).
+
+    Exchanged wires do not conceal a dead part, because they only permute the readings. `railed` marks receivers at full
+    scale in the dark, (receiver,).
+    """
     strong = _strong_reading(pattern)
     shows = pattern.measured > strong
     is_lit = shows[:, ~railed].any(axis=1) if not railed.all() else np.ones(len(shows), dtype=bool)
@@ -168,7 +174,7 @@ def _dead(pattern: Pattern, railed: BoolArray) -> tuple[BoolArray, BoolArray]:
 
 
 def _strong_reading(pattern: Pattern) -> float:
-    """Least reading of the best pair of every live part [counts]."""
+    """Threshold [counts] that the strongest reading of every working emitter or receiver exceeds."""
     best = np.concatenate([pattern.expected.max(axis=0), pattern.expected.max(axis=1)])
     return max(float(DEAD_SHARE * best.min()), FLOOR_COUNTS)
 
@@ -197,7 +203,6 @@ def _dead_problems(pattern: Pattern, dead_e: BoolArray, dead_r: BoolArray) -> li
 
 
 def _dim(pattern: Pattern, usable: BoolArray) -> list[Problem]:
-    """Parts far below the others, relative to their expected readings."""
     told = usable & ~pattern.is_clipped & ~pattern.is_meant_to_clip & (pattern.expected >= SEEN_COUNTS)
     ratio = np.where(told, np.maximum(pattern.measured, 0.0) / np.maximum(pattern.expected, 1.0), np.nan)
     problems = []
@@ -218,7 +223,10 @@ def _dim(pattern: Pattern, usable: BoolArray) -> list[Problem]:
 
 
 def _clipped(pattern: Pattern, usable: BoolArray) -> list[Problem]:
-    """Problems of pairs at full scale that should be well below it, by receiver; an error if most of them are."""
+    """One problem per receiver with pairs at full scale that should be well below it.
+
+    The problem is an error if it concerns more than half of the receiver's pairs.
+    """
     may_be_read = usable & ~pattern.is_meant_to_clip & (pattern.expected >= SEEN_COUNTS)
     odd = usable & pattern.is_clipped & (pattern.expected < UNEXPECTED_SHARE * pattern.full_scale)
     problems = []
@@ -274,7 +282,7 @@ def _supply(self_test: SelfTest | None, found: Descriptor) -> list[Problem]:
 
 
 def _program(self_test: SelfTest | None, found: Descriptor) -> list[Problem]:
-    """Problems of the program: the digest is the design's; the checksum also covers pins, inputs and times."""
+    """Problem of a firmware whose checksum of pins, inputs and times differs from the design's; empty if none."""
     if self_test is None or found.config_crc is None or self_test.config_crc == found.config_crc:
         return []
     message = (

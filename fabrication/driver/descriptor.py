@@ -1,4 +1,4 @@
-"""Meaning of the numbers of a stream: geometry, names, units, rates."""
+"""Description of a sensor's stream of readings: geometry, names, units and rates."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from fabrication.driver_file import DriverConfig, EmitterEntry, ReceiverEntry, S
 
 @dataclass(frozen=True, kw_only=True)
 class PartArray:
-    """Emitters or receivers, in the order of their axis of the arrays.
+    """Names and geometry of all emitters, or of all receivers, in the order of the readings.
 
     Attributes
     ----------
-    names : E1, ... or R1, ...
-    pins : labels printed on the board, D22 or A0
+    names : names of the parts, E1, ... or R1, ...
+    pins : labels printed on the board, as D22 or A0
     position_mm : (n, 3) centre of the active area in the cavity frame [mm]
-    normal : (n, 3) direction into the cavity [-]
+    normal : (n, 3) unit vector from the active area into the cavity [-]
     """
 
     names: tuple[str, ...]
@@ -35,13 +35,13 @@ class Descriptor:
 
     Attributes
     ----------
-    states : lit emitter in each state of `Frame.counts`: E1, ..., and off
+    states : name of the emitter that is lit in each row of `Frame.counts`: E1, ...; "off" in the last row
     full_scale : largest reading [counts]
-    wanted_rate_hz : the design's frame rate; the stream measures the actual one
-    possible_rate_hz : frame rate by the plain sum of the timing budget; the firmware is slightly faster
-    surface : the untouched top; None in an older configuration without it
+    wanted_rate_hz : frame rate required by the design [Hz]; `Sensor.rate_hz` is the measured one
+    possible_rate_hz : frame rate according to the timing budget [Hz]; the firmware is slightly faster
+    surface : shape of the untouched top surface; None if an older configuration does not describe it
     expected_counts : (emitter, receiver) simulated readings without contact [counts]; None if not simulated
-    config_crc : checksum of the configuration in the self-test of this design's firmware; None if it is not known
+    config_crc : checksum that the self-test of this design's firmware reports; None if it is not known
     """
 
     design: str
@@ -70,12 +70,12 @@ UNITS = {
 
 
 def descriptor_of(config: DriverConfig) -> Descriptor:
-    """The descriptor of a driver configuration's stream."""
+    """Description of the stream of a sensor with this driver configuration."""
     expected = config.expected
     return Descriptor(
         design=config.design,
         digest=config.digest,
-        states=tuple(state.emitter or OFF for state in config.states),
+        states=(*(emitter.name for emitter in config.emitters), OFF),
         emitters=_parts(config.emitters, [entry.output or f"D{entry.pin}" for entry in config.emitters]),
         receivers=_parts(config.receivers, [entry.channel for entry in config.receivers]),
         workspace=config.workspace,

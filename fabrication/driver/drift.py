@@ -1,31 +1,35 @@
-"""Tracking of the untouched pad's slow drift; a touch of any duration is not tracked.
+"""Tracks the slow drift of the untouched pad's signals, and holds the tracked levels constant during a touch.
 
 Every pair has a signal y, a tracked untouched level b, and an untouched level u of the training data [counts]. The
 input of a model is
 
     f = y u / b                      (f = y where u or b is below 4 counts, too small to divide by)
 
-and on untouched frames b follows the signal of `guard_s` ago with the time constant tau,
+While the pad is untouched, b follows the signal of `guard_s` earlier with the time constant tau,
 
     db/dt = (y(t - guard) - b) / tau.
 
-A frame is held, and b is constant, while the pad is touched, and `guard_s` before and after: frames that wait for the
-guard are discarded when a touch begins. The pad counts as touched if either
+While the pad is touched, and for `guard_s` before and after, b is held constant. Frames therefore wait for `guard_s`
+before they are tracked, and are discarded if a touch begins. The pad counts as touched if either
 
 - the model reports a touch in more than half of the last 0.2 s (single wrong frames have no effect), or
-- the change  c = y / b - 1  over 0.2 s, less the part that gains of emitters and receivers explain (`gain_pattern`),
-  has a mean square of more than 4 times the noise's: a press shades pairs individually.
+- the excess is above 4. The change c = y / b - 1, averaged over 0.2 s, is split into gains of emitters and receivers
+  and a rest (`gain_pattern`). The excess is the mean square of the rest, divided by the mean square of noise alone. A
+  press shades pairs individually, so most of its change is in the rest.
 
-A change is a gain step if gains explain 95 % or more of it, and it exceeds 0.5 % and five times its noise, for 1 s
-without a break: a part was plugged in, warmed up or lost supply, or drift continued under a touch that has ended. The
-step is counted and reported, and b is multiplied by it, even while the model reports a touch. A part that loses more
-than half is reported and not tracked. Gain steps are not detected in layouts with fewer than 16 degrees of freedom
-beyond the gains (3 x 3 parts have 4).
+A change is gain-like if gains explain 95 % or more of it, and if it exceeds 0.5 % and five times its noise. A change
+that is gain-like for 1 s is a gain step: a part was plugged in, warmed up or lost supply, or drift continued under a
+touch that has ended. The step is counted and reported, and b is multiplied by it, even while the model reports a touch.
+A change of a part's gain by more than half is reported and not tracked. Gain steps are not detected in layouts with
+fewer than 16 degrees of freedom beyond the gains (3 x 3 parts have 4).
 
-The tracker has four limits. A contact at the start counts as the untouched pad (`start_mismatch` is its difference from
-the training data beyond gains). A contact that grows so slowly that the rest stays below the threshold within tau is
-tracked as drift. A touch that changes all pairs of a part by one factor, as a finger in front of the part, may count
-as gain. Drift under a held touch is not tracked, and shifts the position until the touch ends.
+The tracker has four limits.
+
+- A contact at the start is taken for the untouched pad; `start_mismatch` indicates this.
+- A contact is tracked as drift if it grows so slowly that the excess stays below the threshold within tau.
+- A touch that changes all pairs of a part by one factor, as a finger in front of the part, may count as a change of
+  gain.
+- Drift under a held touch is not tracked, and shifts the position until the touch ends.
 """
 
 from __future__ import annotations
@@ -43,41 +47,47 @@ from fabrication.driver.link.frames import WEAKEST_BASELINE_COUNTS
 
 TIME_CONSTANT_S, GUARD_S = 10.0, 0.5
 SHORT_S = 0.2
-"""Time over which the change is averaged before it is judged."""
+"""Time constant of the averaged change of signals from which a touch is detected [s]."""
 
 HELD_EXCESS = 4.0
-"""Threshold for the mean square of a change's rest over the noise's: noise gives 1, +-0.2 for 49 degrees of freedom."""
+"""Threshold of the excess above which the pad counts as touched [-].
+
+The excess is the mean square of the signals' change that gains of parts do not explain, over the noise variance. Noise
+alone gives about 1."""
 
 GAIN_S = 1.0
 GAIN_SHARE = 0.95
 LEAST_GAIN, GAIN_SIGMAS = 0.005, 5.0
 LEAST_FREEDOM = 16
-"""Least degrees of freedom beyond the gains; with fewer a press resembles gains: 95 % for the paper's pair."""
+"""Least number of pairs, beyond the number of fitted gains, for detecting steps of gain; with fewer, a press resembles
+a change of gains."""
 
 LONGEST_STEP = 0.5
-"""Largest step of a frame after a pause [time constants], because its noise stays in the levels."""
+"""Largest time step with which one frame updates the untouched levels, after a pause [time constants]. A larger step
+would leave too much of the frame's noise in the levels."""
 
 LARGEST_GAIN = 0.5
-"""A part that loses more is broken; it is reported and not tracked."""
+"""Largest relative change of a part's gain that is tracked [-]. A part that changes more is considered broken, and
+reported."""
 
 LEAST_NOISE_COUNTS = 0.3
-"""Noise of rounding alone."""
+"""Least assumed standard deviation of a signal, due to rounding [counts]."""
 
 LEAST_START_FRAMES = 5
 
 
 @dataclass(frozen=True, kw_only=True)
 class DriftState:
-    """The tracker's result for a frame.
+    """The drift tracker's result for one frame.
 
     Attributes
     ----------
-    is_held : whether the untouched levels are constant now
-    excess : mean square of the change's rest over the noise's [-]
-    drift : median of all pairs' untouched levels over the start's, less 1 [-]
-    is_gain_like : whether the change since the last tracked frame is one of gains, and significant
-    gain_steps : number of gain steps so far
-    held_without_touch_s : time for which the change was not a gain and the model saw no touch [s]
+    is_held : whether the untouched levels are held constant now
+    excess : mean square of the signals' change that gains of parts do not explain, divided by the noise variance [-]
+    drift : relative change of the untouched level since the start, median over the pairs [-]
+    is_gain_like : whether changed gains of parts explain the present change, and it exceeds the noise
+    gain_steps : number of sudden changes of gains so far
+    held_without_touch_s : time for which `excess` has been above its threshold although the model saw no touch [s]
     """
 
     is_held: bool
@@ -89,25 +99,27 @@ class DriftState:
 
 
 class DriftTracker:
-    """Tracks the untouched levels of all pairs.
+    """Tracks the untouched levels of all pairs: the signals that they would have without contact.
 
     Parameters
     ----------
     start : (n, emitter, receiver) signals of the untouched pad, at least 5 frames [counts]
-    trained : (pair,) untouched signals of the training data, emitter outermost [counts]
+    trained : (pair,) untouched signals of the training data, in the order of a flattened (emitter, receiver) array
+        [counts]
     time_constant_s : time constant of tracking [s]
-    guard_s : time before and after a touch without tracking [s]
-    full_scale : signals from here on have no information [counts]
+    guard_s : time before and after a touch in which nothing is tracked [s]
+    full_scale : largest possible signal; pairs near it are not used [counts]
 
     Attributes
     ----------
     untouched : (pair,) tracked levels [counts]
-    gain_steps : number of gain steps reported so far
-    start_mismatch : root mean square of start over training beyond gains, over the pairs with a valid ratio [-]
+    gain_steps : number of sudden changes of the parts' gains so far
+    start_mismatch : relative deviation of `start` from `trained` that gains do not explain, root mean square over the
+        pairs [-]; a large value indicates a contact
 
     Raises
     ------
-    InputError : shapes that do not match, numbers that are not finite, or invalid times.
+    InputError : shapes do not match, numbers are not finite, or times are invalid.
     """
 
     def __init__(
@@ -128,15 +140,16 @@ class DriftTracker:
         self.untouched: FloatArray = start.mean(axis=0).ravel()
         self._first = self.untouched.copy()
         self._level_noise = 1.0 / len(start)
-        """Variance of the levels over that of a frame: each level is a mean."""
+        """Variance of the untouched levels, relative to the variance of one frame's signals [-]."""
         self._calibrate(start.reshape(len(start), -1))
         self.start_mismatch = self._mismatch()
         self.gain_steps = 0
         self._waiting: deque[tuple[float, float, FloatArray]] = deque()
-        """Time of a frame, interval since the previous frame [s], and its signals."""
+        """Frames that wait for the guard time: time [s], interval since the previous frame [s], (pair,) signals
+        [counts]."""
         self._short = np.zeros(self.untouched.size)
         self._short_noise = 0.0
-        """Variance of the short average over that of a frame; its frames may arrive at any times."""
+        """Variance of the averaged change of signals, relative to the variance of one frame's signals [-]."""
         self._touched_share = 0.0
         self._time_s: float | None = None
         self._held_s = -math.inf
@@ -144,18 +157,18 @@ class DriftTracker:
         self._odd_since_s: float | None = None
 
     def features(self, signals: FloatArray) -> FloatArray:
-        """(n, pair) input of a model for (n, pair) signals [counts]."""
+        """(n, pair) input of a model: signals with drift removed, for (n, pair) signals [counts]."""
         found: FloatArray = signals * self._factor
         return found
 
     def follow(self, time_s: float, signals: FloatArray, is_touched: bool) -> DriftState:
-        """Process one frame.
+        """Update the untouched levels with one frame, unless the pad is touched.
 
         Parameters
         ----------
-        time_s : time that rises from frame to frame, as the board's clock [s]
+        time_s : time of the frame by a clock that only rises, as the board's [s]
         signals : (pair,) signals less those of the off state [counts]
-        is_touched : the model's decision for it
+        is_touched : whether the model reports a touch in this frame
         """
         passed_s = 0.0 if self._time_s is None else max(time_s - self._time_s, 0.0)
         weight = -math.expm1(-passed_s / SHORT_S)
@@ -187,7 +200,7 @@ class DriftTracker:
         )
 
     def restart(self) -> None:
-        """Restart after a reset of the board: its clock starts again, and the untouched levels are kept."""
+        """Continue after a reset of the board, which restarts the board's clock; the untouched levels are kept."""
         self._time_s = None
         self._held_s = -math.inf
         self._gain_since_s = self._odd_since_s = None
@@ -216,7 +229,10 @@ class DriftTracker:
         return float(np.sqrt((used**2).mean())) if used.size else 0.0
 
     def _excess(self) -> float:
-        """Excess of the averaged change; averaging reduces its noise, and the levels add theirs."""
+        """Mean square of the averaged change that gains do not explain, divided by the noise variance [-].
+
+        The noise is the sum of the noise of the average and of the untouched levels.
+        """
         noise = self._quiet * (self._short_noise + self._level_noise)
         return float(self._pattern.excess(self._short)) / noise
 
@@ -251,7 +267,6 @@ class DriftTracker:
         self._short_noise = 0.0
 
     def _follow_waiting(self, time_s: float) -> None:
-        """Track the frames that have waited for the guard."""
         while self._waiting and time_s - self._waiting[0][0] >= self._guard_s:
             _, passed_s, signals = self._waiting.popleft()
             weight = -math.expm1(-min(passed_s / self._tau_s, LONGEST_STEP))
@@ -265,7 +280,6 @@ class DriftTracker:
 
 
 def _since(begun_s: float | None, time_s: float, goes_on: bool) -> float | None:
-    """Start of a condition that continues; None if it does not."""
     if not goes_on:
         return None
     return time_s if begun_s is None else begun_s

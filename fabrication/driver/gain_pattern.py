@@ -1,15 +1,16 @@
-"""Split of a change of signals into gains and a rest that only a touch explains.
+"""Splits a change of the signals into changed gains of parts, and a rest that only a touch explains.
 
 A part that ages, warms up or loses supply changes all of its pairs by one factor. The change of pair
 (i, j) from its untouched signal,  c_ij = s_ij / b_ij - 1,  is split by weighted least squares,
 
     c_ij = a_i + r_j + d_ij,        weights 1 / sigma_ij^2,
 
-into emitters' gains a_i, receivers' gains r_j and the rest d_ij (first order in the gains: an emitter and a receiver
-that both change by 5 % leave 0.25 % in the rest). A press shades pairs individually: nearly all of it is in the rest.
+into emitters' gains a_i, receivers' gains r_j and the rest d_ij. The split is of first order in the gains: an emitter
+and a receiver that both change by 5 % leave 0.25 % in the rest. A press shades pairs individually, so nearly all of its
+change is in the rest.
 
-Pairs below 4 counts or at full scale are left out, because their ratio is not valid. A change that is the same on all
-pairs of a part counts as gain, whatever its cause: a finger over a single part's window is not detected.
+Pairs below 4 counts or at full scale are left out, because their ratio is not valid. A change by one factor on all
+pairs of a part counts as gain, whatever its cause. For example, a finger in front of a single part is not detected.
 """
 
 from __future__ import annotations
@@ -20,22 +21,22 @@ from design.arrays import BoolArray, FloatArray
 from fabrication.driver.link.frames import WEAKEST_BASELINE_COUNTS
 
 LEAST_SIGMA = 1e-4
-"""Least assumed noise of a pair over its signal: rounding can conceal all of it [-]."""
+"""Least assumed noise of a pair, relative to its signal [-]; measured noise may be 0 because of rounding."""
 
 
 class GainPattern:
-    """Splits changes against one untouched pattern.
+    """Splits changes of the signals into changed gains of emitters and receivers, and a rest that gains do not explain.
 
     Parameters
     ----------
     untouched : (emitter, receiver) signals of the untouched pad [counts]
     noise : (emitter, receiver) standard deviation of one frame's signals [counts]
-    full_scale : signals from here on have no information [counts]
+    full_scale : pairs whose untouched signal is this or more are not used [counts]
 
     Attributes
     ----------
-    used : (pair,) whether a pair has a valid ratio
-    sigma : (pair,) noise of one frame's change; 1 where the pair is not used [-]
+    used : (pair,) whether a pair is used: its untouched signal is neither too small nor at full scale
+    sigma : (pair,) standard deviation of one frame's relative change; 1 where the pair is not used [-]
     freedom : degrees of freedom of the rest
     """
 
@@ -60,23 +61,30 @@ class GainPattern:
         self.freedom = max(int(self.used.sum()) - int(np.linalg.matrix_rank(whitened)), 0)
 
     def gains(self, change: FloatArray) -> FloatArray:
-        """(n, part) gains of (n, pair) changes, emitters first; one constant between the two kinds is free [-]."""
+        """(n, part) relative changes of the gains, emitters first, that fit (n, pair) changes best [-].
+
+        Only the sum of an emitter's and a receiver's gain is determined, so the solution with the least squares is
+        returned.
+        """
         found: FloatArray = self._kept(change) @ self._gains.T
         return found
 
     def gain_change(self, change: FloatArray) -> FloatArray:
-        """(n, pair) share of (n, pair) changes that gains explain, also for pairs that are not used [-]."""
+        """(n, pair) component of (n, pair) changes that gains explain, also for pairs that are not used [-]."""
         found: FloatArray = self.gains(change) @ self._columns.T
         return found
 
     def rest(self, change: FloatArray) -> FloatArray:
-        """(n, pair) rest of the changes, in standard deviations of one frame; 0 for pairs that are not used."""
+        """(n, pair) rest of (n, pair) changes that gains do not explain, in standard deviations of one frame.
+
+        The rest of an unused pair is 0.
+        """
         kept = self._kept(change)
         rest: FloatArray = np.where(self.used, (kept - self.gain_change(kept)) / self.sigma, 0.0)
         return rest
 
     def excess(self, change: FloatArray) -> FloatArray:
-        """(n,) mean square of the rest over its degrees of freedom: 1 for noise alone [-]."""
+        """(n,) sum of squares of the rest, divided by its degrees of freedom: about 1 for noise alone [-]."""
         squares: FloatArray = (self.rest(change) ** 2).sum(axis=-1) / max(self.freedom, 1)
         return squares
 
@@ -86,7 +94,7 @@ class GainPattern:
 
 
 def relative_change(signals: FloatArray, untouched: FloatArray) -> FloatArray:
-    """(n, pair) signals over their untouched ones, less 1; 0 where these are below 4 counts [-]."""
+    """Relative change (n, pair) of signals from untouched signals; 0 where the latter are below 4 counts [-]."""
     strong = untouched >= WEAKEST_BASELINE_COUNTS
     ratio = np.divide(
         signals, untouched, out=np.ones(np.broadcast_shapes(signals.shape, untouched.shape)), where=strong

@@ -1,4 +1,4 @@
-"""The untouched pad's mean readings and their simulated values, and the form of a reported problem."""
+"""Measured and simulated readings of the untouched pad, and the record of a reported fault."""
 
 from __future__ import annotations
 
@@ -12,24 +12,25 @@ from design.recordings import signals_of
 from fabrication.driver.descriptor import Descriptor, PartArray
 
 FLOOR_COUNTS = 8.0
-"""Readings below this are equivalent: ambient light, noise, and light outside the model."""
+"""Readings below this value are not compared, because ambient light, noise and light outside the model dominate them
+[counts]."""
 
 SEEN_COUNTS = 24.0
-"""A pair expected below this cannot show whether its parts work; a part at a fifth of its light still works."""
+"""Pairs with a lower expected reading are too weak to judge their parts [counts]."""
 
 CLIP_SHARE = 0.95
-"""Readings and expectations above this share of full scale may be clipped."""
+"""Readings, measured or expected, above this share of full scale count as clipped [-]."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Problem:
-    """A fault, with the parts and pins to inspect.
+    """A fault of the unit, with the parts and pins to inspect.
 
     Attributes
     ----------
-    kind : dead, swapped, saturated, dim, ambient, noisy, supply, program
+    kind : one of dead, swapped, saturated, dim, ambient, noisy, supply, program
     parts : names of the parts
-    message : the observation and the way out
+    message : the observation, and what to do
     is_error : False for a warning
     """
 
@@ -41,7 +42,8 @@ class Problem:
 
 @dataclass(frozen=True, kw_only=True)
 class Pattern:
-    """Mean readings and expected ones, all (emitter, receiver), with the names of the parts."""
+    """Measured and expected mean readings of all pairs, as arrays (emitter, receiver) [counts], and the parts'
+    names."""
 
     measured: FloatArray
     expected: FloatArray
@@ -53,7 +55,7 @@ class Pattern:
 
 
 def pattern_of(counts: NDArray[np.uint16], found: Descriptor) -> Pattern:
-    """Mean readings of (n, state, receiver) counts, and the descriptor's expected ones, which must be present."""
+    """Means of (n, state, receiver) readings [counts] and the descriptor's expected readings, which must exist."""
     assert found.expected_counts is not None, "requested by the caller"
     mean: FloatArray = counts.mean(axis=0)
     lit = mean[:-1]
@@ -69,10 +71,10 @@ def pattern_of(counts: NDArray[np.uint16], found: Descriptor) -> Pattern:
 
 
 def emitter_text(parts: PartArray, i: int) -> str:
-    """An emitter's name and pin."""
+    """Name and pin of emitter i (from 0), for messages."""
     return f"{parts.names[i]} (pin {parts.pins[i]})"
 
 
 def receiver_text(parts: PartArray, j: int) -> str:
-    """A receiver's name and input."""
+    """Name and input of receiver j (from 0), for messages."""
     return f"{parts.names[j]} (input {parts.pins[j]})"

@@ -1,4 +1,4 @@
-"""A manufactured unit as a context manager that yields frames.
+"""Reads a manufactured sensor: a context manager that yields frames.
 
     from fabrication.driver import Sensor
 
@@ -6,8 +6,8 @@
         for frame in sensor:
             print(frame.sequence, frame.normalised)
 
-Opening it finds the board, waits for the end of its reset, refuses a board of another design, starts it, and takes a
-baseline of the untouched pad. Every delivered frame is complete and checked; missing frames are counted.
+The `with` statement finds the board, waits for the end of its reset, refuses a board of another design, starts it, and
+takes a baseline of the untouched pad. Every delivered frame is complete and checked; missing frames are counted.
 """
 
 from __future__ import annotations
@@ -35,32 +35,33 @@ from fabrication.driver_file import DriverConfig, load_driver_config
 BASELINE_S = 0.5
 PATIENCE_S = 10.0
 POLL_S = 0.2
-"""Longest piece of a wait, so that Ctrl-C works on every system."""
+"""Longer waits are divided into parts of this length, so that Ctrl-C works on every system [s]."""
 
 FASTEST_HZ = 100_000.0
 SLOWEST_HZ = 0.001
-"""Slowest rate, as of a design. The board's clock resolves intervals below 2^31 us, 0.00047 Hz."""
+"""Lowest permitted frame rate, the same as in a design [Hz]."""
 
 SILENCE_S = 1.0
-"""At the end of a given time, a board that has been silent for this time and three frames is lost."""
+"""If reading for a limited time ends with this much silence, the board counts as lost [s]."""
 
 
 class Sensor:
-    """A manufactured unit.
+    """A manufactured sensor on its serial port; a context manager that yields frames.
 
     Parameters
     ----------
-    config : driver.toml of its design, or the configuration read from one
+    config : driver.toml of the sensor's design, or the configuration read from such a file
     port : name of the port; None finds the board by its USB identity
     rate_hz : frames per second; None takes the design's rate, 0 the board's fastest
-    accept_digest : first 8 digits or more of another design's digest that is accepted
-    baseline_s : reading time of the untouched pad on opening [s]; 0 takes no baseline
-    patience_s : longest wait for the board's hello on opening, and for a frame, including reconnection [s]; None takes
-        10 s, or more for a board that boots slower. The wait for a frame is at least three intervals
-    gather_s : interval of batches of frames, which reduces the processor's load; 0 delivers each frame at once [s]
-    not_ports : names of ports of other devices, as a stage, which are never used for the board
-    on_wait : called with a line about the chosen port, and lines about the wait for the board; None prints them on
-        standard error
+    accept_digest : first 8 or more digits of the digest of another accepted design; None accepts no other
+    baseline_s : time for which the untouched pad is read on opening [s]; 0 takes no baseline
+    patience_s : longest wait for the board on opening, and for a frame, including reconnection [s]; None takes 10 s, or
+        more for a board that boots more slowly. The wait for a frame is at least three frame intervals
+    gather_s : interval at which frames are delivered in batches, to reduce the processor's load [s]; 0 delivers each
+        frame at once
+    not_ports : names of ports that are never used for the board, because other devices, as a stage, use them
+    on_wait : called with progress lines about the chosen port and the wait for the board; None prints them on standard
+        error
 
     Attributes
     ----------
@@ -127,11 +128,12 @@ class Sensor:
             yield self.read()
 
     def frames(self, count: int | None = None, seconds: float | None = None) -> Iterator[Frame]:
-        """Yield frames up to a count or a time [s], whichever is first; None is no limit.
+        """Yield frames until a count or a time [s] is reached, whichever is first; None means no limit.
 
         Raises
         ------
-        DeviceError, OutputError : as `read`; also if the time ends while the board is lost or silent.
+        DeviceError : no frame arrived within `patience_s`, or the time ended while the board was lost or silent.
+        OutputError : a recording failed; it contains all earlier frames.
         """
         heard_at = time.monotonic()
         end = None if seconds is None else heard_at + seconds
@@ -152,8 +154,8 @@ class Sensor:
 
         Raises
         ------
-        DeviceError : none within `patience_s`.
-        OutputError : a recording stopped; it has all earlier frames, and reading may continue without it.
+        DeviceError : no frame arrived within `patience_s`.
+        OutputError : a recording failed; it contains all earlier frames, and reading may continue.
         """
         stream, end = self._open, time.monotonic() + self._patience_s
         while time.monotonic() < end:
@@ -163,7 +165,7 @@ class Sensor:
         raise self._silence(self._patience_s)
 
     def take_baseline(self, seconds: float = BASELINE_S) -> FloatArray:
-        """Read the untouched pad for some time; its mean becomes the baseline.
+        """Read the untouched pad for a time [s]; the mean of its signals becomes the baseline.
 
         Returns
         -------
@@ -184,7 +186,7 @@ class Sensor:
         return self._open.waiting
 
     def skip_waiting(self) -> None:
-        """Drop the frames that wait to be read: the next one is new. They do not count as lost."""
+        """Discard the frames that wait to be read, so that the next one is new; they do not count as lost."""
         self._open.forget_waiting()
 
     def record(self, path: str | os.PathLike[str]) -> Recorder:
@@ -199,7 +201,8 @@ class Sensor:
         return recorder
 
     def self_test(self, timeout_s: float = 3.0) -> SelfTest:
-        """The board's self-test; DeviceError if it does not answer."""
+        """Request the board's self-test and return its result; raises DeviceError if the board does not reply in
+        time."""
         return self._open.self_test(timeout_s)
 
     @property
@@ -209,7 +212,7 @@ class Sensor:
 
     @property
     def hello(self) -> Hello:
-        """The board's hello."""
+        """The board's description of itself (hello) at the last connection."""
         return self._open.hello
 
     @property
@@ -219,12 +222,12 @@ class Sensor:
 
     @property
     def rate_hz(self) -> float | None:
-        """Delivered frames per second by the board's clock, over the last 256; None before two frames."""
+        """Delivered frames per second, over the last 256 frames by the board's clock; None before two frames."""
         return self._decoder.rate_hz
 
     @property
     def baseline(self) -> FloatArray | None:
-        """(emitter, receiver) signals of the untouched pad [counts]; None where none was taken."""
+        """(emitter, receiver) signals of the untouched pad [counts]; None if no baseline was taken."""
         return self._decoder.baseline
 
     @property
@@ -234,7 +237,6 @@ class Sensor:
         return self._stream
 
     def _require_heard(self, heard_at: float) -> None:
-        """Raise DeviceError if the board is lost, or has been silent for too long."""
         silent_s = time.monotonic() - heard_at
         longest_s = max(SILENCE_S, 3.0 / self._rate_hz if self._rate_hz else 0.0)
         if self._open.why_away or silent_s > longest_s:
@@ -249,7 +251,6 @@ class Sensor:
         )
 
     def _checked(self, hello: Hello) -> Hello:
-        """The hello of a board after a restart, if it is of this design."""
         check_hello(hello, self.config, where=self.port, accept_digest=self._accept_digest)
         return hello
 

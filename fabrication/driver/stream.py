@@ -1,10 +1,10 @@
-"""The thread that reads the port, so that a slow reader loses no frames: a queue keeps up to ten seconds.
+"""Reads the port in a thread, so that a slow user program loses no frames: a queue holds the frames of ten seconds.
 
     port -> scanner -> decoder -> queue -> Sensor
                   \\-> recorder
 
-It reconnects after the loss of the port: it looks for the board ten times per second, greets it as the first time and
-starts it again. Other faults are kept as an error, which the next read of a frame raises.
+If the port is lost, the thread searches for the board ten times per second, identifies it and starts it again. Any
+other fault raises an error at the next read of a frame.
 """
 
 from __future__ import annotations
@@ -25,33 +25,33 @@ from fabrication.driver.link.scanner import Message
 from fabrication.driver.recording.raw import Recorder
 
 LOOK_EVERY_S = 0.1
-"""Interval of the search for a lost port."""
+"""Time between two searches for the board after its port was lost [s]."""
 
 START_AGAIN_S = 1.0
-"""A started board that is silent for this time is started again: the command may have been damaged."""
+"""Silence after which the start command is sent to a board again, because it may have been damaged [s]."""
 
 LATE_HELLO_S = 1.5
-"""Time after a greeting in which a hello may still be the reply to a repeated request."""
+"""Time after a board's first hello in which another hello is taken for a repeated reply, not a reset [s]."""
 
 QUEUE_FRAMES = 4096
-"""Length of the queue: ten seconds at 400 Hz."""
+"""Largest number of frames in the queue; ten seconds at 400 Hz."""
 
 Connect = Callable[[Callable[[], bool]], tuple[Link, Hello]]
-"""Function that opens a port and greets the board, until its argument returns true."""
+"""Function that opens a port and identifies the board; it stops waiting when its argument returns True."""
 
 
 @dataclass
 class LinkCounts:
-    """Counts of events on the line since it was opened.
+    """Numbers of frames, errors and reconnections on a serial line since it was opened.
 
     Attributes
     ----------
     frames : complete frames received
-    lost : frames missing by their sequence numbers
-    damaged : candidates for a message whose CRC was wrong
+    lost : frames missing, by their sequence numbers
+    damaged : messages whose CRC was wrong
     skipped_bytes : bytes that belonged to no complete message
     overrun : frames dropped because they were not read in time
-    reconnects : connections after the first: the board was plugged in again, or restarted
+    reconnects : connections after the first one
     doubled : frames that arrived twice, with the same number and time; the second was dropped
     """
 
@@ -65,14 +65,14 @@ class LinkCounts:
 
 
 class Stream:
-    """Frames of a board, from its start to its stop.
+    """Reads a board's frames in a thread and queues them, from the board's start to its stop.
 
     Parameters
     ----------
-    connect : opens a port and greets the board, until its argument returns true
+    connect : function that opens a port and identifies the board, see `Connect`
     decoder : decoder of the frames
-    interval_us : frame interval [us]; 0 for the board's fastest
-    checked : returns a hello, or raises DeviceError for one of another design
+    interval_us : frame interval [us]; 0 is the board's shortest interval
+    checked : function that returns a board's hello (identification), or raises DeviceError for another design
     """
 
     def __init__(
@@ -102,15 +102,15 @@ class Stream:
         self._thread.start()
 
     def end(self, *, is_clean: bool) -> None:
-        """Stop board and thread, close port and recordings; safe after an error and on a second call.
+        """Stop board and thread, and close port and recordings; may be called after an error and repeatedly.
 
         Parameters
         ----------
-        is_clean : whether open recordings get a clean end
+        is_clean : whether open recordings are marked as ended regularly
 
         Raises
         ------
-        OutputError : a recording could not be ended; everything else has ended.
+        OutputError : a recording could not be closed; everything else was stopped.
         """
         self._stopping.set()
         if self._thread.is_alive():
@@ -121,18 +121,18 @@ class Stream:
                 recordings.callback(recorder.close, is_clean=is_clean)
 
     def record(self, recorder: Recorder) -> None:
-        """Send every frame from now on to a recorder as well."""
+        """Also pass every frame from now on to a recorder."""
         with self._changed:
             recorder.hello(self.link.hello_message, time.time())
             self._recorders.append(recorder)
 
     def taken(self, timeout_s: float) -> Frame | None:
-        """The oldest waiting frame; None if none arrived in time.
+        """Take the oldest frame from the queue; None if no frame arrived within `timeout_s` [s].
 
         Raises
         ------
-        DeviceError : a fault that the thread could not fix, after all earlier frames.
-        OutputError : a recording stopped, raised at once and only once; the frames continue.
+        DeviceError : a fault that the thread could not fix; raised after all earlier frames.
+        OutputError : a recording failed; raised at once and only once, while the frames continue.
         """
         with suppress(IndexError):  # the queue is empty
             if self._notice is None:
@@ -150,16 +150,16 @@ class Stream:
 
     @property
     def waiting(self) -> int:
-        """Frames in the queue."""
+        """Number of frames in the queue."""
         return len(self._queue)
 
     def forget_waiting(self) -> None:
-        """Drop all frames of the queue, so that the next one is new; they do not count as lost."""
+        """Discard all frames in the queue, so that the next one is new; they do not count as lost."""
         with self._changed:
             self._queue.clear()
 
     def self_test(self, timeout_s: float) -> SelfTest:
-        """Request the board's self-test; DeviceError if it does not answer."""
+        """Request the board's self-test; raises DeviceError if there is no reply in time."""
         with self._changed:
             self._self_test = None
             for _ in range(3):  # request or reply may be damaged on the line
@@ -171,7 +171,7 @@ class Stream:
 
     @property
     def counts(self) -> LinkCounts:
-        """Counts of events so far."""
+        """Counts of received, lost and damaged frames, and of reconnections, so far."""
         scanner = self.link.scanner
         return LinkCounts(
             frames=self._decoder.frames,
@@ -195,7 +195,6 @@ class Stream:
             self._fail(err)
 
     def _follow(self) -> None:
-        """Process messages until the stop or the loss of the port."""
         heard_at = time.monotonic()
         while not self._stopping.is_set():
             messages = self.link.messages()
@@ -255,7 +254,7 @@ class Stream:
         return found
 
     def _began_anew(self, message: bytes) -> None:
-        """Handle an unrequested hello: the board was reset while it streamed."""
+        """Restart the stream after a hello (identification) that was not requested, because the board was reset."""
         if time.monotonic() - self._greeted_at < LATE_HELLO_S:
             return
         self._greeted_at = time.monotonic()  # a repeated hello is one reset

@@ -1,4 +1,4 @@
-"""Touch, location, depth and force from a sensor, frame by frame, by a trained model with drift tracking.
+"""Predicts touch, location, depth and force for each frame of a sensor, by a trained model with drift tracking.
 
 from fabrication.driver import Sensor
 from fabrication.driver.touch_reader import TouchReader
@@ -31,7 +31,7 @@ from sims.learning.inference.prediction import Prediction
 from sims.learning.inference.touch_model import TouchModel
 
 MOST_TOGETHER = 64
-"""Largest number of frames per prediction: one second."""
+"""Largest number of waiting frames that are predicted together."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,16 +41,16 @@ class Touch:
     Attributes
     ----------
     frame : the frame
-    is_touched : the model's decision; a change of gains is not a touch
-    touch_score : basis of the decision: touched above 0, with more confidence for larger values [-]
-    press_mm : (3,) x, y in plan, depth along the normal; NaN where untouched [mm]
-    point_mm, normal : (3,) point of first contact, and the unit normal out of the pad there, in the cavity frame
-        [mm, -]; NaN where untouched, and where the driver configuration does not have the top
-    sigma_mm : (3,) standard deviations; NaN where untouched, and where the model does not have them [mm]
-    force_n : force by the model's force curve, 0 where untouched [N]; None where the model has none
-    force_sigma_n : standard deviation of the force due to the depth's; NaN where that is not known or untouched. It
-        excludes the error of the curve for the manufactured unit, mainly of its modulus [N]
-    drift : the tracker's result for the frame
+    is_touched : the model's decision; False while the frame's change is due to changed gains of parts
+    touch_score : the model's score for touch [-]: above 0 it reports a touch, with more confidence for larger values
+    press_mm : (3,) x, y in the cavity frame, depth along the surface normal [mm]; NaN if untouched
+    point_mm, normal : (3,) point of first contact [mm] and outward unit normal of the surface there [-], in the cavity
+        frame; NaN if untouched, or if the driver configuration does not describe the top surface
+    sigma_mm : (3,) standard deviations of x, y, depth [mm]; NaN if untouched, or if the model does not estimate them
+    force_n : force by the model's force curve [N]; 0 if untouched; None if the model has no such curve
+    force_sigma_n : standard deviation of the force due to that of the depth [N]; NaN if untouched or unknown. It
+        excludes the force curve's own error, mainly due to the unit's Young's modulus
+    drift : the drift tracker's result for the frame
     latency_ms : time from the frame's arrival on this machine to this prediction [ms]
     """
 
@@ -68,18 +68,19 @@ class Touch:
 
 
 class TouchReader:
-    """Reads a sensor through a model.
+    """Reads touches from a sensor: tracks drift, and predicts location, depth and force by a trained model.
 
     Parameters
     ----------
     sensor : open sensor; the pad must be untouched at the first read
-    model : model of this sensor's design
-    time_constant_s, guard_s : times of drift tracking, see `drift` [s]
-    start_s : reading time of the untouched pad at the start [s]
+    model : model trained for this sensor's design
+    time_constant_s : time constant of drift tracking [s]
+    guard_s : time before and after a touch in which drift is not tracked [s]
+    start_s : time for which the untouched pad is read at the start [s]
 
     Raises
     ------
-    InputError : a model of another design or other parts, or invalid times.
+    InputError : the model is of another design or other parts, or a time is invalid.
     """
 
     def __init__(
@@ -102,31 +103,31 @@ class TouchReader:
         return self.touches()
 
     def read(self) -> Touch:
-        """Prediction for the next frame; errors as `Sensor.read`."""
+        """The model's prediction for the next frame; errors are those of `Sensor.read`."""
         self.begin()
         (touch,) = self._answered([self.sensor.read()])
         return touch
 
     def touches(self, count: int | None = None, seconds: float | None = None) -> Iterator[Touch]:
-        """Yield predictions up to a count or a time [s], as `Sensor.frames`.
+        """Yield predictions until a count or a time [s] is reached, whichever is first; None means no limit.
 
-        Waiting frames are predicted together, which is faster for most models, so that a slow machine keeps up.
+        Frames that wait are predicted together, which is faster for most models, so that a slow machine keeps up.
         """
         self.begin()
         return self._touches(self.sensor.frames(count, seconds))
 
     def begin(self) -> None:
-        """Measure the untouched levels, unless this was done.
+        """Measure the untouched levels unless they have been measured already; the pad must be untouched.
 
         Raises
         ------
-        DeviceError : no frames.
+        DeviceError : no frames arrive.
         """
         if self._tracker is None:
             self.restart()
 
     def restart(self) -> None:
-        """Measure the untouched levels again: the pad must be untouched now."""
+        """Measure the untouched levels again; the pad must be untouched."""
         self.sensor.skip_waiting()
         end, frames = time.monotonic() + self._start_s, [self.sensor.read()]
         while time.monotonic() < end or len(frames) < 4 * LEAST_START_FRAMES:
@@ -143,7 +144,7 @@ class TouchReader:
 
     @property
     def tracker(self) -> DriftTracker:
-        """The drift tracker; DeviceError before the first read."""
+        """The drift tracker; raises DeviceError before the first read."""
         if self._tracker is None:
             raise DeviceError("the reader has not begun; read a frame first, with the pad untouched")
         return self._tracker
@@ -185,7 +186,6 @@ class TouchReader:
         )
 
     def _on_top(self, press_mm: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Point of the untouched top, and normal, of a press."""
         surface = self.sensor.descriptor.surface
         if surface is None or not np.isfinite(press_mm).all():
             return np.full(3, np.nan), np.full(3, np.nan)
@@ -193,7 +193,7 @@ class TouchReader:
         return np.array(point), np.array(normal)
 
     def _force_sigma_n(self, found: Prediction, k: int) -> float:
-        """Half the difference of the forces one standard deviation deeper and less deep [N]."""
+        """Standard deviation of the force [N]: half its difference between depths one deviation above and below."""
         curve = self.model.header.force_curve
         if curve is None:
             return math.nan
@@ -203,11 +203,11 @@ class TouchReader:
 
 
 def require_fits(header: ModelHeader, said: Descriptor) -> None:
-    """Refuse a model that was trained on another design or other parts.
+    """Check that a model was trained on the design and the parts of this sensor.
 
     Raises
     ------
-    InputError : the design or parts, and the way out.
+    InputError : the design or the parts differ; the message says what to do.
     """
     require_design(header, said.digest)
     for kind, had, needed in (

@@ -1,13 +1,15 @@
-"""Detection of exchanged wires: the order of emitters and receivers for which readings fit the expected pattern.
+"""Detects exchanged wires: finds the order of emitters and receivers for which readings fit the expected pattern.
 
-On the scale log(max(., floor)) a reading is the expected one times a common factor, a factor of the emitter, one of
-the receiver, and one of the pair. Parts scatter by `PART_SPREAD`, and pairs by `PAIR_SPREAD` or by more if the best
-fit requires it. A misfit is the sum of squares over these spreads, with fitted factors (ridge regression, unknown
-common factor free). The contrast between pairs reveals a wrong wire, not the brightness.
+A reading is modelled as the expected reading times four factors: a common factor, and factors of the emitter, the
+receiver and the pair. Their logarithms are fitted by ridge regression, the common factor without a penalty.
+Factors of parts scatter by `PART_SPREAD`; those of pairs by `PAIR_SPREAD`, or more if the best fit requires it. The
+misfit is the sum of squares of the logarithms divided by these spreads. Readings below a floor are set to the floor.
+So a wrong wire shows in the contrast between pairs, not in the brightness.
 
-From the correct wiring on, the exchange of two emitters or of two receivers with the greatest improvement is applied,
-then the next. So several pairs are separated, and a ring of three becomes two exchanges. Pairs that are dark in both
-readings and expectation have no weight. A pair at full scale in only one of them counts by the other's distance below.
+The search starts at the correct wiring. In each step it applies the exchange of two emitters or of two receivers that
+reduces the misfit most. A cyclic permutation of three parts becomes two exchanges. A pair whose measured and expected
+readings are both dark has no weight. If only one of these two readings is at full scale, the pair's misfit is the
+distance of the other reading below full scale.
 """
 
 from __future__ import annotations
@@ -30,27 +32,33 @@ from fabrication.driver.pattern import (
 Order = tuple[int, ...]
 
 PART_SPREAD = 0.3
-"""Standard deviation of ln of a part's factor: resistors 5 %, bins of LEDs a factor of 1.5, seating."""
+"""Standard deviation of the logarithm of a part's actual over expected brightness or sensitivity [-].
+
+Causes: resistors (5 %), brightness classes of LEDs (factor 1.5), seating.
+"""
 
 PAIR_SPREAD = 0.12
-"""Standard deviation of ln of a pair's own factor: positions and heights of parts, the model's own errors."""
+"""Standard deviation of the logarithm of a pair's actual over expected reading, factors of parts removed [-].
+
+Causes are positions and heights of parts, and errors of the model.
+"""
 
 LARGEST_MISS = 5.0
-"""Largest distance of a single pair in the misfit [spreads]: one outlier must not outweigh the others."""
+"""Limit of one pair's contribution to the misfit, before squaring [spreads], so that an outlier does not dominate."""
 
 EVIDENCE = 20.0
-"""Least reduction of the misfit by an exchange: odds of e^10 to one under the model."""
+"""Least reduction of the misfit for accepting an exchange of wires [-]; this means odds of e^10 to one."""
 
 EQUAL = 8.0
-"""Exchanges within this misfit of the best one explain the readings equally well: odds of 50 to one."""
+"""Exchanges of wires whose misfit is within this value of the best exchange's are reported as well [-]."""
 
 NORMAL_MEDIAN_SQUARE = 0.455
-"""Median of the square of a standard normal variable."""
+"""Median of the square of a standard normal variable [-]."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class _Fit:
-    """Misfit in spreads squared, and the pairs' own spread in units of the assumed one, at least 1."""
+    """Deviation of the readings from the pattern of a wiring, and the pairs' spread over `PAIR_SPREAD` (>= 1) [-]."""
 
     misfit: float
     spread: float
@@ -58,13 +66,13 @@ class _Fit:
 
 @dataclass(frozen=True, kw_only=True)
 class _Exchange:
-    """Two exchanged emitters (axis 0) or receivers (axis 1)."""
+    """Exchange of the wires of two emitters (axis 0) or two receivers (axis 1); `pair` contains their indices."""
 
     axis: int
     pair: tuple[int, int]
 
     def applied(self, rows: Order, columns: Order) -> tuple[Order, Order]:
-        """The orders with these two exchanged."""
+        """The orders of emitters (rows) and receivers (columns) after this exchange."""
         orders = [list(rows), list(columns)]
         a, b = self.pair
         order = orders[self.axis]
@@ -73,15 +81,16 @@ class _Exchange:
 
 
 def exchanged_wires(pattern: Pattern, usable: BoolArray) -> tuple[list[int], list[int], list[Problem]]:
-    """The exchanges that explain the readings.
+    """Find the exchanges of wires that explain the readings.
 
     Parameters
     ----------
-    usable : (emitter, receiver) pairs whose parts work
+    pattern : measured and expected readings
+    usable : (emitter, receiver) whether both parts of a pair work
 
     Returns
     -------
-    the expected rows and columns in their wired order, and one problem per exchange
+    indices of the emitters in the order as wired, the same for the receivers, one problem per exchange
     """
     rows: Order = tuple(range(usable.shape[0]))
     columns: Order = tuple(range(usable.shape[1]))
@@ -108,7 +117,8 @@ def _exchanges(usable: BoolArray) -> list[_Exchange]:
 
 
 def _fitted(pattern: Pattern, usable: BoolArray, rows: Order, columns: Order) -> _Fit:
-    """Misfit of readings to the expected pattern, with its rows (emitters) and columns (receivers) in this order."""
+    """Deviation of the readings from the expected pattern, with emitters (rows) and receivers (columns) in an assumed
+    order."""
     expected = pattern.expected[list(rows)][:, list(columns)]
     meant = pattern.is_meant_to_clip[list(rows)][:, list(columns)]
     difference = _scaled(pattern.measured) - _scaled(expected)
@@ -128,7 +138,10 @@ def _fitted(pattern: Pattern, usable: BoolArray, rows: Order, columns: Order) ->
 
 
 def _part_factors(difference: FloatArray, told: BoolArray) -> tuple[FloatArray, FloatArray, float]:
-    """Ridge regression of (emitter, receiver) differences on emitters, receivers and a common term."""
+    """Fit of (emitter, receiver) differences by a term per emitter, a term per receiver and a common term.
+
+    The method is ridge regression over the pairs where `told` is true. Returns the three kinds of terms in this order.
+    """
     emitters, receivers = difference.shape
     weight = told.astype(np.float64)
     target = np.where(told, difference, 0.0)

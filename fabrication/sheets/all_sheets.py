@@ -1,6 +1,6 @@
-"""All sheets of a design, written into the bundle's folder.
+"""Writes all sheets for the manufacture of a design into its bundle.
 
-The wiring table has every part, its position, and the connections of its leads.
+The module also makes the wiring table: every part, its position, and the connections of its leads.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ def wiring_csv(design: SensorDesign) -> str:
 
     Raises
     ------
-    DesignError : parts or pins that the catalogue or the board does not have.
+    DesignError : the catalogue does not have a part, or the board does not have a pin.
     """
     return csv_text(COLUMNS, (_cells(one) for one in connections_of(design).all))
 
@@ -61,15 +61,15 @@ def _cells(one: Connection) -> Sequence[Cell]:
 
 
 def sheet_texts(design: SensorDesign, gain: SimulatedGain | None = None) -> dict[str, str]:
-    """Text of every sheet by file name.
+    """Text of every sheet for the manufacture of a design, by file name.
 
     Parameters
     ----------
-    gain : the simulated gain; None omits everything that depends on it
+    gain : simulated gain from light to counts; None omits what depends on it
 
     Raises
     ------
-    DesignError : parts, pins or materials that the catalogue or the board does not have.
+    DesignError : the catalogue does not have a part or material, or the board does not have a pin.
     """
     return {
         "driver.toml": dump_driver_config(
@@ -91,7 +91,7 @@ def write_sheets(design: SensorDesign, folder: Path, gain: SimulatedGain | None 
 
     Raises
     ------
-    DesignError : as `sheet_texts`; nothing is written.
+    DesignError : the catalogue lacks a part or material, or the board a pin; nothing is written.
     OutputError : the folder cannot be written.
     """
     texts = sheet_texts(design, gain)

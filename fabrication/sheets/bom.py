@@ -1,8 +1,8 @@
 """Bill of materials: items to buy, print and weigh for one sensor.
 
-References extend the names of the layout: E3-Q is the transistor of emitter E3. A cost is the
-catalogue's, with currency, date and source, or marked as blank. Where no part is chosen (transistor, amplifier) the
-value gives the requirements; where the gain decides (feedback), it refers to the gain.
+References extend the names of the layout: E3-Q is the transistor of emitter E3. Costs are from the catalogue, with
+currency, date and source; unknown costs are blank. For a transistor or amplifier the column `value` gives the
+requirements, because no part is chosen. For feedback components without a known gain, `value` refers to the gain.
 """
 
 from __future__ import annotations
@@ -60,13 +60,13 @@ NO_PRICE = "no price known"
 
 @dataclass(frozen=True, kw_only=True)
 class BomRow:
-    """One item to obtain.
+    """One item of the bill of materials.
 
     Attributes
     ----------
-    quantity, unit : pieces or grams; None where it is not known
-    references : its designators, in the order of the layout
-    cost : quoted cost of one unit, if any
+    quantity, unit : number of pieces or grams; None if not known
+    references : reference designators of the item, in the order of the layout
+    cost : quoted cost of one piece or gram; None if not known
     """
 
     item: str
@@ -81,11 +81,11 @@ class BomRow:
 
 
 def bom_rows(design: SensorDesign, gain: SimulatedGain | None = None) -> tuple[BomRow, ...]:
-    """All items of one sensor.
+    """All items of the bill of materials for one sensor.
 
     Parameters
     ----------
-    gain : the simulated gain; without it a gain by a rule leaves the feedback undecided
+    gain : simulated gain from light to counts; None leaves values that depend on it blank
     """
     cavity, board = cavity_of(design), board_of(design)
     return (
@@ -168,7 +168,7 @@ def _switch_rows(design: SensorDesign, emitters: Sequence[PlacedPart], board: Bo
 
 
 def _driver_rows(driver: LedDriver, sink: CurrentSink, emitter_count: int) -> Iterator[BomRow]:
-    """Reference resistors, and the resistor that keeps the outputs off until the program starts."""
+    """Reference resistors of LED drivers, and a resistor that keeps outputs off until the program starts."""
     names = tuple(f"L{number + 1}" for number in range(driver.needed(emitter_count)))
     formula = f"{driver.current_ratio:g} x {driver.reference_v:g} V / current"
     yield BomRow(
@@ -235,7 +235,6 @@ def _amplifier_rows(
 
 
 def _open_feedback_rows(design: SensorDesign, names: Sequence[str]) -> Iterator[BomRow]:
-    """Resistor and capacitor whose values are not known yet."""
     rule = (
         f"so that the median judged pair reads {design.gain.target_counts:g} counts untouched, and none clips"
     )
@@ -394,7 +393,6 @@ def _tools(design: SensorDesign) -> Iterator[tuple[str, str]]:
 
 
 def _by_entry(placed: Sequence[PlacedPart]) -> Iterator[tuple[PlacedPart, tuple[str, ...]]]:
-    """One part of each catalogue entry with the names of all that share it."""
     for part_id in dict.fromkeys(part.part_id for part in placed):
         same = [part for part in placed if part.part_id == part_id]
         yield same[0], tuple(part.name for part in same)

@@ -1,14 +1,13 @@
 """The build sheet: instructions for printing, filling and casting a design's pad, with its own numbers.
 
-Every number comes from the design, the catalogue or `design/data/assumptions.toml`. Values without a source
-are marked with a star, among them the times of degassing and the share of carbon
-black, which neither the paper nor the catalogue gives.
+Every number comes from the design, the catalogue or `design/data/assumptions.toml`. Values without a source are marked
+with a star. Among them are the degassing times and the share of carbon black.
 
 The module also computes the silicone of a pad: base and curing agent of each layer, by weight.
 
-The weight is the layer's volume (area in plan x thickness, less the loss by a crown) times density, plus a share that
-remains in the cup. Base and agent follow from the mixing ratio. The model leaves out the parts' bodies and the gaps
-around them, which the share covers, and carbon black's own volume.
+A layer's weight is volume times density, plus a share that remains in the cup. The volume is area in plan times
+thickness, less the volume that a convex top removes. Base and agent follow from the mixing ratio. The computation
+neglects the volumes of the parts' bodies, of the gaps around them, and of carbon black.
 """
 
 from __future__ import annotations
@@ -41,16 +40,16 @@ MM3_PER_CM3 = 1e3
 
 @dataclass(frozen=True, kw_only=True)
 class Pour:
-    """One layer's silicone.
+    """Weights of silicone for one cast layer of the pad.
 
     Attributes
     ----------
     layer : "black" or "clear"
     thickness_mm : thickness of the layer at its highest point
-    net_g : weight of the layer
-    mixed_g : weight to mix, including waste
-    base_g, agent_g : weights of the two components to mix
-    carbon_g : carbon black to stir in, by the assumed share; 0 in the clear layer
+    net_g : weight of the layer in the pad [g]
+    mixed_g : weight to mix, including waste [g]
+    base_g, agent_g : weights of base and curing agent [g]
+    carbon_g : weight of carbon black [g], by the assumed share; 0 in the clear layer
     """
 
     layer: str
@@ -63,7 +62,7 @@ class Pour:
 
 
 def pours(design: SensorDesign) -> tuple[Pour, ...]:
-    """The layers in the order of casting; there is no black one if its thickness is 0."""
+    """Weights of silicone for each layer, in the order of casting; a black layer of thickness 0 is left out."""
     cavity = cavity_of(design)
     plan = cavity.plan
     black, clear = plan.area_mm2 * cavity.black_mm, plan.clear_volume_mm3
@@ -90,36 +89,36 @@ def _pour(design: SensorDesign, layer: str, thickness_mm: float, volume_mm3: flo
 
 
 MEASURED_FIELDS = ("body_width_mm", "body_depth_mm", "body_height_mm", "active_height_in_body_mm")
-"""Lengths of a part that determine its socket."""
+"""Fields of a part with the lengths that determine the size of its socket in the wall."""
 
 OPEN = ("inferred", "unverified")
-"""Confidences that require a measurement."""
+"""Levels of confidence in a catalogue value for which the casting instructions request a measurement."""
 
 HOURS_FROM_MINUTES = 120
-"""Least cure time in hours; shorter ones are in minutes."""
+"""Cure times of at least this value are printed in hours, shorter ones in minutes [min]."""
 
 MINUTES_PER_HOUR = 60
 
 HANDS_MINUTES = 20
-"""Assumed time to weigh, stir and pour one layer."""
+"""Assumed time to weigh, stir and pour one layer [min]."""
 
 COVER_PLAY_MM = 0.6
-"""Difference between a glass cover and its seat: prints are too small inside by up to this length."""
+"""Clearance between a glass cover and its seat [mm]; printed openings may be too small by up to this value."""
 
 MOST_WEIGHING_ERROR = 0.05
-"""Largest relative error of the mixing ratio, and so of the stiffness, due to the scale's resolution."""
+"""Largest accepted relative error of the mixing ratio due to the scale's resolution [-]."""
 
 
 def casting_md(design: SensorDesign, gain: SimulatedGain | None = None) -> str:
-    """The build sheet as Markdown.
+    """The build sheet (instructions to print, fill and cast the pad) as Markdown.
 
     Parameters
     ----------
-    gain : the simulated gain; without it a gain by a rule leaves the feedback undecided
+    gain : simulated gain from light to counts; None leaves values that depend on it blank
 
     Raises
     ------
-    DesignError : parts or materials that the catalogue does not have.
+    DesignError : the catalogue does not have a part or material.
     """
     cavity = cavity_of(design)
     sections = (
@@ -310,7 +309,7 @@ def _cast(design: SensorDesign, cavity: CavityGeometry) -> Iterator[str]:
 
 
 def _crowned_steps(design: SensorDesign, cavity: CavityGeometry) -> list[str]:
-    """The steps for a crowned pad, which is filled upside down through its floor (`design.mold.filling`)."""
+    """Casting steps for a pad with a convex top, which is filled upside down through its floor."""
     clear, *black = pours(design)
     where = f"{number(cavity.black_mm)} below the floor" if black else "in all narrow holes"
     steps = [
@@ -474,7 +473,6 @@ def _one_of_each(parts: Sequence[PlacedPart]) -> tuple[PlacedPart, ...]:
 
 
 def _groups(parts: Sequence[PlacedPart]) -> list[list[PlacedPart]]:
-    """Parts of the same entry at the same height."""
     groups: dict[tuple[str, float], list[PlacedPart]] = {}
     for part in parts:
         groups.setdefault((part.part_id, part.height_mm), []).append(part)

@@ -1,4 +1,4 @@
-"""The build sheet's section on the amplifiers: resistors, capacitors, clipped pairs, trimming."""
+"""Section of the casting instructions on the amplifiers: resistors, capacitors, pairs above full scale, trimming."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from fabrication.sheets.table import number, plain
 from sims.readings.readout import full_scale_counts
 
 SHOWN_CLIPPED = 24
-"""Largest number of clipped pairs that are named individually; others are counted."""
+"""Largest number of pairs above full scale that are named individually; further ones are only counted."""
 
 
 def gain_lines(design: SensorDesign, gain: SimulatedGain | None) -> Iterator[str]:
-    """The section's lines."""
+    """Lines of the casting instructions' section on the amplifiers, as Markdown."""
     yield "## Set the gain"
     yield ""
     feedbacks = feedbacks_for(design, gain)

@@ -1,4 +1,4 @@
-"""Orientation of each part in its wall: a section through its socket, to scale, for every kind and height of part.
+"""Drawing of each part's orientation in its wall: a section to scale through its socket, for every kind and height.
 
       cavity | wall                    the active face points into the cavity; its centre's height is measured
              |______ rim               from the bottom of the clear layer (z = 0)
@@ -26,9 +26,9 @@ from fabrication.sheets.table import number
 from fabrication.sheets.wiring_svg import EMITTER_COLOUR, RECEIVER_COLOUR
 
 SCALE = 16.0
-"""Drawing units per millimetre."""
+"""Scale of the drawing [drawing units/mm]."""
 INSIDE_MM = 9.0
-"""Length of the cavity in the drawing."""
+"""Length of the cavity's interior that is drawn next to the wall [mm]."""
 MARGIN, GAP = 24.0, 36.0
 HEADING_PX, TEXT_PX = 20.0, 14.0
 LINE_PX = 19.0
@@ -38,11 +38,11 @@ WALL, CLEAR, BLACK, BODY, INK, QUIET = "#d9d9d9", "#eaf4ff", "#4d4d4d", "#ffffff
 
 
 def orientation_svg(design: SensorDesign) -> str:
-    """The sections as SVG text.
+    """Sections through the sockets of all kinds of parts, to scale, as SVG text.
 
     Raises
     ------
-    DesignError : parts that the catalogue does not have.
+    DesignError : the catalogue does not have a part.
     """
     outline = outline_of(design)
     groups = _groups(outline.sockets)
@@ -70,7 +70,6 @@ def orientation_svg(design: SensorDesign) -> str:
 
 
 def _groups(sockets: Sequence[Socket]) -> list[list[Socket]]:
-    """Sockets of the same part at the same height in walls of the same thickness."""
     groups: dict[tuple[str, float, float], list[Socket]] = {}
     for socket in sockets:
         key = socket.part.part_id, socket.part.height_mm, socket.frame.thickness_mm
@@ -138,7 +137,6 @@ def _ways_of_leads(socket: Socket, block: object) -> Iterator[Element]:
 
 
 def _dimension(at: object, height_mm: float) -> Iterator[Element]:
-    """The height of the active centre above the bottom of the clear layer."""
     assert callable(at)
     foot, head = at(-5.0, 0.0), at(-5.0, height_mm)
     yield from svg.arrow(foot, head, INK)
@@ -169,7 +167,6 @@ def _words(design: SensorDesign, group: Sequence[Socket]) -> list[str]:
 
 
 def _wrapped(text: str) -> list[str]:
-    """Text in lines of at most 62 characters."""
     lines: list[str] = []
     line = ""
     for word in text.split():

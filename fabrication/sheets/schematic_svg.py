@@ -7,11 +7,10 @@ r"""The schematic: an NPN switch for each emitter, an amplifier for each receive
             ground      cathode up    |+/
                                      ground
 
-With LED drivers an emitter's cell has its anode at the supply and its cathode at the driver's output alone.
+With LED drivers, an emitter's anode is at the supply and its cathode at the driver's output, without other components.
 
-Values are those of bom.csv; values that are not known yet are marked.
-
-The build sheet's section on the emitters' switches has resistors, currents and the supply.
+Values are those of bom.csv; values that are not known yet are marked. The module also writes the section of the casting
+instructions on the emitters' resistors, currents and supply.
 """
 
 from __future__ import annotations
@@ -51,7 +50,7 @@ from fabrication.sheets.svg import Element, Point
 
 
 def circuit_lines(design: SensorDesign) -> Iterator[str]:
-    """The section's lines."""
+    """Lines of the casting instructions' section on the emitters' switches and supply, as Markdown."""
     kinds = {one.part_id: one.part for one in cavity_of(design).emitters}
     board, current = board_of(design), supply_current(design)
     driver, most_ma = most_drive_ma(design, board)
@@ -88,7 +87,7 @@ def circuit_lines(design: SensorDesign) -> Iterator[str]:
 
 CELL_X, CELL_Y = 264.0, 210.0
 PIN_ROOM = 36.0
-"""Width added to a cell for the longer names of a multiplexer's channels."""
+"""Additional width of a circuit cell of the schematic for long pin names of multiplexer channels [drawing units]."""
 MARGIN = 24.0
 HEADING_PX, TEXT_PX, VALUE_PX = 20.0, 14.0, 12.0
 HEAD = 64.0
@@ -104,11 +103,11 @@ def schematic_svg(design: SensorDesign, gain: SimulatedGain | None = None) -> st
 
     Parameters
     ----------
-    gain : the simulated gain; without it a gain by a rule leaves the feedback undecided
+    gain : simulated gain from light to counts; None leaves values that depend on it blank
 
     Raises
     ------
-    DesignError : parts or pins that the catalogue or the board does not have.
+    DesignError : the catalogue does not have a part, or the board does not have a pin.
     """
     connections, feedbacks = connections_of(design), feedbacks_for(design, gain)
     notes, sink = _notes(design), current_sink(design)
@@ -158,7 +157,6 @@ def _corner(place: int, across: int, cell_x: float, top: float) -> Point:
 
 
 def _switch(one: Connection, board: Board, corner: Point) -> Element:
-    """One emitter's cell."""
     x, y = corner[0] + 150, corner[1]
     switch = emitter_switch(one.part.part, board)
     series = "none fits" if switch.series_ohm is None else ohm_text(switch.series_ohm)
@@ -187,7 +185,7 @@ def _switch(one: Connection, board: Board, corner: Point) -> Element:
 
 
 def _sunk(one: Connection, board: Board, sink: CurrentSink, corner: Point) -> Element:
-    """One emitter's cell at an output of an LED driver."""
+    """Drawing of one emitter at an LED driver's output, from `corner` on."""
     x, y = corner[0] + 150, corner[1]
     name = one.part.name
     cell = svg.group(f"{name}: {one.polarity}")
@@ -204,7 +202,6 @@ def _sunk(one: Connection, board: Board, sink: CurrentSink, corner: Point) -> El
 
 
 def _amplifier(one: Connection, feedback: Feedback | None, corner: Point) -> Element:
-    """One receiver's cell."""
     x, y, name = corner[0] + 60, corner[1], one.part.name
     ohms = UNKNOWN if feedback is None else ohm_text(feedback.standard_ohm)
     farads = UNKNOWN if feedback is None else f"{feedback.capacitor_pf:g} pF"
@@ -240,7 +237,6 @@ def _amplifier(one: Connection, feedback: Feedback | None, corner: Point) -> Ele
 
 
 def _supply_text(design: SensorDesign) -> str:
-    """Supply of the emitters and, if it differs, of the amplifiers."""
     emitters, amplifiers = f"{board_of(design).emitter_v:g} V", f"{amplifier_v(design):g} V"
     if emitters == amplifiers:
         return emitters
@@ -249,7 +245,7 @@ def _supply_text(design: SensorDesign) -> str:
 
 @dataclass(frozen=True, kw_only=True)
 class _Block:
-    """One integrated circuit of the schematic: names of its pins, the connection of each, parts at its pins."""
+    """One integrated circuit in the schematic: names of its pins, their connections, and parts at its pins."""
 
     name: str
     title: str
@@ -259,11 +255,11 @@ class _Block:
 
     @property
     def height(self) -> float:
-        """Height of the cell of the circuit."""
+        """Height of the circuit's cell [drawing units]."""
         return 26 + BLOCK_LINE * (max(len(self.left), len(self.right)) + len(self.below)) + 40
 
     def drawn(self, corner: Point) -> Element:
-        """The cell of the circuit."""
+        """Drawing of the circuit as a block whose upper left corner is at `corner`."""
         x, y = corner[0] + 84, corner[1] + 26
         bottom = y + BLOCK_LINE * max(len(self.left), len(self.right)) + 8
         cell = svg.group(f"{self.name}: {self.title}")
@@ -285,7 +281,7 @@ class _Block:
 
 
 _BUS = {"mcp3208": ("CLK", "DIN", "DOUT", "CS"), "ads8688": ("SCLK", "SDI", "SDO", "CS")}
-"""A converter's names of clock, data in, data out and chip select, by its commands."""
+"""Pin names of clock, data in, data out and chip select for each type of converter."""
 _INPUTS = {"mcp3208": "CH{}", "ads8688": "AIN_{}P"}
 _SUPPLIES = {
     "mcp3208": (("VDD", "analog"), ("VREF", "analog"), ("AGND", "ground"), ("DGND", "ground")),
@@ -306,7 +302,7 @@ _SUPPLIES = {
         ("DGND", "ground"),
     ),
 }
-"""Other pins of a converter and their nets: the analogue supply, the level of the board's pins, a part, or a text."""
+"""Other pins of each type of converter, with the net or component to which each pin is connected."""
 
 
 def _multiplexers(design: SensorDesign) -> list[_Block]:

@@ -1,8 +1,7 @@
-"""Shapes of a technical drawing as SVG elements; text is escaped and stripped of control characters.
+"""Shapes and circuit symbols of a technical drawing as SVG elements.
 
-Lengths are in drawing units (px), with y downward.
-
-Circuit symbols are on a grid of drawing units (IEC 60617 shapes, simplified).
+Lengths are in drawing units (px), with y downward. Text is escaped and stripped of control characters. Circuit symbols
+are simplified shapes of IEC 60617.
 """
 
 from __future__ import annotations
@@ -20,7 +19,7 @@ ARROW_HALF_PX = 3.0
 
 
 def drawing(width: float, height: float, title: str, description: str) -> Element:
-    """An empty white sheet with its text for screen readers."""
+    """An empty white sheet with title and description for screen readers."""
     root = Element(
         "svg",
         xmlns="http://www.w3.org/2000/svg",
@@ -37,13 +36,13 @@ def drawing(width: float, height: float, title: str, description: str) -> Elemen
 
 
 def to_text(root: Element) -> str:
-    """The file's text."""
+    """The drawing as text of an SVG file."""
     ElementTree.indent(root)
     return '<?xml version="1.0" encoding="UTF-8"?>\n' + ElementTree.tostring(root, encoding="unicode") + "\n"
 
 
 def group(label: str = "") -> Element:
-    """Shapes that belong together; their label is shown under the mouse."""
+    """A group of shapes; its label appears when the mouse points at it."""
     element = Element("g")
     if label:
         ElementTree.SubElement(element, "title").text = one_line(label)
@@ -74,7 +73,7 @@ def polygon(points: list[Point], **style: str) -> Element:
 
 
 def outline(corners: list[Point], **style: str) -> Element:
-    """A closed outline; four corners with sides along those of the sheet become a rectangle."""
+    """A closed outline; four corners of a rectangle parallel to the axes become a rectangle element."""
     if len(corners) == 4 and {corners[0], corners[2]} <= {
         (x, y) for x, _ in corners[1::2] for _, y in corners[1::2]
     }:
@@ -88,7 +87,7 @@ def polyline(points: list[Point], **style: str) -> Element:
 
 
 def text(at: Point, content: str, size: float, **style: str) -> Element:
-    """A line of text; `anchor` is start, middle or end."""
+    """A line of text. The style `anchor` says which part of the text is at the point: start, middle or end."""
     element = _shape("text", style, x=_px(at[0]), y=_px(at[1]))
     element.set("font-size", _px(size))
     element.text = one_line(content)
@@ -105,7 +104,7 @@ def arrow(tail: Point, head: Point, colour: str) -> list[Element]:
 
 
 def triangle(centre: Point, toward: Point, radius: float, **style: str) -> Element:
-    """An equilateral triangle whose tip points along a direction."""
+    """An equilateral triangle whose tip points along `toward`, with a circumscribed circle of `radius`."""
     angle = math.atan2(toward[1], toward[0])
     corners = [angle + k * math.tau / 3 for k in range(3)]
     points = [(centre[0] + radius * math.cos(a), centre[1] + radius * math.sin(a)) for a in corners]
@@ -131,7 +130,7 @@ LINE = "#222222"
 WIRE = {"stroke": LINE, "stroke_width": "1.6"}
 BOX = {"fill": "#ffffff", "stroke": LINE, "stroke_width": "1.6"}
 LONG, SHORT = 34.0, 11.0
-"""A resistor's length and width."""
+"""Length and width of a resistor symbol [drawing units]."""
 
 
 def wire(*points: Point) -> Element:
@@ -145,7 +144,7 @@ def dot(at: Point) -> Element:
 
 
 def resistor(centre: Point, *, upright: bool) -> Element:
-    """A resistor; wires end at half its length from the centre."""
+    """A resistor symbol, vertical or horizontal; the wires end at half its length from the centre."""
     half = (SHORT / 2, LONG / 2) if upright else (LONG / 2, SHORT / 2)
     low = centre[0] - half[0], centre[1] - half[1]
     return rectangle(low, (centre[0] + half[0], centre[1] + half[1]), **BOX)
@@ -158,13 +157,13 @@ def capacitor(centre: Point) -> list[Element]:
 
 
 def ground(at: Point) -> list[Element]:
-    """Ground below a wire that ends here."""
+    """A ground symbol below a wire that ends at `at`."""
     x, y = at
     return [wire((x - half, y + k * 4), (x + half, y + k * 4)) for k, half in enumerate((9.0, 6.0, 3.0))]
 
 
 def diode(centre: Point, *, emits: bool) -> list[Element]:
-    """An LED, current downward, or a photodiode with its cathode up; 10 units to each end."""
+    """An LED (current downward) or a photodiode (cathode at the top); each lead is 10 units long."""
     x, y = centre
     way = 1.0 if emits else -1.0
     triangle = [(x - 9, y - 8 * way), (x + 9, y - 8 * way), (x, y + 8 * way)]
@@ -177,7 +176,7 @@ def diode(centre: Point, *, emits: bool) -> list[Element]:
 
 
 def npn(base: Point) -> list[Element]:
-    """An NPN transistor: base at the left, collector 24 right and 22 up, emitter 24 right and 22 down."""
+    """An NPN transistor: base at the left, collector 24 units right and 22 up, emitter 24 right and 22 down."""
     x, y = base
     bar = x + 8
     return [
@@ -190,7 +189,8 @@ def npn(base: Point) -> list[Element]:
 
 
 def amplifier(tip: Point) -> list[Element]:
-    """An operational amplifier, its output at the tip; inputs 46 left of it, - 12 up and + 12 down."""
+    """An operational amplifier with its output at the tip. The inputs are 46 units to the left: the - input 12 units
+    above the tip, the + input 12 units below."""
     x, y = tip
     body = polygon([(x - 46, y - 25), (x - 46, y + 25), (x, y)], **BOX)
     signs = [text((x - 41, y - 8), "−", 14), text((x - 41, y + 16), "+", 14)]
@@ -198,5 +198,5 @@ def amplifier(tip: Point) -> list[Element]:
 
 
 def terminal(at: Point) -> Element:
-    """An end that a cable continues."""
+    """An open end of a wire, where a cable is connected."""
     return circle(at, 4.0, **BOX)

@@ -1,7 +1,7 @@
-"""Comma-separated tables that a spreadsheet opens as text, never as a formula.
+"""Writes tables as CSV whose cells a spreadsheet never evaluates as formulas.
 
-A cell of text that starts with one of = + - @ (or a control character, which spreadsheets skip)
-would run when the table is opened, so it gets an apostrophe in front. Numbers of optopad are unchanged.
+A spreadsheet evaluates a text that starts with one of = + - @, also after a control character. Such a cell gets an
+apostrophe in front. Numbers are not changed.
 
 The module also makes a user's text safe in Markdown.
 """
@@ -21,7 +21,7 @@ Cell = str | int | float | None
 
 
 def csv_text(columns: Sequence[str], rows: Iterable[Sequence[Cell]]) -> str:
-    """A table with a heading as CSV, lines ended by a line feed; None is an empty cell."""
+    """A table with a heading as CSV; lines end with a line feed, and None becomes an empty cell."""
     stream = io.StringIO()
     writer = csv.writer(stream, lineterminator="\n")
     writer.writerow(columns)
@@ -30,24 +30,24 @@ def csv_text(columns: Sequence[str], rows: Iterable[Sequence[Cell]]) -> str:
 
 
 def safe_text(text: str) -> str:
-    """Text on one line, without control characters, that no spreadsheet reads as a formula."""
+    """The text on one line, without control characters, in a form that no spreadsheet evaluates as a formula."""
     line = one_line(text)
     return f"'{line}" if line.startswith(FORMULA_STARTS) else line
 
 
 def one_line(text: str) -> str:
-    """Text without line breaks and control characters, its blanks joined."""
+    """A text without line breaks and control characters; several blanks become one."""
     printable = "".join(char if char.isprintable() else " " for char in text)
     return " ".join(printable.split())
 
 
 def number(value: float) -> str:
-    """A number to a ten-thousandth, without trailing zeros."""
+    """A number as text, rounded to four decimals, without trailing zeros."""
     return f"{value:.4f}".rstrip("0").rstrip(".")
 
 
 def size_words(outline: Outline, unit: str = "") -> str:
-    """Dimensions of an outline [mm], as 40 x 25, or 55 across."""
+    """Dimensions of an outline as text [mm]: 40 x 25 for a rectangle, 55 across for a disc."""
     sizes = outline.dimensions
     across = " across" if sizes[0].is_diameter else ""
     return f"{' x '.join(number(one.size_mm) for one in sizes)}{unit}{across}"

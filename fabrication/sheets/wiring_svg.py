@@ -8,11 +8,8 @@
       +--^----o---+
          E1   R1
 
-Around a disc each label is at the side most opposite to its part's direction.
-
-Bodies and mold come from `design.mold.outline`, so the drawing agrees with the printed part.
-
-The legend shares its colours and sizes with the drawing.
+On a round pad, a label is at the side of the sheet that is nearest to its part. Bodies and mold come from
+`design.mold.outline`, so the drawing agrees with the printed part.
 """
 
 from __future__ import annotations
@@ -36,12 +33,12 @@ RECEIVER_COLOUR = "#00589e"
 LINE_COLOUR = "#444444"
 WORKSPACE_COLOUR = "#2f6b3a"
 PIN_PX = 14.0
-"""Font size of pins and of the legend."""
+"""Font size of pin names and of the legend [px]."""
 LEGEND_LINE_PX, MARGIN_PX, ORIGIN_PX, SYMBOL_PX = 24.0, 24.0, 4.0, 10.0
 
 
 def legend_lines(design: SensorDesign, connections: Sequence[Connection]) -> list[tuple[str, str]]:
-    """Symbol (none: empty) and text of every line."""
+    """Symbol and text of every line of the legend; the symbol is "" for lines without one."""
     outline = outline_of(design)
     lines = []
     for kind in ("emitter", "receiver"):
@@ -83,7 +80,7 @@ def _places_words(connections: Sequence[Connection]) -> str:
 
 
 def legend(top: float, lines: Sequence[tuple[str, str]]) -> Iterator[Element]:
-    """Elements of the lines, downward from a height on the sheet [px]."""
+    """Drawing elements of the legend, downward from the height `top` on the sheet [px]."""
     for place, (symbol, content) in enumerate(lines):
         middle = (MARGIN_PX + SYMBOL_PX, top + (place + 0.5) * LEGEND_LINE_PX)
         yield from _legend_symbol(symbol, middle)
@@ -110,34 +107,34 @@ POCKET_COLOUR = "#ffffff"
 CAVITY_COLOUR = "#f4f9ff"
 
 NAME_PX, NOTE_PX, HEADING_PX = 16.0, 13.0, 20.0
-"""Font sizes of references, notes, heading."""
+"""Font sizes of references, notes and heading [px]."""
 LETTER_SHARE = 0.6
-"""Width of a letter over the size of its font, a conservative value."""
+"""Assumed width of a letter as a fraction of the font size [-]; the average is smaller."""
 LABEL_LINES = 3
 LABEL_START_PX, LABEL_GAP_PX = 5.0, 10.0
 LINE_PX = 18.0
 LEADER_PX = 14.0
 PAD_PX = 640.0
-"""Length of the longer inner side on the sheet, unless a wall's labels need more."""
+"""Drawn length of the cavity's longer side [px]; larger if the labels of a wall need more room."""
 SIDE_PITCH_PX = 22.0
-"""Vertical distance of labels."""
+"""Vertical distance between labels left and right of the pad [px]."""
 DIMENSION_INSET_PX = 42.0
-"""Distance of dimension lines inside the cavity."""
+"""Distance of dimension lines from the cavity's walls, inside the cavity [px]."""
 AXIS_PX, AXIS_INSET_PX = 46.0, 34.0
 
 
 @dataclass(frozen=True, kw_only=True)
 class Sheet:
-    """Scale and position of the pad on the sheet.
+    """Scale and position of the pad on the sheet of the wiring drawing.
 
     Attributes
     ----------
-    outline : numbers of the mold
-    scale : [px/mm]
-    left, top : sheet position of the cavity's low-x, high-y corner [px]
-    pitch : horizontal distance of labels [px]
-    columns : start of reference, pin and position of a label at the east or west, from its leader [px]
-    side : width of those labels [px]
+    outline : dimensions of the mold
+    scale : scale of the drawing [px/mm]
+    left, top : sheet position of the cavity's upper left corner, at low x and high y [px]
+    pitch : horizontal distance between labels [px]
+    columns : for labels left and right of the pad, distances from the leader line to reference, pin and position [px]
+    side : width of these labels [px]
     """
 
     outline: MoldOutline
@@ -153,27 +150,27 @@ class Sheet:
         return self.left + x_mm * self.scale, self.top + (self.outline.width_mm - y_mm) * self.scale
 
     def around(self, outline: Outline) -> list[Point]:
-        """Sheet positions of an outline's corners, the one at low x and low y first, if it has one [px]."""
+        """Sheet positions of an outline's corners, starting at low x and low y if there is such a corner [px]."""
         return [self.at(*corner) for corner in outline.points(TURN_RAD).tolist()]
 
     @property
     def low_corner(self) -> Point:
-        """Outer corner of the mold at low x and low y [px]."""
+        """Sheet position of the mold's outer corner at low x and low y [px]."""
         return self.at(-self.outline.wall_x_mm, -self.outline.wall_y_mm)
 
     @property
     def high_corner(self) -> Point:
-        """Outer corner of the mold at high x and high y [px]."""
+        """Sheet position of the mold's outer corner at high x and high y [px]."""
         out = self.outline
         return self.at(out.length_mm + out.wall_x_mm, out.width_mm + out.wall_y_mm)
 
 
 def wiring_svg(design: SensorDesign) -> str:
-    """The drawing as SVG text.
+    """The wiring drawing as SVG text.
 
     Raises
     ------
-    DesignError : parts or pins that the catalogue or the board does not have.
+    DesignError : the catalogue does not have a part, or the board does not have a pin.
     """
     connections = connections_of(design).all
     sheet = _sheet(outline_of(design), connections)
@@ -197,7 +194,7 @@ def wiring_svg(design: SensorDesign) -> str:
 
 
 def _side(one: Connection) -> Wall:
-    """The side of the sheet for a part's label: its wall, or the nearest side on a disc."""
+    """Side of the sheet for a part's label: the side of the part's wall, or on a round pad the nearest side."""
     x, y = one.part.line.outward
     if abs(x) > abs(y):
         return "east" if x > 0 else "west"
@@ -205,12 +202,13 @@ def _side(one: Connection) -> Wall:
 
 
 def spread(wanted: Sequence[float], gap: float, low: float, high: float) -> list[float]:
-    """Positions at least a gap apart, in order, with least squares to the requested ones.
+    """Positions of labels along a line, at least a gap apart and closest to the requested ones in least squares.
 
     Parameters
     ----------
-    wanted : rising positions
-    gap : least distance of neighbours; all of them fit between low and high
+    wanted : requested positions, rising
+    gap : least distance between neighbours
+    low, high : limits of the positions, with room for all labels
     """
     blocks: list[list[float]] = []  # neighbours that touch share the mean of (wanted - place x gap)
     for place, position in enumerate(wanted):
@@ -334,9 +332,9 @@ def _dimensions(sheet: Sheet) -> Iterator[Element]:
 
 
 def _ends_mm(bare: Outline, direction: Point, inset_mm: float) -> tuple[Point, Point]:
-    """Ends of a dimension line: at the far end of its wall, with an inset from the pad's corner.
+    """End points [mm] of a dimension line across the pad along `direction`, at `inset_mm` inside the far wall.
 
-    A line to a round wall passes above the text in the middle.
+    On a round pad the line passes above the text in the middle.
     """
     axis = int(direction == X)  # of the line's position next to other lines
     start, end = (place[axis] for place in bare.touches_mm(direction))
@@ -431,7 +429,7 @@ def _label(sheet: Sheet, one: Connection, anchor: Point, place: float) -> Iterat
 
 
 def _line_places(sheet: Sheet, one: Connection, end: Point) -> list[tuple[Point, str]]:
-    """Positions of name, pin and location of a label, and the anchor of the text."""
+    """For each line of a label (name, pin, position): its point on the sheet [px], and the anchor of the text."""
     x, y = end
     match _side(one):
         case "south":

@@ -1,1 +1,1 @@
-"""The stage that presses the pad: driver, simulation, unattended collection. It needs neither CAD nor physics."""
+"""The stage that presses the pad: its driver, a simulated stage, unattended collection of data."""

@@ -1,10 +1,10 @@
-"""Unattended collection of a data set: press by press, with frames at every position; it resumes after a stop.
+"""Unattended collection of a data set: a stage presses, and frames are stored at every position.
 
-At a position the stage waits for the settling time, earlier frames are dropped, and a number of new ones is kept,
-with the position that the stage reports. A press is kept if it is complete. Kept presses are
-written as netCDF at the end of every run, also of one that was stopped early.
+At each position the stage waits for the settling time. Then a number of new frames is stored with the position that the
+stage reports; earlier frames are discarded. Only complete presses are stored. At the end of every run, even of a
+stopped one, the stored presses are written as netCDF.
 
-Each press so far is a file in a folder next to the data set, from which a stopped collection resumes.
+Each complete press is a file in a folder next to the data set, from which a stopped collection resumes.
 
 plan.json      sensor, presses and settings
 000012.npz     arrays of one complete press; written completely or not at all
@@ -38,26 +38,26 @@ FORMAT, VERSION = "optopad-collection", 1
 PLAN = "plan.json"
 Arrays = dict[str, NDArray[Any]]
 MOST_BYTES = 500_000_000
-"""Largest press unpacked: an hour at 400 frames per second of 17 x 16 readings has 400 MB."""
+"""Largest unpacked size of one press [bytes]; an hour at 400 frames per second of 17 x 16 readings has 400 MB."""
 KEPT = "run the command again: earlier presses are kept"
 COLUMNS = ("counts", "press_mm", "connection", "sequence", "device_us", "host_s", "lost")
 
 
 class CollectedParts:
-    """The folder of one collection.
+    """The folder with the stored presses of one collection of a data set.
 
     Parameters
     ----------
     out : the resulting data set; the folder is named after it
-    plan : settings that must be equal on resumption
+    plan : sensor, presses and settings as plain data; the same plan is required to resume a collection
 
     Attributes
     ----------
-    was_begun : whether an earlier run began it
+    was_begun : whether an earlier run began the collection
 
     Raises
     ------
-    InputError : the folder is of another collection, or `out` exists without a folder.
+    InputError : the folder belongs to another collection, or `out` exists but the folder does not.
     """
 
     def __init__(self, out: Path, plan: dict[str, Any]) -> None:
@@ -71,16 +71,16 @@ class CollectedParts:
             raise InputError(f"{out}: exists already; choose another name")
 
     def begin(self) -> None:
-        """Make the folder before any motion; OutputError if it cannot be made."""
+        """Create the folder for the stored presses, before the stage moves; raises OutputError on failure."""
         own_folder(self.folder, "choose another --out")
         write_whole(self.folder / PLAN, json.dumps(self._document, indent=2).encode())
 
     def numbers(self) -> set[int]:
-        """Numbers of the kept presses."""
+        """Numbers of the stored presses: their indices in the list of presses."""
         return {int(file.stem) for file in self.folder.glob("*.npz") if file.stem.isdecimal()}
 
     def save(self, number: int, frames: list[Frame], press_mm: list[Position]) -> None:
-        """Keep one complete press; OutputError if the disk refuses it."""
+        """Store one complete press; raises OutputError if it cannot be written."""
         arrays = {
             "counts": np.array([frame.counts for frame in frames]),
             "press_mm": np.array(press_mm, dtype=np.float64),
@@ -94,11 +94,11 @@ class CollectedParts:
             np.savez(stream, allow_pickle=False, **arrays)
 
     def recorded(self, config: DriverConfig, presses: PressList) -> Recorded | None:
-        """All kept presses, in the list's order; None if there are none.
+        """All stored presses as a recording, in the order of the list; None if there are none.
 
         Raises
         ------
-        InputError : a file is damaged; the message names it.
+        InputError : a file is damaged; the message names the file.
         """
         numbers = sorted(self.numbers())
         if not numbers:
@@ -128,7 +128,7 @@ class CollectedParts:
         )
 
     def remove(self) -> None:
-        """Remove the folder, because the data set has all presses."""
+        """Remove the folder; to be called when the data set contains all presses."""
         shutil.rmtree(self.folder, ignore_errors=True)
 
     def _part(self, number: int) -> Arrays:
@@ -157,18 +157,20 @@ class CollectedParts:
 SETTLE_S = 0.3
 FRAMES = 1
 TRIES = 3
-"""Number of attempts for a press during which the board was reconnected."""
+"""Number of attempts for one press if the connection to the board is lost during the press."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Collected:
-    """Result of a run.
+    """Result of one run of a collection of a data set.
 
     Attributes
     ----------
     file : the data set; None if no press is complete
-    made, kept, wanted : number of presses of this run, of all runs, of the list
-    frames : number of frames in the file
+    made : number of presses made in this run
+    kept : number of stored presses of all runs
+    wanted : number of presses in the whole collection
+    frames : number of frames in the data set
     """
 
     file: Path | None
@@ -179,24 +181,24 @@ class Collected:
 
     @property
     def is_complete(self) -> bool:
-        """Whether all presses of the list are kept."""
+        """Whether all presses of the list are stored."""
         return self.kept == self.wanted
 
 
 class Collector:
-    """One collection.
+    """Collects a data set: moves a stage through presses, and stores a sensor's frames.
 
     Parameters
     ----------
     sensor : open sensor, with or without a baseline
     presses : all presses of the collection
-    out : the data set, netCDF; there is a folder next to it until it is complete
+    out : file of the data set, netCDF; a folder next to it contains the presses until the data set is complete
     settle_s : settling time of the tip before frames are taken [s]
     frames : number of frames at each position
 
     Raises
     ------
-    InputError : `out` exists, or was begun with other presses, another sensor or other settings.
+    InputError : `out` exists, or the collection was begun with other presses, another sensor or other settings.
     """
 
     def __init__(
@@ -222,15 +224,15 @@ class Collector:
 
     @property
     def was_begun(self) -> bool:
-        """Whether an earlier run began it; the tip may then be anywhere."""
+        """Whether an earlier run began this collection; if so, the tip may be anywhere."""
         return self._parts.was_begun
 
     def begin(self) -> None:
-        """Record on the disk that it has begun, before any motion; OutputError if that fails."""
+        """Record on the disk that the collection has begun, before the stage moves; raises OutputError on failure."""
         self._parts.begin()
 
     def remaining(self, only: Collection[str] = ()) -> list[int]:
-        """Numbers of the missing presses, of all sets or of the named ones."""
+        """Numbers of the presses that are not stored yet, of all sets or only of the named ones."""
         names = [entry.name for entry in self._presses.sets]
         if strange := sorted(set(only) - set(names)):
             raise InputError(f"--only: no set {', '.join(strange)}; the sets are {', '.join(names)}")
@@ -242,7 +244,10 @@ class Collector:
         ]
 
     def lights(self, numbers: Iterable[int]) -> list[SetEntry]:
-        """The first set, and the first one after every change of the room's light, along these presses."""
+        """Sets of presses before which the user must set the room's light.
+
+        These are the first set, and each set whose light differs from the previous set's.
+        """
         changes: list[SetEntry] = []
         for number in numbers:
             entry = self._presses.sets[self._presses.presses[number].set_number]
@@ -258,18 +263,19 @@ class Collector:
         on_step: Callable[[float], None] = lambda _share: None,
         on_light: Callable[[SetEntry], None] = lambda _entry: None,
     ) -> int:
-        """Make presses; return their number.
+        """Make the presses with the given numbers; return how many were made.
 
         Parameters
         ----------
-        numbers : numbers from `remaining`
-        on_step : called with the completed share
-        on_light : called, with the tip lifted, before a set in another light than the previous one
+        numbers : numbers of presses, as returned by `remaining`
+        on_step : called with the completed fraction
+        on_light : called with a set before its presses if its room light differs from the previous set's, while the
+            tip is lifted
 
         Raises
         ------
-        InputError : a position outside the stage's limits, before any motion.
-        DeviceError : a fault of stage or sensor; earlier presses are kept.
+        InputError : a position is outside the stage's limits; nothing has moved.
+        DeviceError : stage or sensor failed; earlier presses are stored.
         """
         self._presses.require_within(stage.limits)
         self.begin()
@@ -287,11 +293,13 @@ class Collector:
         return len(order)
 
     def finish(self, made: int = 0) -> Collected:
-        """Write the kept presses as a data set; if it is complete, the folder is removed.
+        """Write the stored presses as a data set; remove their folder if the collection is complete.
+
+        `made` is the number of this run's presses, for the result.
 
         Raises
         ------
-        OutputError : the disk refuses it; the folder keeps everything.
+        OutputError : the file cannot be written; the folder still contains all presses.
         """
         recorded = self._parts.recorded(self._sensor.config, self._presses)
         kept = len(self._parts.numbers())

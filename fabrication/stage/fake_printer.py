@@ -1,12 +1,12 @@
 """A simulated 3-axis printer with Marlin's G-code, for tests of the stage without a printer.
 
-It takes bytes and times and returns bytes; `fabrication.driver.simulated.port.FakePort` connects it to a
-pseudo-terminal. A move takes its distance over its speed, without acceleration, and begins when the previous one has
-ended. M400 and G28 are answered at the end of the motion, everything else at once. Opening the port resets it: the
-coordinates are 0 at the present position.
+The printer takes bytes and times and returns bytes; `fabrication.driver.simulated.port.FakePort` connects it to a
+pseudo-terminal. A move has constant speed, without acceleration, and begins when the previous one has ended. The
+replies to M400 and G28 come at the end of the motion, all others at once. Opening the port resets the printer: its
+coordinates become 0 at the present position.
 
-Faults are `silent` (no answer after some moves), `error` (stops with `Error:`), `shifted` (stops short of the target,
-as at its own limits), `restarted` (sends `start` during a motion).
+Faults are `silent` (no reply after some moves), `error` (stops with `Error:`), `shifted` (stops short of the target,
+as at its own limits), `restarted` (sends `start` during a motion, as after a reset).
 """
 
 from __future__ import annotations
@@ -45,18 +45,18 @@ class _Ride:
 
 
 class FakePrinter:
-    """A printer whose tip is over a pad.
+    """A simulated printer whose tip is above a pad.
 
     Parameters
     ----------
     tip_mm : initial x, y, depth of the tip in the cavity frame [mm]
-    fault : one of `FAULTS`; None for none
+    fault : one of `FAULTS`; None for a printer without a fault
     fault_after : number of moves before the fault
     home_mm : x, y, depth of the home position of G28 [mm]
 
     Attributes
     ----------
-    place_text : its answer to M114, from x, y, z [mm]
+    place_text : format of the reply to M114 (report the position), with x, y, z [mm]
     """
 
     place_text = "X:{0:.2f} Y:{1:.2f} Z:{2:.2f} E:0.00 Count X:0 Y:0 Z:0\nok\n"
@@ -79,7 +79,7 @@ class FakePrinter:
         self._queue: list[bytes] = []
         self.speed_mm_s = 10.0
         self.commands: list[str] = []
-        """All commands that it has received."""
+        """All commands that the printer has received."""
         self.reset(0.0)
 
     def tip_mm(self, now_s: float) -> FloatArray:
@@ -87,7 +87,7 @@ class FakePrinter:
         return _flipped(self._ride.at(now_s))
 
     def reset(self, now_s: float) -> None:
-        """Restart, as when the port is opened: the present position becomes 0."""
+        """Restart the printer, as opening the port does: the coordinates of the present position become 0."""
         here = self._ride.at(now_s)
         self._ride = _Ride(now_s, now_s, here, here)
         self._zero = here
@@ -97,11 +97,11 @@ class FakePrinter:
 
     @property
     def due_s(self) -> float:
-        """Time of the next message that it sends without a request [s]."""
+        """Time of the next message that the printer sends by itself [s]."""
         return self._due_s
 
     def spoken(self, now_s: float) -> bytes:
-        """Bytes that it sends without a request at this time."""
+        """Bytes that the printer sends by itself at time `now_s` [s]; may be empty."""
         if now_s < self._due_s:
             return b""
         if self._says:
@@ -115,7 +115,7 @@ class FakePrinter:
         return b"ok\n" + self._obeyed_all(now_s)
 
     def heard(self, piece: bytes, now_s: float) -> bytes:
-        """Process the host's bytes and return the immediate reply."""
+        """Process the host's bytes at time `now_s` [s] and return the immediate reply."""
         self._kept += piece
         *lines, self._kept = self._kept.split(b"\n")
         self._queue += lines
@@ -178,7 +178,6 @@ class FakePrinter:
         self._travel(target, now_s)
 
     def _travel(self, target: FloatArray, now_s: float) -> None:
-        """One motion after the previous one, which is short for a host that waits for M400."""
         start = self._ride.end
         begun = max(now_s, self._ride.ends_s)
         takes = float(np.linalg.norm(target - start)) / self.speed_mm_s
@@ -189,17 +188,16 @@ class FakePrinter:
 
 
 class TipFinger:
-    """The printer's tip as the finger of a simulated board."""
+    """The printer's tip as the finger that presses the simulated board's pad."""
 
     def __init__(self, printer: FakePrinter) -> None:
         self._printer = printer
 
     def at(self, _time_s: ArrayLike) -> FloatArray:
-        """(3,) x, y, depth now, independent of the board's clock [mm]."""
+        """(3,) x, y, depth of the tip now [mm]; the board's time is ignored."""
         return self._printer.tip_mm(time.monotonic())
 
 
 def _flipped(position: FloatArray) -> FloatArray:
-    """Conversion of depth to height and back."""
     found: FloatArray = position * np.array([1.0, 1.0, -1.0])
     return found

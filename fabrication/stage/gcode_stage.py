@@ -1,16 +1,15 @@
-"""A 3-axis printer as a stage: G-code of Marlin and its kin over a serial line (Klipper, RepRapFirmware, Smoothie).
+"""A 3-axis printer as a stage, driven by G-code over a serial line, for Marlin, Klipper, RepRapFirmware and Smoothie.
 
-The pad's x and y are along the printer's, and the printer's z points up. There are two ways to give the cavity's corner
-in the printer's coordinates: homing and known coordinates (`home`), or the present position of the tip (`zero`). The
-second also works if opening the port has reset the printer and its coordinates.
+The pad's x and y are parallel to the printer's, and the printer's z points up. There are two ways to give the position
+of the cavity's corner in the printer's coordinates: homing and known coordinates (`home`), or the present position of
+the tip (`zero`). `zero` also works if opening the port has reset the printer and its coordinates.
 
-Every move ends with M400 and is checked with M114. M114 reports the firmware's own count: it does not include lost
-steps, play of the spindles and bending of the printer.
+Every move ends with M400 (wait for the end of the motion) and is checked with M114 (report the position). M114 reports
+the firmware's own count, which does not include lost steps, play of the spindles and bending of the printer.
 
-A serial line connects to a printer's firmware that answers G-code with `ok` (Marlin and its kin).
-
-Each line has one command, and the next is sent after all answers. The firmware sends `ok` when it has taken a command,
-`echo:busy: ...` every second or two during a long one, `Error:...` or `!!` when it stops, and `start` after a reset.
+Each line has one command, and the next is sent after all replies. The firmware sends `ok` when it has taken a command,
+and `echo:busy: ...` every second or two during a long command. It sends `Error:...` or `!!` when it stops, and `start`
+after a reset.
 """
 
 from __future__ import annotations
@@ -27,10 +26,10 @@ from fabrication.driver.link.ports import Port, PortLostError, on_standard_error
 from fabrication.stage.stage import Position, StageLimits
 
 ASK_EVERY_S = 2.0
-"""Interval of requests for identification to a board that boots."""
+"""Interval between requests to a printer that may still be booting [s]."""
 
 QUIET_S = 0.3
-"""Longest pause between answers to repeated requests."""
+"""Silence after which no further replies to earlier requests are expected [s]."""
 
 _NUMBER = r"([-+]?\d+(?:\.(\d*))?)"
 _PLACE = re.compile(
@@ -40,10 +39,10 @@ _UNKNOWN = re.compile(r"unknown command|bad command|not supported|unsupported co
 
 
 def place_of(line: str) -> tuple[tuple[float, float, float], float] | None:
-    """X, Y, Z [mm] of an answer to M114, and the step of its last digit [mm]; None for any other line.
+    """X, Y, Z in a printer's reply to M114 [mm], and the step of their last digit [mm]; None for any other line.
 
-    Marlin, Klipper, Repetier and RepRapFirmware begin the line with X, Marlin 1.0 without blanks, Smoothie with
-    `ok C:`. Positions in other coordinates than those of G1 are ignored: `MCS:`, the part after `Count`, Grbl's status.
+    Most firmware begins the line with X; Marlin 1.0 does so without blanks, and Smoothie begins with `ok C:`. Positions
+    in other coordinates than those of G1 are ignored: `MCS:`, the part after `Count`, Grbl's status.
     """
     found = _PLACE.match(line)
     if found is None:
@@ -54,16 +53,16 @@ def place_of(line: str) -> tuple[tuple[float, float, float], float] | None:
 
 
 class GcodeLine:
-    """Commands and answers.
+    """Serial line to a printer: sends commands and collects replies.
 
     Parameters
     ----------
-    port : open
-    answer_s : longest silence before a command counts as unanswered [s]
+    port : open port of the printer
+    answer_s : longest silence while a reply is expected [s]
 
     Attributes
     ----------
-    has_begun_anew : whether the firmware was reset after the greeting: its coordinates are no longer valid
+    has_begun_anew : whether the printer was reset after `greet`, so that its coordinates are no longer valid
     """
 
     def __init__(self, port: Port, answer_s: float) -> None:
@@ -74,9 +73,9 @@ class GcodeLine:
         self.has_begun_anew = False
 
     def greet(self, boot_s: float, on_wait: Callable[[str], None] = on_standard_error) -> None:
-        """Wait for the firmware, which opening the port may have reset; DeviceError after `boot_s` [s].
+        """Wait until the printer replies; opening the port may have reset it. Raises DeviceError after `boot_s` [s].
 
-        on_wait : called with a line every two seconds of the wait
+        on_wait : called with a progress line every two seconds of the wait
         """
         begun, heard = time.monotonic(), b""
         end = begun + boot_s
@@ -100,20 +99,21 @@ class GcodeLine:
         )
 
     def send(self, command: str, *, takes_s: float = 0.0, is_optional: bool = False) -> list[str]:
-        """Send a command and wait for its answer.
+        """Send a command and wait for its reply.
 
         Parameters
         ----------
-        takes_s : expected working time before the answer [s]
-        is_optional : whether firmware may lack the command
+        takes_s : expected time that the command takes [s]
+        is_optional : whether a printer that does not know the command is accepted without an error
 
         Returns
         -------
-        the lines before its `ok`
+        lines of the reply before `ok`
 
         Raises
         ------
-        DeviceError : no answer, an error, a reset, an unknown command, or a lost port.
+        DeviceError : the printer does not reply, reports an error, was reset, or does not know the command; or the port
+            is lost.
         """
         self.post(command)
         said = self.answers(command, takes_s)
@@ -122,19 +122,21 @@ class GcodeLine:
         return said
 
     def post(self, command: str) -> None:
-        """Send a command without waiting; its answer is pending."""
+        """Send a command without waiting for its reply."""
         self._owed += 1
         self._write(command)
 
     def answers(
         self, command: str, takes_s: float = 0.0, is_last: Callable[[str], bool] | None = None
     ) -> list[str]:
-        """Wait until no answer is pending; as `send`.
+        """Wait for the replies to all commands sent so far; return their lines. Errors are those of `send`.
 
         Parameters
         ----------
-        is_last : whether a line answers the last command: after its `ok`, pending answers to earlier ones never come
-            (an interrupt took them, or prevented the commands), and late lines are dropped
+        command : the last command, for messages
+        takes_s : expected time that the command takes [s]
+        is_last : function that returns whether a line belongs to the last command's reply. After that reply, earlier
+            replies are no longer expected, because an interrupt may have discarded them
         """
         said: list[str] = []
         end = time.monotonic() + self._answer_s + takes_s
@@ -174,7 +176,7 @@ class GcodeLine:
             )
 
     def _drain(self) -> None:
-        """Drop late lines, as answers to repeated requests; then no answer is pending."""
+        """Discard late lines until the printer is silent, and expect no more replies to earlier commands."""
         end = time.monotonic() + QUIET_S
         while time.monotonic() < end:
             if self._read():
@@ -204,18 +206,18 @@ def _lines(heard: bytes) -> list[str]:
 
 BAUD = 115200
 TRAVEL_MM = 5.0
-"""Least height of the tip above the pad in lateral motion."""
+"""Default height of the tip above the pad during lateral motion [mm]."""
 
 NEAR_MM = 1.0
-"""Height above the pad from which downward the tip moves at the pressing speed."""
+"""Height above the pad below which the tip moves at the pressing speed [mm]."""
 
 TRAVEL_SPEED_MM_S, PRESS_SPEED_MM_S = 30.0, 5.0
 BOOT_S, ANSWER_S, HOMING_S = 15.0, 10.0, 120.0
 TOLERANCE_MM = 0.03
-"""Largest difference of a position from its target that counts as arrived."""
+"""Accepted distance between a reported position and its target [mm]; it is larger if the report is coarse."""
 
 COARSEST_MM = 0.1
-"""Largest step of M114's last digit: whole millimetres would be too coarse to check a press."""
+"""Coarsest accepted resolution of positions in M114's reply [mm]; whole millimetres are too coarse for presses."""
 
 S_PER_MIN = 60.0
 MM_DIGITS = 4
@@ -224,21 +226,22 @@ SHOWN_CHARACTERS = 120
 
 
 class GcodeStage:
-    """A printer that presses.
+    """A 3-axis printer that presses the pad.
 
     Parameters
     ----------
-    port : name of its serial port
+    port : name of the printer's serial port
     limits : permitted positions of the tip, see `stage.limits_of`
-    baud : rate of the line
+    baud : baud rate of the line
     travel_mm : height above the pad for lateral motion [mm]
-    travel_speed_mm_s, press_speed_mm_s : speeds far from the pad, and near or in it [mm/s]
-    boot_s, answer_s : longest wait for the firmware after opening, and for an answer [s]
+    travel_speed_mm_s, press_speed_mm_s : speeds of the tip far from the pad, and near or in the pad [mm/s]
+    boot_s : longest wait for the printer after opening the port [s]
+    answer_s : longest silence while a reply is expected [s]
 
     Attributes
     ----------
-    left_at : x, y, depth of the tip after the block [mm]; None before it, if the tip could not be lifted, and
-        if the printer was reset so that the position is unknown
+    left_at : x, y, depth of the tip after the `with` block [mm]; None before its end, or if the tip could not be lifted
+        or a reset made its position unknown
     """
 
     def __init__(
@@ -307,18 +310,19 @@ class GcodeStage:
 
         Parameters
         ----------
-        origin_mm : printer's X, Y, Z of the tip at the cavity's corner (0, 0), level with the untouched surface [mm]
+        origin_mm : printer's X, Y, Z with the tip at the cavity's corner (0, 0) and at the height of the untouched
+            surface [mm]
         """
         self._line.send("G28", takes_s=HOMING_S)
         self._origin = origin_mm
         self.lift()
 
     def zero(self, x_mm: float, y_mm: float, depth_mm: float = 0.0) -> None:
-        """Define the tip's present position [mm]; it then moves up to the travel height.
+        """Define the tip's present position in the cavity frame [mm], then lift the tip to the travel height.
 
         Raises
         ------
-        InputError : outside the limits.
+        InputError : the position is outside the limits.
         """
         self.limits.require(x_mm, y_mm, depth_mm)
         self._limits_are_off = True
@@ -333,7 +337,8 @@ class GcodeStage:
         self.lift()
 
     def move_to(self, x_mm: float, y_mm: float, depth_mm: float) -> Position:
-        """As `stage.Stage.move_to`."""
+        """Move to a position and stop; return the reported position; details and errors are those of
+        `stage.Stage.move_to`."""
         self.limits.require(x_mm, y_mm, depth_mm)
         x, y, depth = self.position()
         if math.hypot(x_mm - x, y_mm - y) > TOLERANCE_MM / 2:
@@ -345,9 +350,9 @@ class GcodeStage:
         return self._arrived((x_mm, y_mm, depth_mm))
 
     def lift(self) -> None:
-        """Move straight up to the travel height; the command is sent before any wait for a pending answer.
+        """Move straight up to the travel height, from the height that the printer reports.
 
-        An interrupt may have removed an answer, so the height that the printer reports is used.
+        An interrupt may have discarded a reply, so the command is sent before waiting for it.
         """
         height_mm = self._known_origin()[2] + self._travel_mm
         self._line.post(f"G1 Z{height_mm:.3f} {feed_word(self._speeds_mm_s[1])}")
@@ -364,16 +369,18 @@ class GcodeStage:
             self._sent = *self._sent[:2], -self._travel_mm
 
     def position(self) -> Position:
-        """As `stage.Stage.position`; a position that M114 confirms to its last digit is returned as requested."""
+        """Position that the printer reports: x, y, depth [mm].
+
+        If the report equals the target within its last digit, the exact target is returned.
+        """
         return self._position()[0]
 
     def stop(self) -> None:
-        """Send M410, then lift."""
+        """Stop the motion at once (M410), then lift the tip."""
         self._line.post("M410")
         self.lift()
 
     def _position(self) -> tuple[Position, float]:
-        """Its position, and the step of M114's last digit [mm]."""
         origin = self._known_origin()
         (x, y, z), step_mm = self._machine()
         told = x - origin[0], y - origin[1], origin[2] - z
@@ -384,14 +391,14 @@ class GcodeStage:
         return (x, y, depth), step_mm
 
     def _lift_blindly(self) -> None:
-        """Move straight up by more than the deepest press: a printer after a reset counts from its position."""
+        """Move straight up by more than the deepest press; used after a reset, when the position is unknown."""
         up_mm = self.limits.deepest_mm + self._travel_mm
         self._line.send("G91")
         self._ride(f"Z{up_mm:.3f}", up_mm, self._speeds_mm_s[1])
         self._line.send("G90")
 
     def _go(self, depth_mm: float, to_depth_mm: float) -> None:
-        """Move vertically from one depth to another, slowly below the near height, fast above it."""
+        """Move vertically from one depth to another, slowly near and in the pad, fast above."""
         fast, slow = self._speeds_mm_s
         near = -NEAR_MM
         if min(depth_mm, to_depth_mm) < near < max(depth_mm, to_depth_mm):
@@ -403,7 +410,6 @@ class GcodeStage:
             self._ride(f"Z{height:.3f}", abs(to_depth_mm - depth_mm), speed)
 
     def _slide(self, x_mm: float, y_mm: float, way_mm: float) -> None:
-        """Move laterally at the present height."""
         origin = self._known_origin()
         self._ride(f"X{origin[0] + x_mm:.3f} Y{origin[1] + y_mm:.3f}", way_mm, self._speeds_mm_s[0])
 
@@ -412,7 +418,6 @@ class GcodeStage:
         self._line.send("M400", takes_s=way_mm / speed_mm_s)
 
     def _arrived(self, target: Position) -> Position:
-        """Its position; DeviceError if that is not the target."""
         self._sent = target
         found, step_mm = self._position()
         if math.dist(found, target) > tolerance_mm(step_mm):
@@ -425,7 +430,6 @@ class GcodeStage:
         return found
 
     def _machine(self) -> tuple[Position, float]:
-        """The printer's own coordinates, and the step of their last digit [mm]."""
         said = self._line.send("M114")
         places = [place for line in said if (place := place_of(line)) is not None]
         if not places:
@@ -455,10 +459,13 @@ class GcodeStage:
 
 
 def tolerance_mm(step_mm: float) -> float:
-    """Tolerance of a position: it and the origin are each reported to a step of the last digit [mm]."""
+    """Tolerance of a reported position [mm]; `step_mm` is the step of its last digit, and of the origin's."""
     return max(TOLERANCE_MM, 2.0 * step_mm + ROUNDING_MM)
 
 
 def feed_word(speed_mm_s: float) -> str:
-    """G-code's word for a speed [mm/min]; it has decimals, because rounding would change a slow speed or make it 0."""
+    """G-code's word for a speed in mm/min: F300 for 5 mm/s.
+
+    Decimals are kept, because rounding would distort a slow speed or make it 0.
+    """
     return f"F{S_PER_MIN * speed_mm_s:.6g}"

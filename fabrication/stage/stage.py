@@ -1,4 +1,4 @@
-"""The interface and the limits of a stage.
+"""Interface and limits of a stage, and lists of presses.
 
 A stage holds the tip above the pad and moves it in the cavity frame: x, y from a corner of the cavity, depth positive
 into the pad, 0 at first contact. `collection.Collector` drives any implementation of `Stage`;
@@ -8,8 +8,9 @@ The presses of a collection are a list, or a CSV file with these columns:
 
     x_mm,y_mm,depth_mm[,set,place,role,pattern,ambient]
 
-Each row is a position at which frames are taken, in this order. Consecutive rows of one set and place are one press,
-which is made completely or not at all. Without `set` all is one set; without `place` a press ends where x or y changes.
+Each row is a position at which frames are taken, in this order. Consecutive rows with equal `set` and `place` are one
+press, which is made completely or not at all. Without the column `set` all rows are one set. Without the column `place`
+a press ends where x or y changes.
 """
 
 from __future__ import annotations
@@ -36,12 +37,13 @@ ONE_SET = "collected"
 
 @dataclass(frozen=True, kw_only=True)
 class Press:
-    """One press.
+    """One press of a collection: positions that the tip takes in order.
 
     Attributes
     ----------
-    set_number, place_number : number of its set in the list's `sets`; number of the press within it
-    steps_mm : positions for frames, in order: x, y, depth [mm]
+    set_number : index of the press's set in `PressList.sets`
+    place_number : number of the press within the set
+    steps_mm : x, y, depth in the cavity frame of each position at which frames are taken, in order [mm]
     """
 
     set_number: int
@@ -51,19 +53,19 @@ class Press:
 
 @dataclass(frozen=True, kw_only=True)
 class PressList:
-    """Presses in their order of execution."""
+    """Presses of a collection in their order of execution, and their sets."""
 
     sets: tuple[SetEntry, ...]
     presses: tuple[Press, ...]
 
     @property
     def digest(self) -> str:
-        """SHA-256 over the complete list, 64 digits."""
+        """SHA-256 over the complete list, as 64 hexadecimal digits."""
         presses = [(press.set_number, press.place_number, press.steps_mm) for press in self.presses]
         return hashlib.sha256(repr((self.sets, presses)).encode()).hexdigest()
 
     def require_within(self, limits: StageLimits) -> None:
-        """Refuse a list with a position outside the limits; InputError names the first."""
+        """Raise InputError if a position is outside the limits; the message names the first such position."""
         for press in self.presses:
             for step in press.steps_mm:
                 try:
@@ -74,11 +76,11 @@ class PressList:
 
 
 def press_list(rows: Iterable[tuple[SetEntry, int, Position]]) -> PressList:
-    """A list from rows of set, number of the press within it, and position.
+    """A list of presses from rows: set, number of the press within its set, position.
 
     Raises
     ------
-    InputError : no rows, one name for two sets, or a press that is repeated after another.
+    InputError : there are no rows, two sets have the same name, or rows of one press are not consecutive.
     """
     plain = list(rows)
     grouped = [
@@ -105,11 +107,11 @@ def press_list(rows: Iterable[tuple[SetEntry, int, Position]]) -> PressList:
 
 
 def read_press_list(file: Path) -> PressList:
-    """A list from a CSV file.
+    """Read a list of presses from a CSV file.
 
     Raises
     ------
-    InputError : unreadable, missing columns, a missing number, or as `press_list`.
+    InputError : the file cannot be read, is incomplete or contradictory.
     """
     table = read_csv(
         file, needed=f"a CSV table with {','.join(NEEDED)}, optionally 'set', 'place'", lower=True
@@ -135,33 +137,33 @@ def read_press_list(file: Path) -> PressList:
 
 
 Position = tuple[float, float, float]
-"""x, y, depth [mm]."""
+"""Position of the tip: x, y, depth in the cavity frame [mm], depth positive into the pad."""
 
 HIGHEST_MM = 60.0
-"""Greatest height of the tip above the pad; a higher one indicates a wrong unit."""
+"""Largest permitted height of the tip above the pad [mm]; a larger value indicates a wrong unit."""
 
 LIMIT_SLACK_MM = 1e-6
 
 
 @dataclass(frozen=True, kw_only=True)
 class StageLimits:
-    """Permitted positions of the tip: the design's press centres and depth, and up to 60 mm above the pad.
+    """Permitted positions of the tip: within the design's workspace, and up to 60 mm above the pad.
 
     Attributes
     ----------
-    area : press centres
-    deepest_mm : deepest press
+    area : region of the permitted x and y
+    deepest_mm : largest permitted depth [mm]
     """
 
     area: Outline
     deepest_mm: float
 
     def require(self, x_mm: float, y_mm: float, depth_mm: float) -> None:
-        """Refuse a position outside the limits.
+        """Check that a position is within the limits.
 
         Raises
         ------
-        InputError : the coordinate and its limits.
+        InputError : the position is outside; the message has the coordinate and its limits.
         """
         spans = (
             ("x", x_mm, self.area.x0_mm, self.area.x1_mm),
@@ -178,12 +180,12 @@ class StageLimits:
 
 
 def limits_of(workspace: WorkspaceLimits) -> StageLimits:
-    """Limits of a design, from its driver configuration."""
+    """Permitted positions of the tip for a design's workspace."""
     return StageLimits(area=workspace.area, deepest_mm=workspace.max_depth_mm)
 
 
 class Stage(Protocol):
-    """A stage; a context manager that always leaves with the tip lifted."""
+    """Interface of a stage: a context manager that lifts the tip when the block ends, also after an error."""
 
     limits: StageLimits
 
@@ -194,23 +196,25 @@ class Stage(Protocol):
     ) -> None: ...
 
     def move_to(self, x_mm: float, y_mm: float, depth_mm: float) -> Position:
-        """Move to a position, never laterally in contact, and stop; return the position that the stage reports [mm].
+        """Move to a position and stop; return the position that the stage reports [mm].
+
+        The tip never moves laterally in contact.
 
         Raises
         ------
-        InputError : outside the limits; nothing has moved.
-        DeviceError : the stage does not answer, refuses, or is not at the target.
+        InputError : the position is outside the limits; nothing has moved.
+        DeviceError : the stage does not reply, refuses the command, or is not at the target.
         """
         ...
 
     def lift(self) -> None:
-        """Move straight up to the travel height."""
+        """Move the tip straight up to the height for lateral motion."""
         ...
 
     def position(self) -> Position:
-        """Position of the tip that the stage reports: x, y, depth [mm]."""
+        """Position of the tip that the stage reports: x, y, depth in the cavity frame [mm]."""
         ...
 
     def stop(self) -> None:
-        """Stop the motion at once, then lift."""
+        """Stop the motion at once, then lift the tip."""
         ...

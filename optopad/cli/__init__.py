@@ -1,4 +1,4 @@
-"""The command line: one file per group of verbs; heavy imports happen inside the verbs."""
+"""The command line: one file per group of commands, which import large packages only when they run."""
 
 from optopad.cli.main import main
 

@@ -1,4 +1,4 @@
-"""The verb collect: a data set of a built sensor that a stage presses unattended."""
+"""The command `collect`: collects a data set of a manufactured sensor, with presses by a stage."""
 
 from __future__ import annotations
 
@@ -136,7 +136,7 @@ def collect(
 
 @contextmanager
 def _failures_that_tell_the_place(stage: GcodeStage, collector: Collector) -> Iterator[None]:
-    """Add the tip's position, which the next run needs, to the message of a failure."""
+    """Add the tip's position, which the next run needs, to the message of an error."""
     try:
         yield
     except DeviceError as err:
@@ -159,7 +159,6 @@ def _pressed(
     *,
     quiet: bool,
 ) -> None:
-    """Make the presses; Ctrl-C is a regular end."""
     if not numbers:
         return
     try:
@@ -191,7 +190,6 @@ def _presses(source: DriverSource, protocol: str, seed: int) -> PressList:
 
 
 def _light(collector: Collector, numbers: list[int], as_json: bool) -> Callable[[SetEntry], None]:
-    """The action on a change of the room's light: ask, or refuse if there is no terminal."""
     changes = collector.lights(numbers)
     if len(changes) < 2:
         return lambda _entry: None
@@ -220,7 +218,6 @@ def _position(option: str, text: str) -> Position:
 
 
 def _words(tip: Position | None) -> str:
-    """A position in the form of --tip-at."""
     return "X,Y,DEPTH" if tip is None else ",".join(f"{value:g}" for value in tip)
 
 

@@ -1,9 +1,4 @@
-"""The command tree: every verb under one name, in the groups and the order of the help.
-
-The verb doctor.
-
-The verb group driver: everything about the built sensor.
-"""
+"""The tree of commands, in the groups and the order of the help; also the command `doctor` and the group `driver`."""
 
 from __future__ import annotations
 
@@ -112,10 +107,10 @@ GROUPS: dict[str, dict[Verb, str]] = {
 
 
 class GroupedHelp(TyperGroup):
-    """The help lists the verbs by group."""
+    """Help text that lists the commands by group."""
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:  # noqa: ARG002
-        """Write one section per group; names have the same width in all."""
+        """Write one section of the help per group; the column of names has the same width in all sections."""
         width = max(len(name_of(verb)) for group in GROUPS.values() for verb in group)
         for title, group in GROUPS.items():
             with formatter.section(title):
@@ -123,7 +118,7 @@ class GroupedHelp(TyperGroup):
 
 
 def name_of(verb: Verb) -> str:
-    """The name as the user types it."""
+    """Name of a command as the user types it."""
     return verb.info.name or "" if isinstance(verb, typer.Typer) else verb.__name__
 
 
@@ -167,5 +162,5 @@ for group in GROUPS.values():
 
 @cache
 def whole_command() -> Any:
-    """The whole command tree for typer; making it takes longer than many verbs."""
+    """The whole command tree, as typer needs it; made only on demand, because that takes longer than many commands."""
     return typer.main.get_command(app)

@@ -1,9 +1,5 @@
-"""Verbs that write and validate designs: new, check, schema, migrate.
-
-Verbs that make mold and tools: build.
-
-The verb that opens the studio: a design live in a browser.
-"""
+"""Commands for design files (new, check, schema, migrate), mold and tools (build), and editing in a browser
+(studio)."""
 
 from __future__ import annotations
 
@@ -206,7 +202,7 @@ def _weights(design: SensorDesign) -> Iterator[str]:
 
 
 QUICK_SWITCH_S = 0.001
-"""Switch interval of threads, so that the page and a sensor are served soon during work [s]."""
+"""Switch interval of Python's threads in the studio, which keeps page and sensor responsive during computations [s]."""
 
 
 def studio(
@@ -292,7 +288,6 @@ def _sensor(
 
 
 def _ports(given: list[str]) -> tuple[int | None, str | None]:
-    """The page's port and the sensor's, from the given values."""
     numbers = [one for one in given if one.isdigit()]
     names = [one for one in given if not one.isdigit()]
     for kind, found in (("number, the page's", numbers), ("name, the sensor's", names)):

@@ -1,4 +1,4 @@
-"""Verbs for the board's program: driver firmware, driver flash."""
+"""Commands for the firmware of the board: driver firmware, driver flash."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ from optopad.cli.output import print_json, say
 from optopad.work import read_design
 
 if TYPE_CHECKING:
+    from design.parts.board_firmware import ArduinoProgram
     from fabrication.driver_file import BoardSetup
 
 
@@ -62,11 +63,16 @@ def flash(
     port: Annotated[
         str | None,
         typer.Option(
-            "--port", help="Serial port, as /dev/ttyACM0 or COM3; found by its USB identity if left out."
+            "--port",
+            help="Serial port, as /dev/ttyACM0 or COM3, or with a .uf2 file the boot drive; found if left out.",
         ),
     ] = None,
     image: Annotated[
-        Path | None, typer.Option("--image", help="A .hex file to upload instead of the design's.")
+        Path | None,
+        typer.Option(
+            "--image",
+            help="A compiled file to upload instead of the design's: .hex, or for boards with a boot drive .uf2.",
+        ),
     ] = None,
     dry_run: Annotated[bool, typer.Option("--dry-run", help="Print the command without uploading.")] = False,
     yes: Annotated[
@@ -85,18 +91,30 @@ def flash(
     from design.parts.board_firmware import BoardFirmware
     from fabrication.driver.link.printers import require_no_printer
     from fabrication.driver.sensor import PATIENCE_S
-    from fabrication.flash import avr_chip, require_uploader, sketch_command, upload, upload_command
+    from fabrication.flash import (
+        avr_chip,
+        require_port,
+        require_uploader,
+        sketch_command,
+        upload,
+        upload_command,
+    )
     from fabrication.sketch import firmware_settings
     from optopad.sensor.firmware import board_setup, given_image, image_to_upload, write_firmware
 
     read = read_design(design, set_)
     settings = firmware_settings(read)
     chip, board = settings.chip, board_setup(read)
+    if image is not None and not isinstance(chip, BoardFirmware) and chip.boot_drive is not None:
+        _copy_image(chip, image, port, is_dry=dry_run, as_json=as_json)
+        return
     if image is not None or isinstance(chip, BoardFirmware):
         avr = avr_chip(settings)
         file = image_to_upload(read, out, seed=seed) if image is None else given_image(image)
     else:
         file = write_firmware(read, out, seed=seed).sketch
+    if not dry_run:
+        require_uploader(chip, file)
     found = _found_port(board, is_agreed=yes or dry_run, may_ask=not as_json) if port is None else port
     command = (
         upload_command(avr, file, found)
@@ -104,7 +122,7 @@ def flash(
         else sketch_command(chip, file, found)
     )
     if not dry_run:
-        require_uploader(chip, file, found)
+        require_port(found)
         print(f"listening {found}: is the device a printer?", file=sys.stderr)
         require_no_printer(found, board.baud, PATIENCE_S if patience is None else patience)
         upload(command, found)
@@ -116,8 +134,36 @@ def flash(
         say(f"uploaded  {file} to {found}; the board starts within 3 s")
 
 
+def _copy_image(chip: ArduinoProgram, image: Path, drive: str | None, *, is_dry: bool, as_json: bool) -> None:
+    """Copy a UF2 file to the board's drive; `drive` is the folder of the drive, or None to find it."""
+    from fabrication.flash import boot_drive, copy_uf2, mounted_drives, require_uf2
+
+    require_uf2(chip, image)
+    found = boot_drive(chip, mounted_drives() if drive is None else [Path(drive)])
+    command = ["cp", str(image), str(found)]
+    if not is_dry:
+        copy_uf2(image, found)
+    if as_json:
+        print_json(
+            {
+                "command": command,
+                "port": str(found),
+                "image": str(image),
+                "uploaded": not is_dry,
+            }
+        )
+    elif is_dry:
+        say(shlex.join(command))
+    else:
+        say(f"uploaded  {image} to {found}; the board starts within 3 s")
+
+
 def _found_port(board: BoardSetup, *, is_agreed: bool, may_ask: bool) -> str:
-    """The board's port by its USB identity; one that is identified by a serial chip only needs the user's consent."""
+    """Name of the board's port, found by the USB identity.
+
+    A port that is identified only by a common serial chip needs the user's consent (`is_agreed`, or a question if
+    `may_ask`).
+    """
     from fabrication.driver.link.ports import GUESSED, find_port, is_guess
 
     found = find_port(board)

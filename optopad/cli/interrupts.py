@@ -1,19 +1,20 @@
-"""Ctrl-C that is neither lost nor reported as a failure.
+"""Handling of Ctrl-C, so that it is neither lost nor reported as a failure.
 
-Three things may happen to the exception by which Python reports Ctrl-C. In a destructor, or in the callback of a weak
-reference, Python prints and drops it, and the work continues (collecting garbage takes a good part of the time of
-imports, plots and compiling); so it is sent again. In an import, a package may conclude that another one is not
-installed, and continue without it (as trimesh without SciPy); so the exception waits for the import's end. Compiled
-packages, while they are loaded or call back, report it as a failure of their own ("initialization failed", "invalid
-bounding box"); so code that explains a failure checks `has_arrived` first.
+Python reports Ctrl-C by the exception KeyboardInterrupt, which can be lost in three cases:
 
-A thread watches for two cases in which the main thread does not respond within `PATIENCE_S`. If it waits for other
-threads at the end of a block, Ctrl-C is sent again, which ends the waiting. If it is in compiled code of a computation,
-which Python does not interrupt, the process ends at once, after it has removed the folders of the work in progress and
-ended the processes that it started.
+- In a destructor, or in the callback of a weak reference, Python prints and drops the exception. Ctrl-C is sent again.
+- In an import, a package may conclude that another package is not installed, and continue without it. The exception is
+  delayed until the end of the import.
+- Compiled packages may report Ctrl-C as a failure of their own ("initialization failed", "invalid bounding box"). Code
+  that explains a failure checks `has_arrived` first.
 
-`kill` (SIGTERM) and a closed terminal (SIGHUP, unless ignored as by `nohup`) are handled alike, so that no hidden files
-remain in the folder, the mold's process ends, too, and a stage does not leave its tip in the pad.
+A thread watches whether the main thread responds within `PATIENCE_S`. If the main thread waits for other threads at the
+end of a block, Ctrl-C is sent again, which ends the waiting. If the main thread is in compiled code of a computation,
+which Python cannot interrupt, the process removes the folders of unfinished work, ends the processes that it started,
+and ends at once.
+
+`kill` (SIGTERM) and a closed terminal (SIGHUP, unless ignored as by `nohup`) are handled in the same way. So no hidden
+files or processes remain, and a stage does not leave its tip in the pad.
 """
 
 from __future__ import annotations
@@ -29,17 +30,17 @@ from types import FrameType, TracebackType
 from typing import NoReturn, Protocol
 
 AGAIN_S = 0.01
-"""Time until Ctrl-C is sent again [s]: well after a destructor, and immediately for a person."""
+"""Delay after which a lost Ctrl-C is sent again [s]: longer than a destructor runs, but not noticed by a person."""
 LONGEST_IMPORT_S = 1.5
-"""Longest time that Ctrl-C waits for an import's end [s]."""
+"""Longest time for which the handling of Ctrl-C is delayed until an import ends [s]."""
 INTERRUPTED = 130
-"""Exit code."""
+"""Exit code of an interrupted command."""
 PATIENCE_S = 1.2
-"""Time that the watching thread waits for the main thread [s]: a person waits two seconds at most."""
+"""Time within which the main thread must respond to Ctrl-C [s]; then the process is ended or Ctrl-C sent again."""
 IMPORTING = "<frozen importlib._bootstrap>"
 ROOT = Path(__file__).parents[2]
 COMPUTING = tuple(f"{ROOT / room}{os.sep}" for room in ("sims", "cad", "design"))
-"""Folders of our computations: no code there moves a stage, or changes a file that is not written completely anew."""
+"""Folders of code that Ctrl-C may end at any point: this code moves no stage, and replaces files only as a whole."""
 OURS = (*COMPUTING, f"{ROOT / 'optopad'}{os.sep}", f"{ROOT / 'fabrication'}{os.sep}")
 WAITING = (
     os.path.join("concurrent", "futures", "thread.py"),
@@ -50,7 +51,7 @@ DEAF = float("inf")
 
 _arrived_s: list[float] = []
 _answered_s: list[float] = [-1.0]
-"""Time of the last Ctrl-C that was handled, whatever its effect."""
+"""Time of the last Ctrl-C that reached the main thread [s]; a list of one number."""
 
 
 class _Unraisable(Protocol):
@@ -62,7 +63,7 @@ class _Unraisable(Protocol):
 
 
 def listen() -> None:
-    """Handle Ctrl-C and `kill` as above from now on, unless Ctrl-C is ignored or the system has no timers."""
+    """Install the handlers of Ctrl-C and `kill`, unless Ctrl-C is ignored or the system has no timers."""
     if signal.getsignal(signal.SIGINT) is not signal.default_int_handler or not hasattr(signal, "setitimer"):
         return
     former = sys.unraisablehook
@@ -93,12 +94,12 @@ def has_arrived() -> bool:
 
 
 def answered() -> None:
-    """Mark Ctrl-C as the clean end of its target, such as a recording; later errors are failures."""
+    """Mark Ctrl-C as handled, because it regularly ended a task such as a recording; later errors are failures."""
     _arrived_s.clear()
 
 
 def be_deaf() -> None:
-    """Ignore further Ctrl-C: the result is known, and Python's own end, which takes a moment, does not change it."""
+    """Ignore further Ctrl-C, because the command is done and the Python process is ending."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     _answered_s[0] = DEAF
     if hasattr(signal, "setitimer"):
@@ -109,12 +110,12 @@ def be_deaf() -> None:
 
 
 def say() -> None:
-    """Print the message of every interrupted command."""
+    """Print the message that the command was interrupted."""
     print("optopad: interrupted: no file is incomplete, and finished parts are reused", file=sys.stderr)
 
 
 def leave(code: int) -> NoReturn:
-    """End the process at once: Python would wait for threads, and for some interrupts end by the signal after all."""
+    """End the process at once with an exit code, without waiting for threads."""
     for stream in (sys.stdout, sys.stderr):
         with suppress(OSError):  # the reader of a pipe may have ended
             stream.flush()
@@ -143,7 +144,7 @@ def _is_importing(frame: FrameType | None) -> bool:
 
 
 def _watch(reading: int) -> None:
-    """Ensure that each Ctrl-C is handled in time."""
+    """Act on each Ctrl-C that the main thread does not handle in time; runs in its own thread."""
     while os.read(reading, 1):
         came_s = time.monotonic()
         time.sleep(PATIENCE_S)
@@ -157,7 +158,7 @@ def _watch(reading: int) -> None:
 
 
 def _end_compiled() -> None:
-    """End the process if its main thread computes or loads a package."""
+    """End the process at once if its main thread is in a computation or imports a package."""
     frame = _of_main()
     computes = _is_importing(frame)
     while frame is not None and not computes:
@@ -179,7 +180,7 @@ def _end_compiled() -> None:
 
 
 def _is_joining(frame: FrameType) -> bool:
-    """Whether a frame waits for the threads of a pool at the end of a block."""
+    """Whether a frame of the call stack is waiting for the threads of a pool at the end of a `with` block."""
     outer: FrameType | None = frame
     while outer is not None and not outer.f_code.co_filename.startswith(OURS):
         if outer.f_code.co_filename.endswith(WAITING) and outer.f_code.co_name in ("shutdown", "__exit__"):
@@ -189,5 +190,4 @@ def _is_joining(frame: FrameType) -> bool:
 
 
 def _of_main() -> FrameType | None:
-    """The present frame of the main thread."""
     return sys._current_frames().get(threading.main_thread().ident or 0)

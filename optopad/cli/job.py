@@ -1,4 +1,4 @@
-"""The main job and its page: run, report."""
+"""Commands for the whole bundle and its report page: run, report."""
 
 from __future__ import annotations
 

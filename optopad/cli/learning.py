@@ -1,9 +1,4 @@
-"""Verbs for models: evaluate, predict.
-
-The verb calibrate: fit the simulation to a manufactured pad.
-
-The verb of the learners: train.
-"""
+"""Commands for models: train, predict, evaluate, and calibrate, which fits the simulation to a manufactured pad."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
-"""Entry point: converts every outcome of a command to an exit code.
+"""Entry point of the command line: runs a command and converts its outcome to an exit code.
 
-0 done; 2 bad input, one message; 1 our own failure; 130 interrupted.
+Exit codes are 0 for success, 2 for bad input (with one message), 1 for an internal error, 130 for an interrupt.
 
-Loading the verbs takes half a second, so all imports happen inside: Ctrl-C is handled from then on, too.
+Importing the commands takes half a second. The imports are inside `main`, so that Ctrl-C is handled during them, too.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 DONE, OUR_FAILURE, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
 COLLECTED_AFTER = (100_000, 10, 10)
-"""Thresholds of the garbage collector: with its defaults it scans imported modules repeatedly, 8 % of a run."""
+"""Thresholds of Python's garbage collector; by default it scans imported modules often, which takes 8 % of a run."""
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -23,7 +23,7 @@ def main(arguments: list[str] | None = None) -> int:
 
     Returns
     -------
-    exit code, also raised as SystemExit when called without arguments (as the installed command)
+    the exit code; without `arguments` (as the installed command) the code is raised as SystemExit instead
     """
     if arguments is not None:
         return _told(_run(arguments))
@@ -92,7 +92,6 @@ def _outcome(arguments: list[str]) -> int:
 
 
 def _failed(err: Exception) -> int:
-    """Report what is missing on this machine; any other error is our own failure, whatever its type."""
     if isinstance(err, ImportError):
         from optopad.doctor import explain_import_error
 

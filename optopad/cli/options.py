@@ -1,4 +1,4 @@
-"""Options that several verbs share, and checks of their values."""
+"""Options that several commands share, and checks of their values."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ from design.files import folder_fault, has_file_suffix, require_folder_name, req
 
 Folder = TypeVar("Folder", Path, Path | None)
 LARGEST_SEED = 2**31 - 1
-"""Largest seed that every library below accepts."""
+"""Largest seed that all used libraries accept."""
 
 
 def file_name(*suffixes: str, or_folder: bool = False) -> Callable[[Path | None], Path | None]:
-    """A check of the name of a file that a verb writes, before any other work.
+    """Make a function that checks the name of an output file, before any other work.
 
     Parameters
     ----------
-    suffixes : of the formats that are written, as ".nc"
-    or_folder : whether a name without a file suffix is that of a folder
+    suffixes : permitted file suffixes, for example ".nc"
+    or_folder : whether a name without a suffix is permitted, for a folder
     """
 
     def checked(file: Path | None) -> Path | None:
@@ -36,7 +36,7 @@ def file_name(*suffixes: str, or_folder: bool = False) -> Callable[[Path | None]
 
 
 def require_folder(folder: Folder) -> Folder:
-    """The folder, if it can be created and written when the work is done; nothing is created here.
+    """Check that a folder can be created and written later, and return it; nothing is created yet.
 
     Raises
     ------
@@ -126,11 +126,11 @@ def checked_out(out: Path, *read: Path | str | None) -> None:
 
 
 def parsed_press(text: str) -> tuple[float, float, float]:
-    """Location and depth of one ``X,Y,DEPTH`` [mm].
+    """Parse x, y and depth of a press from a text ``X,Y,DEPTH`` [mm].
 
     Raises
     ------
-    InputError : not three finite numbers.
+    InputError : the text is not three finite numbers.
     """
     try:
         x_mm, y_mm, depth_mm = (float(number) for number in text.split(","))

@@ -1,6 +1,6 @@
-"""Output of a verb: lines for people, or one JSON object for machines.
+"""Output of a command: lines for people or one JSON object for programs, and progress on standard error.
 
-Progress on standard error: a live bar on a terminal, otherwise one line per stage, nothing with --json.
+Progress is a live bar on a terminal, otherwise one line per step of the computation. With --json there is no progress.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 
 def tell(as_json: bool, document: Callable[[], dict[str, Any]], lines: Callable[[], Iterable[str]]) -> None:
-    """Print the result: one JSON object with ``--json``, else lines for people."""
+    """Print a result: one JSON object if `as_json`, otherwise lines for people."""
     if as_json:
         print_json(document())
     else:
@@ -32,7 +32,7 @@ def tell(as_json: bool, document: Callable[[], dict[str, Any]], lines: Callable[
 
 
 def print_json(document: dict[str, Any]) -> None:
-    """Print one JSON object on standard output; an undecided end is null, never Infinity."""
+    """Print one JSON object on standard output. Infinite numbers, which mark undecided values, become null."""
     typer.echo(json.dumps(document, indent=2, allow_nan=False))
 
 
@@ -42,13 +42,13 @@ def say(text: str = "") -> None:
 
 
 ANNOUNCED = "kernels"
-"""A stage that is also announced where only lines are printed, because it is long and the user did not request it."""
+"""Step of a computation that gets a line of progress even without a bar, because it is long and unexpected."""
 
 
 def foretell_score(
     design: SensorDesign, *, fine: bool, full: bool, quiet: bool, is_run: bool = False
 ) -> None:
-    """Report on standard error how long a score, or a whole run, will take, if it takes long.
+    """Report on standard error how long a score or a whole run will take, if it takes long.
 
     Raises
     ------
@@ -67,7 +67,7 @@ def foretell_score(
 
 @contextmanager
 def progress(*, quiet: bool) -> Iterator[OnStep]:
-    """A function to call with a stage's name and the finished fraction of it."""
+    """Yield the function `on_step` for progress, which is called with the name of a step and its finished fraction."""
     if quiet:
         yield lambda _stage, _share: None
     elif sys.stderr.isatty():

@@ -1,13 +1,4 @@
-"""Verbs for the physics: simulate, score.
-
-The verb sweep: one field at several values.
-
-The verb compare: several designs, or a design and a recording of its manufactured pad.
-
-The verb for ray pictures: rays.
-
-Verbs for the contact model: contact show, contact build.
-"""
+"""Commands for the physics: simulate, score, sweep, compare, rays, contact show, contact build."""
 
 from __future__ import annotations
 
@@ -84,7 +75,6 @@ def score(
 
 
 def _drawn_builds(tolerance: bool, builds: int | None) -> int | None:
-    """Units of the Monte Carlo; None without ``--tolerance``."""
     if not tolerance:
         if builds is not None:
             raise InputError("--builds: needs --tolerance, whose units it counts; add it")
@@ -149,7 +139,6 @@ def simulate(
 
 
 def _oracle_rays(oracle: bool, rays: int | None) -> int | None:
-    """Number of rays for the ray tracer; None without ``--oracle``, which ``--rays`` requires."""
     if not oracle:
         if rays is not None:
             raise InputError(f"--rays: {rays} needs --oracle, which traces them; add it, or drop --rays")
@@ -223,13 +212,13 @@ def sweep(
 
 
 def parsed_sweep(text: str) -> tuple[str, list[Any]]:
-    """Field and values of ``FIELD=A:B:STEP`` (both ends included) or ``FIELD=v1,v2,...``.
+    """Parse field and values from a text ``FIELD=A:B:STEP`` (both ends included) or ``FIELD=v1,v2,...``.
 
-    Whole numbers stay whole, for fields that count parts.
+    Whole numbers become int, for fields that count parts.
 
     Raises
     ------
-    InputError : not of that form, or an empty or endless range.
+    InputError : the text has another form, or the range is empty or infinite.
     """
     from design.errors import InputError
 
@@ -333,7 +322,6 @@ def _designs(
 
 
 def _labels(what: list[str], names: list[str]) -> list[str]:
-    """Names of designs if they differ, else the typed arguments."""
     return names if len(set(names)) == len(names) else list(what)
 
 

@@ -1,7 +1,4 @@
-"""The verb for improving a design after a verdict: improve.
-
-The verb for a search: explore.
-"""
+"""Commands that search for better designs: improve, explore."""
 
 from __future__ import annotations
 
@@ -77,7 +74,7 @@ def improve(
 
 
 def _text(where: str, design: SensorDesign, *, is_changed: bool) -> str | None:
-    """The text of the design file; None if changes or own parts are not contained in that file."""
+    """Text of a design file; None if fields were changed (`is_changed`) or the design has parts of its own."""
     from design.io import read_design_text
     from design.preset import preset_text
 
@@ -92,7 +89,6 @@ def _text(where: str, design: SensorDesign, *, is_changed: bool) -> str | None:
 
 
 def _range(text: str) -> tuple[str, tuple[float, float] | None]:
-    """Path and range of one ``FIELD[=A:B]``."""
     path, equals, ends = text.partition("=")
     if not equals:
         return path.strip(), None
@@ -107,7 +103,7 @@ def _range(text: str) -> tuple[str, tuple[float, float] | None]:
 
 INTERRUPTED = 130
 LINE_EVERY_S = 30.0
-"""Without a terminal, a line is printed whenever the front changes, or else after this time [s]."""
+"""Without a terminal, a progress line is printed when the Pareto front changes, or after this time [s]."""
 
 
 def explore(
@@ -162,7 +158,7 @@ def _read(where: str, changes: list[str] | None, seed: int | None) -> SearchSpac
 
 @contextmanager
 def telling(*, quiet: bool) -> Iterator[OnTried | None]:
-    """Live progress on standard error: a bar with the best figures so far, or lines if there is no terminal."""
+    """Live progress of a search on standard error: a bar with the best figures so far, or lines without a terminal."""
     if quiet:
         yield None
     elif sys.stderr.isatty():
@@ -204,7 +200,7 @@ def _lines() -> OnTried:
 
 
 def standing(found: Findings) -> str:
-    """Best value so far in each objective, with the base's."""
+    """Text with the best value so far of each objective, and the value of the base design."""
     parts = [f"front {len(found.front)}"]
     for objective in found.space.objectives:
         values = [value for one in found.front if (value := one.judged.figures[objective.figure]) is not None]

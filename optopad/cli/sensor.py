@@ -1,9 +1,4 @@
-"""Verbs for the built sensor on its port: read, record, check.
-
-The verb fake: a simulated board for read, record and check.
-
-The verb export: a recording as netCDF, with the positions of the stage that pressed.
-"""
+"""Commands for the manufactured sensor on its port: read, record, check, export; and fake, a simulated board."""
 
 from __future__ import annotations
 
@@ -240,7 +235,6 @@ def _sensor(
     *,
     baseline_s: float = 0.0,
 ) -> Sensor:
-    """A sensor by the values of the options."""
     from fabrication.driver.sensor import Sensor
 
     return Sensor(
@@ -304,7 +298,6 @@ def _live(sensor: Sensor, frames: int | None, seconds: float | None) -> None:
 
 
 def _drawn(answers: Iterator[Answer], view: Callable[[Answer], RenderableType]) -> None:
-    """Draw ten results a second, each over the one before."""
     from rich.console import Console
     from rich.live import Live
 
@@ -324,7 +317,6 @@ def _follow(
     quiet: bool,
     is_over: Callable[[], bool] = lambda: False,
 ) -> None:
-    """Print a line a second while frames arrive, until the number, the time or `is_over` ends it."""
     from optopad.sensor.driver_view import link_line, strongest_change
 
     said_at = time.monotonic()
@@ -338,7 +330,7 @@ def _follow(
 
 @contextmanager
 def _lines(out: Path | None, as_json: bool) -> Iterator[Callable[[str], None] | None]:
-    """A function that writes JSON lines to a new file or to standard output; None without a target."""
+    """Yield a function that writes JSON lines to a new file or to standard output; None if neither is requested."""
     if out is None:
         yield _print_line if as_json else None
         return
@@ -358,7 +350,6 @@ def _lines(out: Path | None, as_json: bool) -> Iterator[Callable[[str], None] | 
 
 
 def _print_line(line: str) -> None:
-    """Print a line on standard output at once; raises OutputError if the disk is full."""
     try:
         print(line, flush=True)
     except BrokenPipeError:
@@ -371,13 +362,12 @@ def _print_line(line: str) -> None:
 
 
 def _drop_output() -> None:
-    """Discard the output that Python would still write to standard output at its end."""
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 @contextmanager
 def _until_interrupted() -> Iterator[None]:
-    """Treat Ctrl-C, or a closed pipe, as the regular end of reading and recording."""
+    """End the block without an error on Ctrl-C or a closed pipe, the regular end of reading and recording."""
     try:
         yield
     except KeyboardInterrupt:
@@ -393,7 +383,7 @@ def _default_file(source: DriverSource) -> Path:
 
 
 def _netcdf_beside(file: Path) -> Path | None:
-    """The netCDF file of a complete recording; None if it cannot be made, or if a file of its name exists."""
+    """Convert a complete recording to netCDF in the same folder; None if that fails or the file exists."""
     from fabrication.driver.recording.export import can_export, read_recorded, write_netcdf
 
     target = file.with_suffix(".nc")
@@ -452,6 +442,7 @@ def fake(
     from fabrication.driver.simulated.board import FakeBoard
     from fabrication.driver.simulated.faults import faults_of
     from fabrication.stage.fake_printer import TipFinger
+    from optopad.screen.verdict import as_typed
     from optopad.sensor.driver_view import driver_source, press_table
 
     if out is not None:
@@ -460,7 +451,8 @@ def fake(
     source = driver_source(config, set_, bundles)
     faults = faults_of(source.config, fault or [])
     with progress(quiet=as_json) as step:
-        said, table = press_table(source, seed=seed, on_step=step)
+        is_still = still and stage_link is None
+        said, table = press_table(source, is_still=is_still, seed=seed, on_step=step)
     printer = None if stage_link is None else _printer(said, table, path, out, still)
     finger: Finger = TipFinger(printer) if printer else _path(said, table, path, still, out)
     board = FakeBoard(said, table, finger, faults=faults, seed=seed)
@@ -472,13 +464,13 @@ def fake(
         say(f"port      {wire.name}")
         if stage is not None:
             say(f"stage     {stage.name}: its tip barely touches the middle of the pad")
-        say(f"try       optopad driver read {config} --port {wire.name}")
+        say(f"try       optopad driver read {as_typed(str(config), set_)} --port {wire.name}")
     with stage or nullcontext():
         _serve(board, wire, seconds)
 
 
 def _require_free_names(link: Path | None, stage_link: Path | None) -> None:
-    """Refuse, before the light is simulated, a port name that is already in use."""
+    """Raise an error if a port name is already in use; called before the light is simulated."""
     from design.errors import InputError
     from fabrication.driver.simulated.port import require_free
 
@@ -495,7 +487,6 @@ def _require_free_names(link: Path | None, stage_link: Path | None) -> None:
 def _ports(
     printer: FakePrinter | None, *, use_socket: bool, link: Path | None, stage_link: Path | None
 ) -> tuple[Wire, FakePort | None]:
-    """The board's line and the printer's port; if one name is refused, no link of the other remains."""
     from design.errors import InputError
     from fabrication.driver.simulated.port import FakePort, new_wire
 
@@ -510,7 +501,6 @@ def _ports(
 def _printer(
     said: DriverConfig, table: PressTable, path: Path | None, out: Path | None, still: bool
 ) -> FakePrinter:
-    """A printer whose tip is in first contact at the middle of the pad."""
     from design.errors import InputError
     from fabrication.stage.fake_printer import FakePrinter
 

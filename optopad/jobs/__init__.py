@@ -1,4 +1,4 @@
-"""The work of each verb, without the terminal: from a design or data to a filled bundle.
+"""The work of each command, without the terminal: from a design or data to a filled bundle.
 
-Imports of ours: report, results, screen, work and the rooms below.
+Imports within this repository: report, results, screen, work and what these import.
 """

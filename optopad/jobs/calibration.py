@@ -1,4 +1,4 @@
-"""Calibration: fit a design to a recording of its manufactured pad, and make a model that reads this pad."""
+"""Calibration: fits a design to a recording of its manufactured pad, and makes a model that reads this pad."""
 
 from __future__ import annotations
 
@@ -18,17 +18,18 @@ from sims.readings.dataset import read_data, require_design
 from sims.readings.press_data import PressData, data_notes
 
 MODEL_FILE = "build.optomodel"
-"""The model of the manufactured pad, in the folder of its design and facts."""
+"""File name of the model for the manufactured pad, in the folder of the calibrated design."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class CalibratedBuild:
-    """The result of a calibration.
+    """Result of fitting a design to a recording of its manufactured pad.
 
     Attributes
     ----------
-    calibration, report : the fit, and its report
-    model : model for the manufactured pad; None if it was not requested
+    calibration : fitted values
+    report : quality of the fit
+    model : model that reads touches of the manufactured pad; None if it was not requested
     notes : notes about the data, as sentences
     """
 
@@ -38,7 +39,7 @@ class CalibratedBuild:
     notes: tuple[str, ...]
 
     def to_json(self, design: SensorDesign) -> dict[str, Any]:
-        """The result as plain data."""
+        """The calibration as plain data for JSON."""
         found = self.calibration
         emitters = found.samples.emitters
         return {
@@ -63,12 +64,12 @@ def calibrate(
 
     Parameters
     ----------
-    with_model : trace the calibrated design's map, which takes longer than the fit
-    quick : a coarser map
+    with_model : whether to make the model, which takes longer than the fit
+    quick : whether to use a coarser map of presses for the model
 
     Raises
     ------
-    InputError : data of another design, too few presses or frames without contact, or nothing to fit.
+    InputError : the data are of another design or have too few presses or untouched frames, or nothing can be fitted.
     """
     data = read_data(file, design)
     notes = [*require_design(data, design, what=str(file)), *data_notes(data)]
@@ -80,14 +81,14 @@ def calibrate(
 def build_model(
     found: Calibration, data: PressData, *, quick: bool, seed: int, on_step: OnStep
 ) -> SignalMapModel:
-    """The model of a calibrated pad."""
+    """Make the model that reads a calibrated pad: a map of the pad's signals over location and depth."""
     lightmap = mapped(found.design, quick=quick, seed=seed, on_step=on_step)
     header = map_header(found.design, data, lightmap, seed)
     return fit_signal_map(found.design, lightmap, header, data, seed=seed, on_step=on_step)
 
 
 def write_calibration(made: CalibratedBuild, design: SensorDesign, folder: Path) -> tuple[Path, ...]:
-    """Write ``design.toml``, ``calibration.json`` and ``build.optomodel`` into a folder; returns the written files."""
+    """Write ``design.toml``, ``calibration.json`` and, if there is a model, ``build.optomodel``; return their paths."""
     names = ["design.toml", "calibration.json"]
     with written_together(folder) as hidden:
         save_design(made.calibration.design, hidden / names[0])
@@ -100,7 +101,7 @@ def write_calibration(made: CalibratedBuild, design: SensorDesign, folder: Path)
 
 
 def earlier_model_note(made: CalibratedBuild, folder: Path) -> tuple[str, ...]:
-    """A note that the folder's model is from another calibration; empty if this calibration made a model."""
+    """A note that the model in the folder is from an earlier calibration; empty if this calibration made a model."""
     if made.model is not None or not (folder / MODEL_FILE).exists():
         return ()
     return (

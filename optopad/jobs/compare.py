@@ -1,9 +1,9 @@
-"""Comparison of designs: their differences, the effect on the score, and the better design in each figure.
+"""Comparison of designs: their differences, their scores, and the better design by each figure.
 
-Each design is judged with two seeds of the light model. The figure of the first seed is reported; its uncertainty is
-the difference from the second, and at least the error of the depth step (0.04 mm at a mode boundary, `sims.press`). A
-winner is marked only if it beats every other design by more than both uncertainties together. Effects outside the
-models are common to all designs and not part of the uncertainty.
+Each design is scored with two seeds of the light model. The figure from the first seed is reported. Its uncertainty is
+the difference from the second seed's figure, and at least the error of the depth step (0.04 mm at a boundary between
+modes, `sims.press`). A winner is marked only if it is better than every other design by more than the sum of both
+uncertainties. Effects outside the models are assumed equal for all designs, and are not part of the uncertainty.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ ABSENT = "(absent)"
 SIGNAL = "untouched signal"
 USABLE = "usable depth"
 BOUNDARY_STEP_MM = 0.04
-"""Shift of a mode boundary when the depth step is doubled [mm]; a deadband has two ends."""
+"""Shift of a boundary of a deadband in depth if the depth step is doubled [mm]."""
 
 
 def compare(
@@ -41,11 +41,11 @@ def compare(
     seed: int,
     on_step: OnStep,
 ) -> Comparison:
-    """Judge designs and compare them; table, page and figure are written into the first one's bundle.
+    """Score designs and compare them; table, page and picture are written into the first design's bundle.
 
     Raises
     ------
-    InputError : fewer than two designs, too many, or a design given twice.
+    InputError : fewer than two or too many designs are given, or a design is given twice.
     DesignError : a design breaks a rule; nothing was computed.
     """
     _require_comparable(designs, labels)
@@ -69,7 +69,10 @@ def compare(
 
 
 def changes_of(designs: Sequence[SensorDesign]) -> dict[str, tuple[object, ...]]:
-    """Fields in which designs differ: the value in each design, by dotted path; the name is last."""
+    """Fields in which the designs differ, as a mapping from dotted path to the value in each design.
+
+    Name and description come last.
+    """
     documents = [dict(leaves(design.model_dump(mode="json"))) for design in designs]
     known = dict.fromkeys(path for document in documents for path in document)
     own = ("name", "description")
@@ -79,14 +82,14 @@ def changes_of(designs: Sequence[SensorDesign]) -> dict[str, tuple[object, ...]]
 
 
 def _given(value: object) -> object:
-    """The value, or `ABSENT` for None: a field without a value equals a field of a table that does not exist."""
+    """The value of a field, or `ABSENT` for None, so that an empty field equals a missing one in a comparison."""
     return ABSENT if value is None else value
 
 
 def measures_of(
     designs: Sequence[SensorDesign], rows: Sequence[SweepRow], again: Sequence[SweepRow]
 ) -> tuple[Measure, ...]:
-    """The figures of all designs, from rows of two seeds each."""
+    """Figures of all designs and their uncertainties, from the designs' scores with two seeds: `rows` and `again`."""
     found = []
     for name, (unit, better, floor, figure) in _FIGURES.items():
         values = tuple(figure(row) for row in rows)
@@ -177,18 +180,17 @@ _FIGURES: dict[str, tuple[str, Better, float, Callable[[SweepRow], float | None]
 
 
 def _signal_error(row: SweepRow) -> float:
-    """Standard error of the signal without contact; two seeds may agree by chance."""
+    """Uncertainty of the signal without contact: its standard error, because two seeds may agree by chance."""
     return 0.0 if row.curve is None else row.curve.standard_error[0]
 
 
 def _usable_error(row: SweepRow) -> float:
-    """Largest change of the usable depth by the numerical error of the light model [mm]."""
     usable_mm, between_mm = row.score["usable_depth_mm"], row.score["usable_range_mm"]
     return 0.0 if between_mm is None else max(abs(float(usable_mm - end)) for end in between_mm)
 
 
 _OWN_ERRORS: dict[str, Callable[[SweepRow], float]] = {SIGNAL: _signal_error, USABLE: _usable_error}
-"""Figures whose error is contained in their row."""
+"""Functions that compute a figure's uncertainty from a single score; the key is the name of the figure."""
 
 
 def _pad_height_mm(design: SensorDesign) -> float:

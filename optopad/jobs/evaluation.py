@@ -28,16 +28,16 @@ FEWEST_SAMPLES = 10
 def evaluate(
     file: Path, models: Sequence[Path], design: SensorDesign | None, *, on_step: OnStep
 ) -> tuple[Accuracy, Outline]:
-    """Evaluate models on a data set.
+    """Evaluate trained models on a data set with known presses.
 
     Parameters
     ----------
     models : model files; each must be of the same design as the data
-    design : design whose workspace is drawn and whose published table is shown; None takes the range of the presses
+    design : design of the data, for workspace and published results; None takes the range of the presses as workspace
 
     Returns
     -------
-    tables, and the workspace for the pictures
+    tables of errors, and the workspace for the pictures
 
     Raises
     ------
@@ -76,12 +76,12 @@ def evaluate(
 def accuracies(
     model: TouchModel, data: PressData, workspace: Outline, *, on_step: OnStep, learner: str = ""
 ) -> list[ModelAccuracy]:
-    """Tables of one model, one per test set.
+    """Tables of one model's errors, one per test set.
 
     Parameters
     ----------
     data : samples of the test sets
-    learner : name in the tables; the kind of the model if omitted
+    learner : name of the model in the tables; "" takes the model's kind as name
     """
     name, made = learner or model.header.kind, []
     numbers = np.unique(data.set_number)
@@ -96,7 +96,7 @@ def accuracies(
 
 
 def _test_samples(data: PressData) -> tuple[PressData, str]:
-    """Samples of the test sets, or all samples if no set is marked as a test set; and a note about the choice."""
+    """Samples of the test sets, or of all sets if none is a test set, and a note that names the chosen sets."""
     tested = data.role("test")
     told = "judged on the test sets alone"
     if not len(tested):
@@ -127,7 +127,6 @@ def _require_fit(name: str, model: TouchModel, data: PressData) -> None:
 
 
 def _named(loaded: Sequence[tuple[str, TouchModel]]) -> Mapping[str, TouchModel]:
-    """Models by kind; models of one kind are distinguished by their file names, or by numbers."""
     kinds = [model.header.kind for _, model in loaded]
     stems = [f"{kind} ({Path(name).stem})" for kind, (name, _) in zip(kinds, loaded, strict=True)]
     found = {}

@@ -1,14 +1,14 @@
-"""A search and its folder: the study, the tables, the plots, the designs of the front, the page.
+"""Runs a search for better designs, and writes its results into a folder.
 
 outputs/<name>-<digest8>/
   space.json       the search space as it was read
-  places.json      locations of a pad that are judged in addition to the map's, if there are any
-  study.db         every design that was judged (SQLite; missing if --storage names another database)
-  designs.csv      all of them, with figures and the reasons why some were stopped early
+  places.json      locations that are evaluated on each pad in addition to the map's, if there are any
+  study.db         every evaluated design (SQLite; missing if --storage names another database)
+  designs.csv      these designs, with figures and the reasons why some were stopped early
   front.csv .json  the Pareto front
   front.svg        a picture of the front
-  designs/         the front as design files: `optopad check`, `optopad run`
-  report.html      all results on one self-contained page
+  designs/         the front as design files
+  report.html      all results on one page
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ WAY_OUT = "choose another folder with --out"
 
 
 def search_folder(space: SearchSpace, out: Path) -> Path:
-    """Folder of a search: its name and the first 8 digits of its digest."""
+    """Folder of a search, named after the search and the first 8 digits of its digest."""
     return out / f"{space.name}-{space.digest[:8]}"
 
 
@@ -59,15 +59,18 @@ def search(
 
     Parameters
     ----------
-    trials : total number of designs; None takes the space's number
-    storage : address of a database that other workers may share; None is SQLite in the search's folder
-    scheduler : address of a Dask scheduler whose workers judge the designs; None judges them in this process
-    first, refine : points of the space to judge before, and after, the points that the sampler proposes
-    also_mm : (x, y) of further locations of a pad to judge; a search that is continued keeps its own locations [mm]
+    trials : total number of designs to evaluate; None takes the number in the search space
+    storage : address of a database that several workers may share; None uses SQLite in the search's folder
+    scheduler : address of a Dask scheduler whose workers evaluate the designs; None evaluates them in this process
+    first : points of the search space to evaluate before the sampler proposes points
+    refine : function that proposes further points to evaluate after the sampler's points
+    also_mm : (x, y) of locations to evaluate on each pad in addition to the map's [mm]; a continued search keeps its
+        first ones
 
     Raises
     ------
-    InputError, DesignError, OutputError : a refused input or an error; designs judged so far are kept.
+    InputError, DesignError, OutputError : the input is invalid, or files cannot be written; finished designs are
+        stored.
     """
     from design.shape.cavity import cavity_of
     from sims.score.objective import judge, price_of
@@ -97,9 +100,9 @@ def search(
 
 
 def figures_wanted(space: SearchSpace) -> tuple[str, ...]:
-    """Figures to compute in addition to those of the limits: the objectives, the strength, and the usable depth.
+    """Names of the figures to compute in addition to those in constraints: objectives, strength and usable depth.
 
-    The usable depth is left out if nothing else needs a pad's map, because the map is the costly step.
+    The usable depth is left out if no other figure needs the map of a pad, because the map takes most of the time.
     """
     from design.shape.cavity import cavity_of, is_facing_rows
     from sims.score.objective import MAP_FIGURES
@@ -111,7 +114,7 @@ def figures_wanted(space: SearchSpace) -> tuple[str, ...]:
 
 
 def _further_places(folder: Path, wanted: Sequence[tuple[float, float]]) -> tuple[tuple[float, float], ...]:
-    """Further locations of the search in this folder; all its designs are judged at those of the first call."""
+    """Locations at which designs are evaluated in addition to the map's, as given when the search began [mm]."""
     file = folder / PLACES
     if not file.exists():
         known = [] if (folder / "study.db").exists() else [list(place) for place in wanted]
@@ -127,7 +130,7 @@ def _further_places(folder: Path, wanted: Sequence[tuple[float, float]]) -> tupl
 
 
 def write_search(folder: Path, found: Findings, importance: dict[str, dict[str, float]]) -> Search:
-    """Write tables, designs, picture and page of the findings."""
+    """Write tables, designs, picture and page of a search into its folder."""
     from optopad.report.search import search_page
     from sims.plots.front import front_svg
 
@@ -147,7 +150,7 @@ def write_search(folder: Path, found: Findings, importance: dict[str, dict[str, 
 
 
 def summary(search: Search) -> dict[str, Any]:
-    """Plain data for JSON."""
+    """Result of a search as plain data for JSON."""
     found = search.findings
     return {
         "name": found.space.name,
@@ -187,14 +190,14 @@ def summary(search: Search) -> dict[str, Any]:
 
 
 def plain(value: Any) -> Any:
-    """A parameter as plain data; the label of a choice replaces its value."""
+    """Value of a varied parameter as plain data; for a choice among alternatives, its label."""
     if not isinstance(value, str):
         return value
     return json.loads(value)
 
 
 def table_csv(search: Search, rows: Sequence[Tried]) -> str:
-    """Designs as CSV: number, digest, fields, figures, verdict, and the reason for an early stop."""
+    """Designs as a CSV table: number, digest, fields, figures, verdict, and the reason of an early stop."""
     found = search.findings
     figures = [name for name in FIGURES if any(name in one.judged.figures for one in found.tried)]
     paths = [field.path for field in found.space.fields]
@@ -235,7 +238,6 @@ def table_csv(search: Search, rows: Sequence[Tried]) -> str:
 
 
 def _write_designs(folder: Path, found: Findings) -> tuple[str, ...]:
-    """Write one file per design of the front, best first; files of an earlier front are removed."""
     names = []
     for one in found.front:
         name = f"{one.number:04d}-{one.digest[:8]}.toml"
@@ -249,7 +251,6 @@ def _write_designs(folder: Path, found: Findings) -> tuple[str, ...]:
 
 @contextmanager
 def _alone(folder: Path) -> Iterator[None]:
-    """Keep a second search out of the folder; the lock ends with the process, however that ends."""
     try:
         descriptor = os.open(folder / ".lock", os.O_RDWR | os.O_CREAT, 0o644)
     except OSError as err:

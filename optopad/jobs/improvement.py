@@ -1,15 +1,18 @@
-"""Improvement of a design: a search around it, and a full score of the best candidates as by `optopad score`.
+"""Improves a design: searches similar designs with a fast light model, and scores the best candidates in full.
+
+Quick light is a coarse, fast setting of the light model. A score uses the setting of `optopad score`.
 
 outputs/improve-<name>-<digest8>/
-  study.db, designs.csv, front.*, designs/, report.html   of the search (`optopad.jobs.exploration`)
+  study.db, designs.csv, front.*, designs/, report.html   files of the search (`optopad.jobs.exploration`)
   1-fewest-changes.toml ...    the alternatives: the original design file with the changed lines marked
   improve.json                 the design before and the alternatives, with their scores
 
-    by kind, best first ──► score's light: no deadband, better than before ──► unmeasured parameters ──► alternative
-    none of them        ──► all others that quick light leaves possible    ──► alternative, or the nearest
+For each quantity to improve (kind), the best candidates are scored first. A candidate becomes an alternative if it has
+no deadband and is better than before, and if no unmeasured parameter changes its verdict. If all fail, other designs
+that may have no deadband are scored. If these fail too, the nearest design is reported.
 
-Quick light mostly errs in the same direction for similar designs. The amount by which it overrates a margin is learnt
-from every design that is judged again, the one before included, and subtracted from the others.
+The error of quick light mostly has the same sign for similar designs. The median by which quick light overrates the
+margin in the scored designs is therefore subtracted for the others.
 """
 
 from __future__ import annotations
@@ -65,28 +68,29 @@ from sims.score.scoring import verdict_of
 from sims.verdict.depth_curve import DEADBAND_THRESHOLD
 
 PAD_MINUTES, ROW_MINUTES = 3.0, 2.0
-"""Default budgets of a pad and of facing rows [min on two cores]."""
+"""Default time budgets to improve a pad, and facing rows of parts [min on two cores]."""
 CORES = 2
 PAD_S, PAIR_S, ROW_S = 1.9, 0.04, 0.6
-"""Processor time of a pad design: fixed part, and part per pair (measured on 16 to 64); of facing rows [s]."""
+"""Processor time to evaluate one design in the search [s]: for a pad a fixed part and a part per pair, for facing rows
+one value."""
 CURVED = 4.0
-"""Factor of the processor time for a disc or a crowned pad."""
+"""Factor by which the search takes longer per design for a round pad or one with a convex top [-]."""
 SEARCH = 0.4
-"""Share of the budget for the search; the rest is for scores [-]."""
+"""Fraction of the time budget for the search with its coarse light model [-]; the rest is for full scores."""
 SPREAD = 0.6
-"""Largest share of the search's designs for a lattice over heights and thickness [-]."""
+"""Largest fraction of a search's designs that samples the parts' heights and the pad's thickness evenly [-]."""
 FEWEST, MOST = 12, 400
-"""Least and largest number of designs of a search, before those around the best."""
+"""Least and largest number of designs in a search, not counting variations of the best ones."""
 ATTEMPTS, ROW_ATTEMPTS = 4, 8
-"""Number of designs of a kind that are judged again before the kind is given up, of a pad and of facing rows."""
+"""Largest number of candidates that are scored for one kind of improvement: for a pad, and for facing rows."""
 FIRMER = 1.3
-"""Similar designs need this multiple of the margin of a design whose verdict an unmeasured parameter changes [-]."""
+"""If an unmeasured parameter changes a design's verdict, similar candidates need this factor times its margin [-]."""
 MOST_JUDGED = 12
-"""Number of designs that are judged again before the search reports that none is better."""
+"""Number of designs that are scored in full before the search reports that none is better."""
 LEAST_JUDGED = 2
-"""Number of designs that are judged again although quick light finds a deadband in all."""
+"""Number of designs that are scored in full even if the search's coarse light finds a deadband in all designs."""
 MOST_BOUNDS = 4
-"""Number of designs of a pad whose accuracy is computed."""
+"""Largest number of a search's pads for which bounds of location and depth are computed."""
 PLACE = "location_bound_mm"
 
 
@@ -103,17 +107,19 @@ def improve(
     on_step: OnStep | None = None,
     on_tried: OnTried | None = None,
 ) -> Improvement:
-    """Search around a design, and score the best candidates.
+    """Search for similar, better designs, and score the best candidates.
 
     Parameters
     ----------
-    text : the design file, whose comments the alternatives keep; None writes a new one
-    vary, keep, more_parts : as `design.search.improve.improvement_space` takes them
+    text : text of the design file, whose comments the alternatives keep; None writes files without comments
+    vary : additional fields to vary, each with its range or None for the default range
+    keep : fields to leave unchanged
+    more_parts : whether the search may add parts to a side
     budget_min : approximate time on two idle cores [min]; None for the default
 
     Raises
     ------
-    InputError, DesignError : fields, ranges or a budget are refused.
+    InputError, DesignError : fields, ranges or the budget are invalid.
     """
     require_valid(design)
     facing = is_facing_rows(cavity_of(design))
@@ -169,7 +175,7 @@ def improve(
 
 
 def trials_of(design: SensorDesign, budget_min: float | None) -> int:
-    """Number of designs that a budget allows at the cost of a design of this size; the same on every machine."""
+    """Number of designs to search in a time budget [min], from the usual time per design; equal on all machines."""
     cavity = cavity_of(design)
     facing = is_facing_rows(cavity)
     budget = (ROW_MINUTES if facing else PAD_MINUTES) if budget_min is None else budget_min
@@ -183,7 +189,10 @@ def trials_of(design: SensorDesign, budget_min: float | None) -> int:
 
 
 def _first(space: SearchSpace, before: ContinuityScore, trials: int) -> list[dict[str, Any]]:
-    """Initial points: changes that the worst deadband's cause requires, small steps that gain, then a lattice."""
+    """Initial points of the search, as values of the varied fields.
+
+    The order is: changes against the cause of the worst deadband, steps with a good sensitivity, evenly spread points.
+    """
     cause = before.causes[0] if before.causes else None
     side = 0 if cause is None else {"apart": 1, "used up": -1}.get(cause.lack, 0)
     sides = {**dict.fromkeys(HEIGHTS[::-1], side), CLEAR: -side} if side else {}
@@ -195,14 +204,13 @@ def _first(space: SearchSpace, before: ContinuityScore, trials: int) -> list[dic
 
 
 def _deciding_places(before: ContinuityScore) -> list[tuple[float, float]]:
-    """Locations that decide the verdict on a pad: the worst one, and the one of least margin [mm]."""
+    """Locations that decide a pad's verdict [mm]: where the deadband is worst, and where the margin is least."""
     if before.pad_map is None or before.is_facing_rows:
         return []
     return list(dict.fromkeys((one.x_mm, one.y_mm) for one in (before.pad_map.worst, before.pad_map.weakest)))
 
 
 def _write(made: Improvement, found: Search, text: str | None) -> None:
-    """Write design files, page and data; remove those of an earlier run."""
     if text is None:
         text = dump_design(made.design).split("\n", 1)[
             1
@@ -215,7 +223,6 @@ def _write(made: Improvement, found: Search, text: str | None) -> None:
 
 
 def _clear(folder: Path, *, keep: set[str]) -> None:
-    """Remove the alternatives of an earlier run, which its improve.json names; the user's own files remain."""
     try:
         earlier = json.loads((folder / "improve.json").read_text(encoding="utf-8"))["alternatives"]
         names = {Path(one["file"]).name for one in earlier}
@@ -226,7 +233,6 @@ def _clear(folder: Path, *, keep: set[str]) -> None:
 
 
 def _write_design(file: Path, text: str, base: SensorDesign, changes: Mapping[str, Any], kind: str) -> None:
-    """Write the design file with its comments; changed lines state their former values."""
     import tomlkit
 
     document, was, known = tomlkit.parse(text), base.model_dump(mode="json"), known_paths(SensorDesign)
@@ -239,12 +245,12 @@ def _write_design(file: Path, text: str, base: SensorDesign, changes: Mapping[st
 
 
 class JudgedAgain:
-    """Scores of a search's designs, each computed once.
+    """Full scores of designs from a search, with the light model of `optopad score`; each is computed once.
 
     Parameters
     ----------
     space : the search space
-    accuracy : figure in which the most accurate design is best
+    accuracy : name of the figure by which the accuracy of designs is compared
     """
 
     def __init__(self, space: SearchSpace, accuracy: str, *, seed: int, tell: OnStep) -> None:
@@ -255,13 +261,19 @@ class JudgedAgain:
         self.base, self.before = Judged(), self.verdict(space.base)
 
     def verdict(self, design: SensorDesign) -> ContinuityScore:
-        """Verdict of a score, without the single pairs of a pad, bounds and unmeasured parameters."""
+        """Verdict of a design with the light model of `optopad score`.
+
+        Bounds, the effect of unmeasured parameters and figures of a pad's single pairs are left out.
+        """
         if design.digest not in self.scores:
             self.scores[design.digest] = verdict_of(design, seed=self.seed, on_step=self.tell)
         return self.scores[design.digest]
 
     def found_by_search(self, base: Judged, tried: Sequence[Tried]) -> tuple[Tried, ...]:
-        """Set the search's figures of the design before; returns the designs, the best of a pad with their accuracy."""
+        """Take over the search's figures of the original design, and return the search's designs.
+
+        For a pad, the best designs get their bounds of location and depth.
+        """
         self.base = replace(base, verdict=self.before.verdict)
         self._learn(base, self.before)
         best = sorted((one for one in tried if is_possible(one.judged)), key=_worth, reverse=True)[
@@ -284,7 +296,10 @@ class JudgedAgain:
         return replace(judged, figures=more.figures | judged.figures)
 
     def alternatives(self, tried: Sequence[Tried]) -> tuple[Alternative, ...]:
-        """The first verified design of every kind, each different from the others; without any, any better design."""
+        """The first verified design for every quantity to improve (such as "most depth"), all different.
+
+        If there is none for any quantity, one verified design that is better is returned.
+        """
         attempts = ATTEMPTS if self.accuracy == PLACE else ROW_ATTEMPTS
         deepest = self._first_of("most depth", self._picked("most depth", tried), attempts)
         most_mm = math.inf if deepest is None else deepest.score.usable_depth_mm or 0.0
@@ -314,9 +329,10 @@ class JudgedAgain:
     def _first_of(
         self, kind: Kind, candidates: list[Tried], attempts: int, least_mm: float = 0.0
     ) -> Alternative | None:
-        """The first candidate with a better score and a verdict that no unmeasured parameter changes, if there is one.
+        """The first candidate that scores better than the original and whose verdict no unmeasured parameter changes.
 
-        For "most depth", such a design may resolve `NEAR_BEST_MM` less than the deepest one.
+        If there is none, the first that scores better is returned; None if no candidate does. For "most depth", the
+        usable depth may be up to `NEAR_BEST_MM` below that of the deepest design.
 
         Parameters
         ----------
@@ -361,7 +377,7 @@ class JudgedAgain:
         return undecided
 
     def _next_of(self, candidates: Sequence[Tried], margin: float) -> Tried:
-        """The first that keeps a margin after subtraction of the overrated part, or else the best one."""
+        """The first candidate with the required margin, corrected for the search's typical error; else the best."""
         safe = [one for one in candidates if margin_of(one.judged) - self.overrated >= margin]
         return safe[0] if safe else max(candidates, key=_worth)
 
@@ -385,7 +401,6 @@ class JudgedAgain:
 
     @staticmethod
     def _as_judged(quick: Judged, score: ContinuityScore) -> Judged:
-        """The score's figures, with the accuracy from quick light."""
         own = {
             "deadband_mm": score.deadband_total_mm,
             "usable_depth_mm": score.usable_depth_mm,
@@ -395,7 +410,7 @@ class JudgedAgain:
         return Judged(figures=quick.figures | own, verdict=verdict, may_be=verdict == "CONTIGUOUS")
 
     def nearest(self, tried: Sequence[Tried]) -> Nearest | None:
-        """The best of the designs that were judged again; None without any."""
+        """The best of the scored designs; None if no design was scored."""
         digests = {self.space.changed(one.parameters).digest: one for one in tried if one.digest}
         found = [
             (score, digests[digest])

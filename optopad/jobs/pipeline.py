@@ -1,7 +1,7 @@
-"""The pipeline that connects the rooms: each function fills one part of a design's bundle.
+"""The computations of `optopad run` and its parts: each function writes one part of the bundle.
 
-Mold and physics share nothing, so they run in parallel: the mold in a new process, because the CAD kernel does not
-survive a fork, and the physics in this one.
+Mold and physics run in parallel. The mold is made in a new process, because the CAD kernel does not survive a fork. The
+physics runs in this process.
 """
 
 from __future__ import annotations
@@ -30,13 +30,13 @@ if TYPE_CHECKING:
     from sims.score.result import ContinuityScore
 
 REFUSED = 2
-"""Exit code of a process that ended with a message for the user."""
+"""Exit code of the mold's process if it refused the work with a message for the user."""
 
 Press = tuple[float, float, float]
 
 
 def run(design: SensorDesign, out: Path, *, fine: bool, seed: int, on_step: OnStep) -> Bundle:
-    """Make the whole bundle.
+    """Make the whole bundle of a design: mold, verdict, sheets, firmware, driver configuration, report.
 
     Raises
     ------
@@ -67,11 +67,11 @@ def write_parts(
     bed_mm: Bed | None = None,
     slice_parts: bool = False,
 ) -> tuple[dict[str, Any], Path]:
-    """Write mold and tools into the bundle; returns the checks and the bundle.
+    """Write mold and tools into the bundle; returns the mold's checks and the bundle's folder.
 
     Parameters
     ----------
-    bed_mm : build volume of the printer with which the checks compare the parts; None for the default one
+    bed_mm : build volume of the printer, for the checks [mm]; None for the default one
     slice_parts : whether to run PrusaSlicer for time, filament and warnings
     """
     from cad.export import export_parts
@@ -96,11 +96,12 @@ def write_score(
     full: bool = False,
     builds: int | None = None,
 ) -> tuple[ContinuityScore, Path]:
-    """Write verdict, map and their signals into the bundle; returns the score and the bundle.
+    """Write verdict, map and the map's signals into the bundle; returns the score and the bundle's folder.
 
     Parameters
     ----------
-    fine, full : as `sims.score.scoring.score` takes them
+    full : whether to compute a finer map
+    fine : whether to compute the finer map with finer settings of the light model
     builds : number of units in a Monte Carlo over manufacturing tolerances; None runs none
     """
     require_valid(design)
@@ -131,7 +132,10 @@ def write_signals(
     seed: int,
     on_step: OnStep,
 ) -> tuple[dict[str, Any], Path]:
-    """Write signals of the given presses into the bundle; returns a summary and the bundle."""
+    """Write the signals of presses into the bundle; returns a summary and the bundle's folder.
+
+    `oracle_rays` is the number of the ray tracer's rays per emitter and press; None omits the ray tracer.
+    """
     from optopad.jobs.signals import simulated
 
     require_valid(design)
@@ -144,7 +148,7 @@ def write_signals(
 
 
 def write_driver_config(design: SensorDesign, out: Path, *, seed: int) -> Path:
-    """Write driver configuration, wiring and bill of materials into the bundle; returns the bundle."""
+    """Write driver configuration, wiring table and bill of materials into the bundle; returns the bundle's folder."""
     require_valid(design)
     with bundle(design, out, seed=seed) as folder:
         _write_fabrication(design, folder, _known_gain(folder))
@@ -153,7 +157,6 @@ def write_driver_config(design: SensorDesign, out: Path, *, seed: int) -> Path:
 
 @contextmanager
 def _mold_beside(design: SensorDesign, folder: Path) -> Iterator[subprocess.Popen[str]]:
-    """Start the mold's process; it is stopped if the work in parallel fails or is interrupted."""
     (folder / "cad").mkdir(exist_ok=True)
     save_design(design, folder / "design.toml")
     process = started(["-m", "cad", str(folder / "design.toml"), str(folder / "cad")])
@@ -166,11 +169,11 @@ def _mold_beside(design: SensorDesign, folder: Path) -> Iterator[subprocess.Pope
 
 
 def _finished(mold: subprocess.Popen[str], folder: Path) -> dict[str, Any]:
-    """Wait for the mold's process and read its checks.
+    """Wait for the process that makes the mold, and read its checks.
 
     Raises
     ------
-    OutputError, RuntimeError : its message, if it refused the work or failed.
+    OutputError, RuntimeError : the process refused the work or failed; the error has the process's message.
     """
     _, message = mold.communicate()
     if mold.returncode == REFUSED:
@@ -187,7 +190,7 @@ def _checks(folder: Path) -> dict[str, Any]:
 
 @dataclass(frozen=True, kw_only=True)
 class _Study:
-    """Requested number of units of a Monte Carlo, and the store of finished ones."""
+    """A Monte Carlo over tolerances: requested number of simulated units, and store of finished ones."""
 
     builds: int
     memo: FinishedWork
@@ -195,7 +198,7 @@ class _Study:
 
 @contextmanager
 def _study(design: SensorDesign, out: Path, builds: int | None, seed: int) -> Iterator[_Study | None]:
-    """Store of a design's Monte Carlo units until the bundle that contains them is in its place; None without units."""
+    """Yield the Monte Carlo over tolerances with its store, removed afterwards; None if `builds` is None."""
     if builds is None:
         yield None
         return
@@ -215,7 +218,10 @@ def _scored(
     full: bool = False,
     study: _Study | None = None,
 ) -> tuple[ContinuityScore, EarlyDrawings | None]:
-    """Compute and write the score, and draw a page's plots; all but the tolerance is written while that is computed."""
+    """Compute and write the score; draw the plots of the report page if `with_page`.
+
+    Files that do not depend on the tolerances are written while the effect of tolerances is computed.
+    """
     from optopad.work import beside
     from sims.score.build_tolerance import with_tolerance
     from sims.score.field_steps import with_field_steps
@@ -243,7 +249,6 @@ def _scored(
 def _without_tolerance(
     design: SensorDesign, score: ContinuityScore, sims: Path, seed: int, *, with_page: bool
 ) -> EarlyDrawings | None:
-    """Write signals, maps and their plots; draw those that a page shows."""
     from design.shape.cavity import cavity_of
     from optopad.plot_files import write_bound_plots
     from optopad.report.sections.early import early_drawings
@@ -270,7 +275,6 @@ def _with_builds(
 
 
 def _write_builds(score: ContinuityScore, sims: Path) -> None:
-    """Write the plot of a Monte Carlo over tolerances, if there was one."""
     if score.builds is None or score.tolerance is None:
         return
     from optopad.plot_files import write_plot
@@ -282,7 +286,6 @@ def _write_builds(score: ContinuityScore, sims: Path) -> None:
 
 
 def _gain_of(score: ContinuityScore) -> SimulatedGain | None:
-    """The part of a score's gain that the sheets need."""
     from fabrication.gain import SimulatedGain
 
     if score.readout is None or score.untouched_flux is None:
@@ -294,7 +297,6 @@ def _gain_of(score: ContinuityScore) -> SimulatedGain | None:
 
 
 def _known_gain(folder: Path) -> SimulatedGain | None:
-    """Gain of an earlier score of the same design, if the bundle contains one."""
     from fabrication.gain import SimulatedGain
 
     score = folder / "sims" / "score.json"

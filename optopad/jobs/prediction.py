@@ -1,9 +1,9 @@
-"""Prediction of the errors of touch, location and depth of a design, before it is manufactured.
+"""Predicts a design's errors of touch, location and depth, before it is manufactured.
 
-design + protocol ──► light at its locations (once) ──► signal chain, one draw per seed ──► data
-training sets ──► learners ──► models ──► test sets ──► tables, pictures, page; and the bound
+design + protocol ──► light at the protocol's locations (once) ──► signal chain, one draw per seed ──► data
+training sets ──► learners ──► models ──► test sets ──► tables, pictures, page, Cramér-Rao bound
 
-An accuracy as files: JSON, a page, and its pictures as SVG and PNG.
+The results are files: JSON, a page, and its pictures as SVG and PNG.
 """
 
 from __future__ import annotations
@@ -94,13 +94,13 @@ MOST_DRAWS = 50
 
 @dataclass(frozen=True, kw_only=True)
 class Effort:
-    """Thoroughness of a prediction.
+    """Settings that decide how thorough and how slow a prediction is.
 
     Attributes
     ----------
     protocol : name of the packaged protocol
-    fit : name of the fits' settings
-    is_coarse : whether to use two thirds of the knots in depth
+    fit : name of the settings for training
+    is_coarse : whether to trace light at only two thirds of the usual depths
     learners : default learners
     """
 
@@ -128,18 +128,19 @@ def predict(
     seed: int = 0,
     on_step: OnStep,
 ) -> tuple[Accuracy, Path]:
-    """Simulate a protocol, train on it, evaluate; write tables, page, pictures and models into the bundle.
+    """Simulate a press protocol, train and test models; write tables, page, pictures and models into the bundle.
 
     Parameters
     ----------
-    learners : by name; empty takes the default of the effort
-    protocol : packaged name or file; None takes the default of the effort
-    draws : number of draws of the chain, each with new training; tables pool them
-    seed : seed of the light and of the first draw
+    learners : names of the learners; empty takes the default of the effort
+    protocol : name of a packaged protocol, or a file; None takes the default of the effort
+    draws : number of random draws of noise, drift and offsets, each with its own training; the tables pool them
+    seed : seed of the light model and of the first random draw
 
     Raises
     ------
-    DesignError, InputError, ModelScopeError : a refused design or name, or presses outside the models' scope.
+    DesignError, InputError, ModelScopeError : the design or a name is invalid, or presses are outside the models'
+        scope.
     """
     require_valid(design)
     chosen = _known(learners or effort.learners)
@@ -179,7 +180,10 @@ def predict(
 def bound_mm(
     design: SensorDesign, curves: ProtocolCurves, seed: int, on_step: OnStep
 ) -> dict[float, tuple[float, float]]:
-    """The Cramér-Rao bounds for the signal chain at those depths of the tables that the design reaches."""
+    """Cramér-Rao bounds by depth: standard deviations of location and of depth [mm].
+
+    The depths are those of the error tables that the design reaches.
+    """
     chain = chain_of(design, curves.readout)
     noise = replace(
         chain_noise(design, len(chain.gains), chain.gains.size),
@@ -197,7 +201,6 @@ def bound_mm(
 
 
 def _require_roles(protocol: PressProtocol) -> None:
-    """Refuse a protocol without training or test sets, before any light is traced."""
     for role, verb in (("train", "trained"), ("test", "judged")):
         if not any(one.role == role for one in protocol.sets):
             raise InputError(
@@ -215,7 +218,6 @@ def _cut(wanted: PressProtocol, how: PressProtocol, design: SensorDesign) -> tup
 
 
 def _known(names: Sequence[str]) -> tuple[str, ...]:
-    """Names of learners without repetition; `all` expands to all of them."""
     known = (*LEARNERS, SIGNAL_MAP)
     wanted = known if "all" in names else tuple(dict.fromkeys(names))
     for name in wanted:
@@ -231,7 +233,6 @@ def _draw_judged(
     seed: int,
     on_step: OnStep,
 ) -> dict[str, tuple[TouchModel, list[ModelAccuracy]]]:
-    """Train and evaluate every learner on one draw of the chain."""
     data = draw(curves, seed=seed, on_step=on_step)
     train, test = data.role("train"), data.role("test")
     found = {}

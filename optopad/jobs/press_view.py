@@ -1,4 +1,4 @@
-"""One press, for people and programs: surface, load, pressure, and the load over a protocol."""
+"""One centred press, for people and programs: surface, load, pressure, and the load over a protocol."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
 TIP_POINTS = 400
 TIP_LENGTH = 8.0
-"""Number of points and length of the tip's outline in a picture [-], [tip radii]."""
+"""Length of the tip's outline in a picture [tip radii]; the outline has `TIP_POINTS` points."""
 PREFIX = "contact-"
 HOW_TO_RELAX = (
     "press and retract have the same load, because relaxation is off; to turn it on, give values measured on the "
@@ -43,7 +43,7 @@ HOW_TO_RELAX = (
 
 @dataclass(frozen=True, kw_only=True)
 class ProtocolView:
-    """A load protocol, and the load during it."""
+    """A load protocol (depth of a press over time), and the load during the protocol."""
 
     name: str
     protocol: LoadProtocol
@@ -53,18 +53,18 @@ class ProtocolView:
 
 @dataclass(frozen=True, kw_only=True)
 class PressView:
-    """Results of one press.
+    """Results of one centred press.
 
     Attributes
     ----------
-    design : the sensor
+    design : design of the pressed pad
     press : the deformed surface at the requested depth
-    tip_mm : radius and height above its apex of the tip's outline [mm]
-    young : Young's modulus behind the loads, with its band [MPa]
-    force : load against depth, to the deepest requested press
-    pressure : between tip and pad at the requested depth
-    comparison : a published load of the same press and the computed one
-    driven : the load protocol, if one was requested
+    tip_mm : outline of the tip: distance from the axis, and height above the tip's lowest point [mm]
+    young : Young's modulus used for the loads, with its uncertainty band [MPa]
+    force : load against depth
+    pressure : contact pressure between tip and pad at the requested depth
+    comparison : published and computed load of one press; None without a published load
+    driven : the load protocol; None if none was requested
     warnings : warnings about the press
     """
 
@@ -80,13 +80,13 @@ class PressView:
 
     @property
     def band_n(self) -> tuple[float, float]:
-        """Load at the ends of the modulus's band [N]."""
+        """Load at both ends of the uncertainty band of Young's modulus [N]."""
         low, high = (self.force.low_n[-1], self.force.high_n[-1]) / self.force.force_n[-1]
         return float(low) * self.press.force_n, float(high) * self.press.force_n
 
     @property
     def pile_up_mm(self) -> tuple[float, float]:
-        """Height of the highest point of the surface, and its distance from the axis [mm]."""
+        """Height of the highest point of the deformed surface, and that point's distance from the tip's axis [mm]."""
         highest = int(self.press.height_mm.argmax())
         return float(self.press.height_mm[highest]), float(self.press.radius_mm[highest])
 
@@ -107,7 +107,7 @@ def view_press(
 
     Raises
     ------
-    InputError, ModelScopeError : a refused depth or protocol
+    InputError, ModelScopeError : the depth or the protocol is invalid
     """
     driven = None if protocol is None else load_protocol(protocol)
     if depth_mm < 0.0:
@@ -145,7 +145,7 @@ def _driven(
 
 
 def view_lines(view: PressView) -> list[str]:
-    """The press in a few lines, the most important first."""
+    """Text about the press, a few lines, the most important first."""
     press, (height_mm, at_mm) = view.press, view.pile_up_mm
     peak = view.pressure.peak_mpa
     pressed = "not resolved by the mesh" if peak is None else f"{peak:.3g} MPa"
@@ -195,7 +195,7 @@ def _protocol_lines(driven: ProtocolView) -> list[str]:
 
 
 def view_json(view: PressView) -> dict[str, Any]:
-    """The same as plain data; unknown values are None."""
+    """Data about the press for JSON; unknown values are None."""
     press, force, pressure = view.press, view.force, view.pressure
     return {
         "name": view.design.name,
@@ -258,7 +258,7 @@ def _protocol_json(driven: ProtocolView) -> dict[str, Any]:
 
 
 def view_plots(view: PressView) -> dict[str, Axes]:
-    """Pictures of the press by name; draw and export them inside `plain_style`."""
+    """Pictures of the press by name; drawing and exporting must be inside the context `plain_style`."""
     from sims.plots.contact import (
         plot_force,
         plot_force_near,
@@ -285,12 +285,12 @@ def view_plots(view: PressView) -> dict[str, Axes]:
 
 
 def write_pictures(view: PressView, out: Path, *, seed: int) -> list[Path]:
-    """Write the pictures as SVG and PNG into the design's bundle, which stays complete; returns their paths.
+    """Write the pictures as SVG and PNG into the design's bundle; returns their paths.
 
     Parameters
     ----------
-    out : folder that holds the bundles
-    seed : stored in the manifest; nothing here is random
+    out : folder that contains the bundles
+    seed : number stored in the manifest; nothing here is random
 
     Raises
     ------

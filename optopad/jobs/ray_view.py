@@ -1,4 +1,4 @@
-"""Paths of light under presses: pictures and data for the bundle."""
+"""Pictures of light paths in a pad under presses, and their data, for the bundle."""
 
 from __future__ import annotations
 
@@ -27,18 +27,18 @@ from sims.rays import KINDS, LOST, Pair, Press, RayChoice, RayState, kind_of, ra
 
 PREFIX = "rays"
 DEFAULT_DEPTHS = (0.2, 0.4, 0.8)
-"""Depths of the default presses over the design's deepest press, if there is no verdict to choose them by."""
+"""Depths of the default presses, as fractions of the design's deepest press [-]."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class RayRequest:
-    """A request for a picture.
+    """A request for a picture of light paths.
 
     Attributes
     ----------
-    emitter, receiver : number of the part, or None for all
-    presses : x, y, depth [mm]; empty chooses the most informative ones
-    count : paths drawn of the strongest kind
+    emitter, receiver : number of the part, from 0, or None for all parts
+    presses : x, y, depth of each press [mm]; empty chooses the most informative presses
+    count : number of paths drawn for the strongest kind of light; weaker kinds get at most this number
     """
 
     emitter: int | None = None
@@ -48,21 +48,22 @@ class RayRequest:
 
     @property
     def pair(self) -> Pair | None:
-        """The requested pair, if it is a single one."""
+        """The requested pair; None if the request is not for a single emitter and a single receiver."""
         return None if self.emitter is None or self.receiver is None else (self.emitter, self.receiver)
 
 
 @dataclass(frozen=True, kw_only=True)
 class RayView:
-    """Content of a picture.
+    """Content of a picture of light paths.
 
     Attributes
     ----------
-    name : name of the light for files: E2-R5, E2, R5 or all
-    cut : line of the sections
-    states : without contact, then the presses
-    is_aimed : whether one receiver is requested; powers are then over the untouched light, else over the emitted light
-    presses_are : the reason for these presses, in words
+    name : name of the requested light, for file names: E2-R5, E2, R5 or all
+    cut : line in plan along which the pad is cut for the pictures
+    states : paths and powers without contact, then under each press
+    is_aimed : whether a single receiver is requested. Powers then refer to the receiver's untouched light, otherwise to
+        the emitted light
+    presses_are : description of why these presses were chosen
     """
 
     design: SensorDesign
@@ -75,16 +76,16 @@ class RayView:
 
     @property
     def unit(self) -> float:
-        """Power that shares refer to, over that of the emitters [-]."""
+        """Reference power of the shown fractions, as a fraction of the emitted power [-]."""
         return self.states[0].total if self.is_aimed and self.states[0].total > 0.0 else 1.0
 
 
 def part_number(parts: Sequence[PlacedPart], text: str, field: str) -> int:
-    """Number, from 0, of a part that is given by its name in the wiring table or by its number there.
+    """Index, from 0, of a part that is given by its name or number in the wiring table.
 
     Raises
     ------
-    InputError : no such part; the message lists the existing ones.
+    InputError : there is no such part; the message lists the existing ones.
     """
     names = [part.name for part in parts]
     letter = names[0][0]
@@ -96,11 +97,11 @@ def part_number(parts: Sequence[PlacedPart], text: str, field: str) -> int:
 
 
 def view_rays(design: SensorDesign, request: RayRequest, out: Path, *, seed: int, on_step: OnStep) -> RayView:
-    """Choose presses if none are given, and find paths and powers.
+    """Trace the light paths of a request and their powers; choose the presses if none are given.
 
     Parameters
     ----------
-    out : folder of the bundles; a verdict in the design's bundle determines the most informative presses
+    out : folder of the bundles; presses are chosen from the verdict in the design's bundle, if there is one
 
     Raises
     ------
@@ -163,7 +164,10 @@ def _middle(cavity: CavityGeometry) -> tuple[float, float]:
 
 
 def _telling_presses(design: SensorDesign, pair: Pair | None, score: Path) -> tuple[tuple[Press, ...], str]:
-    """The ends of a deadband in the verdict, or else three depths; and a description of the choice."""
+    """The most informative presses, and why they were chosen.
+
+    They have the depths of both ends of a deadband in the verdict, or without a deadband three default depths.
+    """
     cavity = cavity_of(design)
     place, spans = _judged(cavity, pair, _read_score(score))
     if spans:
@@ -184,7 +188,10 @@ def _telling_presses(design: SensorDesign, pair: Pair | None, score: Path) -> tu
 def _judged(
     cavity: CavityGeometry, pair: Pair | None, score: dict[str, Any]
 ) -> tuple[tuple[float, float], list[tuple[float, float]]]:
-    """Location and deadbands of a pair, or of the pad's location of least margin, as far as there is a verdict."""
+    """Location to press [mm], and the depth intervals of the deadbands there according to the verdict.
+
+    The location is the middle between the pair's parts, or the pad's location of least margin.
+    """
     try:
         if pair is not None:
             name = pair_name(cavity, pair)
@@ -213,7 +220,7 @@ def _read_score(file: Path) -> dict[str, Any]:
 
 
 def view_lines(view: RayView) -> list[str]:
-    """The light of every press by kind, one line each."""
+    """Text with the light of every press by kind of path (mode 1, mode 2, ...), one line per press."""
     of = "of the untouched light" if view.is_aimed else "of the emitted light"
     lines = [f"light     {view.name}, powers in % {of}; presses {view.presses_are}"]
     for state in view.states:
@@ -227,7 +234,7 @@ def view_lines(view: RayView) -> list[str]:
 
 
 def view_json(view: RayView) -> dict[str, Any]:
-    """The same as plain data, without the paths."""
+    """Powers of the light under each press by kind of path, for JSON; without the paths."""
     return {
         "name": view.design.name,
         "digest": view.design.digest,
@@ -252,7 +259,7 @@ def _state_json(state: RayState, unit: float) -> dict[str, Any]:
 
 
 def paths_json(view: RayView) -> dict[str, Any]:
-    """Everything that is drawn as plain data: the legend, and the points of every path."""
+    """Content of a picture of light paths for JSON: powers, legend, and the points of every path."""
     document = view_json(view)
     cavity = cavity_of(view.design)
     for row, state in zip(document["states"], view.states, strict=True):
@@ -284,7 +291,7 @@ def _receiver_name(cavity: CavityGeometry, number: int) -> str | None:
 
 
 def caption(view: RayView) -> str:
-    """The meaning of a picture's lines and numbers."""
+    """Text that explains the lines and numbers in a picture of light paths."""
     lost = (
         "Dotted: rays that reached the receiver while the pad was untouched, followed under the press; crosses: where "
         "they end."
@@ -301,7 +308,7 @@ def caption(view: RayView) -> str:
 
 
 def write_pictures(view: RayView, out: Path) -> list[Path]:
-    """Write the picture as SVG and PNG, and its data, into the design's bundle, which stays complete; returns paths.
+    """Write the picture as SVG and PNG, and its data, into the design's bundle; returns their paths.
 
     Raises
     ------

@@ -1,6 +1,6 @@
-"""Comparison of a design with a recording of its manufactured pad; figure and numbers go into the design's bundle.
+"""Compares a design with a recording of its manufactured pad, and simulates the data set of a press protocol.
 
-Data set of a press protocol for a design's bundle: traced, simulated press by press, continued after an interruption.
+Figures, numbers and data sets are written into the design's bundle.
 """
 
 from __future__ import annotations
@@ -34,15 +34,14 @@ def data_file_name(protocol: PressProtocol, seed: int) -> str:
 def write_protocol_data(
     design: SensorDesign, protocol: PressProtocol, out: Path, *, seed: int, on_step: OnStep
 ) -> dict[str, Any]:
-    """Simulate a protocol into the bundle; returns a summary.
+    """Simulate a press protocol and write its data set into the bundle; returns a summary.
 
-    Light that was traced before is read from disk. Presses that an interrupted run of the same work had finished are
-    taken from its journal in ``out``.
+    Stored results of light tracing are reused, as are finished presses of an interrupted run of the same work.
 
     Raises
     ------
     DesignError : the design breaks a rule; nothing is written.
-    ModelScopeError : the protocol leaves the design's workspace or range.
+    ModelScopeError : a press of the protocol is outside the design's workspace, or too deep.
     OutputError : the folder cannot be written; an earlier bundle is intact.
     """
     from sims.readings.data_writer import DataWriter
@@ -86,7 +85,7 @@ def write_protocol_data(
 
 
 def data_lines(summary: dict[str, Any]) -> list[str]:
-    """The summary for people."""
+    """Text that summarises the data set, in a few lines."""
     protocol = summary["protocol"]
     lines = [
         f"protocol  {protocol['name']}: {protocol['points_per_press']} points a press, "
@@ -107,7 +106,7 @@ def data_lines(summary: dict[str, Any]) -> list[str]:
 
 @dataclass(frozen=True, kw_only=True)
 class ComparedRecording:
-    """A comparison with a recording, and the paths of its files."""
+    """A comparison of simulated and recorded presses, and the paths of its files."""
 
     press: RecordedPress
     digest: str
@@ -116,7 +115,7 @@ class ComparedRecording:
     stem: str
 
     def to_json(self) -> dict[str, Any]:
-        """Plain data for JSON."""
+        """The comparison as plain data for JSON."""
         return {
             "digest": self.digest,
             "recording": self.recording,
@@ -137,11 +136,11 @@ def compare_recording(
     seed: int,
     on_step: OnStep,
 ) -> ComparedRecording:
-    """Compare a recording with the simulated press.
+    """Compare a recording with the simulated presses of its design.
 
     Raises
     ------
-    DesignError, InputError : a refused design, recording, pair or location; nothing is written.
+    DesignError, InputError : the design, the recording, a pair or the location is invalid; nothing is written.
     """
     from optopad.plot_files import write_plot
     from sims.plots.signal import plot_recorded
@@ -171,7 +170,7 @@ def compare_recording(
 
 
 def recorded_lines(found: ComparedRecording) -> list[str]:
-    """The comparison in a few lines."""
+    """Text that summarises a comparison of simulated and recorded presses, in a few lines."""
     x_mm, y_mm = found.press.place_mm
     lines = [f"press     at x {x_mm:g}, y {y_mm:g} mm"]
     for pair in found.press.pairs:

@@ -1,4 +1,4 @@
-"""Signals of chosen presses, and the plain ray tracer for comparison on request."""
+"""Computes the signals of chosen presses, on request also by the plain ray tracer for comparison."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from sims.press import depth_schedule_mm
 from sims.readings.readout import save_dataset, signals_dataset
 
 ORACLE_DEPTHS_MM = (0.0, 0.5, 1.0, 2.0, 3.0, 4.0, 5.0)
-"""Depths of the default presses with the ray tracer, which needs seconds per state."""
+"""Depths of the default presses if the ray tracer is used [mm]; few, because it needs seconds per press."""
 
 
 def simulated(
@@ -32,12 +32,14 @@ def simulated(
     seed: int,
     on_step: OnStep,
 ) -> dict[str, Any]:
-    """Trace presses, write ``presses.nc`` (and ``oracle.nc``) into ``folder``, and summarise them.
+    """Compute the signals of presses and write ``presses.nc`` into ``folder``; returns a summary.
+
+    If the ray tracer is used, its signals are written as ``oracle.nc``.
 
     Parameters
     ----------
-    presses : rows of x, y, depth [mm]; empty for the workspace's centre at all depths
-    oracle_rays : rays per emitter and state of the ray tracer; None omits it
+    presses : rows of x, y, depth [mm]; empty for default depths at the workspace's centre
+    oracle_rays : number of the ray tracer's rays per emitter and press; None omits it
     """
     cavity = cavity_of(design)
     states = np.array(presses) if presses else _default_presses(design, cavity, oracle_rays is not None)
@@ -61,9 +63,9 @@ def simulated(
 
 
 def require_presses(design: SensorDesign, states: FloatArray) -> None:
-    """Refuse presses outside the workspace, above the surface, or deeper than the contact model covers.
+    """Raise an error for presses outside the workspace, above the surface, or deeper than the contact model covers.
 
-    states : (state, 3) x, y, depth [mm]
+    states : (press, 3) x, y, depth [mm]
     """
     space = cavity_of(design).workspace
     for x_mm, y_mm, depth_mm in states:
@@ -114,9 +116,9 @@ def _oracle(design: SensorDesign, states: FloatArray, rays: int, seed: int, on_s
 
 
 def _compared(light: LightSignals, truth: LightSignals, cavity: CavityGeometry, rays: int) -> dict[str, Any]:
-    """Difference of the fast model from the ray tracer over pairs with a direct path, in standard errors.
+    """Differences between fast model and ray tracer, in standard errors, for pairs with a straight path of light.
 
-    Light that crosses the crater in air is left out, because only the ray tracer follows it.
+    Light that crosses the air in the dent is left out, because only the ray tracer follows such light.
     """
     mask = direct_path_pairs(cavity)
     inside = truth.flux - truth.by_class["crossing"]

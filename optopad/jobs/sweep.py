@@ -1,8 +1,8 @@
-"""One field at several values: each is judged and stored in turn; table and figure are then written to the bundle.
+"""Scores a design at several values of one field, and writes table and picture to the bundle.
 
-If neighbours disagree (`sims.score.sweep.disputed`), their rows are judged again, as by `optopad score --full` or
-`--fine`, and marked. A sweep with `--fine` has the finest light already; with `--build` a row is the score of
-its bundle.
+If the scores of neighbouring values disagree (`sims.score.sweep.disputed`), they are computed again, as by `optopad
+score --full` or `--fine`, and marked. With `--fine` (the finest light) or `--build` (a bundle for each value), no score
+is computed again.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from optopad.work import FinishedWork
 from sims.score.sweep import SweepRow, disputed, sweep_row, swept_designs
 
 NAME_LIMIT = 63
-"""Longest name of a design."""
+"""Largest number of characters in a design's name."""
 
 
 def run_sweep(
@@ -38,16 +38,16 @@ def run_sweep(
     build: bool,
     on_step: OnStep,
 ) -> Sweep:
-    """Judge a design at several values of one field.
+    """Score a design at several values of one field.
 
     Parameters
     ----------
-    build : make the whole bundle of every value, with the value engraved in its mold
+    build : whether to make the whole bundle for every value, with the value engraved in the mold
 
     Raises
     ------
-    DesignError, InputError : a field or value is refused; nothing was computed.
-    OutputError : a folder cannot be written; finished values are kept if possible.
+    DesignError, InputError : a field or value is invalid; nothing was computed.
+    OutputError : a folder cannot be written; finished values are stored if possible.
     """
     variants = swept_designs(design, path, values)
     if build:
@@ -77,7 +77,7 @@ def run_sweep(
 
 
 def marked(design: SensorDesign, value: Any) -> SensorDesign:
-    """A design with a value in its name and on its mold, so that the molds of a set can be distinguished.
+    """A copy of a design with a value in its name and engraved in its mold, so that several molds can be distinguished.
 
     Raises
     ------
@@ -107,7 +107,7 @@ def _row(
 
 
 def _refined(variant: SensorDesign, row: SweepRow, kept: FinishedWork, seed: int) -> SweepRow:
-    """The row, judged again: a pad with the finer map, facing pairs with finer light."""
+    """Compute a value's score again: for a pad with the finer map, for facing rows with finer settings of light."""
     setting = FULL if row.score["judged_by"] == "pad" else FINE
     name = f"{variant.digest}-{setting}"
     earlier = kept.get(name)

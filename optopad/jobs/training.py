@@ -1,4 +1,4 @@
-"""Training: from data with known presses to model files."""
+"""Trains models on data with known presses, and writes model files."""
 
 from __future__ import annotations
 
@@ -35,24 +35,24 @@ SHOWN = {
     "held_out_depth_mm": "depth, median mm",
     "touch_held_out_right": "touch, held out",
 }
-"""Settings of a model that are shown, in words; the file's header has all of them."""
+"""Label of each setting of a model that is shown to the user; the model file contains all settings."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class TrainedModel:
-    """A model on disk.
+    """A trained model on the disk.
 
     Attributes
     ----------
     file : path of the model
-    header : data of the training, and the values that the fit chose
+    header : description of the training data, and the settings that the training chose
     """
 
     file: Path
     header: ModelHeader
 
     def to_json(self) -> dict[str, Any]:
-        """Plain data."""
+        """File and header as plain data for JSON."""
         return {
             "learner": self.header.kind,
             "file": str(self.file),
@@ -63,13 +63,13 @@ class TrainedModel:
 
 @dataclass(frozen=True, kw_only=True)
 class Training:
-    """Models, and the data that they were trained on.
+    """Trained models, and a description of their training data.
 
     Attributes
     ----------
-    models : in the order of the learners
-    facts : counts of samples, locations and presses, and of omitted data
-    notes : missing information and saturation in the data
+    models : trained models, in the order of the learners
+    facts : numbers of samples, locations and presses, and of omitted data
+    notes : sentences about missing information and saturation in the data
     """
 
     models: tuple[TrainedModel, ...]
@@ -77,7 +77,7 @@ class Training:
     notes: tuple[str, ...]
 
     def to_json(self) -> dict[str, Any]:
-        """Plain data."""
+        """The models and the description of the data as plain data for JSON."""
         return {
             "models": [one.to_json() for one in self.models],
             "data": self.facts,
@@ -85,7 +85,7 @@ class Training:
         }
 
     def lines(self) -> list[str]:
-        """Data, omitted data, and each model with its file."""
+        """The training as text: used and omitted data, then each model with its file."""
         facts = self.facts
         lines = [
             f"data      {facts['samples']} samples, {facts['touched_samples']} touched; "
@@ -125,13 +125,14 @@ def train_models(
     Parameters
     ----------
     files : data sets or recordings, .nc
-    learner : a name of the table, ``all`` for the whole table, or ``signal-map``
-    out : the model's file for one learner, or a folder; None: in the folder of the first file
+    learner : name of a learner, ``all``, or ``signal-map``, which is not part of ``all``
+    out : file of the model for one learner, or a folder; None for the folder of the first data file
     design : design of the data; its force curve is added to the models
 
     Raises
     ------
-    InputError : unknown names; data of another design, without states, too few, or without training sets.
+    InputError : a name is unknown, or the data are of another design, too few, or without known presses or training
+        sets.
     OutputError : the folder cannot be written.
     """
     learners = _learners(learner, design, effort, seed)
@@ -153,7 +154,7 @@ def train_models(
 
 
 def _learners(learner: str, design: SensorDesign | None, effort: str, seed: int) -> dict[str, Learner]:
-    """One or all learners that need only data, or the signal map if it is requested and the design is given."""
+    """The requested learners by name; the learner `signal-map` needs the design."""
     if learner == ALL:
         return dict(LEARNERS)
     if learner in LEARNERS:
@@ -170,7 +171,6 @@ def _learners(learner: str, design: SensorDesign | None, effort: str, seed: int)
 
 
 def _files(names: Sequence[str], files: Sequence[Path], out: Path | None) -> dict[str, Path]:
-    """The file of each model; the folder is created."""
     if not files:
         raise InputError("data: none given; name at least one file")
     stem = files[0].name.partition(".")[0]
@@ -204,7 +204,6 @@ def _load_curve(design: SensorDesign) -> ForceCurve:
 
 
 def _with_header(model: Any, header: ModelHeader) -> TouchModel:
-    """A copy of a model with a header; every model is a frozen dataclass with that field."""
     changed: TouchModel = replace(model, header=header)
     return changed
 

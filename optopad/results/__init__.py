@@ -1,4 +1,4 @@
-"""Results of jobs: figures as plain data, with their text, plots and form in a notebook.
+"""Results of commands and of `import optopad`: figures as plain data, with text, plots and display in a notebook.
 
-Imports of ours: design, sims, screen. Only the plots import drawing libraries.
+Imports within this repository: design, sims, screen. Only the plots import drawing libraries.
 """

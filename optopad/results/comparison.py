@@ -15,20 +15,21 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 WIDEST = 26
-"""Longest value that is shown uncut [characters]."""
+"""Largest number of characters of a field's value in a table; longer values are cut."""
 Better = Literal["lower", "higher", ""]
 
 
 @dataclass(frozen=True, kw_only=True)
 class Measure:
-    """One figure of every design.
+    """One figure (such as the deadband) of all compared designs.
 
     Attributes
     ----------
-    name, unit, better : name and unit of the figure, and which way is better; empty where neither way is
-    values : one per design; None where the figure does not exist
-    uncertainty : one per design, in the same unit
-    winner : number of the design that is better than all others by more than the uncertainties; None if there is none
+    name, unit : name and unit of the figure
+    better : "higher" or "lower"; "" if neither is better
+    values : value for each design; None if a design does not have the figure
+    uncertainty : uncertainty for each design, in the unit of the figure
+    winner : index of the design that is better than all others by more than the uncertainties; None if there is none
     """
 
     name: str
@@ -40,33 +41,33 @@ class Measure:
 
     @property
     def title(self) -> str:
-        """Name and unit."""
+        """Name and unit of the figure, as text."""
         return f"{self.name} [{self.unit}]" if self.unit else self.name
 
     def shown(self, place: int) -> str:
-        """The value of one design with its uncertainty."""
+        """The value of the design with index `place`, with its uncertainty, as text."""
         value, spread = self.values[place], self.uncertainty[place]
         if value is None:
             return "open" if self.name == "mode gap" else "-"
         return f"{value:.4g} ± {spread:.1g}" if spread else f"{value:.4g}"
 
     def cells(self) -> list[str]:
-        """The values of all designs; a star marks the winner."""
+        """The values of all designs as text; a star marks the winner."""
         return [self.shown(k) + (" *" if k == self.winner else "") for k in range(len(self.values))]
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Comparison(Result):
-    """Designs compared with each other.
+    """Result of a comparison of designs.
 
     Attributes
     ----------
-    labels, digests : one per design; the others are compared with the first
-    rows : score and shown curve of each design
-    changes : fields in which the designs differ: the value in each design, by dotted path
+    labels, digests : name and digest of each design; all others are compared with the first one
+    rows : score of each design, and its signal curve in the plot
+    changes : fields in which the designs differ, as a mapping from dotted path to the value in each design
     measures : figures of all designs
-    winner_of_verdict : number of the only design without a deadband; None otherwise, or if a verdict is undecided
-    folder, stem : folder and file stem of the written comparison
+    winner_of_verdict : index of the only design without a deadband; None otherwise, or if a verdict is undecided
+    folder, stem : folder of the written comparison, and its file name without suffix
     """
 
     labels: tuple[str, ...]
@@ -79,7 +80,10 @@ class Comparison(Result):
 
     @property
     def winner_of_verdict(self) -> int | None:
-        """Number of the only contiguous design; None if any verdict is undecided."""
+        """Index of the only design without a deadband.
+
+        None if several designs or none have no deadband, or if any verdict is undecided.
+        """
         if any(row.score["is_open"] for row in self.rows):
             return None
         safe = [number for number, row in enumerate(self.rows) if row.score["verdict"] == "CONTIGUOUS"]
@@ -97,11 +101,11 @@ class Comparison(Result):
 
     @property
     def winners(self) -> dict[str, str]:
-        """For each figure with a winner, the name of the design that is better by more than the uncertainties."""
+        """Name of the best design by each figure, if it is better than all others by more than the uncertainties."""
         return {one.name: self.labels[one.winner] for one in self.measures if one.winner is not None}
 
     def plot(self) -> Figure:
-        """Signal against depth, one panel per design."""
+        """Plot of signal against depth, one panel per design."""
         from sims.plots.style import plain_style
         from sims.plots.sweep import plot_sweep
 
@@ -138,7 +142,7 @@ class Comparison(Result):
         return block("comparison", (), table(("", *self.labels), rows), picture(self.plot, "compare"))
 
     def to_json(self) -> dict[str, Any]:
-        """Plain data for JSON."""
+        """The comparison as plain data for JSON."""
         return {
             "designs": [
                 {
@@ -170,7 +174,7 @@ class Comparison(Result):
 
 
 def labelled(designs: Mapping[str, SensorDesign] | Sequence[SensorDesign]) -> dict[str, SensorDesign]:
-    """Designs by name; designs with equal names are numbered."""
+    """Designs by name; equal names are numbered."""
     if isinstance(designs, Mapping):
         return dict(designs)
     names = [design.name for design in designs]
@@ -182,7 +186,7 @@ def labelled(designs: Mapping[str, SensorDesign] | Sequence[SensorDesign]) -> di
 
 
 def shown_value(value: Any) -> str:
-    """A field's value, or a label, as text; a long one is cut."""
+    """A field's value as text, cut if it is long."""
     text = f"{value:g}" if isinstance(value, float) else str(value)
     return text if len(text) <= WIDEST else f"{text[: WIDEST - 3]}..."
 

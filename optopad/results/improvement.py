@@ -1,4 +1,4 @@
-"""The result of an improvement: the design before, better designs, and the nearest design if none is better."""
+"""The result of `optopad improve`: the original design, better designs, or the nearest design if none is better."""
 
 from __future__ import annotations
 
@@ -17,19 +17,20 @@ from sims.score.result import ContinuityScore
 
 Figures = dict[str, float | None]
 WHOLE = 12
-"""Number of lines that no text exceeds, so that nothing is cut."""
+"""Largest number of lines for one text of the result, large enough that no text is cut."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Alternative:
-    """A verified design that is better than the one before.
+    """A verified design that is better than the original.
 
     Attributes
     ----------
-    kind : the quantity in which it is best
-    changes : new values by dotted path
-    design, file : the design, and its file in the folder
-    figures, score : figures of the search, and the result of `optopad score`
+    kind : the quantity in which the design is best
+    changes : new values of the changed fields, by dotted path
+    design, file : the design, and the name of its file
+    figures : figures from the search, with its coarse light model
+    score : result of `optopad score`
     """
 
     kind: Kind
@@ -42,13 +43,14 @@ class Alternative:
 
 @dataclass(frozen=True, kw_only=True)
 class Nearest:
-    """The best of the designs that were scored with full light, if none is better than the design before.
+    """The best of the scored designs, reported if none is better than the original.
 
     Attributes
     ----------
-    changes : new values by dotted path
-    judged, score : figures of the search, and the result of `optopad score`
-    at_ends : fields that are at an end of their range
+    changes : new values of the changed fields, by dotted path
+    judged : figures from the search, with its coarse light model
+    score : result of `optopad score`
+    at_ends : dotted paths of the fields whose value is at an end of its range
     """
 
     changes: dict[str, Any]
@@ -57,7 +59,7 @@ class Nearest:
     score: ContinuityScore
 
     def to_json(self) -> dict[str, Any]:
-        """Plain data for JSON."""
+        """The best scored design, if none is better than the original, as plain data for JSON."""
         return {
             "changes": self.changes,
             "figures": self.judged.figures,
@@ -75,11 +77,12 @@ class Improvement(Result):
 
     Attributes
     ----------
-    design, before, figures : the design, its score, and its figures from the search
-    alternatives : better designs, at most one of each kind
-    nearest : the design that came nearest, if there are no alternatives
-    tried, judged_again : designs judged by the search's quick light, and designs judged again as a score judges
-    folder : folder with their files
+    design, before, figures : the original design, its score, and its figures from the search
+    alternatives : better designs, at most one for each quantity to improve
+    nearest : the best scored design if there are no alternatives; else None
+    tried : number of designs in the search, which uses a coarse setting of the light model
+    judged_again : number of designs that were scored
+    folder : folder with all files
     is_interrupted : whether the search was stopped before its end
     """
 
@@ -95,7 +98,7 @@ class Improvement(Result):
 
     @property
     def designs(self) -> tuple[SensorDesign, ...]:
-        """The alternatives; empty if no design in reach is better."""
+        """The alternatives' designs; empty if the search found no better design."""
         return tuple(one.design for one in self.alternatives)
 
     @property
@@ -105,7 +108,7 @@ class Improvement(Result):
 
     @property
     def changes(self) -> tuple[dict[str, Any], ...]:
-        """New values of each alternative by dotted path."""
+        """New values of the changed fields of each alternative, by dotted path."""
         return tuple(one.changes for one in self.alternatives)
 
     @property
@@ -120,11 +123,11 @@ class Improvement(Result):
 
     @property
     def page(self) -> Path:
-        """The page with the design before and the alternatives."""
+        """The page with the original design and the alternatives."""
         return self.folder / "report.html"
 
     def to_json(self) -> dict[str, Any]:
-        """Plain data for JSON."""
+        """The improvement as plain data for JSON."""
         return {
             "before": {**self.before.to_dict(), "search_figures": self.figures},
             "alternatives": [
@@ -145,7 +148,7 @@ class Improvement(Result):
         }
 
     def lines(self) -> list[str]:
-        """The design before, up to four alternatives with costs, and the next command, as `optopad improve` prints."""
+        """Text of `optopad improve`: the original design, up to four alternatives with costs, and the next command."""
         judged = f"; {self.tried} designs judged, {self.judged_again} of them at score accuracy"
         lines = row("design", f"{self.design.name} ({self.design.digest[:8]}){judged}", WHOLE)
         lines += row("before", answer_of(self.design, self.before.found).verdict, WHOLE)
@@ -163,7 +166,6 @@ class Improvement(Result):
         return [*lines, labelled("report", str(self.folder / "report.html")), *self._next()]
 
     def _next(self) -> list[str]:
-        """The next command, or how to search further; empty after a search that was interrupted."""
         if self.is_interrupted:
             return []
         if self.alternatives:
@@ -173,7 +175,6 @@ class Improvement(Result):
         return row("next", "widen a range with --vary FIELD=A:B, allow --more-parts, or raise --budget")
 
     def _resolution(self, one: Alternative) -> str:
-        """Verdict, confidence and margin from the score's light; the bound of the location from the search's."""
         said = answer_of(one.design, one.score)
         parts = [verdict_words(one.score), said.sure.partition(":")[0]]
         parts.append(
@@ -185,7 +186,6 @@ class Improvement(Result):
         return "; ".join(part for part in parts if part)
 
     def _nearest(self) -> list[str]:
-        """The best design that was judged, and the reason why it is not better."""
         none = "no better design" if self.before.verdict == "DEADBAND" else "no significantly better design"
         lines = row("none", f"{none} among {self.tried}", WHOLE)
         nearest = self.nearest

@@ -1,4 +1,4 @@
-"""A predicted accuracy: the errors of touch, location and depth by model and test set, the bound, published figures."""
+"""The result of a prediction or evaluation: errors of touch, location and depth by model and test set, with bounds."""
 
 from __future__ import annotations
 
@@ -31,22 +31,22 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 FALSE_ALARM_LIMIT = 0.05
-"""Share of untouched frames classified as touched above which a classifier is a finding [-]."""
+"""Fraction of untouched frames that are classified as touched, above which a finding is reported [-]."""
 LEAST_FOUND = 0.95
-"""Share of the presses of the touch table's last row, 1 mm deep, below which a classifier is a finding [-]."""
+"""Fraction of presses 1 mm deep that are detected as touch, below which a finding is reported [-]."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class ModelAccuracy:
-    """One model on one test set.
+    """Accuracy of one model on one test set.
 
     Attributes
     ----------
     learner : kind of the model, as `kernel-ridge`
-    test_set : name of the set
-    is_ambient : whether the set was recorded in ambient light
-    presses : samples and the model's estimates
-    touch, errors : tables of the classification of touch, and of the errors
+    test_set : name of the test set
+    is_ambient : whether the test set was recorded in ambient light
+    presses : true presses and the model's estimates
+    touch, errors : tables of the classification of touch, and of the errors of location and depth
     """
 
     learner: str
@@ -64,16 +64,16 @@ class ModelAccuracy:
 
 @dataclass(frozen=True, kw_only=True)
 class Accuracy:
-    """All models on all test sets.
+    """Accuracy of all models on all test sets.
 
     Attributes
     ----------
-    name, digest : of the design; the digest is None if a recording does not state it
-    found : results in the order of models, then of sets
-    bound_mm : depth to the Cramér-Rao bound of location and of depth, standard deviations [mm]; infinite where the
-        numerical error of the light model leaves it undecided; empty if no bound was requested
+    name, digest : name and digest of the design; the digest is None if a recording does not contain it
+    found : results, ordered by model, then by test set
+    bound_mm : Cramér-Rao bounds by depth: standard deviations of location and of depth [mm]. Infinite if the numerical
+        error of the light model leaves a bound undecided; empty if no bounds were computed
     published : published figures of the same sensor; None for other sensors
-    notes : how the prediction was made, and its assumptions
+    notes : sentences about the method and its assumptions
     settings : plain data: seeds, protocol, samples
     """
 
@@ -91,7 +91,7 @@ class Accuracy:
         return tuple(dict.fromkeys(one.learner for one in self.found))
 
     def findings(self) -> tuple[str, ...]:
-        """Depths where touch is not classified well, the cause as far as it is known, and a fix; often empty."""
+        """Sentences on depths at which touch is often misclassified, with cause and fix; empty if there are none."""
         return tuple(
             text for learner, one in self.pooled().items() for text in self._findings_of(learner, one)
         )
@@ -120,7 +120,7 @@ class Accuracy:
         return made
 
     def pooled(self) -> dict[str, ModelAccuracy]:
-        """Results of every model over all of its test sets."""
+        """Results of each model on all test sets together; the key is the model's name."""
         return {
             learner: accuracy_of(
                 learner, "all test sets", True, [one.presses for one in self.found if one.learner == learner]
@@ -129,7 +129,7 @@ class Accuracy:
         }
 
     def to_json(self) -> dict[str, Any]:
-        """Plain data; `touch` and `errors` are the results of the first model over all test sets."""
+        """The accuracy as plain data; `touch` and `errors` are the first model's results over all test sets."""
         pooled = self.pooled()
         first = next(iter(pooled.values()))
         return {
@@ -190,7 +190,7 @@ def _why_missed(learner: str) -> str:
 def accuracy_of(
     learner: str, test_set: str, is_ambient: bool, presses: Sequence[JudgedPresses]
 ) -> ModelAccuracy:
-    """Tables of one model on one test set, from one draw of it or several."""
+    """Accuracy of one model on one test set, from one or several random draws of that set."""
     together = joined(presses)
     return ModelAccuracy(
         learner=learner,
@@ -203,7 +203,7 @@ def accuracy_of(
 
 
 def accuracy_lines(found: Accuracy) -> list[str]:
-    """Findings first, then the tables as text, each model over all test sets."""
+    """The accuracy as text: findings first, then a table of each model over all test sets together."""
     lines = [f"finding   {text}" for text in found.findings()]
     for learner, one in found.pooled().items():
         lines += [f"{learner}", *_touch_lines(one.touch, found.published), *_error_lines(one.errors, found)]
@@ -245,7 +245,7 @@ def _spread(one: Spread) -> str:
 
 
 def bound_text(bound_mm: float) -> str:
-    """A bound as text; it is infinite where the numerical error of the light model leaves it undecided."""
+    """A Cramér-Rao bound [mm] as text. An infinite bound is undecided, due to numerical error of the light model."""
     return f"{bound_mm:.3f}" if math.isfinite(bound_mm) else "open"
 
 
@@ -264,13 +264,13 @@ def _medians(row: ErrorRow) -> dict[str, Any]:
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Prediction:
-    """The accuracy that the paper's data collection would give on this pad.
+    """The predicted accuracy of a pad whose models are trained on the paper's data collection.
 
     Attributes
     ----------
-    design : the design that was pressed
-    found : tables of every model and test set (`optopad.results.prediction.Accuracy`)
-    folder : the bundle, with page, pictures and trained models
+    design : the design of the pad
+    found : tables of errors for every model and test set
+    folder : folder of the bundle with page, pictures and trained models
     """
 
     design: SensorDesign
@@ -279,7 +279,7 @@ class Prediction:
 
     @property
     def touch(self) -> xr.DataArray:
-        """(learner, depth) fraction of samples that are classified correctly as touched or untouched [-]."""
+        """(learner, depth) fraction of samples that are correctly classified as touched or untouched [-]."""
         import xarray as xr
 
         pooled = self.found.pooled()
@@ -291,7 +291,7 @@ class Prediction:
 
     @property
     def errors(self) -> xr.Dataset:
-        """Medians of the location and depth error over (learner, depth) [mm]; NaN where there are no samples."""
+        """Median errors of location and of depth, each (learner, depth) [mm]; NaN where there are no samples."""
         import xarray as xr
 
         pooled = self.found.pooled()
@@ -312,16 +312,16 @@ class Prediction:
 
     @property
     def models(self) -> dict[str, Path]:
-        """Files of the trained models by learner; the driver reads them."""
+        """Files of the trained models by learner, for `fabrication.driver.touch_reader`."""
         files = {name: self.folder / "sims" / "models" / f"{name}.optomodel" for name in self.found.learners}
         return {name: file for name, file in files.items() if file.is_file()}
 
     def to_dict(self) -> dict[str, Any]:
-        """The same data as `optopad predict --json`."""
+        """The data that `optopad predict --json` prints."""
         return self.found.to_json()
 
     def plot_errors(self) -> Figure:
-        """Errors of location and depth against depth, with the bound if it was computed."""
+        """Plot of the errors of location and depth against depth, with the bound if it was computed."""
         from sims.plots.accuracy import plot_errors
         from sims.plots.style import plain_style
 
@@ -330,7 +330,7 @@ class Prediction:
             return plot_errors(rows, self.found.bound_mm)
 
     def plot_touch(self) -> Figure:
-        """Fraction of correctly classified samples against depth."""
+        """Plot of the fraction of correctly classified samples against depth."""
         from sims.plots.accuracy import plot_touch
         from sims.plots.style import plain_style
 

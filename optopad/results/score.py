@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Checked:
-    """Findings of the design rules; errors stop a design, warnings do not.
+    """Findings of the design rules. A design with errors cannot be made or scored; warnings do not prevent it.
 
     Attributes
     ----------
@@ -37,17 +37,17 @@ class Checked:
 
     @property
     def errors(self) -> tuple[Finding, ...]:
-        """Findings that stop the design."""
+        """Findings that prevent the design from being made or scored."""
         return tuple(one for one in self.findings if one.severity == "error")
 
     @property
     def warnings(self) -> tuple[Finding, ...]:
-        """Findings that do not stop the design."""
+        """Findings that do not prevent the design from being made or scored."""
         return tuple(one for one in self.findings if one.severity == "warning")
 
     @property
     def ok(self) -> bool:
-        """Whether nothing stops the design."""
+        """Whether there are no errors."""
         return not self.errors
 
     def __repr__(self) -> str:
@@ -70,7 +70,7 @@ class Score(KeyFigures):
     Attributes
     ----------
     design : the design that was scored
-    found : the whole score (`sims.score.ContinuityScore`): pairs, map, bounds and tolerance
+    found : the whole score: pairs, map, bounds and effects of tolerances
     """
 
     design: SensorDesign
@@ -82,21 +82,21 @@ class Score(KeyFigures):
 
     @property
     def deadband_mm(self) -> float:
-        """Summed length of the deadbands [mm]."""
+        """Sum of the deadbands' extents in depth [mm]."""
         return self.found.deadband_total_mm
 
     @property
     def pairs(self) -> tuple[str, ...]:
-        """Names of the judged pairs."""
+        """Names of the pairs for which the score reports modes and deadbands."""
         return tuple(pair.name for pair in self.found.pairs)
 
     def to_dict(self) -> dict[str, Any]:
-        """The same data as `score.json` of a bundle."""
+        """The data of `score.json` in a bundle."""
         return self.found.to_json()
 
     @cached_property
     def maps(self) -> xr.Dataset:
-        """Everything that is known at each location: deadbands, bounds, detection threshold; as `maps.nc` of a bundle.
+        """Deadbands, bounds and detection threshold at each location; the data of `maps.nc` in a bundle.
 
         Raises
         ------
@@ -108,7 +108,7 @@ class Score(KeyFigures):
 
     @cached_property
     def signals(self) -> xr.Dataset:
-        """Light of the map's presses, by state, emitter and receiver; the same as `signals.nc` of a bundle.
+        """Light under the map's presses, (state, emitter, receiver), a state being a press; as in `signals.nc`.
 
         Raises
         ------
@@ -122,25 +122,27 @@ class Score(KeyFigures):
         return signals_dataset(light, cavity_of(self.design), counts_per_flux=readout.counts_per_flux)
 
     def plot_signal(self, pair: str | None = None, ax: Axes | None = None) -> Axes:
-        """Signal of a pair against depth, with its modes and deadbands; without a name, of the governing pair.
+        """Plot the signal of a pair against depth, with its modes and deadbands.
+
+        pair : name of the pair; None for the governing pair, whose deadband decides the verdict
 
         Raises
         ------
-        InputError : no judged pair has this name.
+        InputError : the score has no pair of this name.
         """
         from sims.plots.signal import plot_signal
 
         return drawn(lambda own: plot_signal(self._pair(pair), own), ax, 3.6)
 
     def plot_pairs(self, ax: Axes | None = None) -> Axes:
-        """Modes and deadbands of every judged pair."""
+        """Plot the depths of modes and deadbands of every pair in `pairs`."""
         from sims.plots.style import plot_spans
 
         pairs = self._answered().pairs
         return drawn(lambda own: plot_spans(pairs, own), ax, 1.0 + 0.22 * len(self.pairs))
 
     def plot_map(self, ax: Axes | None = None) -> Axes:
-        """Deadband at each location of the pad."""
+        """Plot the deadband at each location of the pad."""
         from sims.plots.maps import plot_deadband_map
 
         found = self._answered().pad_map
@@ -148,7 +150,7 @@ class Score(KeyFigures):
         return drawn(lambda own: plot_deadband_map(found, cavity_of(self.design), own), ax, 4.8)
 
     def plot_margin(self, ax: Axes | None = None) -> Axes:
-        """Margin of each location of the pad over the deadband limit, in noise standard deviations."""
+        """Plot the signal's margin over the deadband limit at each location, in standard deviations of the noise."""
         from sims.plots.maps import plot_margin_map
 
         found = self._answered().pad_map
@@ -156,7 +158,7 @@ class Score(KeyFigures):
         return drawn(lambda own: plot_margin_map(found, cavity_of(self.design), own), ax, 4.8)
 
     def plot_tolerance(self, ax: Axes | None = None) -> Axes:
-        """Deadband of the governing pair at both ends of every unmeasured parameter's band."""
+        """Plot the deadband of the governing pair at both ends of every unmeasured parameter's uncertainty band."""
         from sims.plots.tolerance import plot_tolerance
 
         band = self._answered().tolerance
@@ -175,7 +177,6 @@ class Score(KeyFigures):
         return block(head, rest, picture(self._sheet, f"score-{self.design.digest[:8]}"))
 
     def _sheet(self) -> Figure:
-        """The signal of the governing pair on its own figure, which no window shows."""
         from matplotlib.figure import Figure
 
         sheet = Figure(figsize=(WIDTH_IN, 3.6), layout="constrained")
@@ -191,7 +192,6 @@ class Score(KeyFigures):
         raise InputError(f"plot_signal: {wanted!r} is no judged pair; there are {', '.join(self.pairs)}")
 
     def _answered(self) -> ContinuityScore:
-        """The whole score; raises InputError if the models do not cover the design."""
         if self.found.pad_map is None or not self.found.pairs:
             raise InputError(f"{self.design.name}: nothing was computed, {self.reason or 'a verdict only'}")
         return self.found
@@ -203,9 +203,9 @@ class Bundle:
 
     Attributes
     ----------
-    folder : the bundle's folder
+    folder : path of the bundle
     score : the verdict
-    checks : the mold's checks, as in `cad/checks.json`
+    checks : results of the mold's checks, as in `cad/checks.json`
     """
 
     folder: Path
@@ -214,17 +214,17 @@ class Bundle:
 
     @property
     def report(self) -> Path:
-        """The report page with all results."""
+        """Path of the report page with all results."""
         return self.folder / "report.html"
 
     @property
     def driver(self) -> Path:
-        """The configuration that `fabrication.driver.Sensor` takes."""
+        """Path of the driver configuration, which `fabrication.driver.Sensor` reads."""
         return self.folder / "fabrication" / "driver.toml"
 
     @property
     def files(self) -> tuple[Path, ...]:
-        """Every file of the bundle."""
+        """Paths of all files in the bundle."""
         return tuple(sorted(path for path in self.folder.rglob("*") if path.is_file()))
 
     def __repr__(self) -> str:

@@ -1,6 +1,6 @@
-"""How results are shown: as text on the command line; in a notebook as a headline, a small table and a picture.
+"""Display of results: as text on the command line; in a notebook as a headline, a small table and a picture.
 
-The result of a search.
+The module also contains the result of `optopad explore`.
 """
 
 from __future__ import annotations
@@ -26,16 +26,16 @@ WIDTH_IN = 6.4
 
 
 class Result(ABC):
-    """A result that prints the same text as the command line."""
+    """Base class of results, which print the same text as the command line."""
 
     @property
     def found(self) -> Self:
-        """This result; scripts for earlier versions use it to reach the figures."""
+        """This result itself; scripts for earlier versions use this attribute."""
         return self
 
     @abstractmethod
     def to_json(self) -> dict[str, Any]:
-        """Plain data for JSON."""
+        """The result as plain data for JSON."""
 
     def to_dict(self) -> dict[str, Any]:
         """The data that the command line prints with ``--json``."""
@@ -50,20 +50,20 @@ class Result(ABC):
 
 
 def block(title: str, lines: Iterable[str], *parts: str) -> str:
-    """A headline, lines below it, then finished HTML."""
+    """HTML that shows a result in a notebook: a headline, lines of text, then the HTML pieces `parts`."""
     text = "".join(f"<div>{escape(line)}</div>" for line in lines)
     return f"<div><strong>{escape(title)}</strong>{text}{''.join(parts)}</div>"
 
 
 def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    """A table of texts."""
+    """HTML of a table of texts, with a row of headings."""
     top = "".join(f"<th>{escape(cell)}</th>" for cell in head)
     body = "".join("<tr>" + "".join(f"<td>{escape(cell)}</td>" for cell in row) + "</tr>" for row in rows)
     return f"<table><thead><tr>{top}</tr></thead><tbody>{body}</tbody></table>"
 
 
 def picture(draw: Callable[[], Figure], salt: str) -> str:
-    """A figure as SVG inside a page, in the style of the plots."""
+    """HTML with a figure as SVG, in the style of the plots; `salt` makes the SVG's identifiers unique."""
     from sims.plots.style import plain_style, svg_text
 
     with plain_style():
@@ -71,7 +71,7 @@ def picture(draw: Callable[[], Figure], salt: str) -> str:
 
 
 def drawn(draw: Callable[[Axes], Axes], ax: Axes | None, height_in: float) -> Axes:
-    """The given axes, or those of a new pyplot figure, which a notebook shows and `plt.show()` opens."""
+    """Draw into the given axes, or if `ax` is None into a new pyplot figure, and return the axes."""
     from sims.plots.style import plain_style
 
     with plain_style():
@@ -83,26 +83,29 @@ def drawn(draw: Callable[[Axes], Axes], ax: Axes | None, height_in: float) -> Ax
 
 
 def number(value: float | None, digits: int = 2, missing: str = "-") -> str:
-    """A number as text; `missing` for None."""
+    """A number as text with `digits` decimals, or `missing` for None."""
     return missing if value is None else f"{value:.{digits}f}"
 
 
 QUICK_ERRORS = {"draft": 3.0, "search": 2.0, "score": 0.0}
-"""Largest difference from the score's margins, by the accuracy of a search [noise units]. In search mode it was 1.94
-on 13 pads (docs/how-to/search-layouts.md), and 0.86 without one of them. With draft light it was 2.9 on four pads
-of 4 + 4 parts. The largest difference of so few pads is no bound."""
+"""Assumed error of a margin in a search [noise standard deviations], by setting of the light model.
+
+The values round up the largest observed errors: 1.94 for `search` on 13 pads (docs/how-to/search-layouts.md), 2.9 for
+`draft` on four pads of 4 + 4 parts. Other pads may have larger ones.
+"""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Search:
-    """The result of a search.
+    """The result of a search for better designs.
 
     Attributes
     ----------
-    folder : folder with tables, designs and page
+    folder : folder with tables, design files and page
     findings : designs and figures that the search found
-    files : design file of each design on the front, relative to the folder
-    importance : share of each field by objective; empty if too few designs were judged
+    files : design file of each design on the Pareto front, relative to the folder
+    importance : for each objective, each field's share of the objective's variation [-]; empty if the search evaluated
+        too few designs
     """
 
     folder: Path
@@ -112,16 +115,19 @@ class Search:
 
     @property
     def base_headline(self) -> str:
-        """The base design's verdict as a score words it."""
+        """The base design's verdict in the words of `optopad score`."""
         return self._headline(self.findings.base, self.findings.space.base)
 
     def headline(self, one: Tried) -> str:
-        """A design's verdict as a score words it; undecided if the search's light may err; empty without a verdict."""
+        """A design's verdict in the words of `optopad score`; empty if the design has no verdict.
+
+        The verdict is undecided if the error of the search's light model may change it.
+        """
         design = self.findings.space.design_at(one.parameters) if one.judged.verdict else None
         return self._headline(one.judged, design)
 
     def is_open(self, judged: Judged) -> bool:
-        """Whether the error of the search's light may change the verdict."""
+        """Whether a design's verdict is undecided, because the error of the search's light model may change it."""
         margin = judged.figures.get("margin")
         error = QUICK_ERRORS[self.findings.space.accuracy]
         return margin is not None and abs(margin - DEADBAND_THRESHOLD) < error

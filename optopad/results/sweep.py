@@ -1,4 +1,4 @@
-"""A design at several values of one field: rows, table, picture."""
+"""The result of a sweep, which scores a design at several values of one field: scores, table, picture."""
 
 from __future__ import annotations
 
@@ -26,24 +26,24 @@ FIGURES = (
     "untouched_flux",
     "resolvable_steps",
 )
-"""Figures of a sweep that are numbers."""
+"""Names of the figures in a sweep that are numbers."""
 
 
 FULL, FINE = "full", "fine"
-"""Settings of `optopad score` by which rows in dispute are judged again."""
+"""Settings of `optopad score` (`--full`, `--fine`) for repeating scores of neighbouring values that disagree."""
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Sweep(Result):
-    """A design at several values of one field.
+    """Scores of a design at several values of one field.
 
     Attributes
     ----------
     field : dotted path of the field
-    rows : in the order of the values
-    taken_up : number of rows that an interrupted run had finished
-    folder : the bundle with the table and the figure
-    bundles : with ``--build``, the bundle of each value
+    rows : scores, in the order of the values
+    taken_up : number of scores that were taken from an interrupted run
+    folder : bundle with the table and the picture
+    bundles : bundle of each value; empty without ``--build``
     """
 
     field: str
@@ -54,24 +54,24 @@ class Sweep(Result):
 
     @property
     def values(self) -> tuple[Any, ...]:
-        """Values of the field, in order."""
+        """Values of the swept field, in the order of the request."""
         return tuple(row.value for row in self.rows)
 
     @property
     def verdicts(self) -> tuple[str, ...]:
-        """Verdict at each value."""
+        """Verdict at each value of the swept field."""
         return tuple(row.score["verdict"] for row in self.rows)
 
     @property
     def headlines(self) -> tuple[str, ...]:
-        """Verdict at each value as `optopad score` words it, with usable depth; undecided verdicts are marked."""
+        """Verdict and usable depth at each value, in the words of `optopad score`; undecided verdicts are marked."""
         return tuple(row.headline for row in self.rows)
 
     @property
     def table(self) -> xr.Dataset:
-        """Figures over the field's values, whose coordinate has the field's dotted path as its name.
+        """Figures as a data set over the values; the coordinate's name is the field's dotted path.
 
-        Figures that do not exist are NaN. Lengths are in mm; light is over emitted power.
+        Figures that do not exist for a value are NaN. Lengths are in mm, and light is a fraction of the emitted power.
         """
         import xarray as xr
 
@@ -91,14 +91,14 @@ class Sweep(Result):
         return xr.Dataset(columns, coords={self.field: list(self.values)}, attrs={"field": self.field})
 
     def to_json(self) -> dict[str, Any]:
-        """Plain data for JSON."""
+        """The sweep as plain data for JSON."""
         document: dict[str, Any] = {"field": self.field, "rows": [row.to_json() for row in self.rows]}
         if self.bundles:
             document["bundles"] = [str(folder) for folder in self.bundles]
         return document
 
     def to_csv(self) -> str:
-        """The table as CSV; undecided or unknown entries are empty."""
+        """The table of the sweep as CSV; undecided or unknown entries are empty."""
         text = io.StringIO()
         writer = csv.writer(text, lineterminator="\n")
         writer.writerow([self.field, *COLUMNS])
@@ -110,7 +110,7 @@ class Sweep(Result):
         return text.getvalue()
 
     def plot(self) -> Figure:
-        """Signal against depth, one panel per value."""
+        """Plot of signal against depth, one panel per value of the swept field."""
         from sims.plots.style import plain_style
         from sims.plots.sweep import plot_sweep
 
@@ -194,12 +194,16 @@ COLUMNS = (
     "swing",
     "resolvable_steps",
 )
-"""Columns of the table after the value. Verdict, deadband and usable depth, with its range by the light model's
-numerical error, are the design's; those after `shown_pair` are that pair's, loads at the ends of the modulus's band."""
+"""Columns of the table after the column of values.
+
+Columns up to `shown_pair` are figures of the design, later columns those of the pair in the plot. The usable depth also
+has the range that the numerical error of the light model causes. Loads are given at both ends of the uncertainty band
+of Young's modulus.
+"""
 
 
 def table_row(row: SweepRow) -> dict[str, Any]:
-    """The table's columns of a row by name."""
+    """One row of the sweep's table, as a mapping from the column's name to the value."""
     score = row.score
     cells: dict[str, Any] = {
         "verdict": score["verdict"],

@@ -1,11 +1,12 @@
 """The sentences of a verdict: result, cause, fix, confidence, resolution, and the tool that measures a parameter.
 
-The tools are listed by kind of quantity, coarsest first, each with its resolution. A calliper reads 0.01 or 0.02 mm and
-is 0.05 mm off on small or soft bodies; a measuring microscope is good to 0.01 mm. A calibration's resolution is the
-error of fitted values over ten simulated units of thirty presses (docs/validation/calibration.md), rounded up; on a
-manufactured unit the error may be larger. The other tools are usual ones of an optics bench, by order of magnitude.
+The tools are listed by kind of quantity, coarsest first, each with its resolution. A calliper has a resolution of 0.01
+or 0.02 mm, but errs by 0.05 mm on small or soft bodies. A measuring microscope is accurate to 0.01 mm. The resolution
+of a calibration is the error of fitted values in ten simulated calibrations with thirty presses each
+(docs/validation/calibration.md), rounded up; on a manufactured unit the error may be larger. The other tools are common
+in optics laboratories; their resolutions are given to an order of magnitude.
 
-Numbers are written as on the page: depths to the hundredth of a millimetre, undecided ends as words.
+Numbers have the same form as on the report page: depths to 0.01 mm, undecided limits as words.
 """
 
 from __future__ import annotations
@@ -32,34 +33,34 @@ Interval = tuple[float, float]
 
 
 def depth(value_mm: float | None, absent: str = "open") -> str:
-    """A depth without its unit."""
+    """A depth [mm] as text without unit; `absent` for None."""
     return absent if value_mm is None else f"{value_mm:.2f}"
 
 
 def signed(value_mm: float | None, absent: str = "open") -> str:
-    """A mode gap without its unit, always with its sign."""
+    """A length with a sign [mm], such as the gap between two modes, as text without unit; `absent` for None."""
     return absent if value_mm is None else f"{value_mm:+.2f}".replace("-", "\N{MINUS SIGN}")
 
 
 def spans(intervals_mm: Iterable[Interval], absent: str = "none", between: str = " to ") -> str:
-    """Depth intervals without their unit."""
+    """Depth intervals [mm] as text without unit; `absent` if there are none."""
     return ", ".join(f"{start:.2f}{between}{end:.2f}" for start, end in intervals_mm) or absent
 
 
 def ends(low: float, high: float) -> str:
-    """Both ends of a band as text."""
+    """Both ends of an uncertainty band as text."""
     return f"{low:.3g} to {high:.3g}"
 
 
 def counted(count: int, one: str, many: str | None = None) -> str:
-    """A number with its noun."""
+    """A number with its noun, in singular or plural."""
     return f"{count} {one if count == 1 else many or one + 's'}"
 
 
 USABLE_DOUBT_MM = 0.2
-"""Width of the usable depth's range from which on the range is reported."""
+"""Width of the usable depth's uncertainty range at and above which the range is reported [mm]."""
 LEAST_SHARE = 0.01
-"""Smaller shares are reported as "less than" this value."""
+"""Least fraction that is reported as a number [-]; smaller ones are "less than" it."""
 UNITS = (
     ("_mm", " mm"),
     ("_deg", "°"),
@@ -79,16 +80,16 @@ NAMES = {
 
 @dataclass(frozen=True, kw_only=True)
 class Answer:
-    """A verdict in sentences; sentences without content are empty.
+    """A verdict in sentences; a sentence that does not apply is empty.
 
     Attributes
     ----------
     verdict : the verdict, with the location and the depths that decide it
-    why : the mechanism of the worst interval that is not resolved; the margin of a pad without such an interval
-    fix : the moves that a trial found to help, with the verdict that was traced with them
-    sure : the confidence: whether an unmeasured parameter, or the numerical error of the light model, changes the
-        verdict, and which parameter to measure how well
-    worth : the resolution: the Cramér-Rao bound of one frame, for noise alone and near the true press
+    why : the mechanism of the worst deadband; for a pad without a deadband, its margin
+    fix : changes of the design that help according to a trial computation, and the verdict with them
+    sure : the confidence: whether an unmeasured parameter or the numerical error of the light model changes the
+        verdict, and how accurately to measure which parameter
+    worth : the resolution: the Cramér-Rao bound for one frame, due to noise alone
     """
 
     verdict: str
@@ -99,7 +100,7 @@ class Answer:
 
 
 def answer_of(design: SensorDesign, score: ContinuityScore) -> Answer:
-    """The sentences of a score."""
+    """The sentences that report a design's score: verdict, cause, fix, confidence and resolution."""
     if score.verdict == "OUT_OF_MODEL_SCOPE":
         return Answer(verdict=f"OUT_OF_MODEL_SCOPE: {score.reason}", why="", fix="", sure="", worth="")
     return Answer(
@@ -112,7 +113,10 @@ def answer_of(design: SensorDesign, score: ContinuityScore) -> Answer:
 
 
 def verdict_words(score: ContinuityScore) -> str:
-    """The headline, with the range of the usable depth that the numerical error of the light model leaves."""
+    """The headline of a score: verdict and usable depth.
+
+    The usable depth has an uncertainty range, due to the numerical error of the light model.
+    """
     asked = None if score.force is None else float(score.force.depth_mm[-1])
     depth = score.usable_depth_mm
     words = headline(score.verdict, is_open=score.is_open, usable_mm=depth, asked_mm=asked)
@@ -154,14 +158,12 @@ def _verdict(design: SensorDesign, score: ContinuityScore) -> str:
 
 
 def _other_pairs(count: int, every: int) -> str:
-    """A clause with the number of further pairs that have a deadband; empty if there are none."""
     if not count:
         return ""
     return f"; {count} more of {every} pairs {'has a deadband' if count == 1 else 'have deadbands'}, too"
 
 
 def _margin(score: ContinuityScore) -> str:
-    """The margin of a pad that resolves depth everywhere, and the location of the least margin."""
     if score.pad_map is None or score.is_facing_rows:
         return ""
     weakest = score.pad_map.weakest
@@ -173,14 +175,13 @@ def _margin(score: ContinuityScore) -> str:
 
 
 def _why(score: ContinuityScore) -> str:
-    """The mechanism of the worst interval, and a note if no move fixes it; without such an interval, the margin."""
     if not score.causes:
         return _margin(score)
     return "; ".join(filter(None, [cause_sentence(score.causes[0]), no_fix_words(score.trial)]))
 
 
 def cause_sentence(cause: Cause) -> str:
-    """The mechanism by name, and the missing light or change of signal."""
+    """Sentence with the mechanism of a deadband, and how much light or change of signal is missing."""
     typical = cause.typical
     if typical is None:
         return "no pair near: no line from an emitter to a receiver passes under the tip"
@@ -232,7 +233,6 @@ def _sure(design: SensorDesign, score: ContinuityScore) -> str:
 
 
 def _none_changes(count: int) -> str:
-    """A statement that no unmeasured parameter changes the verdict on its own."""
     match count:
         case 0:
             return "no unmeasured parameter has an uncertainty band"
@@ -243,14 +243,12 @@ def _none_changes(count: int) -> str:
 
 
 def _without_band(count: int) -> str:
-    """A clause with the number of parameters that have no uncertainty band; empty if there are none."""
     if not count:
         return ""
     return f"; {counted(count, 'parameter has', 'parameters have')} no uncertainty band"
 
 
 def _doubtful(score: ContinuityScore) -> str:
-    """The pair or the location for which the verdict is undecided."""
     if score.is_facing_rows or score.pad_map is None:
         named = next((pair.name for pair in score.pairs if pair.score.possible_deadbands_mm), score.governing)
         return f"of {named}"
@@ -264,10 +262,10 @@ def at_mm(x_mm: float, y_mm: float) -> str:
 
 
 def _turn(band: ToleranceBand, row: ToleranceRow, values: dict[str, float]) -> tuple[str, float] | None:
-    """A parameter that changes the verdict within its uncertainty band: its path, and the change that suffices.
+    """Path of a parameter, and the least change of it that changes the verdict [unit of the field].
 
-    The change [unit of the field] is interpolated linearly in the margin. The result is None if no end of the band
-    changes the verdict.
+    The change is interpolated linearly in the margin between the ends of the parameter's uncertainty band. None if
+    neither end changes the verdict.
     """
     if not row.flips or row.path not in values:
         return None
@@ -282,12 +280,12 @@ def _turn(band: ToleranceBand, row: ToleranceRow, values: dict[str, float]) -> t
 
 
 def unit_of(path: str) -> str:
-    """Unit of a field by its name, with the space before it; empty for pure numbers."""
+    """Unit of a field as text with a leading space, from the ending of the field's name; empty for pure numbers."""
     return next((unit for ending, unit in UNITS if path.endswith(ending)), "")
 
 
 def changes_words(design: SensorDesign, changes: Mapping[str, Any]) -> str:
-    """The changed fields by dotted path, each with its value before and after."""
+    """The changed fields by dotted path, each with its old and new value, as text."""
     was = design.model_dump(mode="json")
     told = (
         f"{path} {_plain(get_at(was, path))} to {_plain(value)}{unit_of(path)}"
@@ -323,9 +321,9 @@ def _worth(score: ContinuityScore) -> str:
 
 
 def unresolved(bounds: PadBounds, *, is_facing: bool) -> str:
-    """The share of the volume where one frame does not resolve x, y and depth together; empty if there is none.
+    """Text with the share of the pressed volume in which one frame does not resolve x, y and depth together.
 
-    Facing rows are pressed at known locations, for which the share has no meaning.
+    Empty if there is no such volume, and for facing rows, which are pressed at known locations.
     """
     share = bounds.blind_share
     if is_facing or not share > 0.0:
@@ -335,7 +333,7 @@ def unresolved(bounds: PadBounds, *, is_facing: bool) -> str:
 
 
 def fix_words(trial: Trial | None) -> str:
-    """The fix, and the verdict that was traced with it; empty if nothing that was tried helps."""
+    """Changes of the design that improve the verdict, and the verdict with them; empty if no change helps."""
     if trial is None or trial.found == "none":
         return ""
     moved = ", ".join(_moved(one) for one in trial.moves)
@@ -344,21 +342,21 @@ def fix_words(trial: Trial | None) -> str:
 
 
 def trial_words(trial: Trial) -> str:
-    """The verdict of a trial, its usable depth and its margin."""
+    """Text with verdict, usable depth and margin of a design after a trial's changes."""
     depth = "" if trial.usable_mm is None else f" to {trial.usable_mm:.3g} mm"
     margin = "" if trial.margin is None else f", margin {trial.margin:.1f} sigma"
     return f"{trial.verdict}{depth}{margin}"
 
 
 def command_words(trial: Trial) -> str:
-    """A short description of the next command: the components that it moves, and the traced verdict."""
+    """Effect of the suggested next command: which components it moves, and the verdict after the move."""
     parts = " and ".join(one.parts for one in trial.moves if one.parts)
     moves = f"moves {parts}; " if parts else ""
     return f"{moves}trial: {trial_words(trial)}"
 
 
 def no_fix_words(trial: Trial | None) -> str:
-    """A statement that no move helps, with the tried moves; empty if a move helps or none was tried."""
+    """Sentence that no change helps, with the changes that were tried; empty if a change helps or none was tried."""
     if trial is None or trial.found == "move" or not trial.tried:
         return ""
     helps = "reaches deeper" if trial.kind == "fade" else "fixes it at every location"
@@ -370,7 +368,10 @@ def no_fix_words(trial: Trial | None) -> str:
 
 
 def with_moves(command: str, trial: Trial) -> str:
-    """A design and its changes as typed, with the moves of a trial in place of earlier values of their fields."""
+    """Design and changes as typed on the command line, with a trial's changes added.
+
+    A trial's change replaces an earlier change of the same field.
+    """
     design, *changes = shlex.split(command)
     values = [text for text in changes if text != "--set"]
     fields = {one.path for one in trial.moves}
@@ -389,7 +390,7 @@ def _moved(move: Move) -> str:
 
 
 PRESSES = 30
-"""Number of presses of the calibrations that `CALIBRATED` is taken from."""
+"""Number of presses in each of the simulated calibrations that gave the resolutions in `CALIBRATED`."""
 CALIBRATED = {
     "height_mm": 0.015,
     "clear_thickness_mm": 0.015,
@@ -400,12 +401,12 @@ CALIBRATED = {
     "absorption_db_per_cm": 0.002,
     "reflectance": 0.0015,
 }
-"""Resolution of a calibration, by the end of a field's path [unit of the field]."""
+"""Error of values fitted by `optopad calibrate` [unit of the field]; a key is the ending of a field's dotted path."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class _Tool:
-    """The name of a tool, and its resolution [unit of the field]."""
+    """Name of a measuring tool, and its resolution [unit of the field]."""
 
     name: str
     resolves: float
@@ -426,11 +427,13 @@ TOOLS: dict[str, tuple[_Tool, ...]] = {
     "reflectance": (_Tool(name="a lamp and a photodiode against a white standard", resolves=0.01),),
     "_ohm": (_Tool(name="a multimeter", resolves=1.0),),
 }
-"""Tools by the end of a field's path, the coarsest first; the first end that fits is used."""
+"""Measuring tools for each kind of design field, the coarsest tool first.
+
+A key is the ending of a field's dotted path; the first key that matches is used."""
 
 
 def tool_words(path: str, within: float) -> str:
-    """The end of a sentence "measure it to within ...": the tool; empty for a kind of quantity without tools here.
+    """Text with the tool for a measurement, as the end of a sentence "measure it to within ..."; empty if unknown.
 
     Parameters
     ----------

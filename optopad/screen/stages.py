@@ -1,4 +1,4 @@
-"""Titles of the stages of a computation, for its progress lines."""
+"""Titles of the steps of a computation, for progress lines."""
 
 from __future__ import annotations
 

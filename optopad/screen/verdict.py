@@ -1,4 +1,4 @@
-"""A verdict in the terminal: at most twelve lines of a hundred characters; in full behind ``--details``."""
+"""The verdict in the terminal: at most twelve lines of a hundred characters, or all figures with ``--details``."""
 
 from __future__ import annotations
 
@@ -37,13 +37,15 @@ if TYPE_CHECKING:
 
 WIDTH, LINES = 100, 12
 LABEL = 12
-"""Columns of the label in front of a line."""
+"""Width of the column of labels at the start of each line [characters]."""
 FIRST = ("full scale", "do not settle", "cannot light", "too much current", "stay tacky")
-"""Words of warnings that come first: with such a fault the pad would not work."""
+"""Phrases in warnings that are shown first, because a pad with such a fault would not work."""
 FINDING_LINES = 4
-"""Most lines of a finding."""
+"""Largest number of lines for one finding of the design rules."""
 EIGHT_BIT_PRESCALER = 16
-"""Prescaler at which an AVR's converter runs at 1 MHz from 16 MHz; about 8 of its bits are then exact (data sheet)."""
+"""Prescaler with which an AVR's converter runs at 1 MHz from a clock of 16 MHz.
+
+According to the data sheet, about 8 bits are then exact."""
 
 
 def verdict_screen(
@@ -55,14 +57,14 @@ def verdict_screen(
     is_built: bool = False,
     learner: str = "",
 ) -> list[str]:
-    """The verdict, its cause or margin, confidence, resolution, errors of a learner, warnings, and the next command.
+    """Lines of a verdict: cause or margin, confidence, resolution, errors of a learner, warnings, the next command.
 
     Parameters
     ----------
-    closing : finished lines for the end, such as the paths of the files
-    command : the design and its changes as given on the command line, for the next command; empty names none
-    is_built : whether the bundle contains mold and report
-    learner : the sentence of `learner_line`; it is shown below the bound of a pad if there is room
+    closing : last lines, such as the paths of the files
+    command : the design and its changes as typed on the command line; empty omits the next command
+    is_built : whether the bundle already contains mold and report
+    learner : sentence on a learner's predicted errors from `learner_line`, shown if there is room
     """
     said = answer_of(design, score)
     head = [
@@ -82,7 +84,7 @@ def verdict_screen(
 
 
 def rate_words(design: SensorDesign) -> str:
-    """The frame rate of the board, the required rate, and changes that would raise it."""
+    """Sentence on the board's possible frame rate, the required rate, and changes that raise the possible rate."""
     use, board = design.board, board_of(design)
     ways = []
     if board.divides_clock and use.adc_prescaler > EIGHT_BIT_PRESCALER:
@@ -95,10 +97,13 @@ def rate_words(design: SensorDesign) -> str:
 
 
 def findings_screen(name: str, findings: Sequence[Finding], *, command: str, rate: str = "") -> list[str]:
-    """Findings of the rules, errors first and notes last, as many whole ones as there is room for; the next command.
+    """Lines with findings of the design rules, errors first, as many as there is room for; then the next command.
 
-    command : verb and design, as `score pad.toml`
-    rate : the sentence of `rate_words` about the board; shown if there is no error
+    Parameters
+    ----------
+    name : name of the design
+    command : command and design as typed, for example `score pad.toml`
+    rate : sentence on the frame rate from `rate_words`; shown if there is no error
     """
     errors = [one for one in findings if one.severity == "error"]
     notes = [one for one in findings if one.severity == "note"]
@@ -120,7 +125,7 @@ def findings_screen(name: str, findings: Sequence[Finding], *, command: str, rat
 
 
 def row(label: str, text: str, most: int = 1) -> list[str]:
-    """A sentence behind its label, on as many lines as it may take; no lines for an empty sentence."""
+    """Lines of a labelled sentence, wrapped to at most `most` lines; no lines for an empty sentence."""
     if not text:
         return []
     room = WIDTH - LABEL
@@ -132,10 +137,10 @@ def row(label: str, text: str, most: int = 1) -> list[str]:
 
 
 def _to_show(score: ContinuityScore) -> list[str]:
-    """Warnings that no other line reports, the worst first, then the rest in their order.
+    """Warnings that no other line reports, the most serious first.
 
-    The numerical error of the light model has its own line if it leaves the verdict undecided; otherwise it affects the
-    figures of single pairs only.
+    Warnings about the light model's numerical error are left out. Another line reports an undecided verdict; otherwise
+    the error affects only figures of single pairs.
     """
     shown = (RESTS, UNDECIDED, NUMERICAL)
     left = [text for text in score.warnings if not text.startswith(shown)]
@@ -143,7 +148,6 @@ def _to_show(score: ContinuityScore) -> list[str]:
 
 
 def _warnings(texts: Sequence[str], room: int) -> list[str]:
-    """One line for each warning; warnings without room are counted."""
     shown = list(texts) if len(texts) <= room else list(texts[: max(room - 1, 0)])
     lines = [line for text in shown for line in row("warning", _clause(text))]
     left = len(texts) - len(shown)
@@ -153,7 +157,7 @@ def _warnings(texts: Sequence[str], room: int) -> list[str]:
 
 
 def _clause(text: str) -> str:
-    """A warning, or as many whole clauses of it as a line holds."""
+    """A warning shortened to as many whole clauses as fit on one line."""
     room = WIDTH - LABEL
     if len(text) <= room:
         return text
@@ -162,7 +166,6 @@ def _clause(text: str) -> str:
 
 
 def _next(score: ContinuityScore, command: str, fix: str, *, is_built: bool) -> str:
-    """The exact next command, and its purpose."""
     if score.verdict == "OUT_OF_MODEL_SCOPE":
         return f"remove the reason that the verdict names, then optopad check {command}"
     if score.trial is not None and score.trial.found == "move":
@@ -179,16 +182,16 @@ def _next(score: ContinuityScore, command: str, fix: str, *, is_built: bool) -> 
 
 
 def as_typed(design: str, changes: Sequence[str] | None) -> str:
-    """A design and its changes as typed on the command line, for the next command."""
+    """A design and its changes as typed on the command line."""
     return " ".join([shlex.quote(design), *(f"--set {shlex.quote(one)}" for one in changes or ())])
 
 
 LEAST_CHANGE_MM = 0.01
-"""Smallest change of a depth that is reported."""
+"""Smallest reported change of usable depth or deadband for a step of a parameter [mm]."""
 
 
 def score_lines(score: ContinuityScore) -> list[str]:
-    """The verdict with every figure, the most important first."""
+    """All figures of a verdict as lines, the most important first."""
     lines = [
         labelled("design", f"{score.name} ({score.digest[:8]})"),
         labelled("verdict", verdict_words(score)),
@@ -206,12 +209,12 @@ def score_lines(score: ContinuityScore) -> list[str]:
 
 
 def labelled(label: str, text: str) -> str:
-    """A whole sentence behind its label, of any length."""
+    """A labelled sentence of any length, on one line."""
     return f"{label:<{LABEL}}{text}"
 
 
 def finding_line(finding: dict[str, Any]) -> str:
-    """A check of the mold that failed, with its note on the location or the fix."""
+    """Line about a failed check of the mold, with the location or the fix."""
     unit = f" {finding['unit']}" if finding["unit"] else ""
     held = f"{finding['value']:g}{unit} (limit {finding['limit']:g}{unit})"
     return f"{finding['state']:<9} {finding['name']}: {held}" + (
@@ -220,12 +223,12 @@ def finding_line(finding: dict[str, Any]) -> str:
 
 
 def checks_line(checks: dict[str, Any]) -> str:
-    """The checks of the mold in one line."""
+    """Line that summarises the checks of the mold."""
     return f"mold      {checks_words(checks)}"
 
 
 def checks_words(checks: dict[str, Any]) -> str:
-    """Whether the mold can be printed, and which checks failed."""
+    """Text that says whether the mold can be printed, and which checks failed."""
     found = {
         state: [one["name"] for one in checks.get("findings", []) if one.get("state") == state]
         for state in ("error", "warning")
@@ -283,7 +286,7 @@ def _pair_line(pair: JudgedPair) -> str:
 
 
 def build_lines(study: BuildStudy) -> list[str]:
-    """The share of manufactured units that keep the verdict, and the tolerances with the strongest effect."""
+    """Lines with the fraction of simulated units that keep the verdict, and the tolerances of strongest effect."""
     low, high = study.kept_interval
     doubt = f"; {study.doubtful} undecided by numerical error" if study.doubtful else ""
     missing = f"; {sum(study.unjudged.values())} not judged" if study.unjudged else ""
@@ -303,7 +306,7 @@ def build_lines(study: BuildStudy) -> list[str]:
 
 
 def step_lines(steps: FieldSteps) -> list[str]:
-    """The sensitivity to each parameter: the effect of a small step, the parameter with the largest gain first."""
+    """Lines with the effect of a small step of each parameter; the step that improves the design most is first."""
     order = list(steps.better_sides())
     rows = sorted(steps.rows, key=lambda row: order.index(row.path) if row.path in order else len(order))
     lines = []
@@ -317,7 +320,6 @@ def step_lines(steps: FieldSteps) -> list[str]:
 
 
 def _changed(design: Effect, stepped: Effect) -> str:
-    """The differences between the figures of two designs."""
     found = [f"margin {stepped.margin - design.margin:+.1f} sigma"]
     for name, words in (("usable_mm", "usable"), ("deadband_mm", "deadband")):
         change = getattr(stepped, name) - getattr(design, name)
@@ -346,9 +348,9 @@ def _band_line(score: ContinuityScore) -> str:
 
 
 def bound_lines(bounds: PadBounds, *, is_facing: bool) -> list[str]:
-    """Median bounds, coverage and dead volume, detection threshold, and the most important component.
+    """Lines with median Cramér-Rao bounds, resolved and unresolved volume, detection threshold, main component.
 
-    Facing rows are pressed at known locations, so their line reports the depth alone.
+    For facing rows, which are pressed at known locations, only the bound of the depth is reported.
     """
     lines = [_depth_alone_line(bounds)] if is_facing else [_median_line(bounds), _volume_line(bounds)]
     lines += [] if bounds.felt is None else [_contact_line(bounds.felt)]
@@ -422,16 +424,16 @@ def _mm(value: float) -> str:
 
 
 LEAST_DEPTH_MM = 1.0
-"""Least depth for which errors are reported [mm]: a lighter press is detected, but hardly located."""
+"""Least depth for which a learner's errors are reported [mm]; lighter presses are detected, but hardly located."""
 
 
 def learner_line(design: SensorDesign, bundle: Path, command: str) -> str:
-    """One sentence for the screen; empty if there is no prediction and no way to make one.
+    """Sentence on the predicted errors of a learner, or how to predict them; empty if they cannot be predicted.
 
     Parameters
     ----------
     bundle : the design's bundle, where `optopad predict` writes its tables
-    command : the design and its changes as given on the command line
+    command : the design and its changes as typed on the command line
     """
     document = _prediction(bundle / "sims" / f"{STEM}.json")
     if document is not None and document.get("digest") == design.digest and (said := _reached(document)):
@@ -443,7 +445,6 @@ def learner_line(design: SensorDesign, bundle: Path, command: str) -> str:
 
 
 def _prediction(file: Path) -> dict[str, Any] | None:
-    """The tables of a prediction; None if there is no readable file."""
     try:
         found = json.loads(file.read_text(encoding="utf-8"))
     except (OSError, ValueError):
@@ -452,7 +453,6 @@ def _prediction(file: Path) -> dict[str, Any] | None:
 
 
 def _reached(document: Mapping[str, Any]) -> str:
-    """The best learner's median errors from `LEAST_DEPTH_MM` on, and its false alarms; empty if there are none."""
     try:
         every = document.get("learners", [document])  # earlier files have the first learner's tables only
         found = [(medians, one) for one in every if all(medians := _medians(one["errors"]))]
@@ -469,7 +469,6 @@ def _reached(document: Mapping[str, Any]) -> str:
 
 
 def _medians(rows: Sequence[Mapping[str, Any]]) -> tuple[list[float], list[float]]:
-    """Medians of the errors of location and depth by depth, from `LEAST_DEPTH_MM` on [mm]."""
     deep = [row for row in rows if row["depth_mm"] >= LEAST_DEPTH_MM]
     location, depth = (
         [float(row[name]) for row in deep if row[name] is not None]

@@ -89,8 +89,15 @@ def with_expected_pattern(source: DriverSource, *, seed: int, on_step: OnStep) -
     return _config(source.design, simulated_gain(source.design, seed=seed, on_step=on_step))
 
 
-def press_table(source: DriverSource, *, seed: int, on_step: OnStep) -> tuple[DriverConfig, PressTable]:
-    """Readings under presses: from the bundle's signals, else from a draft simulation, else only without contact."""
+def press_table(
+    source: DriverSource, *, is_still: bool = False, seed: int, on_step: OnStep
+) -> tuple[DriverConfig, PressTable]:
+    """Readings under presses: from the bundle's signals, else from a draft simulation, else only without contact.
+
+    Parameters
+    ----------
+    is_still : whether nothing presses the pad, so that no press is simulated
+    """
     if source.bundle is not None and source.config.gain.counts_per_flux is not None:
         signals = source.bundle / "sims" / "signals.nc"
         if signals.is_file():
@@ -98,7 +105,10 @@ def press_table(source: DriverSource, *, seed: int, on_step: OnStep) -> tuple[Dr
     if source.design is None:
         return source.config, untouched_table(source.config)
     gain = simulated_gain(source.design, seed=seed, on_step=on_step)
-    return _config(source.design, gain), _simulated_table(source.design, gain, seed=seed, on_step=on_step)
+    config = _config(source.design, gain)
+    if is_still:
+        return config, untouched_table(config)
+    return config, _simulated_table(source.design, gain, seed=seed, on_step=on_step)
 
 
 def simulated_gain(design: SensorDesign, *, seed: int, on_step: OnStep) -> SimulatedGain:

@@ -5,6 +5,10 @@ Text and axes take the page's own colour, so that a drawing suits light and dark
 
 from __future__ import annotations
 
+import base64
+import math
+import struct
+import zlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from html import escape
@@ -27,6 +31,10 @@ EMITTER, RECEIVER = "#e69f00", "#0077c8"
 WIDTH = 400
 LEFT, RIGHT, TOP = 40, 8, 8
 ROW, PLOT = 15, 130
+LEAST_CELL = 16.0
+"""Least width of a cell of readings that holds numbers."""
+WEAKEST_COUNTS = 4.0
+"""Least simulated reading for a ratio to it [counts]."""
 MOST_SHARE = 4.0
 """Largest drawn signal over the untouched one: a pair with little untouched light may get far more under a press."""
 
@@ -337,6 +345,8 @@ def readings_svg(
 ) -> str:
     """One cell per pair: the live reading above, the simulated one below [counts]; large differences are coloured.
 
+    Cells too narrow for numbers are the pixels of a picture.
+
     Parameters
     ----------
     live, simulated : (emitter, receiver) [counts]
@@ -344,11 +354,28 @@ def readings_svg(
     """
     left, top = 34.0, 16.0
     wide, tall = (WIDTH - left - 2) / max(len(receivers), 1), 24.0
+    is_picture = wide < LEAST_CELL
+    tall = wide if is_picture else tall
+    step = math.ceil(1.5 * LEAST_CELL / wide) if is_picture else 1
     body = [
         f'<text x="{left + wide * (j + 0.5):.1f}" y="{top - 5}" text-anchor="middle"{_bad(name, bad)}>'
         f"{escape(name)}</text>"
         for j, name in enumerate(receivers)
+        if j % step == 0
     ]
+    if is_picture:
+        size = wide * len(receivers), tall * len(emitters)
+        body += [
+            f'<text x="{left - 4}" y="{top + tall * (i + 0.5) + 3:.1f}" text-anchor="end"{_bad(name, bad)}>'
+            f"{escape(name)}</text>"
+            for i, name in enumerate(emitters)
+            if i % step == 0
+        ]
+        body.append(
+            f'<image x="{left}" y="{top}" width="{size[0]:.1f}" height="{size[1]:.1f}" preserveAspectRatio="none" '
+            f'style="image-rendering:pixelated" href="{_pixels(live, simulated)}"/>'
+        )
+        return _svg(WIDTH, top + size[1] + 2, body, "Readings of every pair, live against simulated")
     for i, emitter in enumerate(emitters):
         y = top + tall * i
         body.append(
@@ -380,11 +407,36 @@ def _bad(name: str, bad: Sequence[str]) -> str:
 
 def _difference(live: float, simulated: float | None) -> str:
     """A colour: orange for less light than simulated, blue for more."""
-    if simulated is None or simulated < 4.0:
-        return "rgb(128 128 128 / 0.15)"
-    apart = float(np.clip((live - simulated) / simulated, -1.0, 1.0))
-    colour = "0 119 200" if apart > 0 else "213 94 0"
-    return f"rgb({colour} / {0.08 + 0.5 * abs(apart):.2f})"
+    colour = _differences(np.array(live), None if simulated is None else np.array(simulated))
+    red, green, blue, opacity = colour.tolist()
+    return f"rgb({red:.0f} {green:.0f} {blue:.0f} / {opacity:.2f})"
+
+
+def _differences(live: FloatArray, simulated: FloatArray | None) -> FloatArray:
+    """(..., 4) red, green, blue, 0 to 255, and opacity, 0 to 1, of `_difference`."""
+    unknown = np.broadcast_to([128.0, 128.0, 128.0, 0.15], (*live.shape, 4))
+    if simulated is None:
+        return unknown
+    is_known = simulated >= WEAKEST_COUNTS
+    apart = np.clip((live - simulated) / np.where(is_known, simulated, 1.0), -1.0, 1.0)
+    colour = np.where((apart > 0.0)[..., None], [0.0, 119.0, 200.0], [213.0, 94.0, 0.0])
+    found = np.concatenate([colour, (0.08 + 0.5 * np.abs(apart))[..., None]], axis=-1)
+    return np.asarray(np.where(is_known[..., None], found, unknown))
+
+
+def _pixels(live: FloatArray, simulated: FloatArray | None) -> str:
+    """The differences of all pairs as the address of a PNG picture, one pixel a pair."""
+    values = _differences(np.asarray(live, dtype=np.float64), simulated) * [1.0, 1.0, 1.0, 255.0]
+    rows, columns, _ = values.shape
+    pixels = np.zeros((rows, 1 + 4 * columns), dtype=np.uint8)  # each row begins with its filter: none
+    pixels[:, 1:] = np.round(values).reshape(rows, -1)
+    header = struct.pack(">IIBBBBB", columns, rows, 8, 6, 0, 0, 0)  # 8 bits of red, green, blue and opacity
+    chunks = {b"IHDR": header, b"IDAT": zlib.compress(pixels.tobytes()), b"IEND": b""}
+    png = b"\x89PNG\r\n\x1a\n" + b"".join(
+        struct.pack(">I", len(data)) + name + data + struct.pack(">I", zlib.crc32(name + data))
+        for name, data in chunks.items()
+    )
+    return f"data:image/png;base64,{base64.b64encode(png).decode('ascii')}"
 
 
 def _svg(width: float, height: float, body: Sequence[str], words: str, share: int = 100) -> str:

@@ -1,4 +1,4 @@
-"""A spherically crowned top: convex, highest on the press axis. Lengths in tip radii.
+"""Geometry of a pad whose top is a spherical cap ("crown"), highest on the press axis. Lengths in tip radii.
 
                  ___---.---___              top: z = -s(r), a sphere of radius 1/κ about the axis
             _--'       |      '--_          s(r) = r² κ / (1 + √(1 - κ² r²))
@@ -7,7 +7,8 @@
     z=-H   +-----------+----------+         flat bottom
           -wall        0        wall
 
-κ is the tip's radius over the crown's radius: 0 is flat. The formula is 1/κ - √(1/κ² - r²) without its cancellation.
+κ is the tip's radius over the crown's radius; 0 is flat. The formula equals 1/κ - √(1/κ² - r²), but does not lose
+digits where κ is small.
 """
 
 from __future__ import annotations
@@ -20,11 +21,13 @@ from design.arrays import FloatArray
 from design.errors import InputError, ModelScopeError
 
 LEAST_RIM_SHARE = 0.15
-"""Least thickness at the rim over that at the apex [-]. The mesh has as many rows there as at the apex."""
+"""Least thickness at the rim over that at the apex [-]. The mesh has as many rows of elements at the rim as at the
+apex.
+"""
 
 
 def crown_drop(radius: FloatArray, crown: float) -> FloatArray:
-    """(...) drop of the untouched top below its apex at radii (...) [tip radii].
+    """Drop (...) of the undeformed crowned top below its apex, at radii (...) [tip radii].
 
     Parameters
     ----------
@@ -36,13 +39,13 @@ def crown_drop(radius: FloatArray, crown: float) -> FloatArray:
 
 
 def crown_slope(radius: FloatArray, crown: float) -> FloatArray:
-    """(...) derivative of `crown_drop` by the radius, at radii below 1/crown [-]."""
+    """Slope (...) of `crown_drop` over the radius [-], at radii (...) below 1/crown [tip radii]."""
     bent = crown * np.asarray(radius, dtype=np.float64)
     return np.asarray(bent / np.sqrt(1.0 - bent**2), dtype=np.float64)
 
 
 def require_rim(layer_depth: float, wall_radius: float, crown: float) -> None:
-    """Refuse a crown that leaves too little at the rim.
+    """Refuse a crown that leaves the pad too thin at its rim.
 
     Parameters
     ----------
@@ -51,7 +54,7 @@ def require_rim(layer_depth: float, wall_radius: float, crown: float) -> None:
 
     Raises
     ------
-    InputError : the crown is no number from 0 on
+    InputError : the crown is not a finite number, or is negative
     ModelScopeError : the crown ends before the wall, or the rim is thinner than `LEAST_RIM_SHARE` of the apex
     """
     if not (math.isfinite(crown) and crown >= 0.0):

@@ -1,11 +1,11 @@
-"""Load against depth of a press, with the uncertainty band of the material's modulus.
+"""Force against depth of a press, with an uncertainty band from the material's modulus.
 
-The layer's shape does not depend on its modulus, and the load is proportional to it: F = E R² f(d/R, h/R).
-So one solved press gives the load at the catalogue's modulus and at both ends of its band (the mixing
-ratio sets the value; cure and batch set the band). A modulus measured on the manufactured pad has none.
+The deformed shape does not depend on Young's modulus E, and the force F is proportional to E: F = E R² f(d/R, h/R),
+with tip radius R, press depth d and layer thickness h. So one solved press gives the force at the catalogue's modulus
+and at both ends of its band. The mixing ratio sets the value; cure and batch set the band. A modulus measured on the
+manufactured pad has no band.
 
-Left out: the band covers the modulus only, not the error of the contact model or the distance of the
-real walls.
+Left out: the band does not include the error of the contact model or the effect of the real walls' distance.
 """
 
 from __future__ import annotations
@@ -23,13 +23,13 @@ from sims.contact.library.solved_press import SolvedPress
 
 @dataclass(frozen=True, kw_only=True)
 class LoadCurve:
-    """Load against depth of one press, from the contact model.
+    """Force against depth of one press, from the contact model.
 
     Attributes
     ----------
-    depth_mm : (n,) [mm]
-    force_n : (n,) load at the best value of the modulus [N]
-    low_n, high_n : (n,) load at the ends of the modulus's band [N]; equal to `force_n` without a band
+    depth_mm : (n,) increasing press depths [mm]
+    force_n : (n,) force at the nominal modulus [N]
+    low_n, high_n : (n,) force at the lower and upper end of the modulus's band [N]; equal to `force_n` without a band
     """
 
     depth_mm: FloatArray
@@ -39,11 +39,11 @@ class LoadCurve:
 
     @property
     def has_band(self) -> bool:
-        """Whether the modulus is uncertain."""
+        """Whether the modulus has an uncertainty band."""
         return bool(self.low_n[-1] < self.high_n[-1])
 
     def at(self, depth_mm: float) -> tuple[float, float, float]:
-        """Load and the ends of its band [N] at a depth, by straight lines between the stored ones."""
+        """Force at a depth [mm], then at the lower and upper end of its band [N]; interpolated linearly."""
         low, value, high = (
             float(np.interp(depth_mm, self.depth_mm, load))
             for load in (self.low_n, self.force_n, self.high_n)
@@ -53,39 +53,39 @@ class LoadCurve:
 
 @dataclass(frozen=True, kw_only=True)
 class ForceCurve(LoadCurve):
-    """Load and contact radius against depth.
+    """A `LoadCurve` (force against depth) with the contact radius.
 
     Attributes
     ----------
-    contact_radius_mm : (n,) [mm]
+    contact_radius_mm : (n,) contact radius at each depth [mm]
     """
 
     contact_radius_mm: FloatArray
 
     def contact_radius_at(self, depth_mm: float) -> float:
-        """Contact radius [mm] at a depth, by straight lines between the stored ones."""
+        """Contact radius [mm] at a depth [mm], interpolated linearly."""
         return float(np.interp(depth_mm, self.depth_mm, self.contact_radius_mm))
 
 
 def band_factors(young: Quantity) -> tuple[float, float]:
-    """Ends of a modulus's band over its value [-]; 1 where there is no band."""
+    """Lower and upper end of the modulus's uncertainty band over its nominal value [-]; both 1 without a band."""
     low = young.value if young.low is None else young.low
     high = young.value if young.high is None else young.high
     return low / young.value, high / young.value
 
 
 def load_curve(design: SensorDesign, press: SolvedPress, depth_mm: FloatArray) -> LoadCurve:
-    """The load of a solved press, without its surface.
+    """Force against depth of a solved press, without computing its surface.
 
     Parameters
     ----------
-    design : the sensor whose elastomer gives the band
+    design : the sensor whose elastomer gives the band of the modulus
     press : its solved press
     depth_mm : (n,) increasing depths [mm]
 
     Raises
     ------
-    ModelScopeError : a depth is deeper than solved
+    ModelScopeError : a depth exceeds the deepest solved press
     """
     depths = np.asarray(depth_mm, dtype=np.float64)
     force = np.array([press.force_n(float(depth)) for depth in depths])
@@ -94,7 +94,7 @@ def load_curve(design: SensorDesign, press: SolvedPress, depth_mm: FloatArray) -
 
 
 def force_curve(design: SensorDesign, press: SolvedPress, depth_mm: FloatArray) -> ForceCurve:
-    """The load of a solved press and its contact radius; arguments and errors of `load_curve`."""
+    """Force and contact radius against depth of a solved press; arguments and errors are those of `load_curve`."""
     load = load_curve(design, press, depth_mm)
     radius = np.array([press.at(float(depth)).contact_radius_mm for depth in load.depth_mm])
     return ForceCurve(**vars(load), contact_radius_mm=radius)

@@ -1,25 +1,23 @@
 """The press of a design's tip into its pad: surface, force and contact radius at a depth.
 
-A press belongs to one elastic depth over tip radius. It is taken from the shipped library (or solved live, where
-a mesh is requested) and scaled: lengths with the tip radius R, force with E R² (a frictionless neo-Hookean layer has
-no other length or force). A pad is modelled as the round one of its area (`scope.wall_radius`). For a block the effect
-of its own walls is added, for every location (`library.solved_press`). Other pads have a model of their own, which
-follows.
+A press is taken from the shipped library of solved presses, or solved live where a mesh is requested. Both are
+dimensionless: lengths scale with the tip radius R, forces with E R² (E is Young's modulus), because a frictionless
+neo-Hookean layer has no other length or force. The pad is modelled as a round pad of the same area
+(`scope.wall_radius`). For a flat rectangular pad ("block") the effect of its four walls is added, at every location
+(`library.solved_press`). Other pads use the model below.
 
-Presses on pads that are no blocks: local thickness and mean curvature.
+Presses on pads with another outline or top
+-------------------------------------------
+The tip presses along the normal of the undeformed top at its location (x, y), to a depth d from first touch. The press
+is modelled as the axisymmetric press at the apex of a round pad
 
-Model
------
-A press is along the normal of the untouched top at its location (x, y), to a depth d from first touch. It is modelled
-as the axisymmetric press at the apex of a round pad
-
-- as thick as the pad is there, along the normal (nearer to finite elements than the height over the bottom),
+- as thick as the pad is there, along the normal (this agrees better with finite elements than the vertical thickness),
 - under a sphere of the top's mean curvature: 1/C under a sphere of radius C, 1/(2C) under a cylinder,
-- with its wall at the radius of the pad's area, moved into the library's range. Between round walls its surface is
-  followed to the nearest wall and runs out to the farthest one.
+- with its wall at the radius that gives the pad's area, limited to the library's range. In a pad with round walls the
+  surface follows the axisymmetric curve to the nearest wall, then fades out to the farthest one.
 
-A flat pad is pressed in the same way, without the crown, also by tips that are solved live. Heights are those above
-the untouched top, along the normal. The exact case is the middle of a disc, flat or under a sphere.
+A flat pad with round walls is pressed in the same way, without the crown, also by tips that are solved live. Heights
+are above the undeformed top, along its normal. The model is exact only in the middle of a disc, flat or under a sphere.
 docs/validation/contact-crowns.md compares off-centre presses with finite elements in three dimensions.
 
 Left out: the nearer wall and thinner layer on one side, which tilt the top around the tip, and the difference of a
@@ -60,11 +58,11 @@ Place = tuple[float, float]
 
 
 def crowned_press(design: SensorDesign, at_mm: Place | None) -> SmoothPress:
-    """The presses at a location of a crowned pad, from the library.
+    """The presses at one location of a pad with a convex top, at every depth, from the shipped library.
 
     Parameters
     ----------
-    at_mm : (x, y) where the tip touches first, in plan [mm]; None is the middle
+    at_mm : (x, y) where the tip touches first, in the cavity frame [mm]; None is the middle
 
     Raises
     ------
@@ -87,18 +85,19 @@ def crowned_press(design: SensorDesign, at_mm: Place | None) -> SmoothPress:
 
 
 def round_walls_mm(design: SensorDesign, at_mm: Place | None) -> tuple[float, float] | None:
-    """Nearest and farthest wall of a pad with round walls from a location, None is the middle [mm]; else None."""
+    """Distance of a location from the nearest and the farthest wall [mm]; None if the pad has no round walls."""
     outline = plan_of(design).outline
     place = outline.centre_mm if at_mm is None else at_mm
     return (float(outline.gap_mm(*place)), outline.farthest_mm(*place)) if outline.arcs else None
 
 
 def require_place(design: SensorDesign, at_mm: Place) -> None:
-    """Refuse locations outside a pad, or nearer to a wall than the contact model covers.
+    """Refuse locations outside a pad, or nearer to a wall than the contact model covers; `at_mm` is (x, y) [mm].
 
     Raises
     ------
-    InputError, ModelScopeError : the location is such a one
+    InputError : the location is outside the pad
+    ModelScopeError : the location is too near to a wall
     """
     plan, tip = cavity_of(design).plan, tip_radius_mm(design)
     if not all(map(math.isfinite, at_mm)) or not plan.contains(*at_mm):
@@ -126,7 +125,7 @@ def modulus_mpa(design: SensorDesign) -> float:
 
     Raises
     ------
-    DesignError : it is not a positive number
+    DesignError : the modulus is not a positive number
     """
     modulus = youngs_modulus_mpa(design)
     if not (math.isfinite(modulus) and modulus > 0.0):
@@ -135,13 +134,13 @@ def modulus_mpa(design: SensorDesign) -> float:
 
 
 def is_in_library(design: SensorDesign) -> bool:
-    """Whether the shipped library has the presses of a design: a hemisphere, and a layer within its entries."""
+    """Whether the shipped library covers a design: a hemispherical tip, and a layer thickness in its range."""
     return tip_of(design.indenter) == HEMISPHERE and shipped_library().covers(round(layer_depth(design), 9))
 
 
 @lru_cache(maxsize=64)
 def _library_press(layer: float, wall: float) -> SmoothPress:
-    """The library's presses of a layer in a round pad; designs that differ elsewhere share them."""
+    """The library's presses for a layer thickness and wall radius of a round pad, both in tip radii (cached)."""
     return shipped_library().press(layer, wall)
 
 
@@ -159,15 +158,16 @@ def solved_press(
     ----------
     design : the sensor
     max_depth_mm : deepest press required, by default that of the design's usable range [mm]
-    mesh_mm : node spacing under the tip [mm]; a value solves anew. None takes the shipped library, which has
-        hemispheres and layers of 1.3 to 6 tip radii; others are solved with a tenth of the tip radius.
-    on_step : called with the fraction done while solving
+    mesh_mm : node spacing under the tip [mm]; a value solves the press live. None takes the shipped library, which has
+        hemispheres and layers 1.3 to 6 tip radii thick; other designs are solved with a spacing of a tenth of the tip
+        radius.
+    on_step : called with the fraction done (0 to 1) while solving
     at_mm : (x, y) of the press axis in the cavity frame [mm]; None is the middle
 
     Raises
     ------
-    DesignError, InputError : a value is no positive number
-    ModelScopeError : a layer, depth or (with `at_mm`) location is outside the model
+    DesignError, InputError : a value is not a positive number
+    ModelScopeError : the layer, the depth, or a given `at_mm` is outside the range of the model
     """
     press = round_press(design, max_depth_mm, mesh_mm, on_step, at_mm=at_mm)
     if not plan_of(design).is_block:
@@ -186,9 +186,9 @@ def round_press(
     *,
     at_mm: tuple[float, float] | None = None,
 ) -> SolvedPress:
-    """The press in the round pad of the same area: `solved_press` without the pad's own walls, in less time.
+    """The press in a round pad of the same area: faster than `solved_press`, as it ignores the real walls.
 
-    Parameters and errors are those of `solved_press`; the location has an effect in pads other than blocks only.
+    Parameters and errors are those of `solved_press`. The location has no effect in a flat rectangular pad.
     """
     radius, layer, modulus = tip_radius_mm(design), round(layer_depth(design), 9), modulus_mpa(design)
     deepest = _deepest(design, max_depth_mm) / radius
@@ -213,7 +213,7 @@ def round_press(
 
 
 def _deepest(design: SensorDesign, max_depth_mm: float | None) -> float:
-    """The deepest press required, within the model [mm]."""
+    """The deepest press required [mm], by default the design's; refused where it is deeper than the model covers."""
     if max_depth_mm is None:
         return require_depth(design, design.operating.max_depth_mm, "operating.max_depth_mm")
     return require_depth(design, max_depth_mm, "max_depth_mm")
@@ -222,9 +222,10 @@ def _deepest(design: SensorDesign, max_depth_mm: float | None) -> float:
 def _placed(
     design: SensorDesign, smooth: SmoothPress, at_mm: tuple[float, float] | None, deepest: float
 ) -> tuple[PlacedPress | None, tuple[str, ...]]:
-    """The presses at a location, and notes; None in the middle of a pad that is too small for the walls' model.
+    """The presses at a location between the pad's own walls, and notes for the user.
 
-    At a requested location, that model itself refuses presses that it does not cover.
+    If `at_mm` is None and the pad is too small for the wall model, the presses are None and a note says why. At a given
+    location the wall model raises `ModelScopeError` instead.
     """
     cavity, tip = design.cavity, tip_radius_mm(design)
     size = cavity.length_mm / tip, cavity.width_mm / tip
@@ -244,7 +245,7 @@ def _placed(
 
 
 def _require_inside(design: SensorDesign, at_mm: tuple[float, float]) -> None:
-    """Refuse a location outside the cavity."""
+    """Refuse a location (x, y) [mm] that is outside the cavity or not finite."""
     for letter, value, limit in zip(
         "xy", at_mm, (design.cavity.length_mm, design.cavity.width_mm), strict=True
     ):
@@ -264,18 +265,18 @@ def indent(
     Parameters
     ----------
     design : the sensor
-    depth_mm : depth of the tip's apex below the undisturbed surface [mm]; 0 or less: untouched
-    at_mm : (x, y) of the press axis in the cavity frame [mm]; None is the middle. `pad_surface` has
-        the part that is not a curve around it
-    mesh_mm : node spacing under the tip [mm]; a value solves anew, see `solved_press`
+    depth_mm : depth of the tip's apex below the undeformed surface [mm]; 0 or less: no contact
+    at_mm : (x, y) of the press axis in the cavity frame [mm]; None is the middle. `pad_surface` adds the part of the
+        surface that is not symmetric about this axis
+    mesh_mm : node spacing under the tip [mm]; a value solves the press live, see `solved_press`
 
     Returns
     -------
-    Indentation : curve of the deformed top, contact radius and force
+    Indentation : deformed top as a curve about the press axis, contact radius and force
 
     Raises
     ------
-    DesignError, InputError : a value is no number, or the location is outside the cavity
+    DesignError, InputError : a value is not a number, or the location is outside the cavity
     ModelScopeError : the layer or depth is outside the model
     """
     require_depth(design, depth_mm, "depth_mm")

@@ -1,9 +1,10 @@
-r"""The r-z mesh of the elastic layer: crossed triangles, fine under the tip, coarse towards the wall.
+r"""Mesh of the elastic layer, forces of its elements, and contact forces on its nodes.
 
-All lengths are in tip radii, so one mesh serves every press with the same elastic depth over radius.
-Every rectangle of a graded grid is cut by both diagonals into four triangles about a middle node.
-That pattern is used because single-diagonal linear triangles lock in near-incompressible materials;
-crossed ones still satisfy the volume constraint of a quadrilateral with room to deform.
+The mesh is in the r-z half-plane: crossed triangles, fine under the tip, coarse towards the wall.
+
+All lengths are in tip radii, so one mesh serves every press with the same layer thickness over tip radius. Every
+rectangle of a graded grid is cut by both diagonals into four triangles about a middle node. Linear triangles from a
+single diagonal would lock in nearly incompressible materials; crossed ones can deform at constant volume.
 
         r = 0                                r = wall
     z=0  +--+--+--+--+--+---+----+------+------+   free top
@@ -11,33 +12,32 @@ crossed ones still satisfy the volume constraint of a quadrilateral with room to
          |/\|/\|/\|/\|/\| ...                 bonded wall
     z=-h +--+--+--+--+--+---+----+------+------+   bonded bottom
 
-Under a spherical crown (`crown`) every column of that mesh is shrunk evenly to the thickness there, with its bottom
-kept and its top on the sphere, apex at height 0. There the top meets the wall in more than a right angle, where stress
-is singular; columns are finer towards that rim, else force comes out too large (by 3 % on a pad of 3.7 tip radii).
+Under a spherical top (`crown`) every column of the mesh is scaled to the local thickness: its bottom stays, its top is
+on the sphere, whose apex is at height 0. At the rim the top meets the wall in more than a right angle, so stress is
+singular there. Columns are finer towards the rim; otherwise the force is too large (by 3 % on a pad of 3.7 tip radii).
 
-The tip slides on the top, so the spacing there sets how well the contact radius is resolved: the
-fine zone reaches beyond the largest contact radius (one tip radius) and below the steep strain of
-a deep press.
+The tip slides on the top, so the spacing there limits the resolution of the contact radius. The fine zone reaches
+beyond the largest contact radius (one tip radius), and deeper than the steep strain of a deep press.
 
-Stable Neo-Hookean tetrahedra in plain arrays: an independent check of every MuJoCo solution.
+Stable neo-Hookean tetrahedra check every MuJoCo solution independently.
 
-MuJoCo computes the contact force; this module computes the reaction of the bonded bottom and wall
-from the deformed shape alone. Both must agree, which checks the equilibrium of the whole layer, not
-only that of the solver's own unknowns.
+MuJoCo computes the contact force. `nodal_forces` computes the reaction of the bonded bottom and wall from the deformed
+shape alone. The two must agree, which checks the equilibrium of the whole layer, not only that of the solver's own
+unknowns.
 
-Energy density (Smith, de Goes, Kim 2018, "Stable Neo-Hookean Flesh Simulation", without the
-logarithmic barrier), with Lamé's λ and μ of small strains:
+Energy density (Smith, de Goes, Kim 2018, "Stable Neo-Hookean Flesh Simulation", without the logarithmic barrier), with
+Lamé's λ and μ of small strains:
 
     ψ = μ/2 (tr FᵀF - 3) - μ (J - 1) + (λ + μ)/2 (J - 1)²
 
 It equals the forces of MuJoCo 4.0's `elastic3d = 1` to 3e-16; a test repeats the comparison.
 
-Force of the tip on each node of the top, from which the pressure under the tip is computed.
+The pressure under the tip is computed from the tip's force on each node of the top.
 
-The solver finds one normal force per contact between the tip and an element of the layer. Each is
-distributed to the two adjacent nodes of the top by the lever rule, so that the forces on the nodes add
-up to the sum of all contacts. The solver itself lets a contact act on all corners of its element, 1 to
-2 % of the load on nodes below the top; that detail of the mesh is left out here.
+The solver finds one normal force per contact between the tip and an element of the layer. Each is distributed to the
+two adjacent nodes of the top by the lever rule, so that the forces on the nodes add up to the sum of all contacts. The
+solver itself lets a contact act on all corners of its element, so 1 to 2 % of the load is on nodes below the top. That
+is left out here.
 """
 
 from __future__ import annotations
@@ -51,20 +51,21 @@ from design.arrays import BoolArray, FloatArray, IntArray
 from sims.contact.crown import crown_drop, require_rim
 
 FINE_RADIUS = 4 / 3
-"""Radius of the fine zone [tip radii]."""
+"""Radius of the finely meshed zone under the tip [tip radii]."""
 FINE_DEPTH = 0.5
-"""Depth of the fine zone [tip radii]."""
+"""Depth of the finely meshed zone under the tip [tip radii]."""
 GROWTH = 1.08
 """Ratio of neighbouring spacings outside the fine zone [-]."""
 LARGEST_RADIAL_SPACING = 0.25
 """Largest radial spacing [tip radii]."""
 FEWEST_ROWS = 20
-"""The largest axial spacing is the layer's depth over this [-], but never less than the spacing under the tip."""
+"""Layer thickness over the largest axial spacing [-]; this spacing is at least the spacing under the tip."""
 
 RIM_SPACING = 0.02
-"""Radial spacing next to the wall under a crown [tip radii]. Half of it changes a press by less than a micrometre."""
+"""Radial spacing next to the wall of a crowned pad [tip radii]. Half of it changes a press by less than a micrometre.
+"""
 RIM_GROWTH = 1.3
-"""Ratio of neighbouring spacings from there inward [-]."""
+"""Ratio of neighbouring radial spacings from the wall of a crowned pad inward [-]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -86,16 +87,16 @@ class RadialMesh:
 
 
 def graded_spacing(length: float, fine_length: float, fine: float, largest: float) -> FloatArray:
-    """Coordinates from 0 to `length`: even to `fine_length`, then growing, scaled to end exactly.
+    """Coordinates from 0 to `length`: evenly spaced up to `fine_length`, then with growing spacing.
 
     Parameters
     ----------
     length, fine_length : whole length and length of the even part [any unit]
-    fine, largest : first spacing and upper bound of the spacing [same unit]
+    fine, largest : spacing of the even part, and upper bound of the spacing [same unit]
 
     Returns
     -------
-    (n,) increasing coordinates.
+    (n,) increasing coordinates, scaled to end exactly at `length`.
     """
     even = min(fine_length, length)
     points = list(np.linspace(0.0, even, max(1, round(even / fine)) + 1))
@@ -113,13 +114,13 @@ def graded_spacing(length: float, fine_length: float, fine: float, largest: floa
 
 
 def finer_towards_end(coordinates: FloatArray, last: float, growth: float) -> FloatArray:
-    """Coordinates whose spacing falls to `last` or a little more at the end; unchanged where it is already less.
+    """Refine coordinates towards their end to about the spacing `last`, unless they are already finer.
 
     Parameters
     ----------
     coordinates : (n,) increasing [any unit]
     last : spacing at the end [same unit]
-    growth : ratio of neighbouring spacings from there back, until they are those of the coordinates [-]
+    growth : ratio of neighbouring spacings from the end backwards, up to the original spacing [-]
     """
     largest = float(coordinates[-1] - coordinates[-2])
     if largest <= last:
@@ -131,7 +132,7 @@ def finer_towards_end(coordinates: FloatArray, last: float, growth: float) -> Fl
 
 
 def _crossed(columns: int, rows: int) -> IntArray:
-    """(4 * cells, 3) triangles over a grid of nodes followed by one middle node per cell."""
+    """Node indices (4 * cells, 3) of the triangles; the grid's nodes come first, then one middle node per cell."""
     column, row = np.meshgrid(np.arange(columns - 1), np.arange(rows - 1), indexing="ij")
     corner = (column * rows + row).ravel()
     middle = columns * rows + np.arange(corner.size)
@@ -145,13 +146,13 @@ def radial_mesh(layer_depth: float, wall_radius: float, spacing: float, crown: f
 
     Parameters
     ----------
-    layer_depth, wall_radius : thickness of the layer on the axis, radius of the wall [tip radii]
+    layer_depth, wall_radius : layer thickness on the axis, wall radius [tip radii]
     spacing : node spacing in the fine zone under the tip [tip radii]
     crown : tip radius over the radius of the top's sphere; 0 is flat [-]
 
     Raises
     ------
-    InputError, ModelScopeError : the crown is no number from 0 on, or leaves too thin a rim
+    InputError, ModelScopeError : the crown is not finite or is negative, or leaves too thin a rim
     """
     require_rim(layer_depth, wall_radius, crown)
     radii = graded_spacing(wall_radius, FINE_RADIUS, spacing, LARGEST_RADIAL_SPACING)
@@ -181,19 +182,19 @@ def lame_parameters(youngs_modulus: float, poisson_ratio: float) -> tuple[float,
 
 
 def _edges(points: FloatArray, tetrahedra: IntArray) -> FloatArray:
-    """(tetrahedron, 3, 3) edge vectors from the first corner, as columns."""
+    """Edge vectors (tetrahedron, 3, 3) from each tetrahedron's first corner, as columns."""
     return np.swapaxes(points[tetrahedra[:, 1:]] - points[tetrahedra[:, :1]], 1, 2)
 
 
 def volumes(points: FloatArray, tetrahedra: IntArray) -> FloatArray:
-    """(tetrahedron,) signed volumes; an inverted element is negative."""
+    """Signed volumes (tetrahedron,); negative for an inverted element."""
     return np.asarray(np.linalg.det(_edges(points, tetrahedra)) / 6.0, dtype=np.float64)
 
 
 def elastic_energy(
     rest: FloatArray, deformed: FloatArray, tetrahedra: IntArray, youngs_modulus: float, poisson_ratio: float
 ) -> float:
-    """Energy stored in the body [force · length]; arguments as for `nodal_forces`."""
+    """Elastic energy stored in the body [force · length]; arguments are those of `nodal_forces`."""
     first, shear = lame_parameters(youngs_modulus, poisson_ratio)
     rest_edges = _edges(rest, tetrahedra)
     gradient = _edges(deformed, tetrahedra) @ np.linalg.inv(rest_edges)
@@ -210,9 +211,9 @@ def nodal_forces(
 
     Parameters
     ----------
-    rest, deformed : (node, 3) positions [length]
+    rest, deformed : (node, 3) positions at rest and deformed [length]
     tetrahedra : (tetrahedron, 4) node indices
-    youngs_modulus, poisson_ratio : of small strains [force/length²], [-]
+    youngs_modulus, poisson_ratio : elastic constants at small strain [force/length²], [-]
 
     Returns
     -------
@@ -235,11 +236,12 @@ def nodal_forces(
 
 
 def contact_forces(data: mujoco.MjData) -> tuple[FloatArray, FloatArray]:
-    """Frictionless contacts of the last step.
+    """Positions and normal forces of all frictionless contacts in the last solver step.
 
     Returns
     -------
-    (contact, 2) radius and height of the contacts, (contact,) their normal forces, on this wedge alone
+    (contact, 2) radius and height of the contacts, and (contact,) their normal forces on this wedge, not the full
+    circle
     """
     count = data.ncon
     address = np.asarray(data.contact.efc_address[:count], dtype=np.int64)
@@ -250,17 +252,17 @@ def contact_forces(data: mujoco.MjData) -> tuple[FloatArray, FloatArray]:
 
 
 def shared_out(at: FloatArray, force: FloatArray, nodes: FloatArray) -> FloatArray:
-    """Point forces on the nodes of a polyline, each split between the ends of the segment nearest to it.
+    """Distribute point forces to the nodes of a polyline, each to the two ends of its nearest segment.
 
     Parameters
     ----------
-    at : (force, 2) points at which the forces act
-    force : (force,) their magnitudes
-    nodes : (node, 2) the polyline
+    at : (force, 2) points at which the forces act; same coordinates as `nodes`
+    force : (force,) magnitudes of the forces
+    nodes : (node, 2) nodes of the polyline
 
     Returns
     -------
-    (node,) forces, whose sum is that of `force`
+    (node,) forces on the nodes, with the same sum as `force`
     """
     side = np.diff(nodes, axis=0)
     offset = at[:, None, :] - nodes[None, :-1, :]

@@ -1,9 +1,8 @@
-"""The deformed top of a whole pad under one press, between its own walls.
+"""The deformed top of a whole pad under one press, between its own walls, and notes for the user about a press.
 
-It is a curve around the axis that ends a few tip radii away, plus a smooth height (`library.solved_press`). Height
-here is a function of location: where the surface wraps the shank, it is the lowest of its heights.
-
-Notes for the user about the press of a design, in sentences.
+The surface is the sum of two parts (`library.solved_press`): a curve about the press axis that ends a few tip radii
+away, and a smooth height map. The height is a function of (x, y): where the surface wraps around the tip's shank, it is
+the lowest height.
 """
 
 from __future__ import annotations
@@ -24,9 +23,9 @@ from sims.press import Indentation
 
 _STEP = 1e-6
 MOST_SURFACES = 1024
-"""Most surfaces that are remembered: 30 kB each."""
+"""Most pad surfaces that are cached, of 30 kB each."""
 _SURFACES: dict[tuple[object, ...], PadSurface] = {}
-"""The last surfaces of this process. A key holds the identity of their presses, which the surface keeps alive."""
+"""Cache of pad surfaces. Keys hold the `id` of the presses, which stays valid because the surface refers to them."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -35,8 +34,8 @@ class PadSurface:
 
     Attributes
     ----------
-    near : the part of the press that is a curve around its axis; force and contact are those of the location
-    solved : the presses at this location
+    near : the part of the surface that is symmetric about the press axis, with force and contact at this location
+    solved : the presses at this location, at every depth
     at_mm : (x, y) of the press axis in the cavity frame [mm]
     size_mm : length and width of the cavity [mm]
     """
@@ -47,16 +46,16 @@ class PadSurface:
     size_mm: tuple[float, float]
 
     def beside_mm(self, x_mm: FloatArray, y_mm: FloatArray) -> FloatArray:
-        """(nx, ny) the smooth rest of the height [mm] at x (nx,) and y (ny,) in the cavity frame [mm]."""
+        """Height (nx, ny) to add to the symmetric part `near` [mm], at x (nx,) and y (ny,) in the cavity frame [mm]."""
         tip = self.near.tip_radius_mm
         if self.solved.placed is None:
             return np.zeros((len(x_mm), len(y_mm)))
         return tip * self.solved.placed.beside(self.near.depth_mm / tip, x_mm / tip, y_mm / tip)
 
     def height_mm(self, x_mm: FloatArray, y_mm: FloatArray) -> FloatArray:
-        """(nx, ny) height of the top over the undisturbed one [mm] at x (nx,) and y (ny,) in the cavity frame [mm].
+        """Height (nx, ny) of the top over the undeformed top [mm], at x (nx,) and y (ny,) in the cavity frame [mm].
 
-        Inside the contact it is the tip's.
+        Inside the contact this is the tip's height.
         """
         radius = np.hypot(x_mm[:, None] - self.at_mm[0], y_mm[None, :] - self.at_mm[1])
         beside = np.where(radius <= self.near.contact_radius_mm, 0.0, self.beside_mm(x_mm, y_mm))
@@ -64,7 +63,7 @@ class PadSurface:
 
 
 def curve_height_mm(press: Indentation, radius_mm: FloatArray) -> FloatArray:
-    """(...,) height of a press [mm] at distances from its axis [mm]; beyond the curve that of its end."""
+    """Height (...) of a press's curve [mm] at distances (...) from its axis [mm]; constant beyond the curve's end."""
     farthest = np.maximum.accumulate(press.radius_mm)
     kept = np.append(True, np.diff(farthest) > _STEP)
     radius, height = press.radius_mm[kept], press.height_mm[kept]
@@ -76,12 +75,12 @@ def curve_height_mm(press: Indentation, radius_mm: FloatArray) -> FloatArray:
 def pad_surface(
     design: SensorDesign, depth_mm: float, at_mm: tuple[float, float] | None = None
 ) -> PadSurface:
-    """Press a design's tip into its pad and give the whole top.
+    """Press a design's tip into its pad, and return the surface of the whole top.
 
     Parameters
     ----------
     design : the sensor
-    depth_mm : depth of the press [mm]; 0 or less: untouched
+    depth_mm : depth of the press [mm]; 0 or less: no contact
     at_mm : (x, y) of the press axis in the cavity frame [mm]; None is the middle
 
     Raises
@@ -99,7 +98,7 @@ def pad_surface(
 
 
 def pad_surfaces(design: SensorDesign, presses_mm: FloatArray) -> Iterator[PadSurface]:
-    """The tops of many presses (n, 3) of x, y, depth > 0 [mm]; errors of `pad_surface`."""
+    """The top under each of many presses (n, 3) of x, y, depth > 0 [mm]; errors are those of `pad_surface`."""
     deepest = float(max(presses_mm[:, 2].max(initial=0.0), design.operating.max_depth_mm))
     middle, size = solved_press(design, deepest), (design.cavity.length_mm, design.cavity.width_mm)
     tip, is_block = middle.tip_radius_mm, plan_of(design).is_block
@@ -117,7 +116,7 @@ def pad_surfaces(design: SensorDesign, presses_mm: FloatArray) -> Iterator[PadSu
 def _remembered(
     solved: SolvedPress, depth_mm: float, at_mm: tuple[float, float], size_mm: tuple[float, float]
 ) -> PadSurface:
-    """The surface of a press at a location; designs that differ elsewhere share one object while it is remembered."""
+    """The pad surface of a press, from the cache if there; designs with the same press share one object."""
     press = (id(solved.smooth), solved.tip_radius_mm, solved.youngs_modulus_mpa, solved.walls_mm)
     key = (*press, solved.placed is None, depth_mm, *at_mm, *size_mm)
     found = _SURFACES.get(key)
@@ -130,13 +129,14 @@ def _remembered(
 
 
 NOTED_FORCE_CHANGE = 0.03
-"""Least change of force by near walls that is reported [-]: the contact model's own error."""
+"""Least relative change of force by near walls that is reported to the user [-]; it equals the contact model's error.
+"""
 
 
 def edge_force_note(design: SensorDesign) -> str | None:
-    """A note on the stiffening by walls at the corner of the workspace; None where it is small.
+    """A note on how much walls change the force at the workspace's corner; None if the change is small.
 
-    In pads other than blocks the contact model has a thinner border, not a nearer wall.
+    In pads other than flat rectangular ones the change comes from a thinner border, not from a nearer wall.
     """
     space, depth_mm = cavity_of(design).workspace, design.operating.max_depth_mm
     corner = space.clamped(space.x0_mm, space.y0_mm)
@@ -154,6 +154,6 @@ def edge_force_note(design: SensorDesign) -> str | None:
 
 
 def contact_notes(design: SensorDesign) -> tuple[str, ...]:
-    """Every note on the press of a design: the solution, and the effect of its walls."""
+    """All notes for the user on the press of a design: on its solution, and on the effect of the walls."""
     walls = edge_force_note(design)
     return (*solved_press(design).notes, *((walls,) if walls else ()))

@@ -1,16 +1,16 @@
 """Contact pressure under the tip, from the load that the solver found on each part of the contact.
 
-`SmoothPress` holds C, the share of the load inside a share of the tip's outline. With A(t) the tip's area
-up to the outline coordinate t, the pressure is p = N dC/dA: its mean on each ring between two of the
-`LOAD_SHARES`, and a monotone curve through these means. The total normal load N follows from the press force:
-F = ∫ p 2πr dr over the rings, so pressure and force belong together at every depth.
+`SmoothPress` stores C(t), the share of the load inside the arc length t along the tip's outline from its apex. With
+A(t) the tip's area up to t, the pressure is p = N dC/dA. Its mean is computed on each ring between two of the
+`LOAD_SHARES` (fractions of the contact's outline), and a monotone curve runs through these means. The total normal load
+N is set so that the pressure gives the press force F = ∫ p 2πr dr at every depth.
 
-Error against Hertz (layer of 6 tip radii, press of 1/6, contact of 4 node spacings): 3 % of the peak
-root mean square and 6 % at most out to 0.8 of the contact radius; the peak itself is 5 % high.
+Error against Hertz out to 0.8 of the contact radius: 3 % of the peak (root mean square), 6 % at most; the peak itself
+is 5 % high. This is for a layer of 6 tip radii, a depth of 1/6 tip radius, and a contact radius of 4 node spacings.
 
-Left out: any detail finer than the mesh and the `LOAD_SHARES`. The edge of the contact is smeared over
-one node spacing, a singular edge (of a flat punch) is averaged over it, and a contact of fewer than
-`FEWEST_SPACINGS` node spacings from axis to edge has no usable profile (`is_resolved` is False).
+Left out: any detail finer than the mesh and the `LOAD_SHARES`. The edge of the contact is smeared over one node
+spacing, which also averages the singular edge of a flat punch. A contact of fewer than `FEWEST_SPACINGS` node spacings
+from axis to edge has no usable profile (`is_resolved` is False).
 """
 
 from __future__ import annotations
@@ -37,10 +37,10 @@ class ContactPressure:
     Attributes
     ----------
     depth_mm : depth of the press [mm]
-    radius_mm : (n,) radii of the tip's outline, from the axis to the contact edge [mm]
-    height_mm : (n,) their heights [mm]
-    pressure_mpa : (n,) pressure there [MPa]; 0 at the last
-    is_resolved : whether the contact spans enough of the mesh for a valid profile
+    radius_mm : (n,) radii of points on the tip's outline, from the axis to the contact edge [mm]
+    height_mm : (n,) heights of these points above the undeformed surface [mm]
+    pressure_mpa : (n,) pressure at these points [MPa]; 0 at the last, the contact edge
+    is_resolved : whether the contact spans enough mesh nodes for a valid profile
     """
 
     depth_mm: float
@@ -56,7 +56,7 @@ class ContactPressure:
 
     @property
     def axial_force_n(self) -> float:
-        """Vertical force of the pressure, ∫ p 2πr dr [N]: equal to the press force except for the mesh error."""
+        """Vertical force of the pressure, ∫ p 2πr dr [N]; equal to the press force up to the mesh error."""
         first, second = self.radius_mm[:-1], self.radius_mm[1:]
         near, far = self.pressure_mpa[:-1], self.pressure_mpa[1:]
         moment = near * (2.0 * first + second) + far * (first + 2.0 * second)
@@ -64,7 +64,10 @@ class ContactPressure:
 
 
 def _outline_areas(edge: float, depth: float, tip: TipOutline) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Radius and height of the tip's outline, and its area inside, `_FINE_STEPS` to one of `LOAD_SHARES`."""
+    """Radius and height of points on the tip's outline, and the outline's area from the apex to each point.
+
+    There are `_FINE_STEPS` steps between two of the `LOAD_SHARES`.
+    """
     steps = _FINE_STEPS * (LOAD_SHARES.size - 1)
     along = np.linspace(0.0, edge, steps + 1)
     radius, height = tip_outline(along, depth, tip)
@@ -73,7 +76,7 @@ def _outline_areas(edge: float, depth: float, tip: TipOutline) -> tuple[FloatArr
 
 
 def _through_rings(ring: FloatArray) -> FloatArray:
-    """Pressure along the outline from its mean on each ring: an even function about the axis, 0 at the edge."""
+    """Pressure along the tip's outline from its mean on each ring: symmetric about the axis, 0 at the contact edge."""
     middles = np.arange(ring.size) + 0.5
     places = np.concatenate([-middles[1::-1], middles, [ring.size]])
     course = PchipInterpolator(places, np.concatenate([ring[1::-1], ring, [0.0]]))
@@ -82,7 +85,7 @@ def _through_rings(ring: FloatArray) -> FloatArray:
 
 
 def contact_pressure(press: SolvedPress, depth_mm: float) -> ContactPressure:
-    """Pressure between tip and layer at one depth; one node of pressure 0 without contact.
+    """Pressure between tip and layer at one depth; without contact, one point of pressure 0.
 
     Parameters
     ----------
@@ -93,7 +96,7 @@ def contact_pressure(press: SolvedPress, depth_mm: float) -> ContactPressure:
     ------
     ModelScopeError : the depth exceeds the solved range
     """
-    force_n, tip_mm = press.force_n(depth_mm), press.tip_radius_mm  # refuses depths that were not solved
+    force_n, tip_mm = press.force_n(depth_mm), press.tip_radius_mm  # raises for depths that were not solved
     if depth_mm <= 0.0:
         nothing = np.zeros(1)
         return ContactPressure(

@@ -1,7 +1,7 @@
-"""What the contact model covers: layer depth, press depth, walls, and the depths that are solved.
+"""Range of the contact model: layer thickness, press depth, walls, and the depths that are solved.
 
-The limits come from the feasibility study of this project (section "Contact"): outside them the wedge
-was not compared with the independent finite-element solution.
+The limits come from the feasibility study of this project (section "Contact"). Outside them MuJoCo's solution was not
+compared with the independent finite-element solution.
 """
 
 from __future__ import annotations
@@ -28,15 +28,15 @@ if TYPE_CHECKING:
 HALF_WIDTH = 16 / 3
 """Half width of the published pad [tip radii]: 16 mm for a 3 mm tip."""
 WALL_RADIUS = 16 / 3
-"""Default radius at which the wall of a round pad is bonded [tip radii]."""
+"""Default wall radius of a round pad [tip radii]."""
 FIRST_DEPTHS = (0.02 / 3, 0.05 / 3, 0.1 / 3, 0.15 / 3, 0.2 / 3)
-"""First solved depths [tip radii]: mode 1 of a pair can be over within the first tenths of a millimetre."""
+"""First solved depths [tip radii]. They are close together, because mode 1 of a pair can end in the first 0.2 mm."""
 DEPTH_STEP = 0.1 / 3
-"""Step between the solved depths that follow [tip radii]."""
+"""Step between solved depths after the first ones [tip radii]."""
 
 
 def _positive(name: str, value: float) -> float:
-    """The value, if it is a positive finite number."""
+    """Return the value if it is a positive finite number; otherwise raise `InputError`."""
     if not (math.isfinite(value) and value > 0.0):
         raise DesignError(f"{name}: {value:g} must be a positive number")
     return value
@@ -48,7 +48,7 @@ def tip_radius_mm(design: SensorDesign) -> float:
 
 
 def elastic_depth_mm(design: SensorDesign) -> float:
-    """Thickness of clear and black layer together [mm]: they are of the same elastomer and deform as one."""
+    """Thickness of the elastic layer [mm]: clear and black layer together, which deform as one elastomer."""
     cavity = design.cavity
     return _positive(
         "cavity.clear_thickness_mm + cavity.black_thickness_mm",
@@ -57,14 +57,17 @@ def elastic_depth_mm(design: SensorDesign) -> float:
 
 
 def layer_depth(design: SensorDesign, at_mm: tuple[float, float] | None = None) -> float:
-    """Elastic depth over tip radius [-].
+    """Thickness of the elastic layer (clear and black) over tip radius [-].
 
-    at_mm : (x, y) in the cavity frame; under a crown the depth is that along the normal there. None is its highest
-    point [mm]
+    Parameters
+    ----------
+    design : the sensor
+    at_mm : (x, y) in the cavity frame [mm], where the thickness is measured along the normal of the top. None is the
+        highest point of the top
 
     Raises
     ------
-    ModelScopeError : it is outside the modelled range
+    ModelScopeError : the thickness is outside the modelled range
     """
     radius = tip_radius_mm(design)
     depth = elastic_depth_mm(design)
@@ -82,50 +85,51 @@ def layer_depth(design: SensorDesign, at_mm: tuple[float, float] | None = None) 
 
 
 def round_radius(length: float, width: float) -> float:
-    """Radius of the round pad of a rectangular pad's area; all of one unit.
+    """Radius of the round pad with the area of a rectangular pad, in the unit of `length` and `width`.
 
-    Rubber keeps its volume: the volume that the tip displaces rises over the area of the pad. With equal areas the free
-    surface of a round pad is that of a square one to a few micrometres up to the strip next to the walls; the effect of
-    the pad's own walls is added (`library.solved_press`).
+    Rubber is incompressible: the volume that the tip displaces rises elsewhere over the area of the pad. So with equal
+    areas, the free surfaces of a round and a square pad agree within a few micrometres, except next to the walls. The
+    effect of the real walls is added later (`library.solved_press`).
     """
     return math.sqrt(length * width / math.pi)
 
 
 def half_width_of(radius: float) -> float:
-    """Half width of the square pad of a round pad's area, in the unit of the radius."""
+    """Half width of the square pad with the area of a round pad, in the unit of the radius."""
     return 0.5 * math.sqrt(math.pi) * radius
 
 
 WALL_RADIUS_RANGE = (round(round_radius(20 / 3, 20 / 3), 9), 7.5)
-"""Radii of the round pads that are solved [tip radii], from that of a pad of 20 mm and a tip of 3 mm to that of 40 mm.
-From 6.0 to 7.5 the force at 1 tip radius falls by 1 %."""
+"""Range of the solved round pads' radii [tip radii]: for a 3 mm tip, the areas of square pads of 20 mm to 40 mm. From
+6.0 to 7.5 the force at a depth of 1 tip radius falls by 1 %.
+"""
 
 
 def wall_radius(design: SensorDesign) -> float:
-    """Radius of the round pad that represents the design's [tip radii], moved into `WALL_RADIUS_RANGE`."""
+    """Radius of the round pad with the design's pad area [tip radii], clipped to `WALL_RADIUS_RANGE`."""
     radius = math.sqrt(plan_of(design).area_mm2 / math.pi) / tip_radius_mm(design)
     low, high = WALL_RADIUS_RANGE
     return min(max(radius, low), high)
 
 
 def mean_crown(design: SensorDesign) -> float:
-    """Tip radius times the mean curvature of the untouched top [-]; 0 for a flat one."""
+    """Tip radius times the mean curvature of the undeformed top [-]; 0 for a flat one."""
     return tip_radius_mm(design) * plan_of(design).top.mean_curvature
 
 
 def depth_limit_mm(design: SensorDesign) -> float:
-    """Deepest press that the contact model covers, wherever the design is pressed [mm]."""
-    tip_radius_mm(design), elastic_depth_mm(design)  # refuse values that are no numbers
+    """Deepest press that the contact model covers at every location of the design's pad [mm]."""
+    tip_radius_mm(design), elastic_depth_mm(design)  # raises if values are not numbers
     return deepest_modelled_mm(design)
 
 
 def require_depth(design: SensorDesign, depth_mm: float, name: str) -> float:
-    """The depth [mm], if it is a number within the contact model.
+    """Return the depth [mm] if it is within the contact model; otherwise raise an error that starts with `name`.
 
     Raises
     ------
     InputError : the depth is not a finite number
-    ModelScopeError : the depth is deeper than modelled
+    ModelScopeError : the depth exceeds the model's range
     """
     if not math.isfinite(depth_mm):
         raise InputError(f"{name}: {depth_mm} must be a finite number of mm")
@@ -140,16 +144,16 @@ def require_depth(design: SensorDesign, depth_mm: float, name: str) -> float:
 
 
 def solved_depths(layer: float, deepest: float) -> FloatArray:
-    """Depths to solve: the stored schedule up to the first one at or beyond the deepest press.
+    """Depths to solve: the fixed schedule of depths, up to the first one at or beyond `deepest`.
 
     Parameters
     ----------
-    layer : elastic depth [tip radii]
+    layer : layer thickness [tip radii]
     deepest : deepest press requested [tip radii]
 
     Returns
     -------
-    (depth,) increasing depths [tip radii]; the last is the model's limit at most
+    (depth,) increasing depths [tip radii]; none exceeds the model's limit
     """
     limit = min(LARGEST_SHARE_OF_LAYER * layer, DEEPEST_PRESS)
     count = math.ceil((limit - FIRST_DEPTHS[-1]) / DEPTH_STEP)

@@ -1,4 +1,4 @@
-"""The tip in tip radii: an outline of lines and arcs with a straight shank, and the coordinate along it.
+"""The tip in tip radii: an outline of lines and arcs with a straight shank, and the arc length along it.
 
        |  |                     outline coordinate t: arc length from the apex [tip radii]; on a
        |  |  shank              hemisphere the angle up to π/2, then π/2 + height above the equator
@@ -6,8 +6,8 @@ z=0 ---|--|----- undisturbed top
        \\  /   outline          height of the outline is a function of radius, from the axis to 1
         --     apex, at z = -depth
 
-Points inside are those with a radius below 1 and a height above the outline's. Distances are to the
-nearest point of outline and shank, which is exact for every outline.
+A point is inside the tip if its radius is below 1 and its height is above the outline's. Distances are exact: they are
+to the nearest point of outline and shank.
 """
 
 from __future__ import annotations
@@ -25,35 +25,35 @@ from design.spec.indenter import tip_outline as outline_pieces
 Row = tuple[float, float, float, float, float, float, float]
 
 _KINK = 1e-6
-"""Turn of the tangent between two pieces that counts as a kink [rad]."""
+"""Least change of the tangent angle between two pieces of an outline that counts as a kink [rad]."""
 
 
 @dataclass(frozen=True)
 class TipOutline:
-    """A tip of radius 1; equal outlines compare equal, regardless of their source.
+    """Outline of a tip of radius 1, from lines and arcs; lengths in tip radii.
 
     Attributes
     ----------
-    rows : one per piece, from the apex: radius and height of its start, of its end and of its centre, and the
-        radius of an arc, which bulges outward; centre and radius are 0 for a line [tip radii]
+    rows : one row of 7 per piece, from the apex outwards: radius and height of the piece's start, of its end and of its
+        centre, then the radius of the arc, which is convex. Centre and arc radius are 0 for a line
     """
 
     rows: tuple[Row, ...]
 
     @classmethod
     def from_rows(cls, rows: FloatArray) -> TipOutline:
-        """From (piece, 7) rows."""
+        """An outline from its rows (piece, 7)."""
         return cls(tuple((a, b, c, d, e, f, g) for a, b, c, d, e, f, g in np.asarray(rows).tolist()))
 
     @cached_property
     def table(self) -> FloatArray:
-        """(piece, 7) the rows, with the shank as the last: a vertical line without end."""
+        """Rows (piece, 7) of the outline, with the shank as the last one: an infinite vertical line."""
         height = self.rows[-1][3]
         return np.array([*self.rows, (1.0, height, 1.0, height + 1.0, 0.0, 0.0, 0.0)], dtype=np.float64)
 
     @cached_property
     def angles(self) -> FloatArray:
-        """(piece, 2) angle of the tangent to the radial direction at start and end [rad]."""
+        """Angle (piece, 2) of the tangent to the radial direction, at each piece's start and end [rad]."""
         start_r, start_h, end_r, end_h, centre_r, centre_h, radius = self.table.T
         line = np.arctan2(end_h - start_h, end_r - start_r)
         first = np.where(radius > 0.0, np.arctan2(start_r - centre_r, centre_h - start_h), line)
@@ -62,7 +62,7 @@ class TipOutline:
 
     @cached_property
     def lengths(self) -> FloatArray:
-        """(piece,) arc length; infinite for the shank."""
+        """Arc length (piece,) of each piece [tip radii]; infinite for the shank."""
         chord = np.hypot(self.table[:, 2] - self.table[:, 0], self.table[:, 3] - self.table[:, 1])
         arc = self.table[:, 6] * (self.angles[:, 1] - self.angles[:, 0])
         length = np.where(self.table[:, 6] > 0.0, arc, chord)
@@ -71,24 +71,24 @@ class TipOutline:
 
     @cached_property
     def starts(self) -> FloatArray:
-        """(piece,) outline coordinate of each start."""
+        """Arc length (piece,) from the apex to each piece's start [tip radii]."""
         return np.concatenate([[0.0], np.cumsum(self.lengths[:-1])])
 
     @cached_property
     def kinks(self) -> FloatArray:
-        """(k,) outline coordinates at which the tangent jumps."""
+        """Arc lengths (k,) from the apex at which the tangent jumps [tip radii]."""
         jump = np.abs(self.angles[1:, 0] - self.angles[:-1, 1]) > _KINK
         return np.asarray(self.starts[1:][jump], dtype=np.float64)
 
     @property
     def contact_power(self) -> float:
-        """Power of the depth with which the contact radius grows at first touch: round 1/2, pointed 1, flat 0 [-]."""
+        """Power of the depth by which the contact radius grows at first touch [-]: round 1/2, pointed 1, flat 0."""
         if self.rows[0][6] > 0.0:
             return 0.5
         return 0.0 if self.rows[0][3] <= self.rows[0][1] else 1.0
 
     def points(self, coordinate: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Radius and height above the apex (...,) at outline coordinates."""
+        """Radius and height (...) above the apex, at arc lengths (...) along the outline from the apex [tip radii]."""
         along = np.asarray(coordinate, dtype=np.float64)
         piece = np.clip(np.searchsorted(self.starts, along, side="right") - 1, 0, len(self.table) - 1)
         start_r, start_h, _, _, centre_r, centre_h, radius = np.moveaxis(self.table[piece], -1, 0)
@@ -100,14 +100,14 @@ class TipOutline:
         )
 
     def tangent_angle(self, coordinate: float) -> float:
-        """Angle of the tangent to the radial direction [rad]; at a kink that of the piece before it."""
+        """Tangent angle to the radial direction [rad] at an arc length from the apex; at a kink, before the kink."""
         piece = max(int(np.searchsorted(self.starts, coordinate, side="left")) - 1, 0)
         first, last = self.angles[piece]
         share = (coordinate - self.starts[piece]) / self.lengths[piece]
         return float(first + (last - first) * share)
 
     def height(self, radius: FloatArray) -> FloatArray:
-        """(...,) height of the outline above the apex at radii up to 1."""
+        """Height (...) of the outline above the apex at radii (...) up to 1 [tip radii]."""
         rows = self.table[:-1]
         piece = np.minimum(np.searchsorted(rows[:, 2], radius, side="left"), len(rows) - 1)
         start_r, start_h, end_r, end_h, centre_r, centre_h, arc = np.moveaxis(rows[piece], -1, 0)
@@ -117,11 +117,11 @@ class TipOutline:
         return np.asarray(np.where(arc > 0.0, centre_h - dip, line), dtype=np.float64)
 
     def nearest(self, radius: FloatArray, height: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Distance to the nearest point of the outline and its coordinate, (...,) each.
+        """Distance (...) to the nearest point of the outline, and that point's arc length (...) from the apex.
 
         Parameters
         ----------
-        radius, height : (...,) of the points, height above the apex
+        radius, height : (...) positions [tip radii], height above the apex
         """
         r, h = (np.asarray(values, dtype=np.float64)[..., None] for values in (radius, height))
         start_r, start_h, _, _, centre_r, centre_h, arc = self.table.T
@@ -141,24 +141,27 @@ class TipOutline:
 
 
 HEMISPHERE = TipOutline(((0.0, 0.0, 1.0, 1.0, 0.0, 1.0, 1.0),))
-"""A quarter of a circle; its outline coordinate is the angle."""
+"""A quarter of a circle; arc length along it is the angle from the apex [rad]."""
 
 
 def tip_of(indenter: Indenter) -> TipOutline:
-    """The outline of a design's tip in tip radii."""
+    """The outline of a design's tip, in tip radii."""
     scale = indenter.tip_radius_mm
     rows = ((*piece.start, *piece.end, *piece.centre, piece.radius) for piece in outline_pieces(indenter))
     return TipOutline(tuple(_scaled(row, scale) for row in rows))
 
 
 def _scaled(row: Sequence[float], scale: float) -> Row:
-    """A row in tip radii, without the round-off of the change of unit."""
+    """A row of an outline in tip radii, rounded so that designs in different units give equal rows."""
     a, b, c, d, e, f, g = (round(value / scale, 12) for value in row)
     return a, b, c, d, e, f, g
 
 
 def tip_gap(radius: FloatArray, height: FloatArray, depth: float, tip: TipOutline = HEMISPHERE) -> FloatArray:
-    """(...,) distance of points to the tip's surface, negative inside; all in tip radii."""
+    """Distance (...) of points from the tip's surface, negative inside; all in tip radii.
+
+    `depth` is the tip apex's depth below the undeformed top, at height 0.
+    """
     if tip == HEMISPHERE:
         below_equator = np.minimum(height - (1.0 - depth), 0.0)
         return np.asarray(np.hypot(radius, below_equator) - 1.0, dtype=np.float64)
@@ -171,7 +174,7 @@ def tip_gap(radius: FloatArray, height: FloatArray, depth: float, tip: TipOutlin
 def tip_coordinate(
     radius: FloatArray, height: FloatArray, depth: float, tip: TipOutline = HEMISPHERE
 ) -> FloatArray:
-    """(...,) outline coordinate of the tip's point nearest to each position; all in tip radii."""
+    """Arc length (...) along the outline from the apex, at the point nearest to each position; all in tip radii."""
     if tip == HEMISPHERE:
         above_equator = height - (1.0 - depth)
         angle = np.arctan2(radius, np.maximum(-above_equator, 0.0))
@@ -182,7 +185,7 @@ def tip_coordinate(
 def tip_outline(
     coordinate: FloatArray, depth: float, tip: TipOutline = HEMISPHERE
 ) -> tuple[FloatArray, FloatArray]:
-    """Radius and height (...,) of the tip's outline at an outline coordinate; all in tip radii."""
+    """Radius and height (...) of the outline at arc lengths (...) from the apex of a tip at `depth`; in tip radii."""
     if tip == HEMISPHERE:
         angle = np.minimum(coordinate, 0.5 * np.pi)
         above_equator = np.maximum(coordinate - 0.5 * np.pi, 0.0)
@@ -194,17 +197,17 @@ def tip_outline(
 def outside_tip(
     radius: FloatArray, height: FloatArray, depth: float, tip: TipOutline = HEMISPHERE
 ) -> tuple[FloatArray, FloatArray]:
-    """Points moved onto the tip's surface where they are inside it; all (...,) in tip radii."""
+    """Move points (...) that are inside the tip onto its surface; all in tip radii."""
     inside = tip_gap(radius, height, depth, tip) < 0.0
     on_radius, on_height = tip_outline(tip_coordinate(radius, height, depth, tip), depth, tip)
     return np.where(inside, on_radius, radius), np.where(inside, on_height, height)
 
 
 def tip_points_mm(indenter: Indenter, length: float, count: int) -> FloatArray:
-    """(count, 2) radius and height above its apex of a tip's outline and shank [mm].
+    """Radius and height above the apex (count, 2) of points along a tip's outline and shank [mm].
 
     Parameters
     ----------
-    length : arc length from the apex [tip radii]
+    length : arc length from the apex to the last point [tip radii]
     """
     return indenter.tip_radius_mm * np.column_stack(tip_of(indenter).points(np.linspace(0.0, length, count)))

@@ -1,50 +1,45 @@
-"""Quadratic finite elements along one axis: the one-dimensional integrals of layers on product grids.
+"""How the walls of a rectangular pad change a press that was solved in a round pad: linear elasticity.
 
-On a grid that is a product of axes every integral of products of shape functions is a Kronecker product of these.
-Displacements take the quadratic shape functions (a node at the ends and in the middle of every element), pressures the
-linear ones: together the Taylor-Hood element, stable for incompressible solids (Elman, Silvester and Wathen, Finite
-Elements and Fast Iterative Solvers, 2014, section 3.3).
+Lengths in tip radii. Displacements are in units of load over shear modulus, which is 1 here.
 
-A rectangular incompressible layer: motion of its top when its four walls are moved; linear elasticity.
+Quadratic finite elements along one axis (`QuadraticAxis`)
+----------------------------------------------------------
+On a grid that is a product of axes, every integral of products of shape functions is a Kronecker product of
+one-dimensional integrals. Displacements have quadratic shape functions (nodes at the ends and in the middle of every
+element), pressures linear ones. Together they are the Taylor-Hood element, which is stable for incompressible solids
+(Elman, Silvester and Wathen, Finite Elements and Fast Iterative Solvers, 2014, section 3.3).
 
-Model
------
-Stress -p 1 + 2 μ ε, div u = 0, u = 0 on the bottom, u given on the walls, the top free. Taylor-Hood elements on a
-product grid (`elements`) whose steps are small near the walls: inside, such a field is smooth on the scale of the
-layer's depth. Two mirror planes split every field into four, even or odd across each, and a quarter of the block serves
-them all. The matrix from the walls' nodes to the top's is kept, so every further press is one product.
+A rectangular incompressible layer whose four walls are moved (`BlockLayer`)
+----------------------------------------------------------------------------
+Stress -p 1 + 2 μ ε, div u = 0, u = 0 on the bottom, u given on the walls, the top free. The grid's steps are small near
+the walls; elsewhere the field is smooth on the scale of the layer's thickness. The two middle planes split every field
+into four parts, even or odd across each plane, so a quarter of the block is enough. The matrix from the motion of the
+walls' nodes to the top's is stored, so every further press is one matrix product.
 
-Walls moved opposite to their motion by a press in a wide layer, added to that press, give the press between fixed
-walls. Lengths in tip radii; displacements of any unit.
+A press in a wide layer moves the points where the walls are. Moving the walls back by this motion, and adding the
+result to the press in the wide layer, gives the press between fixed walls.
 
-A round incompressible layer, bonded at its bottom and its wall, under loads around its axis: linear elasticity.
+A round incompressible layer under axisymmetric loads (`RoundLayer`)
+--------------------------------------------------------------------
+Stress -p 1 + 2 μ ε, div u = 0, u = 0 on bottom and wall, the top free except for the load. The Taylor-Hood elements are
+factorised once.
 
-Model
------
-Stress -p 1 + 2 μ ε, div u = 0, u = 0 on bottom and wall, the top free except for the load; axisymmetric. Weak form by
-Taylor-Hood elements on a product grid (`elements`), factorised once. Shear modulus μ = 1 here: displacements are those
-of a load over μ. Lengths in tip radii.
+Loads that replace a press far from the tip (`FarPress`)
+--------------------------------------------------------
+Outside the dimple strains are small, so the top there is that of a `RoundLayer` under loads near the axis. Two loads,
+p(r) = 5 / (2 π w²) (1 - r²/w²)^(3/2) with the widths w of `LOAD_RADII`, give any force and spread. Their amplitudes are
+fitted by least squares to the solved round pad's top, from `START` beyond the contact to its wall. Nothing is fitted to
+results in three dimensions. Amplitudes have the unit of a force over the shear modulus.
 
-Change of a press at one location by the walls of a rectangular pad, from its loads: linear elasticity.
-
-With loads q of the press (`far_press`), G the top of a layer under them, and ρ the round pad it was solved in,
+Change of a press at one location by the walls (`Surroundings`)
+---------------------------------------------------------------
+With the loads q of the press, the top G of a layer under unit loads, and ρ the round pad in which the press was solved,
+the change of the top is
 
     D = Σ q (G_block - G_ρ) = Σ q (G_wide + C - G_ρ),
 
-where C is the addition by the block when its walls undo the motion by the loads in a wide layer (`block_layer`). C is
-smooth in the whole pad, though every G is steep at the axis. Lengths in tip radii.
-
-A press in the far field: loads on a linear layer that raise its top as the solved press does outside the dimple.
-
-Model
------
-Outside the dimple strains are small, so the top there is that of a linear incompressible layer (`RoundLayer`) under
-loads near the axis. Two of them, p(r) = 5 / (2 π w²) (1 - r²/w²)^(3/2) with w of `LOAD_RADII`, have any force and
-spread. Their amplitudes are fitted to the solved round pad's top from `START` beyond the contact to its wall, by least
-squares. Their rise in a layer of another outline, less that in the round pad, is the change of the press by that
-outline: it is small and smooth, hence linear too (`surroundings`). Nothing is fitted to results in three dimensions.
-
-Lengths in tip radii, amplitudes in tip radii times the layer's shear modulus over it.
+where C is the block's response when its walls undo the motion by the loads in a wide layer. C is smooth in the whole
+pad, though every G is steep at the axis.
 """
 
 from __future__ import annotations
@@ -67,12 +62,12 @@ POINTS, WEIGHTS = np.polynomial.legendre.leggauss(5)
 
 
 class QuadraticAxis:
-    """Elements between ticks.
+    """One-dimensional quadratic finite elements along one axis of a product grid.
 
     Attributes
     ----------
-    ticks : (n + 1,) increasing ends of the elements
-    nodes : (2 n + 1,) ticks and middles
+    ticks : (n + 1,) increasing coordinates of the elements' ends
+    nodes : (2 n + 1,) coordinates of the nodes: ends and middles of the elements
     """
 
     def __init__(self, ticks: FloatArray) -> None:
@@ -93,12 +88,15 @@ class QuadraticAxis:
         }
 
     def _places(self, shape: Shape) -> IntArray:
-        """(element, shape) numbers of an element's nodes."""
+        """Indices (element, shape function) of the nodes of every element."""
         step, count = (1, 2) if shape == "pressure" else (2, 3)
         return step * np.arange(len(self.ticks) - 1)[:, None] + np.arange(count)
 
     def matrix(self, left: Shape, right: Shape, weight: Weight | None = None) -> csr_matrix:
-        """(left, right) integrals of products of shape functions or their slopes, times a weight of the position."""
+        """Integrals (left, right) of products of two kinds of shape functions; `weight` is a function of position.
+
+        A kind is "value" (quadratic functions), "slope" (their derivatives) or "pressure" (linear functions).
+        """
         weights = self._weights if weight is None else self._weights * weight(self._points)
         found = np.einsum("ngk,nhk,nk->ngh", self._shapes[left], self._shapes[right], weights)
         rows, columns = self._places(left), self._places(right)
@@ -107,7 +105,7 @@ class QuadraticAxis:
         return csr_matrix((found.ravel(), (each[0].ravel(), each[1].ravel())), shape=size)
 
     def load(self, density: Weight) -> FloatArray:
-        """(node,) integrals of the quadratic shape functions times a density of the position."""
+        """Integrals (node,) of the quadratic shape functions times a density, which is a function of the position."""
         found = np.einsum("ngk,nk->ng", self._shapes["value"], self._weights * density(self._points))
         out = np.zeros(len(self.nodes))
         np.add.at(out, self._places("value"), found)
@@ -115,7 +113,7 @@ class QuadraticAxis:
 
 
 def product(*factors: csr_matrix) -> csr_matrix:
-    """Kronecker product, the last axis fastest."""
+    """Kronecker product of the factors; the index of the last axis runs fastest."""
     out = factors[0]
     for factor in factors[1:]:
         out = kron(out, factor, format="csr")
@@ -123,7 +121,7 @@ def product(*factors: csr_matrix) -> csr_matrix:
 
 
 def graded_ticks(length: float, first: float, growth: float, largest: float) -> FloatArray:
-    """(n + 1,) ticks from 0 to a length, their steps growing from about the first to the largest."""
+    """Ends (n + 1,) of elements from 0 to `length`; their steps grow from about `first` to at most `largest`."""
     steps = [first]
     while sum(steps) < length - 1e-9:
         steps.append(min(steps[-1] * growth, largest))
@@ -134,24 +132,27 @@ def graded_ticks(length: float, first: float, growth: float, largest: float) -> 
 Size = tuple[float, float]
 
 STEP, STEP_SHARE, GROWTH = 0.7, 0.23, 1.4
-"""First step at a wall [tip radii], the same over the layer's depth [-], and growth. Against steps of half the size
-the surface moves by 0.5 µm rms (tip of 3 mm, pressed by its radius, 6 mm from a wall)."""
+"""First step at a wall [tip radii], the same over the layer's thickness [-], and growth ratio of the steps [-]. Steps
+of half the size move the surface by 0.5 µm rms (3 mm tip, pressed by its radius, 6 mm from a wall).
+"""
 HEIGHT_SHARES = 1.0 - np.linspace(1.0, 0.0, 4) ** 1.6
-"""Ticks along the height, closer towards the top [layer's depth]."""
+"""Heights of the elements' ends over the layer's thickness [-], closer together towards the top."""
 PARITIES = ((1, 1), (1, -1), (-1, 1), (-1, -1))
-"""Even (1) or odd (-1) across the middle planes of x and y."""
+"""Symmetry of a field across the middle plane of x and of y: 1 is even, -1 is odd."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class BlockLayer:
-    """The response of a block's top to motion of its walls.
+    """The response of a rectangular layer's top to motion of its four walls; lengths in tip radii.
 
     Attributes
     ----------
-    size : length and width
-    x, y : (nx,), (ny,) nodes of the top from one wall to the other
-    wall_nodes : (wall, 3) x, y and height above the bottom of a quarter's nodes on the walls
-    answers : (parity, nx / 2, ny / 2, 3 wall) upward displacement of the quarter's top per displacement of its walls
+    size : length (x) and width (y)
+    x, y : (nx,), (ny,) node coordinates of the top, from one wall to the other
+    wall_nodes : (wall node, 3) x, y and height above the bottom of the nodes on the walls, in the quarter next to (0,
+        0)
+    answers : (parity, nx / 2, ny / 2, 3 wall nodes) upward displacement of the quarter's top nodes (middle planes
+        included) per displacement of a wall node, for each symmetry in `PARITIES`
     """
 
     size: Size
@@ -161,12 +162,12 @@ class BlockLayer:
     answers: FloatArray
 
     def top(self, moved: FloatArray) -> FloatArray:
-        """(nx, ny) upward displacement of the top.
+        """Upward displacement (nx, ny) of the top for a given motion of the walls.
 
         Parameters
         ----------
-        moved : (2, 2, 3, wall) displacement of the walls' nodes by the cause itself and by its images in the
-            middle planes of x and y
+        moved : (2, 2, 3, wall node) displacement (x, y, z) of the quarter's wall nodes by the press itself [0, 0], and
+            by its mirror image in the middle plane of x [1, 0], of y [0, 1] and of both [1, 1]
         """
         total = np.zeros((len(self.x), len(self.y)))
         half = self.answers.shape[1:3]
@@ -180,7 +181,7 @@ class BlockLayer:
 
 @lru_cache(maxsize=4)
 def block_layer(layer: float, size: Size) -> BlockLayer:
-    """The block of a depth, length and width; half a second or less, then remembered."""
+    """The `BlockLayer` of a thickness and a size (length, width); computed in half a second or less, then cached."""
     first = min(STEP, STEP_SHARE * layer)
     x, y = (QuadraticAxis(graded_ticks(0.5 * side, first, GROWTH, layer)) for side in size)
     quarter = _Quarter(x, y, QuadraticAxis(layer * HEIGHT_SHARES))
@@ -194,7 +195,7 @@ def block_layer(layer: float, size: Size) -> BlockLayer:
 
 
 class _Quarter:
-    """The quarter next to the corner at (0, 0): its matrix, and the fixed unknowns for each parity."""
+    """Finite elements of the block's quarter next to the corner (0, 0): nodes, matrix and boundary conditions."""
 
     def __init__(self, x: QuadraticAxis, y: QuadraticAxis, z: QuadraticAxis) -> None:
         self.axes = (x, y, z)
@@ -228,7 +229,7 @@ class _Quarter:
         return bmat(blocks, format="csc")
 
     def _free(self, parity: tuple[int, int]) -> BoolArray:
-        """Unknowns that are not prescribed: three displacements of every node, then pressures."""
+        """Mask of the unknowns that are not fixed for a symmetry: three displacements of every node, then pressures."""
         held = [self.is_held.copy() for _ in range(3)]
         pressed = np.ones(len(self.pressures), dtype=np.bool_)
         for axis, even in enumerate(parity):
@@ -241,7 +242,10 @@ class _Quarter:
         return np.concatenate([*(~one for one in held), pressed])
 
     def answer(self, parity: tuple[int, int]) -> FloatArray:
-        """(nx, ny, 3 wall) the quarter's top per displacement of its walls, by reciprocity: unit forces there."""
+        """Upward displacement (nx, ny, 3 wall nodes) of the quarter's top per displacement of a wall node.
+
+        By reciprocity it is computed from unit forces on the top instead.
+        """
         nodes = len(self.places)
         free = np.flatnonzero(self._free(parity))
         walls = (nodes * np.arange(3)[:, None] + np.flatnonzero(self.is_wall)).ravel()
@@ -263,20 +267,20 @@ def _with(factors: list[csr_matrix], changed: dict[int, csr_matrix]) -> list[csr
 
 
 FINE_RADIUS, FINE_STEP, LARGEST_STEP = 1.6, 0.1, 0.5
-"""Grid along the radius: even under the loads, then growing [tip radii]."""
+"""Radial grid [tip radii]: even steps of the second value up to the first, then growing up to the third."""
 RING_GROWTH = 1.15
 TOP_STEP, DEPTH_STEPS = 0.12, 10
-"""Grid along the height: step at the top [tip radii], and number of steps."""
+"""Step of the grid at the top [tip radii]; for thin layers, the layer's thickness over the second value instead."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class LayerField:
-    """Displacement of a layer under one load; it is 0 from the wall on.
+    """Displacement field of a round layer under one load; 0 at and beyond its wall.
 
     Attributes
     ----------
     wall : radius where the layer is bonded
-    outward, upward : splines over radius and height above the bottom
+    outward, upward : splines of the displacement components over radius and height above the bottom
     top : spline of the upward displacement of the top over the radius
     """
 
@@ -290,7 +294,7 @@ class LayerField:
         return np.where(radius < self.wall, self.top(np.minimum(radius, self.wall)), 0.0)
 
     def at(self, radius: FloatArray, height: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """(n,) outward and upward displacement at (n,) radii and heights above the bottom."""
+        """Outward and upward displacement, (n,) each, at (n,) radii and heights above the bottom."""
         inside = radius < self.wall
         within = np.minimum(radius, self.wall)
         return (
@@ -300,10 +304,10 @@ class LayerField:
 
 
 class RoundLayer:
-    """The factorised layer."""
+    """Factorised finite elements of a round layer, bonded at its bottom and wall."""
 
     def __init__(self, layer: float, wall: float) -> None:
-        """Assemble a layer of a depth with its wall at a radius."""
+        """Assemble and factorise a layer of thickness `layer` with its wall at radius `wall` [tip radii]."""
         beyond = FINE_RADIUS + graded_ticks(
             wall - FINE_RADIUS, FINE_STEP * RING_GROWTH, RING_GROWTH, LARGEST_STEP
         )
@@ -338,7 +342,7 @@ class RoundLayer:
         self._solve = splu(matrix[self._free][:, self._free]).solve
 
     def field(self, pressure: Weight) -> LayerField:
-        """The displacement under a downward pressure, a function of the radius, over the shear modulus."""
+        """Displacement field under a downward pressure on the top; `pressure` is over the shear modulus."""
         count = len(self._r.nodes), len(self._z.nodes)
         nodes = count[0] * count[1]
         load = np.zeros(self._size)
@@ -359,24 +363,24 @@ def _radius(x: FloatArray) -> FloatArray:
 
 
 def _height_steps(layer: float) -> tuple[float, float, float]:
-    """First step, growth and largest step of the heights, from the top down."""
+    """First step, growth ratio and largest step of the grid along the height, from the top down."""
     return min(TOP_STEP, layer / DEPTH_STEPS), 1.25, layer / 5.0
 
 
 MOST_PLACES = 4096
-"""Most locations of a pad that are remembered: 10 kB each."""
+"""Most locations per pad size whose wall response is cached, 10 kB each."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Surroundings:
-    """The response to the loads between the walls around one location.
+    """Responses of the pad around one press location to unit loads; the module docstring defines C, D and the loads.
 
     Attributes
     ----------
-    at : x and y of the axis from the pad's corner
-    block : the pad
-    added : (load, nx, ny) C on the block's nodes
-    wide, round_pad : the loads in a wide layer and in the round pad
+    at : (x, y) of the press axis from the pad's corner
+    block : the rectangular pad
+    added : (load, nx, ny) C, the effect of holding the walls fixed, on the block's top nodes
+    wide, round_pad : displacement field of each load in a layer without walls, and in the round pad
     """
 
     at: tuple[float, float]
@@ -387,7 +391,7 @@ class Surroundings:
 
     @cached_property
     def on_axis(self) -> FloatArray:
-        """(load,) D on the axis for a unit of each load."""
+        """Lift (load,) of the top on the press axis by the walls, for a unit of each load."""
         zero = np.zeros(1)
         splines = [RectBivariateSpline(self.block.x, self.block.y, one) for one in self.added]
         return np.array(
@@ -398,7 +402,7 @@ class Surroundings:
         )
 
     def change(self, amplitudes: FloatArray, x: FloatArray, y: FloatArray) -> FloatArray:
-        """(nx, ny) D of loads (load,) at x (nx,) and y (ny,) from the pad's corner, within its walls."""
+        """Lift (nx, ny) of the top by the walls for loads (load,), at x (nx,) and y (ny,) from the pad's corner."""
         spline = RectBivariateSpline(self.block.x, self.block.y, np.tensordot(amplitudes, self.added, axes=1))
         radius = np.hypot(x[:, None] - self.at[0], y[None, :] - self.at[1])
         change = np.asarray(spline(x, y), dtype=np.float64)
@@ -408,13 +412,13 @@ class Surroundings:
 
 
 def surroundings(layer: float, wall: float, size: Size, at: tuple[float, float]) -> Surroundings:
-    """The walls of a pad around a location; those of the last pads are remembered by location.
+    """Responses of a pad to unit loads at a location; the results of the last pads are cached.
 
     Parameters
     ----------
-    layer : depth of the layer
-    wall : radius of the round pad that the press was solved in
-    size, at : length and width of the pad, and x, y of the axis from its corner
+    layer : layer thickness [tip radii]
+    wall : wall radius of the round pad in which the press was solved [tip radii]
+    size, at : (length, width) of the pad, and (x, y) of the press axis from its corner [tip radii]
     """
     places = _places(layer, wall, size)
     if at not in places:
@@ -426,7 +430,7 @@ def surroundings(layer: float, wall: float, size: Size, at: tuple[float, float])
 
 @lru_cache(maxsize=4)
 def _places(layer: float, wall: float, size: Size) -> dict[tuple[float, float], Surroundings]:  # noqa: ARG001
-    """The remembered locations of a pad; pads are dropped whole, so that only the last ones are kept."""
+    """Cache of one pad's responses by location; all locations of the least recently used pad are dropped together."""
     return {}
 
 
@@ -442,41 +446,41 @@ def _found(layer: float, wall: float, size: Size, at: tuple[float, float]) -> Su
 
 
 def _from(nodes: FloatArray, at: tuple[float, float]) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Radius (n,), direction (2, n) and height (n,) of nodes from an axis."""
+    """Radius (n,), horizontal unit direction (2, n) and height (n,) of nodes, seen from a press axis at (x, y)."""
     way = nodes[:, :2].T - np.array(at)[:, None]
     radius = np.hypot(*way)
     return radius, way / radius, nodes[:, 2]
 
 
 def _moved(field: LayerField, radius: FloatArray, direction: FloatArray, height: FloatArray) -> FloatArray:
-    """(3, n) displacement at nodes."""
+    """Displacement (3, n) in x, y, z of nodes at given radii, directions and heights."""
     outward, upward = field.at(radius, height)
     return np.stack([*(outward * direction), upward])
 
 
 Top = Callable[[float], tuple[FloatArray, FloatArray, float]]
-"""Depth to (radius, height) of the top from the axis to the wall, and contact radius."""
+"""Function from press depth to (radius, height) of the top from the axis to the wall, and the contact radius."""
 
 LOAD_RADII = (0.75, 1.5)
-"""Of one to four loads, 0.4 to 2.0 wide, two or more give the same surface in a pad within 1 µm rms (tip of 3 mm)."""
+"""Widths w of the loads [tip radii]. Two or more widths from 0.4 to 2.0 agree within 1 µm rms (3 mm tip)."""
 START = 0.6
-"""Distance beyond the contact, or the tip's radius, from which the linear layer is compared with the solved top."""
+"""The linear layer's top is fitted from this distance beyond the contact or the tip's radius, if larger [tip radii]."""
 SAMPLES = 60
 DEPTHS = 32
-"""Number of depths for amplitudes, evenly spaced in their root: denser near 0, where amplitudes rise steeply."""
+"""Number of depths with fitted amplitudes, evenly spaced in √depth, because amplitudes rise steeply near 0."""
 WIDE = 4.0
-"""Radius over depth of a layer whose wall has no effect [-]: the motion by a load decays as exp(-2 r / depth)."""
+"""Radius over thickness of a layer whose wall has no effect [-]; motion by a load decays as exp(-2 r / thickness)."""
 
 
 @lru_cache(maxsize=32)
 def load_fields(layer: float, wall: float) -> tuple[LayerField, ...]:
-    """Displacement by each load in a round layer of a depth, bonded at a radius."""
+    """Displacement field of each unit load in a round layer of thickness `layer`, bonded at radius `wall`."""
     solved = RoundLayer(layer, wall)
     return tuple(solved.field(_load(width)) for width in LOAD_RADII)
 
 
 def wide_fields(layer: float) -> tuple[LayerField, ...]:
-    """Displacement by each load in a layer without walls."""
+    """Displacement field of each unit load in a layer without walls (numerically: with a far wall)."""
     return load_fields(layer, max(WIDE * layer, 3.0 * LOAD_RADII[-1]))
 
 
@@ -486,13 +490,13 @@ def _load(width: float) -> Callable[[FloatArray], FloatArray]:
 
 @dataclass(frozen=True, kw_only=True)
 class FarPress:
-    """Amplitudes of the loads at every depth.
+    """Amplitudes, at every depth, of the loads that replace a press far from the tip; lengths in tip radii.
 
     Attributes
     ----------
-    layer, wall : depth of the layer, radius of the round pad's wall
-    deepest : deepest known press; beyond it amplitudes continue in a straight line
-    residual : (depth,) root mean square of the linear layer's top less the solved one where they are compared
+    layer, wall : layer thickness, radius of the round pad's wall
+    deepest : deepest fitted press; beyond it amplitudes are extrapolated linearly
+    residual : (depth,) root mean square difference of the linear layer's top from the solved one, in the fitted part
     """
 
     layer: float
@@ -502,7 +506,7 @@ class FarPress:
     _by_root: CubicSpline
 
     def amplitudes(self, depth: float) -> FloatArray:
-        """(load,) at a depth."""
+        """Amplitudes (load,) at a depth; 0 at a depth of 0 or less."""
         if depth <= 0.0:
             return np.zeros(len(LOAD_RADII))
         root = np.sqrt(min(depth, self.deepest))
@@ -513,12 +517,12 @@ class FarPress:
 
 
 def far_press(layer: float, wall: float, deepest: float, top: Top) -> FarPress:
-    """The loads of a family of presses into a round pad.
+    """Fit the loads that replace presses of every depth into a round pad, far from the tip.
 
     Parameters
     ----------
-    layer, wall, deepest : depth of the layer, radius of the wall, deepest press
-    top : the top of the solved presses
+    layer, wall, deepest : layer thickness, wall radius and deepest press [tip radii]
+    top : function from depth to the solved top and its contact radius
     """
     roots = np.sqrt(deepest) * np.arange(1, DEPTHS + 1) / DEPTHS
     fields = load_fields(layer, wall)
@@ -536,7 +540,7 @@ def far_press(layer: float, wall: float, deepest: float, top: Top) -> FarPress:
 def _matched(
     fields: tuple[LayerField, ...], radius: FloatArray, height: FloatArray, contact: float
 ) -> tuple[FloatArray, float]:
-    """Amplitudes (load,) that give a top, and the root mean square of the residual."""
+    """Amplitudes (load,) fitted to a solved top outside its contact, and the root mean square of the residual."""
     places = np.linspace(max(contact, 1.0) + START, fields[0].wall, SAMPLES)
     wanted = PchipInterpolator(radius, height)(places)
     columns = np.stack([field.top_at(places) for field in fields], axis=1)

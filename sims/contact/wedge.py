@@ -2,56 +2,63 @@
 
 Model
 -----
-* Everything is in tip radii and in E·R² for forces, so that the problem has two numbers: layer depth
-  and press depth. The layer's shape does not depend on its modulus because the tip is frictionless.
-* The layer is a wedge of 0.1 rad around the press axis, made of the r-z triangles of `mesh`, each
-  swept into a prism of three tetrahedra. Every vertex has three world-axis slide joints; motion out
-  of its radial plane is forbidden by a stiff fixed tendon. (Radial slide joints together with contact
-  make the Newton solver return garbage without a warning, hence world axes.)
-* Bottom and wall are bonded. The top is free, flat or a sphere about the axis (`crown`), and touched by a tip with
-  a straight shank: a capsule for a hemisphere, else the convex bodies of `tip_hulls`. A facet has one contact with
-  each of them. Beneath a flat face it moves over the facet, so flat tips end in narrow cycles more often, and take
-  ten times the steps.
-* Stable Neo-Hookean material, integrator `discrete` at time step 1: every
-  step is one damped static Newton iteration; velocities are zeroed after it. A depth is settled when
-  a step moves no vertex by more than 1e-4 tip radii (0.3 µm for a 3 mm tip) nor by 0.04 % of
-  the depth (0.02 % at first touch).
-* Contact is a stiff penalty, proportional to the vertex mass: too light sinks in, too heavy chatters.
-  Where one facet still chatters, the mean of its cycle is taken (see below).
+* Lengths are in tip radii R, forces in E·R² (E is Young's modulus), so that the problem has two numbers: layer
+  thickness and press depth. The layer's shape does not depend on its modulus because the tip is frictionless.
+* The layer is a wedge of 0.1 rad around the press axis, made of the r-z triangles of `mesh`, each swept into a prism of
+  three tetrahedra. Every vertex has three world-axis slide joints; motion out of its radial plane is forbidden by a
+  stiff fixed tendon. (Radial slide joints together with contact make the Newton solver return garbage without a
+  warning, hence world axes.)
+* Bottom and wall are bonded. The top is free, flat or a sphere about the axis (`crown`), and touched by a tip with a
+  straight shank: a capsule for a hemisphere, otherwise the convex bodies of `tip_hulls`. A facet of the layer has one
+  contact with each body. Under a flat tip the contact point moves over the facet. So flat tips end in narrow cycles
+  more often, and take ten times the steps.
+* Stable Neo-Hookean material, integrator `discrete` at time step 1: every step is one damped static Newton iteration;
+  velocities are zeroed after it. A depth is settled when a step moves no vertex by more than 1e-4 tip radii (0.3 µm for
+  a 3 mm tip) nor by 0.04 % of the depth (0.02 % at first touch).
+* Contact is a stiff penalty, proportional to the vertex mass: with too small a mass the tip sinks in, with too large a
+  mass the contact chatters. Where one facet still chatters, the mean of its cycle is used (see below).
 
-Left out: friction and adhesion, viscosity and inertia, nearer walls, the layer's own weight. Linear
-tetrahedra lock beyond a Poisson's ratio of 0.49: see `library.smooth_press` for the extrapolation.
-The wedge is a 63-sided polygon seen from above: radii are uncertain by 0.1 %. Prisms are split one way,
-so the two faces of the wedge differ a little (9 µm at 3 mm depth on a 0.45 mm mesh); their mean is used.
+Left out: friction, adhesion, viscosity, inertia, walls nearer than the round one, the layer's own weight. Linear
+tetrahedra lock beyond a Poisson's ratio of 0.49; `library.smooth_press` extrapolates. Seen from above, the full circle
+of wedges is a 63-sided polygon, so radii are uncertain by 0.1 %. All prisms are split in the same sense, so the two
+faces of the wedge differ a little (9 µm at 3 mm depth on a 0.45 mm mesh); their mean is used.
 
-Method and its traps: feasibility study of this project, section "Contact"; MuJoCo 4.0 documentation,
-`flex` and the `discrete` integrator.
+Sources: feasibility study of this project, section "Contact"; MuJoCo 4.0 documentation, `flex` and the `discrete`
+integrator.
 
-Whether a solved press is valid: checks from the deformed shape alone, independent of MuJoCo.
+Checks of a solved press
+------------------------
 
-A state passes when it is settled and finite, no element is inverted, the top has not sunk into the
-tip, and the force on the tip equals the reaction of the bonded bottom and wall, which is computed
-from the deformed shape by `neo_hookean`. A state that fails raises; nothing is repaired.
+The checks use the deformed shape alone, independent of MuJoCo.
 
-The tip as convex bodies for MuJoCo, which takes a mesh to be its convex hull.
+A state passes if it is at rest and finite, no element is inverted, the top has not sunk into the tip, and the force on
+the tip equals the reaction of the bonded bottom and wall. That reaction is computed from the deformed shape by
+`mesh.nodal_forces`. A state that fails raises an error; nothing is repaired.
 
-An outline whose slope only grows is one convex body of revolution. Another one is cut where its slope
-falls; each part is a separate body, whose hull is inside the tip because heights never fall outward
-(the hull closes the hole of a ring with a disc, which is above the outline further in). A part is
-extended straight beyond its end as far as that stays inside the tip, so that no side of a part is near
-the tip's surface, where the solver could resolve an overlap towards it.
+Shape of the tip
+----------------
 
-Arcs become points, with a sagitta of 1e-6 tip radii: coarser ones (1e-4) made contact chatter, these do
-not. Around the axis, points are dense over the wedge and sparse elsewhere.
+MuJoCo replaces a mesh by its convex hull, so the tip is made of convex bodies.
 
-An iteration is at rest when its steps have vanished, or when it cycles closely around a fixed point.
+An outline whose slope only grows outwards is one convex body of revolution. Other outlines are cut where the slope
+falls, and each part is a separate body. A part that starts away from the axis is a ring, whose hull closes the hole
+with a disc. Heights never fall outwards, so this disc is inside the tip. A part is extended straight beyond its end
+while it stays inside the tip. Otherwise the solver could push an overlapping facet out through the side of the part.
 
-At a few deep presses one facet at the contact edge enters and leaves the contact again and again, and the
-iteration ends in a cycle of a few micrometres that no damping removes. The mean of such a cycle is taken
-as the state if two windows of iterates have the same mean and no iterate is far from it. Such a state is
-marked (its `chatter` is not 0) and has to pass the same force balance as every other.
+Arcs become polylines with a sagitta of 1e-6 tip radii; a coarser one of 1e-4 made the contact chatter. Around the axis,
+points are dense over the wedge and sparse elsewhere.
 
-MuJoCo for wedge and block: a flex beneath a tip, stepped explicitly. Lengths in tip radii, forces in E R².
+Convergence
+-----------
+
+An iteration is at rest when its steps have become negligible, or when it cycles closely around a fixed point.
+
+At a few deep presses one facet at the contact edge repeatedly enters and leaves the contact. The iteration then ends in
+a cycle of a few micrometres that no damping removes. The mean of the cycle is used as the state, if two successive
+windows of iterates have the same mean and no iterate is far from it. Its `chatter` is then not 0, and it must pass the
+same force balance as any other state.
+
+MuJoCo's own part, a deformable body ("flex") under a tip, is in `PressedFlex`.
 """
 
 from __future__ import annotations
@@ -71,17 +78,17 @@ from sims.contact.mesh import RadialMesh, contact_forces, elastic_energy, nodal_
 from sims.contact.tip import HEMISPHERE, TipOutline, tip_gap
 
 SETTLED_LIMIT = 1e-4
-"""Largest last step of any vertex [tip radii]."""
+"""Largest motion of any vertex in the last step of a state at rest [tip radii]."""
 SHALLOW = 0.05
-"""Depth below which the contact spans a few nodes only, and a step moves its force more [tip radii]."""
+"""Depth below which a press counts as shallow [tip radii]: few nodes touch, so a step moves the force more."""
 SHALLOW_SHARE, DEEP_SHARE = 2e-4, 4e-4
-"""Largest last step of any vertex as a fraction of the depth [-], for shallow presses and for deeper ones."""
+"""Largest last step of any vertex over the depth [-], for shallow presses and for deeper ones."""
 PENETRATION_LIMIT = 0.02
 """Deepest allowed overlap of a surface facet with the tip [tip radii]: 60 µm for a 3 mm tip."""
 BALANCE_LIMIT = 0.01
-"""Largest difference between contact force and reaction, as a fraction of the force, [-]."""
+"""Largest difference between contact force and reaction of the bonded surfaces, over the force [-]."""
 BALANCE_FLOOR = 1e-4
-"""Forces below this are compared absolutely [E R²]: 0.9 mN for 3 mm and 1 MPa."""
+"""For forces below this, the force difference is compared with this force [E R²]: 0.9 mN for 3 mm and 1 MPa."""
 
 
 class ContactSolveError(RuntimeError):
@@ -90,22 +97,23 @@ class ContactSolveError(RuntimeError):
 
 @dataclass(frozen=True, kw_only=True)
 class PressState:
-    """One state of the wedge; lengths in tip radii, forces in E R².
+    """One solved state of the wedge of the layer; lengths in tip radii, forces in E R².
 
     Attributes
     ----------
     depth : press depth
-    rest, deformed : (vertex, 3) positions
+    rest, deformed : (vertex, 3) positions without and with the press
     elements : (tetrahedron, 4) vertex indices
     is_bonded : (vertex,) True where the layer is bonded
-    poisson_ratio : [-]
-    copies : number of wedges in the full turn [-]
-    contact_force : force of the full turn on the tip
+    poisson_ratio : Poisson's ratio of the layer [-]
+    copies : number of wedges in the full circle [-]
+    contact_force : force of the full circle of wedges on the tip
     overlap : deepest overlap of a surface facet with the tip, as the solver sees it
     last_step : largest motion of a vertex in the last solver step
-    chatter : largest distance of a vertex from the mean of the cycle that this state is; 0: no cycle
-    steps : solver steps taken [-]
-    tip : the tip that presses
+    chatter : if the state is the mean of a cycle of iterates, the largest distance of a vertex from that mean;
+        otherwise 0
+    steps : number of solver steps taken
+    tip : outline of the pressing tip
     """
 
     depth: float
@@ -133,11 +141,12 @@ class StepCheck:
     reaction : vertical reaction of the bonded surfaces
     penetration : deepest overlap of the layer with the tip, by facets and by vertices
     last_step : largest motion of a vertex in the last solver step
-    chatter : largest distance of a vertex from the mean of the cycle that this state is; 0: no cycle
+    chatter : if the state is the mean of a cycle of iterates, the largest distance of a vertex from that mean;
+        otherwise 0
     smallest_stretch : smallest volume ratio of an element [-]
-    volume_loss : volume lost by compression, whole turn [R³]
-    energy : elastic energy of the layer, whole turn [E R³]
-    steps : solver steps taken [-]
+    volume_loss : volume lost by compression, full circle [R³]
+    energy : elastic energy of the layer, full circle [E R³]
+    steps : number of solver steps taken
     """
 
     depth: float
@@ -153,29 +162,32 @@ class StepCheck:
 
 
 def settled_limit(depth: float) -> float:
-    """Largest last step of a settled state at this depth [tip radii]."""
+    """Largest accepted motion of a vertex in the last solver step at this depth [tip radii]."""
     share = DEEP_SHARE if depth > SHALLOW else SHALLOW_SHARE
     return min(SETTLED_LIMIT, share * depth)
 
 
 def _reaction(state: PressState) -> float:
-    """Vertical force that the layer exerts on its bonded vertices, downwards positive."""
+    """Vertical force of the layer on its bonded vertices, positive downwards, for the full circle [E R²]."""
     forces = nodal_forces(state.rest, state.deformed, state.elements, 1.0, state.poisson_ratio)
     return -state.copies * float(forces[state.is_bonded, 2].sum())
 
 
 def _balances(force: float, reaction: float) -> bool:
-    """Whether the force on the tip equals that on the bonded surfaces; False where one is no number."""
+    """Whether force on the tip and reaction agree within tolerance; False if either is not a number."""
     return abs(force - reaction) <= BALANCE_LIMIT * max(force, BALANCE_FLOOR)
 
 
 def is_balanced(state: PressState) -> bool:
-    """Whether the force on the tip equals that on the bonded surfaces."""
+    """Whether the force on the tip agrees with the reaction of the bonded surfaces, within tolerance."""
     return _balances(state.contact_force, _reaction(state))
 
 
 def _penetration(state: PressState) -> float:
-    """Deepest overlap; vertices are checked too, because the solver does not report a contact that it missed."""
+    """Deepest overlap with the tip [tip radii].
+
+    Vertices are checked too, because the solver does not report contacts that it missed.
+    """
     radius = np.hypot(state.deformed[:, 0], state.deformed[:, 1])
     return max(
         state.overlap, 0.0, -float(tip_gap(radius, state.deformed[:, 2], state.depth, state.tip).min())
@@ -183,7 +195,7 @@ def _penetration(state: PressState) -> float:
 
 
 def measure_press(state: PressState) -> StepCheck:
-    """Measure a state without judging it."""
+    """Compute the quantities by which a solved state is checked, without checking them."""
     rest_volumes = volumes(state.rest, state.elements)
     present_volumes = volumes(state.deformed, state.elements)
     energy = elastic_energy(state.rest, state.deformed, state.elements, 1.0, state.poisson_ratio)
@@ -202,7 +214,7 @@ def measure_press(state: PressState) -> StepCheck:
 
 
 def _complaints(check: StepCheck) -> list[str]:
-    """The failed checks of a measured state, in words."""
+    """One sentence for each failed check of a measured state."""
     found = []
     limit = settled_limit(check.depth)
     if not check.last_step <= limit:
@@ -219,7 +231,7 @@ def _complaints(check: StepCheck) -> list[str]:
 
 
 def check_press(state: PressState) -> StepCheck:
-    """Measure a state and raise `ContactSolveError` if it fails a check."""
+    """Check a solved state; raise `ContactSolveError` if a check fails."""
     where = f"contact solver at a depth of {state.depth:.4f} tip radii"
     if not np.isfinite(state.deformed).all():
         raise ContactSolveError(f"{where}: positions are not finite; use a finer mesh")
@@ -231,25 +243,25 @@ def check_press(state: PressState) -> StepCheck:
 
 
 SAGITTA = 1e-6
-"""Largest distance of an arc's chord inside the arc [tip radii]."""
+"""Largest distance between an arc and its chords, when arcs become polylines [tip radii]."""
 TOP_HEIGHT = 6.0
 """Height of the shank above the outline [tip radii]; more than the deepest press."""
 DENSE_HALF_ANGLE = 0.06
 """Half of the sector in which meridians are dense [rad]; the wedge has 0.05."""
 DENSE_COUNT, SPARSE_COUNT = 5, 12
-"""Meridians in that sector and in the rest of the turn; a facet's middle is on a dense one."""
+"""Number of meridians in the dense sector, and in the rest of the circle; one is at the middle of each facet."""
 _SLOPE_NOISE = 1e-9
 
 
 def tip_hulls(tip: TipOutline) -> list[FloatArray]:
-    """(vertex, 3) points of each convex body, height above the apex; lengths in tip radii."""
+    """Vertices (vertex, 3) of each convex body of the tip, with heights above the apex [tip radii]."""
     outline = outline_points(tip)
     top = float(outline[-1, 1]) + TOP_HEIGHT
     return [_revolved(_prolonged(chain, outline), top) for chain in convex_chains(outline)]
 
 
 def outline_points(tip: TipOutline) -> FloatArray:
-    """(n, 2) radius and height of points of the outline, from the apex to the shank."""
+    """Radius and height (n, 2) of the corners of the outline as a polyline, from the apex to the shank."""
     found = [np.zeros((1, 2))]
     for start, length, (first, last), row in zip(
         tip.starts[:-1], tip.lengths[:-1], tip.angles[:-1], tip.rows, strict=True
@@ -263,7 +275,7 @@ def outline_points(tip: TipOutline) -> FloatArray:
 
 
 def convex_chains(outline: FloatArray) -> list[FloatArray]:
-    """The outline cut where its slope falls: runs of points (n, 2) that share their ends."""
+    """Cut an outline where its slope falls, into polylines (n, 2) that share their ends."""
     step = np.diff(outline, axis=0)
     angle = np.arctan2(step[:, 1], step[:, 0])
     cuts = np.flatnonzero(np.diff(angle) < -_SLOPE_NOISE) + 1
@@ -272,7 +284,7 @@ def convex_chains(outline: FloatArray) -> list[FloatArray]:
 
 
 def _prolonged(chain: FloatArray, outline: FloatArray) -> FloatArray:
-    """The chain with its last line extended while that stays above the outline."""
+    """Extend the last line of a part of the outline, as far as the line stays above the outline."""
     (r0, h0), (r1, h1) = chain[-2], chain[-1]
     beyond = outline[outline[:, 0] > r1 + 1e-12]
     if len(beyond) == 0 or r1 - r0 < 1e-12:
@@ -286,7 +298,7 @@ def _prolonged(chain: FloatArray, outline: FloatArray) -> FloatArray:
 
 
 def _revolved(chain: FloatArray, top: float) -> FloatArray:
-    """(vertex, 3) points of a chain, closed upward to a height, on all meridians."""
+    """Vertices (vertex, 3) of a part of the outline revolved about the axis, and closed upwards at height `top`."""
     sparse = np.linspace(DENSE_HALF_ANGLE, 2.0 * np.pi - DENSE_HALF_ANGLE, SPARSE_COUNT + 2)[1:-1]
     angle = np.concatenate([np.linspace(-DENSE_HALF_ANGLE, DENSE_HALF_ANGLE, DENSE_COUNT), sparse])
     rim = np.array([[chain[-1, 0], max(top, float(chain[-1, 1]) + 1.0)]])
@@ -301,23 +313,24 @@ def _revolved(chain: FloatArray, top: float) -> FloatArray:
 
 
 WINDOW = 40
-"""Number of iterates in a window."""
+"""Number of iterates in a window, in which cycles are sought."""
 CHATTER_LIMIT = 2e-3
-"""Largest distance of a vertex from the mean of its cycle [tip radii]: 6 µm for a 3 mm tip, a fifth of the
-default mesh's error at the depths where cycles occur."""
+"""Largest distance of a vertex from the mean of its cycle [tip radii]: 6 µm for a 3 mm tip, a fifth of the default
+mesh's error at the depths where cycles occur.
+"""
 DRIFT_LIMIT = 3e-4
-"""Largest difference between the means of two windows [tip radii]: 0.9 µm for a 3 mm tip."""
+"""Largest difference between the means of two successive windows [tip radii]: 0.9 µm for a 3 mm tip."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Cycle:
-    """The mean of a cycle of iterates.
+    """Mean and spread of a cycle in which the solver's iterates ended.
 
     Attributes
     ----------
-    mean : (value,) mean iterate
-    spread : largest distance of an iterate's value from its mean
-    force : mean force
+    mean : (coordinate,) mean of the iterates' vertex coordinates
+    spread : largest distance of a coordinate from its mean
+    force : mean of the iterates' forces
     """
 
     mean: FloatArray
@@ -326,19 +339,19 @@ class Cycle:
 
 
 class History:
-    """The last two windows of iterates and forces."""
+    """The last two windows of iterates and their forces, from which cycles are detected."""
 
     def __init__(self) -> None:
         self._states: deque[FloatArray] = deque(maxlen=2 * WINDOW)
         self._forces: deque[float] = deque(maxlen=2 * WINDOW)
 
     def add(self, state: FloatArray, force: float) -> None:
-        """Append one iterate; a copy is kept."""
+        """Append a copy of one iterate, and its force."""
         self._states.append(state.copy())
         self._forces.append(force)
 
     def cycle(self) -> Cycle | None:
-        """The cycle that the iteration is in, or None if it has not converged."""
+        """The cycle that the iterates have ended in; None if there is none, or fewer than two windows of iterates."""
         if len(self._states) < 2 * WINDOW:
             return None
         states = np.array(self._states)
@@ -351,14 +364,14 @@ class History:
 
 
 CONTACT_TIME = 0.1
-"""Time constant of the contact over the time step [-]; smaller ones chatter, larger ones sink in."""
+"""Time constant of the contact over the time step [-]; smaller ones chatter, with larger ones the tip sinks in."""
 CONTACT = {"solref": [CONTACT_TIME, 1.0], "solimp": [0.9999, 0.9999, 0.001, 0.5, 2.0], "condim": 1}
 _TIP_HALF_LENGTH = 4.0
 _FLEX_RADIUS = 3e-5
 
 
 def set_options(spec: mujoco.MjSpec, iterations: int, memory: int) -> None:
-    """Static Newton iterations: unit time step, no gravity, no safety floor on contact stiffness."""
+    """Set up static Newton iterations: unit time step, no gravity, no lower bound on the contact's time constant."""
     option = spec.option
     option.integrator = mujoco.mjtIntegrator.mjINT_DISCRETE
     option.solver = mujoco.mjtSolver.mjSOL_NEWTON
@@ -369,7 +382,10 @@ def set_options(spec: mujoco.MjSpec, iterations: int, memory: int) -> None:
 
 
 def add_round_tip(spec: mujoco.MjSpec) -> None:
-    """A hemisphere of radius 1 with a straight shank on a body that is moved explicitly, 1 above the apex."""
+    """Add a hemispherical tip of radius 1 with a straight shank.
+
+    Its body is moved explicitly; the body's origin is 1 above the apex.
+    """
     tip = spec.worldbody.add_body(name="tip", mocap=True, pos=[0.0, 0.0, 2.0])
     size, pos = [1.0, _TIP_HALF_LENGTH, 0.0], [0.0, 0.0, _TIP_HALF_LENGTH]
     tip.add_geom(type=mujoco.mjtGeom.mjGEOM_CAPSULE, size=size, pos=pos, **CONTACT)
@@ -382,7 +398,7 @@ def add_flex(
     elements: IntArray,
     **material: float,
 ) -> None:
-    """The layer, of vertices that bodies or the world own; `material`: poisson and damping [-]."""
+    """Add the layer as a deformable body, with its vertices on bodies or the world; `material`: poisson, damping."""
     flex = spec.add_flex(name="layer", dim=3, young=1.0, **material)
     flex.elastic3d = 1
     flex.radius, flex.contype, flex.conaffinity = _FLEX_RADIUS, 1, 1
@@ -392,17 +408,17 @@ def add_flex(
 
 
 class _Quiet:
-    """Number of solves that require MuJoCo quiet, and the handler to restore after the last of them."""
+    """Number of running solves that silence MuJoCo's warnings, and the handler to restore after the last solve."""
 
     lock, solves, previous = Lock(), 0, None
 
 
 @contextmanager
 def quiet_mujoco() -> Iterator[None]:
-    """Keep MuJoCo from writing a log file into the working folder; threads may nest it.
+    """Keep MuJoCo's warnings from creating a log file in the working folder; may be nested, also across threads.
 
-    It warns that the unconstrained start of a step is solved to 1e-4 only; that start has no effect on a
-    state at rest, which `check_press` judges from its shape.
+    MuJoCo warns that the unconstrained start of a step is solved to 1e-4 only. That start has no effect on a state at
+    rest, and `check_press` judges the state from its shape.
     """
     with _Quiet.lock:
         if _Quiet.solves == 0:
@@ -419,7 +435,7 @@ def quiet_mujoco() -> Iterator[None]:
 
 
 class PressedFlex:
-    """One model being pressed deeper and deeper; `copies` of it make the whole."""
+    """A MuJoCo model of a part of the layer that is pressed deeper and deeper; `copies` parts make the whole layer."""
 
     def __init__(self, model: mujoco.MjModel, copies: float) -> None:
         self.model, self.copies = model, copies
@@ -428,23 +444,23 @@ class PressedFlex:
         self.vertical_dofs = model.jnt_dofadr[vertical]
 
     def place(self, depth: float, guess: FloatArray) -> None:
-        """Move the tip to `depth` and the vertices to `guess`."""
+        """Move the tip to `depth` and the vertices to the coordinates `guess`."""
         self.data.mocap_pos[0] = [0.0, 0.0, 1.0 - depth]
         self.data.qpos[:] = guess
 
     def step(self) -> float:
-        """One damped static iteration; largest motion of a vertex [tip radii]."""
+        """Do one damped static iteration; return the largest motion of a vertex [tip radii]."""
         before = self.data.qpos.copy()
         mujoco.mj_step(self.model, self.data)
         self.data.qvel[:] = 0.0
         return float(np.abs(self.data.qpos - before).max())
 
     def force(self) -> float:
-        """Contact force of the whole [E R²]."""
+        """Contact force of the whole layer [E R²]."""
         return -self.copies * float(self.data.qfrc_constraint[self.vertical_dofs].sum())
 
     def deformed(self) -> FloatArray:
-        """(vertex, 3) the present positions."""
+        """Present positions (vertex, 3) of the vertices."""
         mujoco.mj_kinematics(self.model, self.data)
         mujoco.mj_flex(self.model, self.data)
         return np.array(self.data.flexvert_xpos)
@@ -453,22 +469,22 @@ class PressedFlex:
 WEDGE_ANGLE = 0.1
 """Opening angle of the wedge [rad]."""
 DAMPING = 4.0
-"""Stiffness-proportional damping over the time step [-]: a step covers 1/(1 + damping) of a Newton step."""
+"""Stiffness-proportional damping over the time step [-]: a step makes 1/(1 + damping) of a full Newton step."""
 MASS_PER_RADIUS = 0.004
 """Vertex mass over (spacing · angle · radius) [E R]; sets the contact stiffness."""
 SMALLEST_MASS_RADIUS = 0.7
-"""Vertices nearer to the axis have the mass of those at this radius [tip radii]."""
+"""Vertices nearer to the axis than this radius have the mass of vertices at it [tip radii]."""
 HOOP_STIFFNESS = 3300.0
-"""Stiffness that forbids motion out of the radial plane [E R]."""
+"""Stiffness that prevents motion out of the radial plane [E R]."""
 DAMPING_FACTORS = (1.0, 4.0, 16.0)
-"""Factors of the damping where contact chatters; the limit at which a state counts as settled falls with it."""
+"""Factors of the damping, tried in turn where contact chatters; the limit of the motion per step falls with each."""
 FEWEST_STEPS, MOST_STEPS = 4, 160
-"""Fewest and most solver steps per depth; slow modes of very deep presses take up to 130."""
+"""Fewest and most solver steps per depth; very deep presses converge slowly and need up to 130."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class WedgeSolution:
-    """Settled states, one per depth; lengths in tip radii, forces in E R².
+    """Solved states at rest, one per depth; lengths in tip radii, forces in E R².
 
     Attributes
     ----------
@@ -476,7 +492,7 @@ class WedgeSolution:
     radii, heights : (depth, top node) deformed top from the axis to the wall, mean of the two faces
     normal_force : (depth, top node) force of the tip on the node, positive where it presses the layer
     force : (depth,) press force
-    checks : one record per depth
+    checks : results of the checks, one record per depth
     """
 
     depths: FloatArray
@@ -489,7 +505,7 @@ class WedgeSolution:
 
 @dataclass(frozen=True, kw_only=True)
 class Tetrahedra:
-    """The wedge in space: positions, elements, and the r-z node and angle of every vertex."""
+    """The wedge in space: positions and elements, and for every vertex its r-z node and its angle about the axis."""
 
     points: FloatArray
     elements: IntArray
@@ -497,7 +513,7 @@ class Tetrahedra:
     angle: FloatArray
 
     def face_mean(self, values: FloatArray, nodes: IntArray) -> FloatArray:
-        """Mean over the two faces of a value per vertex, for r-z nodes."""
+        """Mean over the wedge's two faces of a value (vertex,), at given r-z nodes."""
         total = np.bincount(self.node, weights=values)
         return np.asarray((total / np.bincount(self.node))[nodes], dtype=np.float64)
 
@@ -515,7 +531,7 @@ def sweep(mesh: RadialMesh) -> Tetrahedra:
     )
     radius = mesh.nodes[node, 0]
     points = np.stack([radius * np.cos(angle), radius * np.sin(angle), mesh.nodes[node, 1]], axis=1)
-    # splitting along sorted indices gives neighbours the same diagonal on their common face
+    # splitting along sorted indices gives neighbours the same diagonal on their shared face
     a, b, c = np.sort(mesh.triangles, axis=1).T
     prisms = [(a, b, c, far[c]), (a, b, far[b], far[c]), (a, far[a], far[b], far[c])]
     elements = np.concatenate([np.stack(corners, axis=1) for corners in prisms])
@@ -527,7 +543,10 @@ def sweep(mesh: RadialMesh) -> Tetrahedra:
 
 
 def _add_tip(spec: mujoco.MjSpec, shape: TipOutline) -> None:
-    """A tip of radius 1 with a straight shank on a body that is moved explicitly, 1 above the apex."""
+    """Add a tip of radius 1 with a straight shank.
+
+    Its body is moved explicitly; the body's origin is 1 above the apex.
+    """
     if shape == HEMISPHERE:
         add_round_tip(spec)
         return
@@ -539,7 +558,7 @@ def _add_tip(spec: mujoco.MjSpec, shape: TipOutline) -> None:
 
 
 def _add_vertex(spec: mujoco.MjSpec, name: str, point: FloatArray, angle: float, mass: float) -> None:
-    """A point mass that may move in its radial plane only; on the axis (angle 0) only up and down."""
+    """Add a point mass that moves only in its radial plane, or only up and down on the axis (angle 0)."""
     body = spec.worldbody.add_body(name=name, pos=point)
     body.mass, body.inertia, body.explicitinertial = mass, [mass] * 3, True
     on_axis = np.hypot(point[0], point[1]) < 1e-9
@@ -555,7 +574,7 @@ def _add_vertex(spec: mujoco.MjSpec, name: str, point: FloatArray, angle: float,
 
 
 def _add_layer(spec: mujoco.MjSpec, mesh: RadialMesh, wedge: Tetrahedra, poisson_ratio: float) -> None:
-    """The flex: bonded vertices belong to the world, the others to bodies of their own."""
+    """Add the layer as a deformable body: bonded vertices belong to the world, the others to bodies of their own."""
     spacing = mesh.nodes[mesh.top[1], 0] - mesh.nodes[mesh.top[0], 0]
     owners: list[str] = []
     offsets: list[float] = []
@@ -574,7 +593,7 @@ def _add_layer(spec: mujoco.MjSpec, mesh: RadialMesh, wedge: Tetrahedra, poisson
 def compile_wedge(
     mesh: RadialMesh, wedge: Tetrahedra, poisson_ratio: float, tip: TipOutline = HEMISPHERE
 ) -> mujoco.MjModel:
-    """Lower the wedge to a MuJoCo model."""
+    """Build the MuJoCo model of the wedge and its tip."""
     spec = mujoco.MjSpec()
     set_options(spec, iterations=200, memory=1 << 30)
     _add_tip(spec, tip)
@@ -583,7 +602,7 @@ def compile_wedge(
 
 
 class _Press(PressedFlex):
-    """One model being pressed deeper and deeper."""
+    """A wedge of the layer that is pressed deeper and deeper by a tip."""
 
     def __init__(self, mesh: RadialMesh, poisson_ratio: float, tip: TipOutline) -> None:
         self.mesh, self.poisson_ratio, self.tip = mesh, poisson_ratio, tip
@@ -593,7 +612,7 @@ class _Press(PressedFlex):
         self.normal_force = np.zeros(len(mesh.top))
 
     def _normal_force(self) -> FloatArray:
-        """(top node,) contact force on the nodes of the top, whole turn [E R²]."""
+        """Contact force (top node,) on the nodes of the top, for the full circle [E R²]."""
         at, force = contact_forces(self.data)
         points = np.asarray(self.data.flexvert_xpos, dtype=np.float64)
         radius = self.wedge.face_mean(np.hypot(points[:, 0], points[:, 1]), self.mesh.top)
@@ -601,7 +620,7 @@ class _Press(PressedFlex):
         return shared_out(at, self.copies * force, np.stack([radius, height], axis=1))
 
     def settle(self, depth: float, guess: FloatArray) -> PressState:
-        """Move the tip to `depth` and iterate from `guess` until at rest; where contact chatters, damp it harder."""
+        """Move the tip to `depth` and iterate from `guess` until at rest; if contact chatters, damp it more."""
         self.place(depth, guess)
         for factor in DAMPING_FACTORS:
             self.model.flex_damping[:] = factor * DAMPING
@@ -612,7 +631,10 @@ class _Press(PressedFlex):
         return state
 
     def _iterated(self, depth: float, limit: float) -> PressState:
-        """Iterate until no vertex moves by `limit` in a step of a balanced state, a narrow cycle, or the last step."""
+        """Iterate until no vertex of a balanced state moves by `limit` in a step, or until a narrow cycle is found.
+
+        After `MOST_STEPS` steps the last state is returned.
+        """
         history = History()
         loads: deque[FloatArray] = deque(maxlen=WINDOW)
         for count in range(1, MOST_STEPS + 1):
@@ -630,7 +652,7 @@ class _Press(PressedFlex):
                 latest = self.data.qpos.copy()
                 self.data.qpos[:] = cycle.mean
                 state = self._state(depth, cycle.force, 0.0, cycle.spread, count)
-                if is_balanced(state):  # else the cycle still drifts, slowly relative to the depth
+                if is_balanced(state):  # otherwise the cycle still drifts
                     self.normal_force = np.mean(loads, axis=0)
                     return state
                 self.data.qpos[:] = latest
@@ -638,7 +660,7 @@ class _Press(PressedFlex):
         return self._state(depth, self.force(), last_step, 0.0, count)
 
     def _state(self, depth: float, force: float, last_step: float, chatter: float, steps: int) -> PressState:
-        """The present positions as arrays."""
+        """The present state of the wedge, with the given force and convergence figures."""
         overlap = max(0.0, -float(self.data.contact.dist.min())) if self.data.ncon else 0.0
         return PressState(
             depth=depth,
@@ -664,19 +686,20 @@ def solve_wedge(
     on_step: Callable[[float], None] | None = None,
     tip: TipOutline = HEMISPHERE,
 ) -> WedgeSolution:
-    """Press the tip to each depth in turn and check every settled state.
+    """Press the tip to each depth in turn, and check every state at rest.
 
     Parameters
     ----------
-    mesh : the layer, flat or crowned, bonded at its bottom and wall; depths are below its apex
-    depths : increasing press depths [tip radii]; a step of more than 1/30 risks divergence
-    poisson_ratio : of the layer [-]; beyond 0.49 the tetrahedra lock
-    on_step : called with the fraction done
-    tip : the tip that presses
+    mesh : the layer, flat or with a spherical top, bonded at its bottom and wall
+    depths : increasing press depths below the apex [tip radii]; a step of more than 1/30 risks divergence
+    poisson_ratio : Poisson's ratio of the layer [-]; beyond 0.49 the tetrahedra lock
+    on_step : called with the fraction done (0 to 1)
+    tip : outline of the pressing tip
 
     Raises
     ------
-    ContactSolveError : a state is not settled, not finite, inverted, overlaps the tip, or is out of balance
+    ContactSolveError : a state is not at rest, not finite, has an inverted element, overlaps the tip, or is out of
+        balance
     """
     found = []
     with quiet_mujoco():
@@ -696,7 +719,7 @@ def solve_wedge(
 
 @dataclass(frozen=True)
 class _Settled:
-    """Top surface and checks of one settled state."""
+    """Top surface and checks of one state at rest."""
 
     radii: FloatArray
     heights: FloatArray
@@ -705,7 +728,7 @@ class _Settled:
 
 
 def _settled(press: _Press, depths: Sequence[float]) -> Iterator[_Settled]:
-    """Settle and check each depth, from the last one moved on."""
+    """Move the tip to each depth in turn, extrapolating the vertices from the last states; yield each checked state."""
     past = present = press.data.qpos.copy()
     past_depth = present_depth = 0.0
     for index, depth in enumerate(depths):

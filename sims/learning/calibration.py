@@ -1,54 +1,65 @@
-"""Parameters of a manufactured pad from its readings: Gauss-Newton on traced light, with gains and reference depths.
+"""Fit the unknown parameters of a manufactured pad to its readings, by Gauss-Newton steps on traced light.
+
+Gains of the components and offsets of the tip are fitted along with them.
 
 Model
 -----
 Signals of sample s and pair (i, j) under unknown parameters u (in prior standard deviations about the prior mean) are
 
-    y_s,ij = gᵢ hⱼ F_s,ij(u, press_s + δ) + n,     F the light model, g, h the gains
+    y_s,ij = gᵢ hⱼ F_s,ij(u, press_s + δ) + n,     F the light model, g, h the gains of emitter and receiver
 
-with normal priors: u of mean 0 and spread 1; the offset δ of the tip from the stage's position, of spread `stage_mm`
-in x, y and depth, and of `set_depth_mm` more in depth, common to all presses of a set; the logarithms of gains, of
-spread `GAIN_SPREAD` about the estimates from the untouched signals. The untouched signals count as one more sample
-without δ. n is
+with normal priors. u has mean 0 and spread 1. The offset δ of the tip from the stage's position has the spread
+`stage_mm` in x, y and depth. `set_depth_mm` is added in depth, common to all presses of a set. The logarithms of the
+gains have the spread `GAIN_SPREAD` about estimates from the untouched signals. The untouched signals count as one more
+sample, without δ. The noise n is the sum of
 
     the chain's noise, drift and fluctuation of gains, independent for each reading
-    a model error of `MODEL_SHARE` of the untouched signal: the trace's own, walls near the tip; readings that are
-    compared with the same number of the light model share it (`shared_error`)
-    the residual of a linear fit of light over the possible tip positions, independent for each reading: light kinks
-    where the tip meets a path. With F± at ±√3 standard deviations of δ and F₀ between, the curve F₀ + b z + q z² of
-    a standard normal z has q = (F₊ + F₋ - 2 F₀) / 6 and leaves q z², of mean square 3 q²; b is the slope
+    a model error of `MODEL_SHARE` of the untouched signal: the trace's own, and walls near the tip; readings that are
+    compared with the same number of the light model share this error (`shared_error`)
+    the residual of a linear fit of light over the possible tip positions, independent for each reading: light has kinks
+    where the tip meets a light path. With F± at ±√3 standard deviations of δ and F₀ between, the curve F₀ + b z + q z²
+    of a standard normal z has q = (F₊ + F₋ - 2 F₀) / 6 and leaves q z², of mean square 3 q²; b is the slope
     (statistical linearisation by three Gauss-Hermite points: Särkkä 2013, section 6.2)
 
+First steps: Broyden's rule
+---------------------------
 The cost is minimised by Gauss-Newton steps on all unknowns at once,
 
     (AᵀA + P) Δ = Aᵀr - P(Δ₀),    A and r in standard deviations of n, P the priors' information
 
-F is traced at each step; its slopes by u come from differences at the start and follow Broyden's rank-one rule
-(Broyden 1965) for `STEPS` steps, so that a step costs one trace. Steps end at the limits of the prior. But F is rough
-in u: the error of its adaptive integration changes at every step, so that near the end its noise decides which of two
-costs is less, and noise in the slopes counts as information. Such a descent stops early, far from the minimum along
-the valley of poorly determined directions. So from there on costs are not compared. Slopes U are computed twice by
-fresh differences to both sides, with light of two seeds, whose noise is independent, and
+F is traced at each step. Its slopes by u come from differences at the start and follow Broyden's rank-one rule (Broyden
+1965) for `STEPS` steps, so that a step costs one trace. Steps end at the limits of the prior.
 
-    I = Uᵀ(1 - N(NᵀN + P)⁻¹Nᵀ)U        the information on u with the other unknowns free; N the slopes by these
+F is rough in u, because the error of its adaptive integration changes at every step. Near the end this noise decides
+which of two costs is less, and noise in the slopes counts as information. Such a descent stops early, far from the
+minimum along poorly determined directions. So from there on costs are not compared.
 
-is the symmetrised product of the two (`sims.bounds.fisher`). Along each of its eigenvectors v, with eigenvalue t and
-its standard error e from the light, the share s = max(t - 2 e, 0) / t of the information is significant, and the data
-count by that share: `POLISH` steps with the mean light of `LIGHTS` seeds solve s vᵀUᵀr = vᵀu, U the mean of both, by
+Last steps: significant information only
+----------------------------------------
+Slopes U are computed twice by fresh differences to both sides, with light of two seeds, whose noise is independent.
+Then
+
+    I = Uᵀ(1 - N(NᵀN + P)⁻¹Nᵀ)U        information on u with gains and offsets free; N the slopes by these
+
+is the symmetrised product of the two (`sims.bounds.fisher`). Each of its eigenvectors v has an eigenvalue t, with a
+standard error e from the light. The share s = max(t - 2 e, 0) / t of the information is significant, and the data count
+by that share. `POLISH` steps with the mean light of `LIGHTS` seeds solve s vᵀUᵀr = vᵀu, with U the mean of both, by
 
     vᵀΔ = (s vᵀUᵀr - vᵀu) / (s (t + e) + 1)
 
-whose end does not depend on the divisor. Where no information is significant the slopes are noise, and so is Uᵀr: it
-moved the index of the paper's pad, which the data do not determine, to the low limit of its prior in ten units of ten.
-There s is 0, and the value is the prior mean. The light of these steps has other seeds than the slopes, since the
-noise of one seed in both has a product other than 0. One-sided differences err by the light's curvature, equally with
-every seed: along the valley, where slopes cancel, that error counted as information (190 instead of 33 for both
-heights and the thickness together, on the paper's pad), and the fit erred by 0.7 spreads with a stated error of 0.05.
+whose limit does not depend on the divisor. Where no information is significant, s is 0, and the value is the prior
+mean. Without s, noise in the slopes moved the index of the paper's pad, which the data do not determine, to the low
+limit of its prior in ten units of ten. The light of these steps has other seeds than the slopes, since the noise of one
+seed in both has a product that does not average to 0. One-sided differences err by the light's curvature, equally with
+every seed. Along poorly determined directions, where slopes cancel, that error would count as information. On the
+paper's pad it gave 190 instead of 33 for both heights and the thickness together, and the fit erred by 0.7 spreads with
+a stated error of 0.05.
 
-The covariance of u is (s t + 1)⁻¹ along each v; its ratio to that of the prior, 1, shows what the data determine.
+The covariance of u is (s t + 1)⁻¹ along each v. Its ratio to that of the prior, 1, shows what the data determine.
+
 Left out: scatter from component to component, several minima, gains that differ from set to set (their drift counts as
 noise), model errors common to neighbouring locations and depths, and larger ones. docs/validation/calibration.md has
-the errors of fitted values on hidden units.
+the errors of fitted values on simulated units whose parameters the fit does not know.
 
 A report lists the fitted parameters, and the combinations of parameters that the data do not determine.
 """
@@ -83,9 +94,11 @@ from sims.optics.tracing import trace
 from sims.readings.dataset import PressData
 
 LIGHT_SEED = 15_485_863
-"""Number added to the seed for the fit's light: simulated data have the seed itself, and must not share its errors."""
+"""Number added to the seed for the fit's light: simulated data use the seed itself, and the fit must not share their
+numerical errors.
+"""
 SMALLEST_STAGE_MM = 0.005
-"""Least spread of a press's position: a stage without positioning errors still rounds."""
+"""Smallest assumed standard deviation of a press's position [mm]: even a stage without positioning errors rounds."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -94,11 +107,11 @@ class Calibration:
 
     Attributes
     ----------
-    design : with the fitted values set
+    design : the design with the fitted values set
     unknowns : the fitted parameters and their priors
-    fitted : the fit
-    samples : the fitted readings
-    seed : seed of the light
+    fitted : the fit in prior standard deviations, with gains and offsets
+    samples : the readings used in the fit
+    seed : random seed of the fit
     """
 
     design: SensorDesign
@@ -109,14 +122,14 @@ class Calibration:
 
     @property
     def values(self) -> FloatArray:
-        """(unknown,) fitted values, each in its unit."""
+        """Fitted values (unknown,), each in its own unit."""
         return np.array(
             [one.middle + one.spread * u for one, u in zip(self.unknowns, self.fitted.values, strict=True)]
         )
 
     @property
     def deviations(self) -> FloatArray:
-        """(unknown,) standard deviations after the fit, each in its unit."""
+        """Standard deviations (unknown,) after the fit, each in its parameter's unit."""
         spread = np.array([one.spread for one in self.unknowns])
         return np.asarray(np.sqrt(np.diag(self.fitted.covariance)) * spread)
 
@@ -135,7 +148,7 @@ def calibrated(
     ----------
     data : frames of the presses; before each press, some frames have the tip above the surface
     accuracy, seed : accuracy setting and random seed of the light model
-    on_step : callback that takes the stage and its completed share, 0 to 1
+    on_step : called with the name of the stage and the fraction done (0 to 1)
 
     Raises
     ------
@@ -176,7 +189,7 @@ def calibrated(
 
 
 def _noise(design: SensorDesign, samples: CalibrationSamples) -> ReadingNoise:
-    """Noise of the chain, at least that of untouched frames less the LEDs' fluctuation, since lamps flicker."""
+    """Noise of the signal chain, raised to that of untouched frames where these scatter more (flickering lamps)."""
     chain = chain_noise(design, samples.emitters, samples.signals.shape[1])
     untouched = samples.untouched
     fluctuation = design.noise.led_fluctuation * untouched.mean_counts
@@ -186,26 +199,26 @@ def _noise(design: SensorDesign, samples: CalibrationSamples) -> ReadingNoise:
 
 GAIN_SPREAD = 0.5
 POLISH = 4
-"""Number of steps with the mean light."""
+"""Number of last steps, with the mean light of several seeds."""
 STEPS = 4
-"""Number of steps with slopes that follow Broyden's rule."""
+"""Number of first steps, with slopes that follow Broyden's rule."""
 DONE = 0.05
-"""Smallest step, in spreads: the light's noise over a smaller one gives no slope."""
+"""Smallest step of the descent, in prior standard deviations; the noise of the light hides smaller ones."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Fitted:
-    """The fitted parameters.
+    """The fitted parameters, gains and tip offsets.
 
     Attributes
     ----------
-    values : (unknown,) in prior standard deviations about the prior mean [-]
-    covariance : (unknown, unknown) of values [-]
-    gains : (pair,) counts per flux, a product of emitter's and receiver's
+    values : (unknown,) parameters in prior standard deviations about the prior mean [-]
+    covariance : (unknown, unknown) covariance of `values` [-]
+    gains : (pair,) counts per flux, the product of an emitter's and a receiver's gain [counts]
     gain_spread : (pair,) relative standard deviation of the gains [-]
     offset_mm : (press, 3) offset of the tip from the stage's position, x, y and depth [mm]
-    rms : (2,) root mean square residual before and after, in standard deviations [-]
-    traces : number of traces of the light of all samples
+    rms : (2,) root mean square residual before and after the fit, in standard deviations of the noise [-]
+    traces : how often the light of all samples was traced
     """
 
     values: FloatArray
@@ -229,16 +242,16 @@ def fitted(
     set_depth_mm: float = 0.0,
     on_step: OnStep | None = None,
 ) -> Fitted:
-    """Fit the parameters.
+    """Fit the parameters, gains and tip offsets to samples.
 
     Parameters
     ----------
-    light : the light model
-    noise : noise of one reading, by the chain
-    start, low, high : (unknown,) start and limits of the fit, in spreads
+    light : the light model, as a function of parameters, presses and seed
+    noise : noise of one reading by the signal chain
+    start, low, high : (unknown,) start and limits of the fit, in prior standard deviations
     stage_mm : (3,) standard deviations of a press's true position about the stage's x, y and depth [mm]
-    set_depth_mm : the same of depth, common to all presses of a set [mm]
-    on_step : called with ``calibration`` and the approximate share done
+    set_depth_mm : standard deviation of a depth offset that all presses of a set share [mm]
+    on_step : called with ``calibration`` and the approximate fraction done (0 to 1)
     """
     problem = Problem(
         light, samples, noise, low, high, stage_mm, set_depth_mm, on_step or (lambda _stage, _share: None),
@@ -268,13 +281,13 @@ def fitted(
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Told:
-    """Information of the data on the parameters by direction, in prior standard deviations.
+    """Information of the data on the parameters along independent directions, in prior standard deviations.
 
     Attributes
     ----------
-    vectors : (unknown, direction)
-    information : (direction,) information on each [-]
-    error : (direction,) its standard error by the light's noise [-]
+    vectors : (unknown, direction) eigenvectors of the information matrix
+    information : (direction,) information along each, its eigenvalue [-]
+    error : (direction,) standard error of this information by the light's noise [-]
     """
 
     vectors: FloatArray
@@ -283,22 +296,22 @@ class Told:
 
     @property
     def share(self) -> FloatArray:
-        """(direction,) share of the information above its error, 0 to 1 [-]."""
+        """Significant share (direction,) of the information, 0 to 1: what exceeds two standard errors [-]."""
         shown = np.maximum(self.information - TOLD_FROM_ZERO * self.error, 0.0)
         return np.asarray(shown / np.where(shown > 0.0, self.information, 1.0))
 
     @property
     def covariance(self) -> FloatArray:
-        """(unknown, unknown) covariance of the parameters given the data; the unit matrix without information."""
+        """Covariance (unknown, unknown) of the parameters after the fit; the unit matrix without any information."""
         return self.combined(1.0 / (self.share * self.information + 1.0))
 
     def combined(self, values: FloatArray) -> FloatArray:
-        """(unknown, unknown) matrix of the given (direction,) eigenvalues."""
+        """Matrix (unknown, unknown) with the same eigenvectors and the given eigenvalues (direction,)."""
         return np.asarray((self.vectors * values) @ self.vectors.T)
 
 
 class _State:
-    """The current state of the fit."""
+    """The current state of the fit: parameters, light, slopes, gains and offsets."""
 
     def __init__(self, problem: Problem, values: FloatArray, flux: FloatArray) -> None:
         self.problem, self.values, self.flux = problem, values, flux
@@ -313,20 +326,20 @@ class _State:
         self.offset_mm = np.zeros(3 * samples.presses)
 
     def look_around(self) -> None:
-        """Update slopes by the press, weights of the readings, and matching gains and offsets at the current state."""
+        """Update the slopes by press position, the weights of the readings, and the best gains and offsets."""
         self.by_press, left = self.problem.press_slopes(self.values, self.flux)
         self.problem.weigh(self.flux, np.exp(self.problem.parts @ self.log_gains) * left)
         self.log_gains, self.offset_mm = self.inner(self.flux)
 
     @property
     def rms(self) -> float:
-        """Residual over the weighted readings, in standard deviations."""
+        """Root mean square residual of the unclipped readings, in standard deviations of the noise."""
         counted = self.problem.weight.ravel() > 0
         residual = self._residual(self.flux, self.log_gains, self.offset_mm)
         return float(np.sqrt((residual[counted] ** 2).mean()))
 
     def descend(self, steps: int) -> None:
-        """Take steps with slopes by Broyden's rule."""
+        """Take at most `steps` Gauss-Newton steps, with slopes by Broyden's rule."""
         for _ in range(steps):
             step = self._step()[: len(self.values)]
             trial = np.clip(self.values + step, self.problem.low, self.problem.high)
@@ -337,7 +350,7 @@ class _State:
                 return
 
     def _take(self, trial: FloatArray, step: FloatArray) -> bool:
-        """Take the step, or half or a quarter of it if that is no improvement; whether one was taken."""
+        """Take a step if it lowers the cost, otherwise half or a quarter of it; return whether any was taken."""
         before = self._cost(self.values, self.flux, self.log_gains, self.offset_mm)
         for _ in range(3):
             flux = self.problem.flux(trial)
@@ -359,7 +372,7 @@ class _State:
         return np.asarray(np.exp(self.problem.parts @ log_gains) * moved)
 
     def _residual(self, flux: FloatArray, log_gains: FloatArray, offset_mm: FloatArray) -> FloatArray:
-        """(reading,) residuals in standard deviations, made independent."""
+        """Residuals (reading,) in standard deviations, transformed to be independent."""
         off = (self.problem.signals - self._mean(flux, log_gains, offset_mm)) * self.problem.weight
         return self.problem.whitened(off)[:, 0]
 
@@ -376,7 +389,10 @@ class _State:
     def _columns(
         self, flux: FloatArray, log_gains: FloatArray, offset_mm: FloatArray
     ) -> tuple[FloatArray, int]:
-        """Slopes of the mean in standard deviations, (sample x pair, gains + presses), gains first."""
+        """Slopes (reading, gains + offsets) of the mean signals by gains and offsets, and the number of gains.
+
+        Slopes are in standard deviations of the noise, transformed to be independent.
+        """
         problem = self.problem
         mean = self._mean(flux, log_gains, offset_mm) * problem.weight
         by_gain = mean[:, :, None] * problem.parts
@@ -387,7 +403,7 @@ class _State:
         return problem.whitened(both), problem.parts.shape[1]
 
     def inner(self, flux: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Best gains and reference depths for some light."""
+        """Gains and tip offsets that fit best, for a given light."""
         log_gains, offset_mm = self.log_gains, self.offset_mm
         for _ in range(4):
             columns, gains = self._columns(flux, log_gains, offset_mm)
@@ -402,7 +418,10 @@ class _State:
         return np.asarray(block_diag(GAIN_SPREAD**-2.0 * np.eye(gains), self.problem.offset_information))
 
     def _normal(self) -> tuple[FloatArray, FloatArray]:
-        """AᵀA + P of all unknowns, parameters first, and the right-hand side."""
+        """Matrix AᵀA + P of the normal equations, and their right-hand side.
+
+        Unknowns are in the order parameters, gains, offsets.
+        """
         problem = self.problem
         nuisance, gains = self._columns(self.flux, self.log_gains, self.offset_mm)
         level = np.exp(problem.parts @ self.log_gains) * problem.weight
@@ -414,11 +433,11 @@ class _State:
         return columns.T @ columns + prior, columns.T @ residual - prior @ now
 
     def _step(self) -> FloatArray:
-        """The step of all unknowns; a parameter at a limit that would move beyond it is held."""
+        """Gauss-Newton step of all unknowns; parameters at a limit do not move beyond it."""
         return self._held(*self._normal())
 
     def _held(self, matrix: FloatArray, slope: FloatArray) -> FloatArray:
-        """Solution of matrix x step = slope, parameters first; those at a limit that would move beyond it are held."""
+        """Solution of matrix x step = slope, parameters first; parameters at a limit do not move beyond it."""
         names = len(self.values)
         held = np.zeros(len(slope), dtype=bool)
         for _ in range(names):
@@ -435,7 +454,7 @@ class _State:
         return step
 
     def polish(self, told: Told) -> None:
-        """Take steps with the mean light of several seeds and fixed slopes, by the significant share of information."""
+        """Take the last steps: fixed slopes, mean light of several seeds, only the significant share of information."""
         problem = self.problem
         for _ in range(POLISH):
             self._settle()
@@ -448,17 +467,17 @@ class _State:
         self._settle()
 
     def _settle(self) -> None:
-        """Set the mean light at the current state, with matching gains and offsets."""
+        """Trace the mean light at the current parameters, and fit gains and offsets to it."""
         self.flux = self.problem.mean_flux(self.values)
         self.log_gains, self.offset_mm = self.inner(self.flux)
 
     def gain_covariance(self) -> FloatArray:
-        """(gain, gain) covariance of the logarithms of gains, with all other parameters free."""
+        """Covariance (gain, gain) of the logarithms of the gains, with all other unknowns free."""
         names, gains = len(self.values), self.problem.parts.shape[1]
         return np.asarray(np.linalg.inv(self._normal()[0])[names : names + gains, names : names + gains])
 
     def told(self, halves: list[FloatArray]) -> Told:
-        """Information of the data on the parameters, by slopes (unknown, sample, pair) of two independent halves."""
+        """Information on the parameters, from two independent estimates of the slopes (unknown, sample, pair)."""
         nuisance, gains = self._columns(self.flux, self.log_gains, self.offset_mm)
         level = np.exp(self.problem.parts @ self.log_gains) * self.problem.weight
         first, second = (self.problem.whitened(np.moveaxis(half * level, 0, 2)) for half in halves)
@@ -473,30 +492,30 @@ class _State:
 def _information_error(
     first: FloatArray, second: FloatArray, sums: Callable[[FloatArray], FloatArray]
 ) -> FloatArray:
-    """(direction,) standard error of Σ first x second over readings (reading, direction): `sims.bounds.fisher`.
+    """Standard error (direction,) of the sum of first x second over the readings; both are (reading, direction).
 
-    With t the mean and d the difference of the halves it is √Σ((t d)² + (d²/2)²); readings that are compared with the
-    same light have their noise in common, so `sums` adds them up before the squares.
+    With the mean t and the difference d of the two it is √Σ((t d)² + (d²/2)²), see `sims.bounds.fisher`. Readings that
+    are compared with the same light have the same noise, so `sums` adds them up before squaring.
     """
     mean, off = 0.5 * (first + second), first - second
     return np.asarray(np.sqrt((sums(mean * off) ** 2 + sums(0.5 * off**2) ** 2).sum(axis=0)))
 
 
 DETERMINED = 0.5
-"""Largest spread after the fit over that before at which a parameter, or a combination, counts as determined."""
+"""A parameter or combination counts as determined if the fit reduces its spread to this share or less [-]."""
 NAMED = 0.3
-"""Least share of a combination at which a parameter is named in it."""
+"""Least weight of a parameter in a combination, at which the report names it [-]."""
 GOOD_RMS = 2.0
-"""Residual, in standard deviations, above which the model does not explain the pad."""
+"""Residual above which the model does not explain the pad, in standard deviations of the noise [-]."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class FittedValue:
-    """One parameter before and after.
+    """One parameter before and after the fit.
 
     Attributes
     ----------
-    path, unit : dotted path of the design
+    path, unit : dotted path of the parameter in the design, and its unit
     before, before_spread : the design's value and its prior standard deviation
     after, after_spread : fitted value and its standard deviation
     at_end : whether the fit stopped at a limit of the prior
@@ -512,25 +531,25 @@ class FittedValue:
 
     @property
     def share_left(self) -> float:
-        """Spread after over spread before [-]."""
+        """Standard deviation after the fit over the standard deviation before [-]."""
         return self.after_spread / self.before_spread
 
     @property
     def is_determined(self) -> bool:
-        """Whether the data determine it better than the prior does."""
+        """Whether the fit reduced the prior's standard deviation to half of it or less (`DETERMINED`)."""
         return self.share_left <= DETERMINED
 
 
 @dataclass(frozen=True, kw_only=True)
 class CalibrationReport:
-    """A calibration in numbers and words.
+    """Report on a calibration: fitted values, and sentences for the user.
 
     Attributes
     ----------
-    values : one per parameter
-    undetermined : sentences, the least determined combination first
+    values : result for each parameter
+    undetermined : sentences on combinations that the data do not determine, the least determined first
     notes : further notes, as sentences
-    rms_before, rms_after : residuals in standard deviations [-]
+    rms_before, rms_after : root mean square residual before and after the fit, in standard deviations of the noise [-]
     """
 
     values: tuple[FittedValue, ...]
@@ -540,7 +559,7 @@ class CalibrationReport:
     rms_after: float
 
     def to_json(self) -> dict[str, Any]:
-        """As plain data."""
+        """The report as plain data for JSON."""
         return {
             "values": [vars(one) | {"share_left": one.share_left} for one in self.values],
             "undetermined": list(self.undetermined),
@@ -562,7 +581,7 @@ class CalibrationReport:
 
 
 def report_of(found: Calibration) -> CalibrationReport:
-    """The report of a calibration."""
+    """Make the report on a calibration."""
     fit = found.fitted
     rows = zip(found.unknowns, found.values, found.deviations, strict=True)
     before, after = fit.rms
@@ -587,11 +606,12 @@ def report_of(found: Calibration) -> CalibrationReport:
 
 
 def undetermined(unknowns: Sequence[Unknown], covariance: FloatArray) -> tuple[str, ...]:
-    """Combinations of parameters that the data leave open, in plain words, the widest first.
+    """Sentences on combinations of parameters that the data do not determine, the least determined first.
 
     Parameters
     ----------
-    covariance : (unknown, unknown) of the parameters in prior standard deviations: the unit matrix has no information
+    covariance : (unknown, unknown) covariance after the fit, in prior standard deviations; the unit matrix without
+        information
     """
     variance, vectors = np.linalg.eigh(covariance)
     said = []

@@ -1,36 +1,33 @@
-"""Samples, light and noise of one calibration, for `sims.learning.calibration`, which has the equations.
+"""Samples, light, noise and unknown parameters of one calibration; `sims.learning.calibration` has the equations.
 
-Light is traced at locations rounded to `PLACE_MM`, so that symmetric ones stay so.
+Unknown parameters
+------------------
+They are the optical ones of the design's tolerances (`design.spec.tolerances`): heights of emitters and receivers, the
+emitting area, the emitters' half angle, reflectances, refractive index and absorption, thickness of the clear layer.
+Each is one number for all components of a kind. A uniform prior enters the fit as a normal one of the same spread, and
+the fit stays within its limits. Left out: the cavity's length and width and the tip's radius, which a caliper measures;
+the black layer; scatter from component to component.
 
-Errors of the light model that readings share: several readings are compared with one of its numbers.
+Samples are readings at some depths of every press on its way in. Light is traced at locations rounded to `PLACE_MM`, so
+that symmetric locations remain symmetric.
 
-Model
------
-Locations that are equal by symmetry are traced once, and a pair whose light misses the dimple keeps its untouched
-light: on a grid of presses several readings are compared with one number of the light model and share its error. A
-parameter is the same for all components of a kind, so its slopes are as symmetric as the errors, which add up instead
-of averaging out. Treated as independent, they make a deviation too small by up to the root of the number of readings
-that share one. So
+Errors of the light model that readings share
+---------------------------------------------
+Locations that are equal by symmetry are traced once. A pair whose light misses the dimple keeps its untouched light. So
+on a grid of presses several readings are compared with one number of the light model, and share its error. A parameter
+is the same for all components of a kind. Its slopes are therefore as symmetric as the errors, which add up instead of
+averaging out. If they were treated as independent, the standard deviation would be too small by up to the root of the
+number of readings that share one. So
 
-    residual rᵢ = own noise + cᵢ ε_g,   ε_g standard normal, one a group g,   cᵢ in own standard deviations
+    residual rᵢ = own noise + cᵢ ε_g,   ε_g standard normal, one for a group g,   cᵢ in standard deviations of own noise
 
 with the covariance 1 + c cᵀ in every group, groups being disjoint. Its inverse root is in closed form (Sherman and
 Morrison 1950),
 
     (1 + c cᵀ)^-½ = 1 - f c cᵀ,   f = (1 - (1 + |c|²)^-½) / |c|²
 
-which maps residuals and slopes to independent ones of spread 1. Left out: errors of neighbouring depths and locations,
-which are similar too, but not equal.
-
-The unknown optical parameters of a manufactured pad before its calibration, and their priors.
-
-They are the optical ones of the design's tolerances (`design.spec.tolerances`): heights of emitters and receivers, the
-emitting area, the emitters' half angle, reflectances, refractive index and absorption, thickness of the clear layer.
-Each is one number for all components of a kind. A uniform prior enters the fit as a normal one of the same spread, and
-the fit stays within its limits. Left out: the cavity's length and width and the tip's radius, which a caliper
-measures; the black layer; scatter from component to component.
-
-The few readings of a recording for a calibration: some depths of every press on its way in.
+which transforms residuals and slopes to independent ones of spread 1. Left out: errors of neighbouring depths and
+locations, which are similar but not equal.
 """
 
 from __future__ import annotations
@@ -50,18 +47,18 @@ from sims.learning.map_learner import Untouched, gain_parts, untouched_of
 from sims.readings.dataset import PressData
 
 DIGITS = 11
-"""Digits of the brightest light to which equal light counts as one number of the model, renumbered by a symmetry."""
+"""Light values that agree to this many digits, relative to the brightest, count as one value of the model."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SharedError:
-    """Readings sorted by the number of the light model with which they are compared.
+    """Groups of readings that are compared with the same value of the light model, so that they share its error.
 
     Attributes
     ----------
-    order : (reading,) readings group by group
-    starts : (group,) start of each group in that order
-    group : (reading,) group of each reading
+    order : (reading,) indices of the readings, group by group
+    starts : (group,) position in `order` of each group's first reading
+    group : (reading,) number of each reading's group
     """
 
     order: IntArray
@@ -69,15 +66,16 @@ class SharedError:
     group: IntArray
 
     def sums(self, values: FloatArray) -> FloatArray:
-        """(group, ...) sums over the readings (reading, ...) of each group."""
+        """Sums (group, ...) of values (reading, ...) over the readings of each group."""
         return np.asarray(np.add.reduceat(values[self.order], self.starts, axis=0))
 
     def whitened(self, values: FloatArray, shared: FloatArray) -> FloatArray:
-        """(reading, column) values in own standard deviations, made independent.
+        """Transform residuals or slopes (reading, column) so that their errors are independent.
 
         Parameters
         ----------
-        values : (reading, column); shared : (reading,) spread of the shared error in own standard deviations
+        values : (reading, column) residuals or slopes over the standard deviation of each reading's own noise
+        shared : (reading,) standard deviation of the shared error, in the same unit
         """
         square = self.sums(shared**2)
         factor = np.where(square > 0.0, (1.0 - (1.0 + square) ** -0.5) / np.maximum(square, 1e-300), 0.0)
@@ -86,7 +84,7 @@ class SharedError:
 
 
 def shared_error(light: FloatArray) -> SharedError:
-    """Groups of readings by equal light (sample, pair), which is flattened."""
+    """Group readings with equal light; `light` is (sample, pair), and readings are its flattened elements."""
     _, group = np.unique(np.round(light.ravel() / np.abs(light).max(), DIGITS), return_inverse=True)
     group = group.reshape(-1)
     order = np.argsort(group, kind="stable")
@@ -106,21 +104,21 @@ OPTICAL_ENDS = (
     "elastomer.absorption_db_per_cm",
     "cavity.clear_thickness_mm",
 )
-"""Last words of the paths that are fitted."""
+"""Ends of the dotted paths of the design's fields that are fitted."""
 NORMAL_ENDS = 2.0
-"""Ends of a normal tolerance, in standard deviations (`design.spec.tolerances`)."""
+"""Distance of a normal tolerance's limits from its middle, in standard deviations (`design.spec.tolerances`)."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Unknown:
-    """One parameter to fit.
+    """One parameter to fit, with its prior.
 
     Attributes
     ----------
-    path, unit : dotted path that sets it
+    path, unit : dotted path of the parameter in the design, and its unit
     value : the design's value
     low, high : limits of the prior
-    spread : its standard deviation
+    spread : standard deviation of the prior
     """
 
     path: str
@@ -137,7 +135,7 @@ class Unknown:
 
     @property
     def words(self) -> str:
-        """Its name in plain words."""
+        """The parameter's name in plain words."""
         last = self.path.rsplit(".", 1)[-1]
         for end, unit in UNIT_ENDS.items():
             last = last.removesuffix(end) if unit == self.unit else last
@@ -146,7 +144,7 @@ class Unknown:
 
 
 def unknowns_of(design: SensorDesign) -> tuple[Unknown, ...]:
-    """The optical parameters of a design that are not measured, in a fixed order.
+    """The optical parameters of a design that were not measured, in a fixed order.
 
     Raises
     ------
@@ -170,31 +168,31 @@ def _unknown(one: Tolerance) -> Unknown:
 
 
 def with_values(design: SensorDesign, unknowns: tuple[Unknown, ...], values: FloatArray) -> SensorDesign:
-    """The design with parameters (unknown,) set."""
+    """The design with the values (unknown,) of the parameters set."""
     return design.with_(**{one.path: float(value) for one, value in zip(unknowns, values, strict=True)})
 
 
 FEWEST_PRESSES = 5
 STATES = 95
-"""Approximate number of presses and depths traced at every step of the fit: 1 s to 2 s on one core."""
+"""Approximate number of presses and depths that each step of the fit traces; this takes 1 s to 2 s on one core."""
 FEWEST_DEPTHS, MOST_DEPTHS = 3, 10
 SHALLOWEST_MM = 0.4
-"""Least depth of fitted presses [mm]: lighter ones depend more on the reference depth's error than on the optics."""
+"""Least depth of fitted presses [mm]: light presses depend more on the error of the depth's zero than on the optics."""
 NEAR_MM = 0.15
-"""Distance within which a frame counts as at a depth."""
+"""Largest difference of depth at which a frame counts as at a required depth [mm]."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class CalibrationSamples:
-    """Readings to fit.
+    """Readings to which the parameters are fitted.
 
     Attributes
     ----------
-    press_mm : (n, 3) x, y, depth by the stage [mm]
-    press : (n,) number of the press
+    press_mm : (n, 3) x, y, depth as the stage reports them [mm]
+    press : (n,) number of each reading's press
     press_set : (press,) number of the set that each press belongs to
-    signals : (n, pair) readings less the off state [counts]
-    untouched : readings of the sensor without a touch
+    signals : (n, pair) readings minus those of the off state [counts]
+    untouched : readings of the sensor without contact
     emitters : number of emitters
     """
 
@@ -212,12 +210,12 @@ class CalibrationSamples:
 
 
 def calibration_samples(data: PressData, deepest_mm: float) -> CalibrationSamples:
-    """Choose readings.
+    """Choose some readings of each press to fit to.
 
     Parameters
     ----------
     data : presses with untouched frames
-    deepest_mm : deepest press of the design
+    deepest_mm : deepest press of the design [mm]
 
     Raises
     ------
@@ -250,7 +248,7 @@ def calibration_samples(data: PressData, deepest_mm: float) -> CalibrationSample
 
 
 def _rows_of(depth_mm: FloatArray, rows: IntArray, depths: int, deepest_mm: float) -> IntArray:
-    """Rows of one press nearest to the required depths, on the way in."""
+    """Indices of the frames of one press, on its way in, that are nearest to the required depths."""
     way_in = rows[: int(np.argmax(depth_mm[rows])) + 1]
     end = min(float(depth_mm[way_in].max()), 0.9 * deepest_mm)
     wanted = np.linspace(np.sqrt(SHALLOWEST_MM), np.sqrt(end), depths) ** 2
@@ -262,18 +260,22 @@ def _rows_of(depth_mm: FloatArray, rows: IntArray, depths: int, deepest_mm: floa
 
 
 Light = Callable[[FloatArray, FloatArray, int], FloatArray]
-"""Flux (n, pair) by parameters (unknown,) in spreads, presses (n, 3), depth 0 untouched, and one of several seeds."""
+"""Function from parameters (unknown,) [prior standard deviations], presses (n, 3) [mm] and a seed number to flux (n,
+pair); depth 0 is the untouched pad.
+"""
 
 MODEL_SHARE = 0.004
 SLOPE_STEP = 0.5
-"""Step of the differences by a parameter, in prior standard deviations."""
+"""Step of finite differences by a parameter, in prior standard deviations."""
 PLACE_MM = 0.1
-"""Light is traced at locations rounded to this and extrapolated by the slopes: presses that differ by a stage's error
-only are symmetric again, and traced once. Over half of it a signal of 300 counts bends by about 0.1 counts."""
+"""Light is traced at locations rounded to this [mm], and extrapolated by its slopes. Presses that differ only by the
+stage's error become symmetric again, and are traced once. Over half of it a signal of 300 counts bends by about 0.1
+counts.
+"""
 PRESS_STEP = 3.0**0.5
-"""Step of the differences by x, y and depth to either side, in standard deviations of the tip's position."""
+"""Step of finite differences by x, y and depth to either side, in standard deviations of the tip's position."""
 HALVES = 2
-"""Seeds of the slopes."""
+"""Number of seeds with which slopes are computed independently."""
 LIGHTS = 3
 """Number of seeds of the mean light of the last steps; none of them is a seed of the slopes."""
 SMALL_FLUX = 1e-12
@@ -281,7 +283,7 @@ SMALL_FLUX = 1e-12
 
 @dataclass(eq=False)
 class Problem:
-    """Samples, light and priors of one calibration; counts the traces."""
+    """Samples, light and priors of one calibration; counts how often light is traced."""
 
     light: Light
     samples: CalibrationSamples
@@ -310,7 +312,7 @@ class Problem:
         self.rounded_mm[:, :2] = np.round(self.press_mm[:, :2] / PLACE_MM) * PLACE_MM
 
     def _offset_information(self) -> FloatArray:
-        """(offset, offset) inverse covariance of the tips' offsets from the stage: x, y, depth per press [1/mm²]."""
+        """Inverse covariance of the tips' offsets from the stage [1/mm²], in the order x, y, depth press by press."""
         found = np.diag(np.tile(self.stage_mm**-2.0, self.samples.presses))
         is_same_set = self.samples.press_set[:, None] == self.samples.press_set
         own = self.stage_mm[2] ** 2 * np.eye(self.samples.presses)
@@ -319,12 +321,15 @@ class Problem:
 
     @property
     def spread_mm(self) -> FloatArray:
-        """(3,) standard deviations of the tip's position about the point of the trace [mm]."""
+        """Standard deviations (3,) of the tip's x, y and depth about the traced, rounded location [mm]."""
         rounding = np.array([1.0, 1.0, 0.0]) * PLACE_MM / np.sqrt(12.0)
         return np.asarray(np.hypot(np.hypot(self.stage_mm, [0.0, 0.0, self.set_depth_mm]), rounding))
 
     def weigh(self, flux: FloatArray, bend_counts: FloatArray) -> None:
-        """Set weights of readings, and shared errors, for some light and the residual signal of its bends."""
+        """Set the weights of the readings and the errors that they share.
+
+        `bend_counts` is the residual of a linear fit of light over tip positions. Clipped readings get the weight 0.
+        """
         variance = self.variance + bend_counts**2
         clip = self.samples.untouched.clip_counts
         is_lost = self.signals >= clip - 3.0 * np.sqrt(variance + self.model_counts**2)
@@ -333,11 +338,11 @@ class Problem:
         self.shared_spread = (self.model_counts * self.weight).ravel()
 
     def whitened(self, values: FloatArray) -> FloatArray:
-        """(reading, column) of values (sample, pair, column) in standard deviations, made independent."""
+        """Values (sample, pair, column) flattened to (reading, column), and transformed to be independent."""
         return self.shared.whitened(values.reshape(self.signals.size, -1), self.shared_spread)
 
     def flux(self, values: FloatArray, *, moved_mm: FloatArray | None = None, half: int = 0) -> FloatArray:
-        """(sample, pair) light of parameters at the rounded locations, moved by (3,); untouched in the last row."""
+        """Light (sample, pair) for parameters, at the rounded presses plus `moved_mm`; the last row is untouched."""
         press_mm = self.rounded_mm.copy()
         if moved_mm is not None:
             press_mm[:-1] += moved_mm
@@ -346,7 +351,7 @@ class Problem:
         return np.maximum(self.light(values, press_mm, half), SMALL_FLUX)
 
     def rough_slopes(self, values: FloatArray) -> FloatArray:
-        """(unknown, sample, pair) change of light with each parameter, by differences towards the inside."""
+        """Change (unknown, sample, pair) of light with each parameter, by one-sided differences within the limits."""
         flux = self.flux(values)
         found = []
         for axis in range(len(values)):
@@ -355,7 +360,7 @@ class Problem:
         return np.array(found)
 
     def slopes(self, values: FloatArray, half: int) -> FloatArray:
-        """(unknown, sample, pair) the same by differences to both sides, within the limits of the prior."""
+        """Change (unknown, sample, pair) of light with each parameter, by two-sided differences within the limits."""
         found = []
         for axis, value in enumerate(values):
             down = max(-SLOPE_STEP, self.low[axis] - value)
@@ -365,7 +370,7 @@ class Problem:
         return np.array(found)
 
     def press_slopes(self, values: FloatArray, flux: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """(3, sample, pair) slopes of light by x, y and depth [1/mm]; (sample, pair) rms residual [-]."""
+        """Slopes (3, sample, pair) of light by x, y, depth [1/mm], and rms residual (sample, pair) of this fit."""
         found, left = [], np.zeros(flux.shape)
         for step in PRESS_STEP * np.diag(self.spread_mm):
             above, below = (self.flux(values, moved_mm=side * step) for side in (1.0, -1.0))
@@ -374,13 +379,13 @@ class Problem:
         return np.array(found), np.sqrt(left)
 
     def mean_flux(self, values: FloatArray) -> FloatArray:
-        """(sample, pair) mean light of several seeds other than those of the slopes."""
+        """Mean light (sample, pair) of several seeds, other than the seeds of the slopes."""
         lights = [self.flux(values, half=HALVES + light) for light in range(LIGHTS)]
         return np.asarray(np.mean(lights, axis=0))
 
 
 def _moved(values: FloatArray, axis: int, by: float) -> FloatArray:
-    """A copy with one value moved."""
+    """A copy of the values, with one of them changed by `by`."""
     moved = values.copy()
     moved[axis] += by
     return moved

@@ -1,8 +1,8 @@
-"""The Cramér-Rao bound of a press under the whole signal chain: drift, reference depth and positioning unknown.
+"""The Cramér-Rao bound of a press's location and depth, with unknown drift, reference depth and stage position.
 
 Model
 -----
-One frame of signals y (lit less off, all pairs) of a stage's press θ = (x, y, depth) has
+One frame of signals y (lit minus off, all pairs) at the stage's position θ = (x, y, depth) has
 
     y = D(e, r) m(θ + δ) + n,     D(e, r) = diag (1 + e_i + r_j) for the pair of emitter i and receiver j
 
@@ -10,10 +10,10 @@ One frame of signals y (lit less off, all pairs) of a stage's press θ = (x, y, 
     e, r  gains: fluctuation of an emitter within the frame and drift of the set; drift of a receiver since its
           untouched signal was taken; normal, mean 0
     δ     offset of the tip from the stage's position: error of positioning in x and y, of the reference depth (set and
-    location), half the backlash; normal, mean 0, covariance Δ
+          location), half the backlash; normal, mean 0, covariance Δ
 
-The nuisances have priors, so the bound is the hybrid one (Van Trees 1968, section 2.4; Messer 2006): information of all
-parameters, the priors' added, the nuisances eliminated by a Schur complement. For e and r that leaves
+e, r and δ have priors, so the bound is a hybrid one (Van Trees 1968, section 2.4; Messer 2006). The priors' information
+is added to that of the data, and e, r and δ are eliminated by a Schur complement. For e and r that leaves
 
     F = Jᵀ C⁻¹ J,   C = V + G Gᵀ      (`sims.learning.inference.signal_map`; J = ∂m/∂θ)
 
@@ -21,13 +21,13 @@ and for δ, which enters only as θ + δ,
 
     F⁻¹ for the tip's position,     F⁻¹ + Δ for the stage's position of it
 
-J is computed twice, from stencils of independently seeded light, and F is the symmetrised product of the halves, so the
-trace's noise is no information (`sims.bounds.fisher`): both are multiplied with L⁻¹, C = L Lᵀ, and passed to
-`bounds_of` with weights of 1. Pairs at full scale at any press of a stencil are left out.
+J is computed twice, by finite differences of independently seeded light. F is the symmetrised product of the two, so
+that the trace's noise does not count as information (`sims.bounds.fisher`). Both are multiplied by L⁻¹, with C = L Lᵀ,
+and passed to `bounds_of` with weights of 1. Pairs that are at full scale at any press of the differences are left out.
 
-Left out: the same as there; flicker of ambient light (dark frames); several frames of a set, which would determine its
-drift and its reference depth together. The gains' part of C is taken at the mean signals; the two values of the
-backlash count as a normal distribution of the same spread.
+Left out: what `sims.bounds.fisher` leaves out; flicker of ambient light (frames are dark); several frames of a set,
+which would determine its drift and its reference depth together. The gains' part of C is taken at the mean signals. The
+two values of the backlash count as a normal distribution of the same spread.
 """
 
 from __future__ import annotations
@@ -55,13 +55,14 @@ from sims.optics.accuracy import Accuracy
 from sims.optics.tracing import trace
 
 EVENLY = np.array([0.7548776662466927, 0.5698402909980532])
-"""Steps of an even sequence of locations, 1/p and 1/p² with p³ = p + 1 (M. Roberts, "The unreasonable effectiveness of
-quasirandom sequences", 2018)."""
+"""Steps of an evenly spread sequence of locations in the unit square, 1/p and 1/p² with p³ = p + 1 (M. Roberts, "The
+unreasonable effectiveness of quasirandom sequences", 2018).
+"""
 
 
 @dataclass(frozen=True, kw_only=True)
 class StageErrors:
-    """Errors of the stage's position of the tip: standard deviations of x and y each, and of depth [mm]."""
+    """Standard deviations of the tip's position about the stage's: of x and y each, and of depth [mm]."""
 
     position_mm: float
     depth_mm: float
@@ -82,8 +83,8 @@ class ChainBounds:
 
     Attributes
     ----------
-    tip : bounds of the tip's position, with unknown gains
-    stage : the errors of the stage
+    tip : bounds for the tip's position, with unknown gains
+    stage : errors of the stage, which are added in quadrature for the stage's position
     """
 
     tip: Bounds
@@ -91,24 +92,24 @@ class ChainBounds:
 
     @property
     def location_mm(self) -> FloatArray:
-        """(n,) √(var x + var y) of the stage's position of the tip."""
+        """Bound (n,) for the stage's location, √(var x + var y) [mm]."""
         return np.asarray(np.hypot(self.tip.location_mm, np.sqrt(2.0) * self.stage.position_mm))
 
     @property
     def depth_mm(self) -> FloatArray:
-        """(n,) bound of the stage's depth."""
+        """Bound (n,) for the stage's depth [mm]."""
         return np.asarray(np.hypot(self.tip.depth_mm, self.stage.depth_mm))
 
 
 def bounds_under(
     first: FloatArray, second: FloatArray, signals: FloatArray, noise: ReadingNoise, stage: StageErrors
 ) -> ChainBounds:
-    """Bounds from slopes.
+    """Bounds at n presses, from the slopes of the signals.
 
     Parameters
     ----------
-    first, second : (n, pair, 3) slopes of the signals by x, y, depth, from independent halves [counts/mm]
-    signals : (n, pair) mean signals [counts]; from `noise.clip_counts` on a pair is left out
+    first, second : (n, pair, 3) slopes of the signals by x, y, depth, two independent estimates [counts/mm]
+    signals : (n, pair) mean signals [counts]; pairs at or above `noise.clip_counts` are left out
     """
     is_lost = signals >= noise.clip_counts
     reached = np.where(is_lost, 0.0, signals)
@@ -134,16 +135,16 @@ def chain_bounds(
     steps: Steps | None = None,
     on_step: OnShare | None = None,
 ) -> ChainBounds:
-    """Bounds at presses, from 12 traced states for each press.
+    """Bounds at n presses of a design; each takes 12 traced states.
 
     Parameters
     ----------
     press_mm : (n, 3) x, y, depth [mm]
     gains : counts per flux, (receiver,) or (emitter, receiver) [counts]
     noise : noise of a frame; its `clip_counts` is full scale
-    stage : errors of the stage; those of the design's signal chain if left out
+    stage : errors of the stage; None takes those of the design
     accuracy, seed : accuracy setting and random seed of the light model; the second half has ``seed + SEED_GAP``
-    on_step : callback that takes the completed share, 0 to 1
+    on_step : called with the fraction done (0 to 1)
 
     Raises
     ------
@@ -183,15 +184,15 @@ def bounds_by_depth(
     seed: int = 0,
     on_step: OnShare | None = None,
 ) -> dict[float, tuple[float, float]]:
-    """The bounds of location and of depth [mm], for each depth [mm]: medians over the locations of the workspace.
+    """Bounds of location and of depth [mm] for each depth [mm], as medians over locations of the workspace.
 
-    A depth is left out if a median is infinite, that is, if at least half of the locations are not resolved.
+    A depth is left out if a median is infinite, that is, if half of the locations or more are not resolved.
 
     Parameters
     ----------
-    gains, noise, accuracy, seed, on_step : as for `chain_bounds`
+    gains, noise, accuracy, seed, on_step : see `chain_bounds`
     depths_mm : depths of the presses, above 0 [mm]
-    places : number of locations, evenly spread (`EVENLY`); each takes 12 traced states at each depth
+    places : number of evenly spread locations; each takes 12 traced states at each depth
     """
     space = workspace_of(design)
     share = np.outer(np.arange(1, places + 1), EVENLY) % 1.0

@@ -1,4 +1,4 @@
-"""The learners by name: each makes a model of training data."""
+"""The learners by name; each trains a model from data."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from sims.readings.dataset import PressData
 
 
 class Learner(Protocol):
-    """A function that makes a model."""
+    """A function that trains a model."""
 
     def __call__(
         self, train: PressData, *, seed: int = ..., on_step: OnStep = ..., settings: FitSettings = ...
     ) -> TouchModel:
-        """Train; raises InputError where the data are insufficient."""
+        """Train a model; raises `InputError` if the data are insufficient."""
         ...
 
 
@@ -28,4 +28,4 @@ LEARNERS: dict[str, Learner] = {
     "extra-trees": fit_extra_trees,
     "network": fit_network,
 }
-"""Fits by name, which is also the kind of the model."""
+"""Training functions by name, which is also the kind of the trained model."""

@@ -1,14 +1,14 @@
-"""The learner "signal-map": a traced map and a sensor's own readings make a model.
+"""The learner "signal-map": a model from a traced map and a sensor's own untouched readings.
 
-    ratio of a pair to its untouched signal    from the light model (`sims.learning.traced_map`)
-    untouched signal                           mean of the sensor's untouched frames
-    of a pair at full scale while untouched    from gains of emitters and receivers fitted to the other pairs, moved by
-                                               the touched frames in which it reads less
-    noise                                      the design's signal chain, widened to the noise of untouched frames, and
-    the map's measured error
-    threshold of touch                         the score that `FALSE_ALARMS` of the untouched frames exceed in the worst
-    set, each compared with the untouched signals of the others: a new set
-    has its own gains, lamps and phase
+    signal of a pair over its untouched one   from the light model (`sims.learning.traced_map`)
+    untouched signal                          mean of the sensor's untouched frames; for a pair at full scale, from
+                                              gains of emitters and receivers that are fitted to the other pairs,
+                                              corrected by the touched frames in which the pair does not clip
+    noise                                     that of the design's signal chain, raised to that of untouched frames,
+                                              and the map's measured error
+    threshold of touch                        the score that `FALSE_ALARMS` of the untouched frames exceed in the worst
+                                              set, each set compared with the untouched signals of the others, because
+                                              a new set has its own gains, ambient light and phase of flicker
 
 So few presses are needed, or none: untouched frames alone are enough. Left out: a bias of the reference depth in the
 data, which the model does not learn (`sims.learning.calibration` does).
@@ -50,36 +50,42 @@ if TYPE_CHECKING:
     from sims.learning.learners import Learner
 
 MAP_SEED = 104_729
-"""Number added to the seed for the map's light: simulated data have the seed and must not share the map's errors."""
+"""Number added to the seed for the map's light: simulated data use the seed itself, and the map must not share their
+numerical errors.
+"""
 FALSE_ALARMS = 0.01
-"""Share of untouched training frames that may count as touched."""
+"""Share of the untouched training frames that may count as touched [-]."""
 LEAST_THRESHOLD = 3.0
-"""Least threshold of touch, for few untouched frames: half of χ² with 3 degrees of freedom exceeds it once in nine."""
+"""Least threshold of the touch score, for few untouched frames; half of χ² with 3 degrees of freedom exceeds it once in
+nine.
+"""
 FEWEST_UNTOUCHED = 10
 FORCE_DEPTHS = 51
 LOCATED_MM = 0.2
-"""Least depth of the presses that scale deviations [mm]: a lighter one is detected but not located."""
+"""Least depth of the presses by which deviations are scaled [mm]: a lighter press is detected but not located."""
 CHECK_FRAMES = 4
 TRUST_BINS = 5
-"""Frames of each such press, and bins of depth: with ten presses a bin, errors of the map make a factor known to 16 %
-in x and y and to 22 % in depth."""
+"""Number of frames of each press that scales deviations, and number of depth bins. With ten presses in a bin, a factor
+is known to 16 % in x and y and to 22 % in depth.
+"""
 MOST_FOR_THRESHOLD = 1500
-"""Number of untouched frames that set the threshold, of all sets together."""
+"""Largest number of untouched frames that set the threshold, of all sets together."""
 MOST_FOR_CLIPPED = 3000
 BRIGHT = 0.05
-"""Least share of the median untouched signal of pairs for the fit of gains."""
+"""Least untouched signal of a pair for the fit of gains, over the median pair's [-]."""
 CLIP_SHARE = 0.99
-"""Untouched readings above this share of the largest reading count as clipped."""
+"""Untouched readings above this share of the converter's largest reading count as clipped [-]."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Untouched:
-    """Readings of a sensor without a touch.
+    """Statistics of a sensor's readings without contact.
 
     Attributes
     ----------
-    mean_counts, spread_counts : (pair,) mean and standard deviation of one frame within a set [counts]
-    clip_counts : (pair,) largest signal of the converter [counts]; infinite where not known
+    mean_counts, spread_counts : (pair,) mean signal, and its standard deviation from frame to frame within a set
+        [counts]
+    clip_counts : (pair,) signal at which the converter clips [counts]; infinite if unknown
     """
 
     mean_counts: FloatArray
@@ -88,16 +94,16 @@ class Untouched:
 
     @property
     def is_clipped(self) -> BoolArray:
-        """(pair,) whether the mean is at least `CLIP_SHARE` of full scale, so that the pair counts as saturated."""
+        """Whether each pair's mean (pair,) is at least `CLIP_SHARE` of full scale, so that it counts as saturated."""
         return np.asarray(self.mean_counts >= CLIP_SHARE * self.clip_counts)
 
 
 def untouched_rows(data: PressData) -> BoolArray:
-    """(sample,) frames that certainly have no touch.
+    """Mask (sample,) of the frames that certainly have no contact, at any error of the depth's zero.
 
     Raises
     ------
-    InputError : there are too few of them.
+    InputError : there are too few such frames.
     """
     rows = data.press_mm[:, 2] <= CLEARLY_UNTOUCHED_MM
     if rows.sum() < FEWEST_UNTOUCHED:
@@ -109,7 +115,7 @@ def untouched_rows(data: PressData) -> BoolArray:
 
 
 def untouched_of(data: PressData) -> Untouched:
-    """Mean, spread and clipping of a recording's untouched frames; raises InputError where there are too few."""
+    """Mean, spread and clipping of the frames without contact; raises `InputError` if there are too few."""
     quiet = data.only(untouched_rows(data))
     signals = quiet.features().astype(np.float64)
     own = signals.copy()
@@ -125,20 +131,21 @@ def untouched_of(data: PressData) -> Untouched:
 
 
 def gain_parts(emitters: int, pairs: int) -> FloatArray:
-    """(pair, emitters + receivers) 1 where a component's gain applies to a pair; pairs with the emitter outermost."""
+    """Matrix (pair, emitters + receivers), 1 where a component's gain applies to a pair; order E1-R1, E1-R2, ..."""
     receivers = pairs // emitters
     emitter, receiver = np.divmod(np.arange(pairs), receivers)
     return np.concatenate([np.eye(emitters)[emitter], np.eye(receivers)[receiver]], axis=1)
 
 
 def fitted_gains(untouched: Untouched, flux: FloatArray, emitters: int) -> FloatArray:
-    """(pair,) counts per flux as a product of a gain of the emitter and one of the receiver.
+    """Gains (pair,) in counts per flux, each the product of an emitter's and a receiver's gain.
 
-    They are least squares of the logarithms over bright pairs that do not clip; a component without one gets the mean.
+    They are fitted by least squares of the logarithms, over bright pairs that do not clip. A component without such a
+    pair gets the mean gain.
 
     Raises
     ------
-    InputError : no pair is bright without clipping.
+    InputError : all bright pairs clip.
     """
     counts = untouched.mean_counts
     good = ~untouched.is_clipped & (counts > BRIGHT * np.median(counts)) & (flux > BRIGHT * np.median(flux))
@@ -153,7 +160,7 @@ def fitted_gains(untouched: Untouched, flux: FloatArray, emitters: int) -> Float
 
 
 def chain_noise(design: SensorDesign, emitters: int, pairs: int) -> ReadingNoise:
-    """A frame's noise by the design's signal chain, in the dark; full scale is left open."""
+    """Noise of a frame by the design's signal chain, without ambient light; clipping is set to infinity."""
     noise = design.noise
     rounding = 1.0 / 12.0 if noise.quantised else 0.0
     floor = np.sqrt(2.0 * (rounding + noise.read_noise_counts**2))
@@ -176,12 +183,12 @@ def mapped(
     seed: int = 0,
     on_step: OnStep | None = None,
 ) -> SignalMap:
-    """Trace the map of a design, and its error at locations and depths that are not on its grid.
+    """Trace the map of a design, and measure its error at locations and depths between the grid's nodes.
 
     Parameters
     ----------
-    quick : a coarser grid, a third of the time (docs/validation/calibration.md has both errors)
-    seed : seed of the data with which the model will be compared; the map's light has another
+    quick : whether to use a coarser grid, in a third of the time (docs/validation/calibration.md has both errors)
+    seed : seed of the data with which the model will be compared; the map's light uses another one
     """
     found = traced_map(
         design,
@@ -196,11 +203,11 @@ def mapped(
 
 
 def signal_map_learner(design: SensorDesign, *, quick: bool = False, seed: int = 0) -> Learner:
-    """The learner that uses the design; the others use only data. Its map is traced at the first fit, and kept.
+    """Make the "signal-map" learner of a design; its map is traced at the first fit and reused.
 
     Parameters
     ----------
-    quick, seed : as for `mapped`
+    quick, seed : see `mapped`
     """
     traced: list[SignalMap] = []
 
@@ -223,8 +230,8 @@ def signal_map_learner(design: SensorDesign, *, quick: bool = False, seed: int =
 def map_header(design: SensorDesign, data: PressData, found: SignalMap, seed: int) -> ModelHeader:
     """Header of a model that uses a traced map.
 
-    The digest of the design and the names of emitters and receivers are those of the data. The settings are those of
-    the map. The force curve is that of a centred press on the design.
+    The digest of the design and the names of emitters and receivers are from the data, the settings from the map. The
+    force curve is that of a press in the middle of the design's pad.
     """
     deepest = design.operating.max_depth_mm
     press = solved_press(design, max_depth_mm=deepest)
@@ -270,14 +277,14 @@ def fit_signal_map(
 
     Parameters
     ----------
-    found : map of that design, or of the design fitted to the pad
-    header : header of the model; kind and untouched counts are set here
-    data : untouched frames at least; touched ones help pairs that clip
-    seed : selects the untouched frames that set the threshold
+    found : map of the design, or of the design after calibration
+    header : header of the model; its kind and untouched counts are replaced
+    data : readings, which must include untouched frames; touched ones improve pairs that clip
+    seed : seed for the choice of the untouched frames that set the threshold
 
     Raises
     ------
-    InputError : there are too few untouched frames, or no pair reads light without clipping.
+    InputError : there are too few untouched frames, or all bright pairs clip.
     """
     untouched = untouched_of(data)
     emitters, spline = len(data.emitter_names), found.ratio_root
@@ -310,7 +317,7 @@ def fit_signal_map(
 
 
 def _trust(model: SignalMapModel, found: SignalMap, noise: ReadingNoise, seed: int) -> SigmaTable:
-    """Error over deviation by depth, at the presses that checked the map, under the sensor's own noise."""
+    """Factors from stated deviations to errors, by depth, at the map's test presses with the sensor's noise."""
     if found.checked is None:
         return UNIT_SIGMA
     located = found.checked.press_mm[:, 2] >= LOCATED_MM
@@ -323,7 +330,7 @@ def _trust(model: SignalMapModel, found: SignalMap, noise: ReadingNoise, seed: i
     shared = np.einsum("ng,ngk->nk", chance.normal(size=columns.shape[:2]), columns)
     told = model.found(np.minimum(mean + own + shared, noise.clip_counts))
     raw_mm = np.sqrt(np.einsum("nii->ni", told.covariance))
-    # x and y are equivalent: each counts for both
+    # x and y are equivalent: each sample counts for both
     told_mm, spread_mm, true_mm = (
         np.concatenate([one, one[:, [1, 0, 2]]]) for one in (told.press_mm, raw_mm, press_mm)
     )
@@ -341,7 +348,7 @@ def _box(found: SignalMap) -> Box:
 def _sensor_noise(
     chain: ReadingNoise, fluctuation: float, untouched: Untouched, full: FloatArray, error: FloatArray | None
 ) -> ReadingNoise:
-    """Noise of the chain, at least that of untouched frames less the LEDs' fluctuation, and the map's own error."""
+    """Noise of the signal chain, raised to that of the untouched frames, plus the map's own error."""
     seen = np.where(
         untouched.is_clipped, 0.0, untouched.spread_counts**2 - (fluctuation * full) ** 2 - chain.shot * full
     )
@@ -351,7 +358,10 @@ def _sensor_noise(
 
 
 def _moved_by_touches(model: SignalMapModel, untouched: Untouched, data: PressData, seed: int) -> FloatArray:
-    """(pair,) full counts; those of clipping pairs are the median of reading over ratio below full scale."""
+    """Untouched signals (pair,) as if nothing clipped; for clipped pairs they are estimated from touched frames.
+
+    The estimate is the median of reading over simulated ratio, in touched frames whose reading is below full scale.
+    """
     touched = np.flatnonzero(data.press_mm[:, 2] > 0.3)
     full = model.full_counts.copy()
     if not untouched.is_clipped.any() or not len(touched):
@@ -369,7 +379,10 @@ def _moved_by_touches(model: SignalMapModel, untouched: Untouched, data: PressDa
 
 
 def _threshold(model: SignalMapModel, data: PressData, seed: int, on_step: OnStep | None) -> float:
-    """The score that few untouched frames exceed in any set, with untouched signals of the other sets, if any."""
+    """Score that only a share `FALSE_ALARMS` of the untouched frames exceeds, in the worst set.
+
+    Each set is compared with the untouched signals of the other sets, if there are any.
+    """
     quiet = data.only(untouched_rows(data))
     numbers = [
         one for one in np.unique(quiet.set_number) if (quiet.set_number == one).sum() >= FEWEST_UNTOUCHED
@@ -390,7 +403,7 @@ def _threshold(model: SignalMapModel, data: PressData, seed: int, on_step: OnSte
 
 
 def _without(model: SignalMapModel, quiet: PressData, own: BoolArray) -> SignalMapModel:
-    """The model with the untouched signals (but those at full scale) of the frames that are not `own`."""
+    """The model with the untouched signals of all frames that are not `own`, except for pairs at full scale."""
     signals = quiet.features().astype(np.float64)
     whole, rest = signals.mean(axis=0), signals[~own].mean(axis=0)
     is_clipped = whole >= CLIP_SHARE * model.noise.clip_counts

@@ -1,10 +1,10 @@
-"""A measured press over the simulated one: one location, pair by pair, both over their untouched signal.
+"""Compare a measured press with the simulated one at a location, pair by pair, both relative to the untouched signal.
 
     recording ──► readings at one location ► over the mean of its untouched readings ─┐
     design ─────► light under a press there ──► over the untouched total ─────────────┴──► curves, difference
 
-Readings and light have only this ratio in common, so gain and absolute signal are not compared, and nothing else is
-fitted, neither the zero of depth nor the shape. The difference is that of the press; retraction is drawn too.
+Only these ratios are compared, so gain and absolute signal have no effect. Nothing is fitted, neither the zero of depth
+nor the shape. The difference is computed on the way in; retraction is only drawn.
 """
 
 from __future__ import annotations
@@ -27,22 +27,22 @@ from sims.verdict.builds import score_curves
 from sims.verdict.presses import PAIR_ACCURACY, Pair, curves_of, states_of
 
 SAME_PLACE_MM = 0.25
-"""Distance from a location within which readings belong to it: a stage's step is ten times as fine."""
+"""Distance from the press's location within which readings belong to it [mm]; a stage's step is a tenth of it."""
 FEWEST_READINGS = 5
 MOST_PAIRS = 6
 
 
 @dataclass(frozen=True, kw_only=True)
 class RecordedPair:
-    """One pair, measured and simulated.
+    """Measured and simulated signal of one pair against depth.
 
     Attributes
     ----------
-    simulated : its light and score under a press at the location of the recording
-    depth_mm, ratio : (n,) depths of the readings [mm], and the readings over their untouched mean [-]
-    deepest : number of the deepest reading: those up to it belong to the press, the others to the retraction
-    untouched_counts : that mean [counts]
-    rms, worst : difference from the simulated ratio over the readings of the press within its depths [-]
+    simulated : simulated light of the pair, and its verdict, under a press at the recording's location
+    depth_mm, ratio : (n,) depths of the readings [mm], and readings over their untouched mean [-]
+    deepest : index of the deepest reading; later readings belong to the retraction
+    untouched_counts : mean reading without contact [counts]
+    rms, worst : root mean square and largest difference from the simulated ratio, on the way in [-]
     """
 
     simulated: JudgedPair
@@ -56,7 +56,7 @@ class RecordedPair:
 
 @dataclass(frozen=True, kw_only=True)
 class RecordedPress:
-    """A measured press over the simulated one; `notes` list the processing and the assumptions."""
+    """A measured press and the simulated one at a location; `notes` list the processing and the assumptions."""
 
     place_mm: tuple[float, float]
     pairs: tuple[RecordedPair, ...]
@@ -71,16 +71,19 @@ def recorded_press(
     at_mm: tuple[float, float] | None = None,
     seed: int = 0,
 ) -> RecordedPress:
-    """Compare a recording with the simulated press.
+    """Compare a recording with the simulated press on a design.
 
     Parameters
     ----------
-    pairs : names of the pairs to compare; empty takes the judged pairs that swing most, the middle one of facing rows
-    at_mm : location of the press; None takes that of the recording, or of the pair where it has none
+    pairs : names of the pairs to compare; empty takes the pairs of the verdict whose readings change most. A recording
+        with one unnamed signal is compared with one pair
+    at_mm : (x, y) of the press in the cavity frame [mm]; None takes that of the recording, or the middle of the pair if
+        the recording has none
 
     Raises
     ------
-    InputError : another design, unknown pairs, several locations, too few readings, or no untouched ones.
+    InputError : the design differs, a pair is unknown, there are several locations or too few readings, or none without
+        contact.
     """
     notes = [*recording.notes, *_of_this_design(design, recording)]
     chosen = _chosen(design, recording, pairs)
@@ -123,7 +126,7 @@ def _of_this_design(design: SensorDesign, recording: Recording) -> list[str]:
 
 
 def _chosen(design: SensorDesign, recording: Recording, names: tuple[str, ...]) -> dict[str, Pair]:
-    """Column of the recording by pair, in the order to show."""
+    """The pairs to compare, by their column in the recording, in the order to show."""
     cavity = cavity_of(design)
     judged = {pair_name(cavity, pair): pair for pair in judged_pairs(cavity)}
     if list(recording.counts) == [SIGNAL]:
@@ -154,7 +157,7 @@ def _require_known(names: list[str], known: dict[str, Pair], where: str) -> None
 def _place(
     design: SensorDesign, recording: Recording, chosen: dict[str, Pair], at_mm: tuple[float, float] | None
 ) -> tuple[tuple[float, float], NDArray[np.intp], list[str]]:
-    """Location of the press, the readings there, and the assumptions."""
+    """Location of the press, indices of the readings there, and sentences on what was assumed."""
     every = np.arange(len(recording.depth_mm))
     if recording.place_mm is None:
         place = at_mm or chord_midpoint_mm(cavity_of(design), next(iter(chosen.values())))

@@ -1,17 +1,9 @@
-"""Errors of estimated presses, for grid searches and held-out checks.
+"""Training data for learners: checks, selection and splits of samples, scaling, error measures, model header.
 
-The scalings of `sims.learning.inference.feature_scaling`, from training samples.
-
-Touched samples for the better learners: readings, presses, and the samples held out to scale deviations.
-
-The split of samples for tuning and training, by location, never by sample; and smaller selections of all of them.
-
-The header of a newly trained model.
-
-Training data for learners: checked, without clipped pairs, samples numbered by location.
-
-A *location* is all positions within 0.15 mm of each other, over all sets: the paper presses the same grid four times,
-and a held-out press whose location stays in the training half would not test new locations.
+Data are checked, pairs that clip are left out, and samples are numbered by location. A *location* is all positions
+within 0.15 mm of each other, over all sets. Samples are split for tuning by location, never by sample. The paper
+presses the same grid four times, so a held-out press whose location is also in the training half would not test new
+locations.
 """
 
 from __future__ import annotations
@@ -33,16 +25,18 @@ from sims.press import place_numbers
 from sims.readings.dataset import PressData
 
 FROM_DEPTH_MM = 1.0
-"""Least depth of tested presses [mm]: lighter ones hardly have a signal, and would hide a learner's error."""
+"""Least depth of presses at which errors are tested [mm]: lighter ones hardly have a signal, and would hide a learner's
+error.
+"""
 
 
 def location_error_mm(told_mm: FloatArray, press_mm: FloatArray) -> FloatArray:
-    """(n,) distance in the plane of the pad [mm]."""
+    """Distances (n,) in x and y between estimated and true presses (n, 3) [mm]."""
     return np.asarray(np.hypot(*(told_mm[:, :2] - press_mm[:, :2]).T))
 
 
 def held_out_figures(told_mm: FloatArray, press_mm: FloatArray) -> dict[str, float]:
-    """Medians at held-out samples of `FROM_DEPTH_MM` and more, for a model's header [mm]."""
+    """Median errors of location and of depth [mm], for a model's header; samples below `FROM_DEPTH_MM` are left out."""
     deep = press_mm[:, 2] >= FROM_DEPTH_MM
     if not deep.any():
         return {}
@@ -54,27 +48,28 @@ def held_out_figures(told_mm: FloatArray, press_mm: FloatArray) -> dict[str, flo
 
 
 def mean_error_mm(told_mm: FloatArray, press_mm: FloatArray) -> float:
-    """Mean distance in the plane plus mean difference in depth [mm]: one figure for a search to minimise."""
+    """Mean distance in x and y plus mean absolute error of depth [mm]: one number for a search to minimise."""
     depth = np.abs(told_mm[:, 2] - press_mm[:, 2])
     return float(location_error_mm(told_mm, press_mm).mean() + depth.mean())
 
 
 LEAST_SCALE_COUNTS = 1.0
-"""About the noise of a reading less the off state (0.5 count each and the converter's steps): a pair whose signal
-varies less than that is not amplified."""
+"""Least scale of a pair [counts]: about the noise of a reading minus the off state (0.5 count each, and rounding). So a
+pair whose signal varies less is not amplified.
+"""
 
 
 def counts_scaling(kept: NDArray[np.intp]) -> FeatureScaling:
-    """The readings without scaling."""
+    """Scaling that leaves the counts of the used pairs `kept` unchanged."""
     return FeatureScaling(kept=kept, centre=np.zeros(len(kept)), scale=np.ones(len(kept)))
 
 
 def standard_scaling(kept: NDArray[np.intp], signals: NDArray[np.float32]) -> FeatureScaling:
-    """Scaling of every pair by its own mean and standard deviation over samples (n, pair), at least the noise's.
+    """Scaling by each pair's mean and standard deviation over samples (n, pair); the scale is at least 1 count.
 
     Parameters
     ----------
-    kept : pairs that are used
+    kept : (feature,) indices of the pairs that are used
     """
     used = signals[:, kept].astype(np.float64)
     return FeatureScaling(
@@ -83,18 +78,18 @@ def standard_scaling(kept: NDArray[np.intp], signals: NDArray[np.float32]) -> Fe
 
 
 HELD_OUT_SHARE = 0.2
-"""Share of the locations held out for the table of factors."""
+"""Share of the locations that are held out to measure the factors of a model's deviations."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PressSamples:
-    """Samples of touch.
+    """Samples in contact with the pad.
 
     Attributes
     ----------
-    signals : (n, pair) readings less the off state [counts]
-    press_mm : (n, 3) [mm]
-    is_held_out : (n,) whether the location is held out of the fit that scales deviations
+    signals : (n, pair) readings minus those of the off state [counts]
+    press_mm : (n, 3) x, y, depth [mm]
+    is_held_out : (n,) whether the sample's location is held out, to measure the factors of the deviations
     """
 
     signals: FloatArray
@@ -106,7 +101,7 @@ class PressSamples:
 
 
 def press_samples(data: TrainingData, most: int, rng: np.random.Generator) -> PressSamples:
-    """At most this many samples of depth 0 and more, spread over presses and depths."""
+    """At most `most` samples of depth 0 and more, spread over presses and depths."""
     touched = np.flatnonzero(data.is_touched)
     chosen = touched[spread_samples(data.press[touched], data.press_mm[touched, 2], most, rng)]
     return PressSamples(
@@ -117,12 +112,12 @@ def press_samples(data: TrainingData, most: int, rng: np.random.Generator) -> Pr
 
 
 def held_out(location: IntArray, share: float, rng: np.random.Generator) -> BoolArray:
-    """(sample,) whether the sample's location is held out; at least one location is, and one is not.
+    """Mask (sample,) of the samples to hold out: all samples of randomly chosen locations.
 
     Parameters
     ----------
-    location : (sample,) number of the location, or of the press where presses are to be held out
-    share : share of the locations that are held out
+    location : (sample,) number of each sample's location; or of its press, to hold out whole presses
+    share : share of the locations to hold out; at least one is held out, and one is not
     """
     numbers = np.unique(location)
     count = int(np.clip(round(share * len(numbers)), 1, len(numbers) - 1))
@@ -130,10 +125,10 @@ def held_out(location: IntArray, share: float, rng: np.random.Generator) -> Bool
 
 
 def spread_samples(press: IntArray, depth_mm: FloatArray, count: int, rng: np.random.Generator) -> IntArray:
-    """Numbers of at most ``count`` samples, spread over presses and depths, in rising order.
+    """Indices of at most ``count`` samples, spread over presses and depths, in increasing order.
 
-    Every press gives its share, at even steps along its depths from its own start: each press covers the depths
-    evenly, and neighbouring presses do not all have the same ones.
+    Every press gives its share of samples, at even steps along its depths. Steps start at random, so that presses do
+    not all have the same depths.
     """
     samples = len(press)
     if samples <= count:
@@ -150,7 +145,7 @@ def spread_samples(press: IntArray, depth_mm: FloatArray, count: int, rng: np.ra
 
 
 def _shares(sizes: IntArray, count: int, rng: np.random.Generator) -> IntArray:
-    """Number of samples of each press, in proportion to its size; the rest from rounding goes to random presses."""
+    """Number of samples to take from each press, in proportion to its size; leftovers go to random presses."""
     exact = sizes * (count / sizes.sum())
     shares: IntArray = np.floor(exact).astype(np.int64)
     order = rng.permutation(len(sizes))
@@ -163,11 +158,11 @@ def _shares(sizes: IntArray, count: int, rng: np.random.Generator) -> IntArray:
 LIBRARIES = ("optopad", "numpy", "scipy", "scikit-learn")
 SIGMA_OF_STAGE = "what the stage says, its errors included"
 SIGMA_OF_TIP = "where the tip is, without the stage's errors"
-"""Reference of a model's `sigma_mm`, for its header: learners know the tip by the stage's position only."""
+"""What the deviations `sigma_mm` refer to, for a model's header. Trained learners know only the stage's position."""
 
 
 def trained_header(kind: str, data: TrainingData, settings: Mapping[str, Any], seed: int) -> ModelHeader:
-    """Header with the data and the fit's choices; the force curve is added where the design is available."""
+    """Header with facts on the data and the fit's settings; a force curve is added later, if a design is known."""
     source = data.source
     return ModelHeader(
         kind=kind,
@@ -182,32 +177,33 @@ def trained_header(kind: str, data: TrainingData, settings: Mapping[str, Any], s
 
 
 CLEARLY_UNTOUCHED_MM = -0.25
-"""Depth above which frames have no touch, at any error of the reference depth [mm]."""
+"""A frame at this depth [mm] or higher above the pad has no contact, at any error of the reference depth."""
 FEWEST_LOCATIONS = 9
-"""Three a side: fewer cannot distinguish a slope of the signal from a curve."""
+"""Least number of locations, three a side: with fewer, a slope of the signal and a curve are not distinguished."""
 FEWEST_TOUCHED = 200
 FEWEST_UNTOUCHED = 50
-"""Least number; with fewer, the held-out half decides by chance."""
+"""Least number of untouched samples; with fewer, the result of the held-out half is left to chance."""
 MOST_CLIPPED = 0.01
-"""Largest share of untouched frames at full scale of a pair; above it the pair is left out: it does not detect light
-touches, and its difference to the off state depends on the brightness of the room."""
+"""Largest share of untouched frames at full scale for a pair to be used [-]. A pair above it does not detect light
+touches, and its difference to the off state depends on the brightness of the room.
+"""
 FEWEST_PAIRS = 3
-"""Least number of readings for x, y and depth."""
+"""Least number of usable pairs, as x, y and depth are three unknowns."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class TrainingData:
-    """Samples to learn from.
+    """Checked samples to train on.
 
     Attributes
     ----------
     source : the data before selection
-    signals : (sample, pair) readings less the off state [counts]
+    signals : (sample, pair) readings minus those of the off state [counts]
     press_mm : (sample, 3) x, y, depth [mm]
-    location : (sample,) number of the location, from 0
-    press : (sample,) number of the press (set and place), from 0
-    kept : (feature,) pairs that learners use
-    left_out : data left out, as sentences
+    location : (sample,) number of each sample's location, from 0
+    press : (sample,) number of each sample's press over all sets, from 0
+    kept : (feature,) indices of the pairs that learners use
+    left_out : sentences on data that were left out
     """
 
     source: PressData
@@ -220,16 +216,16 @@ class TrainingData:
 
     @property
     def is_touched(self) -> BoolArray:
-        """(sample,) whether the depth is 0 or more, as the paper counts."""
+        """Mask (sample,) of depths of 0 and more, which count as touched, as in the paper."""
         return np.asarray(self.press_mm[:, 2] >= 0.0)
 
     @property
     def untouched_counts(self) -> FloatArray:
-        """(pair,) mean signals of the untouched frames [counts]."""
+        """Mean signals (pair,) of the untouched samples [counts]."""
         return np.asarray(self.signals[~self.is_touched].mean(axis=0, dtype=np.float64))
 
     def facts(self) -> dict[str, Any]:
-        """The data's entries for the model's header; locations and presses are those in contact, deeper than 0."""
+        """Facts on the data for a model's header; locations and presses are counted only where the depth exceeds 0."""
         pressed = self.press_mm[:, 2] > 0.0
         return {
             "is_simulated": self.source.true_press_mm is not None,
@@ -244,11 +240,11 @@ class TrainingData:
 
 
 def prepared(train: PressData) -> TrainingData:
-    """Check data and leave out pairs without information.
+    """Check data, and leave out pairs that clip while untouched or never change.
 
     Raises
     ------
-    InputError : there are too few samples, locations or usable pairs, or values are no numbers.
+    InputError : there are too few samples, locations or usable pairs, or values are not finite.
     """
     signals = np.asarray(train.features(), dtype=np.float32)
     if not np.isfinite(signals).all() or not np.isfinite(train.press_mm).all():
@@ -282,7 +278,7 @@ def _require_enough(is_touched: BoolArray, location: IntArray) -> None:
 
 
 def _usable_pairs(train: PressData, signals: NDArray[np.float32]) -> tuple[NDArray[np.intp], tuple[str, ...]]:
-    """Pairs that neither clip while untouched nor are constant, and sentences about the others."""
+    """Indices of the pairs that change and do not clip while untouched, and sentences about the others."""
     untouched = train.press_mm[:, 2] < 0.0
     share = train.only(untouched).clipped_share()
     clipped = ((share[:-1] > MOST_CLIPPED) | (share[-1:] > MOST_CLIPPED)).reshape(-1)

@@ -1,4 +1,4 @@
-"""Limits of the work of a fit: numbers of samples, memory, and the sizes of the better learners."""
+"""Limits of the work of a fit: numbers of samples, memory, and the sizes of forest and network."""
 
 from __future__ import annotations
 
@@ -7,17 +7,18 @@ from dataclasses import dataclass, replace
 
 @dataclass(frozen=True, kw_only=True)
 class FitSettings:
-    """Limits of a fit; every learner uses those that concern it.
+    """Limits of the work of a fit; a learner ignores the limits of other learners.
 
     Attributes
     ----------
-    search_samples : touched samples that the grid search sees, fitted and held out together
-    fit_samples : touched samples of the final kernel-ridge fit; those beyond are used by the approximation only
-    network_samples : touched samples of trees and network
-    memory_gb : of the kernel matrix of the final fit [GB]
-    landmarks : kept samples of the approximation for systems that do not fit into memory_gb
-    trees : trees of the forest
-    epochs : passes of the network over its samples
+    search_samples : samples in contact for the grid search of the kernel ridge learner, fitted and held-out ones
+        together
+    fit_samples : largest number of samples in contact for the final kernel-ridge fit
+    network_samples : largest number of samples in contact for trees and network
+    memory_gb : largest size of the kernel matrix of the final fit [GB]
+    landmarks : samples that the model stores if the kernel matrix exceeds `memory_gb` and is approximated
+    trees : number of trees in the forest
+    epochs : number of passes of the network over its samples
     """
 
     search_samples: int = 6_000
@@ -31,9 +32,9 @@ class FitSettings:
 
 DEFAULT = FitSettings()
 QUICK = FitSettings(search_samples=2_000, fit_samples=4_000, network_samples=8_000, trees=40, epochs=40)
-"""Seconds instead of minutes, for a first look."""
+"""For a first look: a fit takes seconds instead of minutes."""
 FULL = FitSettings(fit_samples=24_000, network_samples=60_000, trees=120, epochs=100)
-"""Half of the paper's touched training samples in one exact kernel."""
+"""Half of the paper's training samples in contact, in one exact kernel matrix."""
 WHOLE = replace(FULL, fit_samples=60_000, memory_gb=12.0)
-"""All of the paper's touched training samples, 49,368, in one kernel: single precision, 9.8 GB."""
+"""All 49,368 of the paper's training samples in contact, in one kernel matrix: single precision, 9.8 GB."""
 EFFORTS = {"quick": QUICK, "default": DEFAULT, "full": FULL, "whole": WHOLE}

@@ -1,20 +1,16 @@
-"""The paper's tables: touch detection by depth; error of location and of depth by depth.
+"""The paper's tables: share of touches detected, and errors of location and of depth, each by depth.
 
-Touch is the share of samples at a depth that are classified correctly, untouched below 0 mm, touched from 0 mm on.
-Errors are median, mean and standard deviation of the distance in the plane and of the absolute difference in depth,
-over the samples at a depth that are truly touched (the regressor alone), and over those of them that the model detects
-(the cascade), with their number. Standard errors come from resampling locations and sessions, not samples: press and
-retraction at one location share its signals, all presses of a session its drift and reference depth. With a single
-session the error leaves out differences between sessions.
+Touch is the share of samples at a depth that are classified correctly: untouched below 0 mm, touched from 0 mm on.
+Errors are median, mean and standard deviation of the distance in x and y, and of the absolute error of depth. They are
+stated for all samples in contact at a depth (the regressor alone), and for the samples that the model also detects.
+Standard errors come from resampling locations and sessions, not samples: press and retraction at one location have
+similar signals, and all presses of a session share drift and reference depth. With a single session the standard error
+leaves out differences between sessions.
 
-The samples that tables and pictures need: a data set has ten times as many as they show.
-
-Presses with a model's predictions: the rows of every table and picture.
-
-Published touch detection of a sensor, for comparison with the simulated table.
-
-Its untouched rows bounded the assumed noise of the signal chain (`design.spec.sensor`), so they are no blind test;
-nothing is fitted to the others.
+`needed_samples` selects the samples that tables and pictures use. `JudgedPresses` are samples with a model's
+predictions. `published_touch` is a sensor's published touch detection, for comparison. Its untouched rows limited the
+assumed noise of the signal chain (`design.spec.sensor`), so they are not an independent test; nothing is fitted to the
+other rows.
 """
 
 from __future__ import annotations
@@ -38,11 +34,11 @@ from sims.readings.press_data import PressData
 
 
 def needed_samples(data: PressData, places_mm: FloatArray) -> PressData:
-    """Samples at the depths of the tables, and all of the presses nearest to some locations.
+    """Select the samples at the depths of the tables, and all samples of the presses nearest to given locations.
 
     Parameters
     ----------
-    places_mm : (place, 2) locations at which depth is shown sample by sample [mm]
+    places_mm : (place, 2) (x, y) of locations at which a picture shows depth sample by sample [mm]
     """
     depth_mm = data.press_mm[:, 2]
     wanted = np.zeros(len(data), dtype=np.bool_)
@@ -60,7 +56,7 @@ def _all_depths() -> Sequence[float]:
 
 
 DEPTH_TOLERANCE_MM = 0.04
-"""Distance in depth within which a sample belongs to a row of a table; schedules step by 0.1 mm."""
+"""Largest difference between a sample's depth and a table row's depth [mm]; schedules step by 0.1 mm."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -69,11 +65,12 @@ class JudgedPresses:
 
     Attributes
     ----------
-    press_mm : (n, 3) x, y, depth as the stage reported them; depth below 0 is untouched, 0 and above touched [mm]
-    said_mm : (n, 3) prediction of the model, with or without a detected touch [mm]
+    press_mm : (n, 3) x, y, depth as the stage reported them [mm]; depths of 0 and more count as touched
+    said_mm : (n, 3) x, y, depth that the model predicts, whether it detects a touch or not [mm]
     is_found : (n,) whether the model detects a touch
-    place_number : (n,) location of a sample; samples of one location share its particular errors
-    session_number : (n,) set and draw of a sample; samples of one session share its drift and its reference depth
+    place_number : (n,) number of each sample's location; samples of one location share errors
+    session_number : (n,) number of each sample's session (a set of one draw); samples of one session share drift and
+        reference depth
     """
 
     press_mm: FloatArray
@@ -84,7 +81,7 @@ class JudgedPresses:
 
     @property
     def is_touched(self) -> BoolArray:
-        """(n,) whether the tip was at the surface or in it."""
+        """Mask (n,) of the samples whose tip was at the surface or below it."""
         return np.asarray(self.press_mm[:, 2] >= 0.0)
 
     @property
@@ -95,16 +92,16 @@ class JudgedPresses:
 
     @property
     def location_error_mm(self) -> FloatArray:
-        """(n,) distance in the plane between predicted and reported location [mm]."""
+        """Distances (n,) in x and y between predicted and reported location [mm]."""
         return np.asarray(np.hypot(*(self.said_mm - self.press_mm)[:, :2].T))
 
     @property
     def depth_error_mm(self) -> FloatArray:
-        """(n,) absolute difference of depth [mm]."""
+        """Absolute differences (n,) between predicted and reported depth [mm]."""
         return np.asarray(np.abs(self.said_mm[:, 2] - self.press_mm[:, 2]))
 
     def at_depth(self, depth_mm: float) -> JudgedPresses:
-        """The samples of one row of a table."""
+        """The samples at the depth of one table row."""
         return self.only(np.abs(self.press_mm[:, 2] - depth_mm) <= DEPTH_TOLERANCE_MM)
 
     def only(self, chosen: BoolArray) -> JudgedPresses:
@@ -116,7 +113,7 @@ class JudgedPresses:
 
 
 def judged(data: PressData, said: Prediction) -> JudgedPresses:
-    """Compare a model's predictions with a data set.
+    """Combine a model's predictions with the samples of a data set.
 
     Raises
     ------
@@ -136,7 +133,7 @@ def judged(data: PressData, said: Prediction) -> JudgedPresses:
 
 
 def joined(parts: Sequence[JudgedPresses]) -> JudgedPresses:
-    """Samples of several data sets or draws as one: sessions stay separate, equal locations are merged."""
+    """Join the samples of several data sets or draws: sessions remain separate, equal locations get one number."""
     press_mm = np.concatenate([part.press_mm for part in parts])
     shifts = np.cumsum([0, *(int(part.session_number.max(initial=-1)) + 1 for part in parts[:-1])])
     return JudgedPresses(
@@ -152,13 +149,13 @@ def joined(parts: Sequence[JudgedPresses]) -> JudgedPresses:
 
 @dataclass(frozen=True, kw_only=True)
 class PublishedTouch:
-    """A published table of touch.
+    """A published table of touch detection by depth.
 
     Attributes
     ----------
     source : citation of the table
     depth_mm : depths of its rows [mm]
-    ambient, dark : share classified correctly in ambient light and in the dark [-]
+    ambient, dark : shares of samples classified correctly, in ambient light and in the dark [-]
     """
 
     source: str
@@ -167,7 +164,7 @@ class PublishedTouch:
     dark: tuple[float, ...]
 
     def right(self, depth_mm: float, *, is_ambient: bool) -> float | None:
-        """Share classified correctly at one depth [-]; None where the table has no such row."""
+        """Share classified correctly at one depth [-]; None if the table has no such row."""
         rows = self.ambient if is_ambient else self.dark
         return next(
             (share for at, share in zip(self.depth_mm, rows, strict=True) if abs(at - depth_mm) < 1e-9), None
@@ -175,7 +172,7 @@ class PublishedTouch:
 
 
 def published_touch(design: SensorDesign) -> PublishedTouch | None:
-    """The table of the sensor that a packaged design describes; None for all others, changed ones included."""
+    """The published table of a packaged design's sensor; None for all other designs, changed ones included."""
     text = (files("sims.learning") / "touch_success.toml").read_text(encoding="utf-8")
     found = tomllib.loads(text).get(design.name)
     if found is None or design.digest != preset(design.name).digest:
@@ -190,13 +187,13 @@ def published_touch(design: SensorDesign) -> PublishedTouch | None:
 
 TOUCH_DEPTHS_MM = (-0.4, -0.2, 0.0, 0.2, 0.4, 0.6, 0.8, 1.0)
 ERROR_DEPTHS_MM = (0.1, 0.5, 1.0, 2.0, 3.0, 5.0)
-"""Rows of the paper's tables [mm]."""
+"""Depths of the rows of the paper's error tables [mm]."""
 
 RESAMPLES = 200
-"""Draws of the bootstrap: its standard error is then itself known to 5 %."""
+"""Number of bootstrap draws: the standard error is then itself known to 5 %."""
 
 WITHIN_MM = 0.5
-"""Error of depth for the share that a row states [mm]; the paper's own measure."""
+"""Error of depth below which a sample counts in `ErrorRow.within` [mm]; the paper's own measure."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -206,9 +203,9 @@ class TouchRow:
     Attributes
     ----------
     depth_mm : depth of the tip [mm]
-    right : share of the samples classified correctly [-]; None without samples
-    right_error : its standard error [-]; None from a single location
-    samples, presses : number of samples, and of locations
+    right : share of the samples classified correctly [-]; None if there are no samples
+    right_error : standard error of `right` [-]; None if there is a single location
+    samples, presses : number of samples, and of different locations
     """
 
     depth_mm: float
@@ -238,9 +235,9 @@ class ErrorRow:
     depth_mm : depth of the tip [mm]
     found : share of the samples that the model classifies as touched [-]
     within : share of depths estimated within `WITHIN_MM` [-]
-    location, depth : errors of all truly touched samples [mm]; None without samples
-    found_location, found_depth : errors of those that the model detects [mm]; None where it detects none
-    samples, presses : number of samples, and of locations
+    location, depth : errors of all samples in contact [mm]; None if there are none
+    found_location, found_depth : errors of the samples in contact that the model detects [mm]; None if it detects none
+    samples, presses : number of samples, and of different locations
     """
 
     depth_mm: float
@@ -255,14 +252,14 @@ class ErrorRow:
 
 
 def touch_rows(presses: JudgedPresses, depths_mm: Sequence[float] = TOUCH_DEPTHS_MM) -> tuple[TouchRow, ...]:
-    """Touch classified correctly, by depth [mm]."""
+    """Rows of the touch table: share of samples classified correctly, by depth [mm]."""
     return tuple(_touch_row(presses.at_depth(depth), depth) for depth in depths_mm)
 
 
 def error_rows(
     presses: JudgedPresses, depths_mm: Sequence[float] = ERROR_DEPTHS_MM, *, seed: int = 0
 ) -> tuple[ErrorRow, ...]:
-    """Errors of location and depth, by depth [mm]; `seed` is that of the bootstrap."""
+    """Rows of the error table: errors of location and depth, by depth [mm]; `seed` is for the bootstrap."""
     return tuple(_error_row(presses.at_depth(depth), depth, seed) for depth in depths_mm)
 
 
@@ -315,7 +312,7 @@ def _resampled(
     statistic: Callable[[FloatArray, FloatArray], float],
     seed: int,
 ) -> float:
-    """Standard error of a statistic of (n,) values and weights, from resampled locations and sessions."""
+    """Standard error of a statistic of (n,) values and weights, by bootstrap over locations and sessions."""
     rng = np.random.default_rng(seed)
     places = np.unique(presses.place_number, return_inverse=True)[1].reshape(-1)
     sessions = np.unique(presses.session_number, return_inverse=True)[1].reshape(-1)
@@ -330,7 +327,7 @@ def _resampled(
 
 
 def _drawn(groups: NDArray[np.intp], rng: np.random.Generator) -> FloatArray:
-    """(n,) number of times that each sample's group is drawn, with as many draws as groups."""
+    """How often each sample's group is drawn (n,), with as many random draws as there are groups."""
     count = int(groups.max()) + 1
     drawn = np.bincount(rng.integers(count, size=count), minlength=count)
     return np.asarray(drawn[groups], dtype=np.float64)
@@ -347,7 +344,7 @@ def _weighted_median(values: FloatArray, weight: FloatArray) -> float:
 
 
 def touch_json(rows: Sequence[TouchRow]) -> list[dict[str, Any]]:
-    """Rows as plain data."""
+    """Rows of the touch table as plain data for JSON."""
     return [
         {
             "depth_mm": row.depth_mm,
@@ -361,7 +358,7 @@ def touch_json(rows: Sequence[TouchRow]) -> list[dict[str, Any]]:
 
 
 def error_json(rows: Sequence[ErrorRow]) -> list[dict[str, Any]]:
-    """Rows as plain data; unknown values are null."""
+    """Rows of the error table as plain data for JSON; unknown values are null."""
     return [
         {
             "depth_mm": row.depth_mm,

@@ -1,24 +1,20 @@
-"""Force against depth for a model's header: the contact model's load of the centred press.
+"""A map of a design's light over location and depth, traced on a grid and interpolated; and its force curve.
 
-Left out: nearer walls, which raise the force by up to a tenth at 1 mm (docs/understand/model.md); the band of the
-modulus; viscosity.
+    places   a grid that reaches a little beyond the workspace, 1 mm apart at most. Nodes outside the workspace's round
+             ends are mirrored at its border, f(outside) = 2 f(border) - f(inside), so that the spline is smooth there
+    depths   equal steps of √depth, from 0 (the untouched pad) to the deepest press
+    between  a tensor cubic spline of √(light / untouched light), pair by pair (`inference.signal_map`)
 
-Signals of a design over its whole workspace: traced on a grid of locations and depths, interpolated in between.
-
-    places   a grid that reaches a little beyond the workspace, 1 mm apart at most; nodes outside round ends of it are
-    mirrored at its border, f(outside) = 2 f(border) - f(inside), so that the spline is smooth there
-    depths   equal steps of √depth, 0 (the untouched pad) to the deepest press
-    between  a tensor cubic spline of √(light / untouched light), pair by pair (`inference.tensor_spline`)
-
-The root of the ratio was chosen by measurement: on the paper's pad, at 400 random presses traced finer and with another
-seed, the spline of the ratio itself errs as much to 3.5 mm and by a quarter more beyond, that of its logarithm by half
-more (docs/validation/calibration.md has the figures). A pitch of 2 mm errs four times as much.
+The root of the ratio was chosen by measurement on the paper's pad, at 400 random presses that were traced finer and
+with another seed. A spline of the ratio itself errs as much to 3.5 mm and by a quarter more beyond, that of its
+logarithm by half more (docs/validation/calibration.md has the figures). A pitch of 2 mm errs four times as much.
 
 Symmetric locations are traced once (`sims.optics.scene.symmetry`): a quarter of them on a pad with four equal sides.
-`measured_error` compares with presses at random locations and depths, traced with another seed; it includes the
-interpolation and both traces' own errors.
+`measured_error` compares with presses at random locations and depths, traced with another seed. It includes the
+interpolation and the numerical errors of both traces. Left out: two tips at once.
 
-Left out: two tips at once.
+The force curve is the contact model's force for a press in the middle of the pad. Left out: nearer walls, which raise
+the force by up to a tenth at 1 mm (docs/understand/model.md); the uncertainty of the modulus; viscosity.
 """
 
 from __future__ import annotations
@@ -45,11 +41,11 @@ from sims.press import COARSE_STEP_MM, depth_schedule_mm
 
 
 def load_curve(design: SensorDesign) -> ForceCurve:
-    """Force against depth to the design's deepest press.
+    """Force against depth of a press in the middle of the pad, down to the design's deepest press.
 
     Raises
     ------
-    ModelScopeError : the depth is beyond the contact model.
+    ModelScopeError : the contact model does not cover the deepest press.
     """
     deepest = design.operating.max_depth_mm
     found = force_curve(design, solved_press(design, deepest), depth_schedule_mm(deepest, COARSE_STEP_MM))
@@ -63,30 +59,31 @@ PITCH_MM = 1.0
 QUICK_PITCH_MM = 1.5
 DEPTH_NODES = 11
 QUICK_DEPTH_NODES = 10
-"""Grid of a map and of a quick one; nodes of depth count the untouched pad."""
+"""Pitch and number of depths of a map's grid, in full and for a quick map; depths include that of the untouched pad."""
 MARGIN_MM = 1.0
-"""Largest extent of a map beyond the workspace: the border's presses are inside a cell, not at its end."""
+"""Largest distance by which a map reaches beyond the workspace [mm], so that the border's presses are inside a cell."""
 BEYOND_MM = 0.1
-"""Extent of a map beyond the deepest press, where the contact model covers it."""
+"""Distance by which a map reaches beyond the deepest press, where the contact model covers it [mm]."""
 ERROR_PRESSES = 60
 ERROR_SEED_GAP = 15_485_863
-"""Number added to the seed for the presses that measure the error, and for their light; a prime."""
+"""Number added to the seed for the presses that measure the error, and for their light."""
 FAINTEST = 1e-3
-"""Least untouched light of a ratio, over the median pair's: a fainter pair would show its noise only."""
+"""Least untouched light in a ratio, over the median pair's [-]; a fainter pair would only show its noise."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SignalMap:
-    """Light of every pair over locations and depths.
+    """Light of every pair on a grid of locations and depths.
 
     Attributes
     ----------
-    x_mm : (nx,), y_mm : (ny,), root_depth : (ns,) nodes at equal steps [mm, mm, √mm]; the first depth is 0
-    flux : (nx, ny, ns, emitter, receiver) light over emitted power [-]
-    workspace : press centres that it covers
-    digest, accuracy, seed : digest of the design; accuracy setting and random seed of the light model
-    error : (pair,) RMS error of the ratio to the untouched light at random presses [-]; None where not measured
-    checked : those presses and their light; None where not measured
+    x_mm : (nx,), y_mm : (ny,), root_depth : (ns,) nodes of x, y and √depth at equal steps [mm, mm, √mm]; the first
+        depth is 0
+    flux : (nx, ny, ns, emitter, receiver) received share of the emitted power [-]
+    workspace : locations of the press axis that the map covers
+    digest, accuracy, seed : digest of the design, and accuracy setting and random seed of the light
+    error : (pair,) root mean square error of light over untouched light at random presses [-]; None if not measured
+    checked : these random presses and their light; None if not measured
     """
 
     x_mm: FloatArray
@@ -102,7 +99,7 @@ class SignalMap:
 
     @property
     def untouched(self) -> FloatArray:
-        """(pair,) light of the untouched pad, faint pairs raised to the least light of a ratio [-]."""
+        """Light (pair,) of the untouched pad [-], raised to `FAINTEST` of the median pair's where fainter."""
         flat = self.flux[0, 0, 0].ravel()
         return np.asarray(np.maximum(flat, FAINTEST * np.median(flat)))
 
@@ -118,7 +115,7 @@ class SignalMap:
         )
 
     def at(self, press_mm: FloatArray) -> FloatArray:
-        """(n, emitter, receiver) light at presses (n, 3) [-]."""
+        """Light (n, emitter, receiver) at presses (n, 3) as a share of the emitted power [-]."""
         found = self.ratio_root.values(press_mm) ** 2 * self.untouched
         return np.asarray(found.reshape(-1, *self.flux.shape[3:]))
 
@@ -126,11 +123,11 @@ class SignalMap:
 def map_nodes(
     design: SensorDesign, pitch_mm: float, depth_nodes: int
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Nodes of a map: x [mm], y [mm], √depth [√mm].
+    """Nodes of a map's grid along x [mm], y [mm] and √depth [√mm].
 
     Raises
     ------
-    InputError : the pitch or number of depths gives no map.
+    InputError : the pitch or the number of depths is out of range.
     """
     if not 0.2 <= pitch_mm <= 5.0 or not 5 <= depth_nodes <= 60:
         raise InputError(
@@ -154,12 +151,13 @@ def _line(low: float, high: float, pitch: float) -> FloatArray:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Nodes:
-    """The traced locations of a map, and the relation of its nodes to them.
+    """Traced locations of a map, and how the light at its nodes follows from them.
 
     Attributes
     ----------
-    traced_mm : (place, 2) [mm]
-    border, inner : (node,) locations whose light gives a node's, 2 border - inner; equal where the node was traced
+    traced_mm : (place, 2) x, y of the traced locations [mm]
+    border, inner : (node,) indices of the traced locations that give a node's light, as 2 border - inner; both are the
+        same if the node itself was traced
     """
 
     traced_mm: FloatArray
@@ -167,7 +165,10 @@ class _Nodes:
     inner: IntArray
 
     def filled(self, at_places: FloatArray, untouched: FloatArray) -> FloatArray:
-        """(node, ...) light from (place, ...): the root of the ratio to the untouched light is mirrored."""
+        """Light (node, ...) from light at the traced locations (place, ...).
+
+        For nodes outside the border, √(light / untouched light) is mirrored at the border.
+        """
         root = np.sqrt(at_places / np.where(untouched > 0.0, untouched, 1.0))
         mirrored = np.maximum(2.0 * root[self.border] - root[self.inner], 0.0) ** 2 * untouched
         is_own = (self.border == self.inner).reshape(-1, *(1,) * (at_places.ndim - 1))
@@ -175,7 +176,7 @@ class _Nodes:
 
 
 def _nodes_of(space: Outline, x_mm: FloatArray, y_mm: FloatArray) -> _Nodes:
-    """The nodes of a grid, x outermost; those outside the workspace follow from two locations each."""
+    """The nodes of a grid, ordered by x first; each node outside the workspace uses two traced locations."""
     nodes = np.stack([axis.ravel() for axis in np.meshgrid(x_mm, y_mm, indexing="ij")], axis=1)
     reach = space.in_box((x_mm[0], y_mm[0], x_mm[-1], y_mm[-1]))
     is_own = reach.contains(*nodes.T)
@@ -198,17 +199,18 @@ def traced_map(
     seed: int = 0,
     on_step: OnStep | None = None,
 ) -> SignalMap:
-    """Trace a design's map.
+    """Trace the light of a design on a grid of locations and depths.
 
     Parameters
     ----------
-    pitch_mm : largest distance of locations; depth_nodes : number of depths, the untouched pad included
+    pitch_mm : largest distance between locations [mm]
+    depth_nodes : number of depths, including that of the untouched pad
     accuracy, seed : accuracy setting and random seed of the light model
-    on_step : called with ``map`` and the share that is done
+    on_step : called with ``map`` and the fraction done (0 to 1)
 
     Raises
     ------
-    InputError : the grid gives no map.
+    InputError : the pitch or the number of depths is out of range.
     ModelScopeError : the contact or light model does not cover a press.
     """
     x_mm, y_mm, root = map_nodes(design, pitch_mm, depth_nodes)
@@ -244,12 +246,12 @@ def traced_map(
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class MapError:
-    """A map compared with presses that are traced separately.
+    """Light of a map compared with separately traced light, at random presses.
 
     Attributes
     ----------
-    press_mm : (n, 3) presses
-    found, truth : (n, emitter, receiver) light by the map and by the trace [-]
+    press_mm : (n, 3) x, y, depth of the presses [mm]
+    found, truth : (n, emitter, receiver) light by the map and by the separate trace, as share of the emitted power [-]
     """
 
     press_mm: FloatArray
@@ -257,7 +259,7 @@ class MapError:
     truth: FloatArray
 
     def of_ratio(self, untouched: FloatArray) -> FloatArray:
-        """(pair,) RMS error over untouched light (pair,) [-]."""
+        """Root mean square error (pair,) of the map's light, over the untouched light (pair,) [-]."""
         off = (self.found - self.truth).reshape(len(self.press_mm), -1) / untouched
         return np.asarray(np.sqrt((off**2).mean(axis=0)))
 
@@ -270,7 +272,7 @@ def measured_error(
     accuracy: str | Accuracy = "draft",
     on_step: OnStep | None = None,
 ) -> MapError:
-    """Compare a map with presses at random locations of the workspace, √depth uniform, traced with another seed."""
+    """Compare a map with presses traced with another seed, at random locations and depths (uniform in √depth)."""
     seed = found.seed + ERROR_SEED_GAP
     chance = np.random.default_rng(seed).uniform(size=(presses, 3))
     press_mm = np.column_stack(

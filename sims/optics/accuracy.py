@@ -10,26 +10,31 @@ from design.errors import InputError
 
 @dataclass(frozen=True, kw_only=True)
 class Accuracy:
-    """Settings of the integration.
+    """Settings of the light integration: how finely each kind of light is sampled.
+
+    An *image* is one reflection of an emitter in the top, as a receiver sees it. A *replicate* is one repetition of the
+    sampling with other random offsets.
 
     Attributes
     ----------
-    replicates : independent offsets, 2 or more [-]
-    rings, columns : cells of the top around a press, for light mirrored once [-]
-    whole_ratio : largest over smallest flux density of an image's corner paths up to which it is summed path by path;
-        0: every image on the lattice [-]
-    image_step : share of its size by which an image that is not whole moves between lattice points, if it brings 3 % of
-        the untouched flux; less for a brighter one [-]
+    replicates : number of replicates, 2 or more [-]
+    rings, columns : cells of the top around a press in which images are searched [-]
+    whole_ratio : an image is summed path by path if its largest flux density is at most this multiple of its smallest;
+        0: every image is summed over points of the top [-]
+    image_step : motion of an image from one point of the top to the next, over its size; for an image with 3 % of the
+        untouched flux, smaller for brighter ones [-]
     top_rings, top_columns : points of the top for scattered light and for several reflections [-]
-    repeat_share : largest share of a pair's untouched flux (at least 3 % of that of the emitter's brightest pair) that
-        one sample of light reflected several times may represent [-]
-    nodes_emitter, nodes_column, nodes_height : Gauss nodes of direct light [-]
-    few_emitter, few_receiver, most_emitter, most_receiver : Gauss nodes of whole images that vary little and much [-]
+    repeat_share : largest share of a pair's untouched flux that one sample of light reflected several times may
+        represent; the flux counts as at least 3 % of that of the emitter's brightest pair [-]
+    nodes_emitter, nodes_column, nodes_height : Gauss nodes of direct light over the emitter, the receiver's columns,
+        and the height of a column [-]
+    few_emitter, few_receiver, most_emitter, most_receiver : Gauss nodes of images summed path by path; few or most as
+        the flux density varies little or much [-]
     flat_nodes : Gauss nodes of the untouched pad [-]
     reference_rays : rays per emitter and receiver for the untouched pad's scattered light, a power of two [-]
     wall_rays : rays per emitter and receiver and state between smooth walls, a power of two [-]
-    ray_share : power over the mean of a patch's rays over the top, below which a receiver's ray is followed by chance
-        only, and then with that power; a tenth of it for an emitter's rays, which also find several reflections [-]
+    ray_share : power, over the mean of its part's rays, below which a receiver's ray is followed at random only
+        (Russian roulette); a tenth of it for an emitter's rays, which also find several reflections [-]
     """
 
     replicates: int = 2
@@ -114,15 +119,16 @@ MIRRORED_FINER = replace(
     image_step=ACCURACIES["standard"].image_step,
     repeat_share=2e-3,
 )
-"""Mirrored light is as in "standard" or finer, the rest as in "score": voxels near contact stay open by the lattice of
-images alone, deep ones by light mirrored several times. On the paper's pad 0.05 % rms at 0.3 mm, as "standard"."""
+"""Light mirrored by the top is as in "standard" or finer, all other light as in "score". Near contact the error of
+images leaves voxels undecided; deep down, the error of light mirrored several times. On the paper's pad the error at
+0.3 mm is 0.05 % rms, as with "standard"."""
 
 LADDER = tuple(ACCURACIES[name] for name in ("draft", "standard", "fine", "reference"))
-"""Settings that are tried for a required relative error, cheapest first."""
+"""Settings that are tried in turn for a required relative error, cheapest first."""
 
 
 def accuracy_of(accuracy: str | Accuracy) -> Accuracy:
-    """Settings by name or as given.
+    """Settings by their name, or the given settings themselves.
 
     Raises
     ------
@@ -140,11 +146,11 @@ def accuracy_of(accuracy: str | Accuracy) -> Accuracy:
 
 
 def checked_target(target: float) -> float:
-    """A required relative error, unchanged if it is valid.
+    """Return a required relative error unchanged if it is valid.
 
     Raises
     ------
-    InputError : it is not above 0 and below 1.
+    InputError : the error is not above 0 and below 1.
     """
     if not (math.isfinite(target) and 0.0 < target < 1.0):
         raise InputError(

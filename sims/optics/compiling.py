@@ -1,9 +1,10 @@
 # mypy: allow-untyped-calls
-"""`python -m sims.optics.compiling`: light kernels compiled in parallel to the process that needs them.
+"""`python -m sims.optics.compiling`: compile the light kernels in parallel to the process that needs them.
 
 Compiling takes a minute of one core, once per machine. The tracing process compiles kernels in the order in which it
-calls them; this one begins with the last ones in that order. The second process to need a kernel waits for it
-(`sims.cache`). It ends with its standard input; with `--alone` it continues until all kernels are compiled.
+calls them, while this program begins with the last of them. If both need the same kernel, the second waits for the
+first (`sims.kernels`). The program ends when its standard input closes. With `--alone` it continues until all kernels
+are compiled.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ BESIDE = ("untouched_deposits", "scattered", "trace_further")
 
 
 def main(arguments: list[str]) -> None:
-    """Compile first the kernels that a tracing process needs but does not compile, in its order; then the rest."""
+    """Compile the kernels in `BESIDE` first, which the tracing process leaves to this program, then all others."""
     if arguments != ["--alone"]:
         threading.Thread(target=_end_with_parent, daemon=True).start()
     from sims.optics.engine import compiled
@@ -33,7 +34,7 @@ def main(arguments: list[str]) -> None:
 
 
 def signatures() -> dict[str, tuple[Any, ...]]:
-    """Argument types of the kernels; they are the same for every scene."""
+    """Argument types of each kernel by its name; they are the same for every scene."""
     import numba
     from numba import types
 
@@ -60,7 +61,7 @@ def signatures() -> dict[str, tuple[Any, ...]]:
 
 
 def _walk_one_ray() -> None:
-    """Compile the kernels that draw rays, which a report needs."""
+    """Compile the kernels that trace sample rays for the report's pictures."""
     from design.preset import preset
     from sims.optics.oracle.paths import LightWalker
     from sims.optics.scene.lower import scene_of
@@ -70,7 +71,7 @@ def _walk_one_ray() -> None:
 
 
 def _end_with_parent() -> None:
-    """End with the parent, which holds the other end of standard input until it ends."""
+    """End this process when its parent ends, which closes standard input."""
     sys.stdin.read()
     os._exit(1)
 

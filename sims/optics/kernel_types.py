@@ -1,7 +1,4 @@
-"""Types of kernels: results of their decorators, and tuples that they take (`sims.optics.engine.untouched`).
-
-Numba ignores annotations; the type checker uses them.
-"""
+"""Types for the type checker (Numba ignores annotations): the kernels' decorators, and tuples of arrays for kernels."""
 
 from __future__ import annotations
 
@@ -16,24 +13,28 @@ Function = TypeVar("Function", bound=Callable[..., object])
 
 
 class KernelDecorator(Protocol):
-    """`numba.njit` with options that its own types do not have."""
+    """Type of `numba.njit` with options that Numba's own types do not have."""
 
     def __call__(self, function: Function, /) -> Dispatcher[Function]:
-        """The compiled function; `py_func` is its source function."""
+        """Return the compiled function, whose attribute `py_func` is the Python function."""
 
 
 StraightRules = tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]
-"""Nodes and weights over the emitter, the receiver's columns, and the heights of a column."""
+"""Gauss nodes and weights of direct light: over the emitter, the receiver's columns, and the height of a column."""
 ImageRules = tuple[
     FloatArray, FloatArray, FloatArray, FloatArray, FloatArray, FloatArray, FloatArray, FloatArray
 ]
-"""Nodes and weights of whole images (`sims.optics.engine.mirrored`)."""
+"""Gauss nodes and weights for images that are summed path by path (`sims.optics.engine.mirrored`)."""
 Patches = tuple[IntArray, FloatArray]
-"""Layout of the patches (`sims.optics.engine.scattered.layout_of`), and their areas."""
+"""Layout of the patches into which walls, bottom and tip are divided (`sims.optics.engine.scattered.layout_of`), and
+their areas [mm²]."""
 Orders = tuple[IntArray, FloatArray, FloatArray]
-"""Data for light scattered more than once (`sims.optics.engine.repeated`)."""
+"""Data for light scattered more than once: layout of patches, their areas, and transfer between them
+(`sims.optics.engine.repeated`)."""
 UntouchedLight = tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]
-"""Data of the untouched pad: direct flux, mirrored flux and gain of direct flux in one array; scattered and
-wall-mirrored flux; both deposits, and their join."""
+"""Light of the untouched pad: an array of direct flux, flux mirrored by the top, and correction factor of direct flux;
+scattered flux; flux mirrored by walls; light deposited on patches by emitters, and by receivers; scattered flux
+computed from these deposits."""
 UntouchedRays = tuple[FloatArray, FloatArray, FloatArray]
-"""Data of the untouched pad by replicate: both deposits, and the light that smooth walls mirror onto receivers."""
+"""Light of the untouched pad by replicate: emitters' and receivers' deposits on patches, and light mirrored by smooth
+walls."""

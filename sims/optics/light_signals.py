@@ -1,4 +1,4 @@
-"""Flux from every emitter to every receiver: the named result of a trace."""
+"""Result of a light trace: flux from every emitter to every receiver."""
 
 from __future__ import annotations
 
@@ -10,21 +10,24 @@ from design.arrays import BoolArray, FloatArray
 
 @dataclass(frozen=True, kw_only=True)
 class LightSignals:
-    """Flux over emitted power, by state, emitter and receiver.
+    """Flux from each emitter to each receiver in each state, divided by the emitter's power.
+
+    A state is the untouched pad or one set of simultaneous presses.
 
     Attributes
     ----------
     flux : (state, emitter, receiver) sum over path classes [-]
-    by_class : path class (direct, top, skirt, wall, diffuse) to (state, emitter, receiver) [-];
-        light mirrored by the top is top + skirt
-    standard_error : (state, emitter, receiver) standard error of flux; for its scope see `engine.trace_states` [-]
-    change_error : same shape, the part of it that states do not share, for differences of two states; None: all of it
-    presses : (state, 3) x, y, depth of the press, or (state, tip, 3) where some state has several tips;
-        depth 0 or less is untouched [mm]
-    digest : digest of the design
-    seed : seed of the offsets
-    relative_error : (state,) root mean square over the requested pairs of standard error over untouched flux [-]
-    is_met : (state,) whether that is within the required relative error; True where none was required
+    by_class : for each path class (direct, top, skirt, wall, diffuse) its (state, emitter, receiver) flux [-]; the sum
+        of top and skirt is all light mirrored by the top
+    standard_error : (state, emitter, receiver) standard error of `flux` [-]; `engine.trace_states` says what it covers
+    change_error : (state, emitter, receiver) part of the standard error that differs from state to state, for
+        differences of two states [-]; None: all of it
+    presses : (state, 3) x, y and depth of the press, or (state, tip, 3) if some state has several tips [mm]; a depth of
+        0 or less is untouched
+    digest : hash of the design
+    seed : seed of the random offsets
+    relative_error : (state,) root mean square of standard error over untouched flux, over the requested pairs [-]
+    is_met : (state,) whether `relative_error` is within the required error; True if none was required
     """
 
     flux: FloatArray
@@ -39,5 +42,5 @@ class LightSignals:
 
     @property
     def error_of_changes(self) -> FloatArray:
-        """(state, emitter, receiver) error of a state when it is compared with others of the same trace [-]."""
+        """(state, emitter, receiver) error for comparing states [-]: `change_error`, or `standard_error` without it."""
         return self.standard_error if self.change_error is None else self.change_error

@@ -1,9 +1,8 @@
-"""Light of a design under presses, as named signals.
+"""Trace a design's light under presses, and estimate what this costs.
 
-Cost of light of one state, by kind of pad and settings [s of one core].
-
-It is measured with the presets, nothing stored, kernels compiled (`tests/bench`): flat rectangles by pairs, discs and
-crowned pads by emitters and cells of the grid of the top. The error is a third.
+A *state* is the untouched pad or one set of simultaneous presses. The cost constants are seconds of one core for one
+state, measured with the presets, without stored light and with compiled kernels (`tests/bench`). Flat rectangular pads
+cost by pairs; discs and crowned pads by emitters and cells of the top. Estimates are off by up to a third.
 """
 
 from __future__ import annotations
@@ -44,23 +43,26 @@ if TYPE_CHECKING:
     from sims.contact.pad_surface import PadSurface
 
 CELL_S = {"flat": 0.70e-6, "cylinder": 0.43e-6, "sphere": 4.9e-6}
-"""Cost of a cell of the grid, a replicate and an emitter, by the top: a sphere mirrors most light often [s]."""
+"""Cost of one cell of the top, for one replicate and one emitter, by shape of the top [s]. A sphere mirrors most light
+more than once."""
 DEPOSITS_S = 1.5e-3
-"""Cost of a part's scattered light in a state [s]."""
+"""Cost of one part's scattered light in one state [s]."""
 REFERENCE_S = 0.06
-"""Cost of a part's light in the untouched pad, with the rays of named settings [s]; a fifth with those of units."""
+"""Cost of one part's light in the untouched pad [s], with the number of rays of the named accuracies; a fifth of it
+with the fewer rays used for manufactured units."""
 PAIR_S, FINEST_S = 0.9e-3, 0.25e-3
-"""Cost of a pair of a flat rectangle with coarse settings, and of a finer lattice of images, over its step [s]."""
+"""Cost of a pair in a flat rectangular pad [s]: with coarse settings, and the extra for finer ones, divided by their
+`image_step`."""
 
 
 def _cells(scene: OpticalScene, settings: Accuracy) -> float:
-    """Approximate number of cells in the grid of a disc's or crowned pad's top."""
+    """Approximate number of cells into which the top of a disc or crowned pad is divided."""
     pitch = pitch_of(settings, windows_of(scene, "emitter"), windows_of(scene, "receiver"))
     return scene.length_mm * scene.width_mm / pitch**2
 
 
 def emitter_cost_s(scene: OpticalScene, settings: Accuracy, emitters: int) -> float:
-    """Cost of a state in which some emitters are traced, each with one pair [s]."""
+    """Cost of tracing `emitters` emitters in one state, each with one pair [s]."""
     if scene.form is None:
         return emitters * pair_cost_s(scene, settings)
     top = scene.form.top
@@ -70,19 +72,19 @@ def emitter_cost_s(scene: OpticalScene, settings: Accuracy, emitters: int) -> fl
 
 
 def pair_cost_s(_scene: OpticalScene, settings: Accuracy) -> float:
-    """Cost of a pair of a flat rectangle in a state [s]."""
+    """Cost of one pair of a flat rectangular pad in one state [s]."""
     return PAIR_S + FINEST_S / settings.image_step
 
 
 def state_cost_s(scene: OpticalScene, settings: Accuracy) -> float:
-    """Cost of a state with all pairs [s]."""
+    """Cost of one state with all pairs [s]."""
     if scene.form is None:
         return len(scene.emitter_wall) * len(scene.receiver_wall) * pair_cost_s(scene, settings)
     return emitter_cost_s(scene, settings, len(scene.emitter_wall))
 
 
 def untouched_cost_s(scene: OpticalScene, settings: Accuracy) -> float:
-    """Cost of the untouched pad, before the first state [s]."""
+    """Cost of the untouched pad's light, which is traced before the first state [s]."""
     parts = len(scene.emitter_wall) + len(scene.receiver_wall)
     return parts * REFERENCE_S * (1.0 if settings.reference_rays > 8192 else 0.2)
 
@@ -90,23 +92,23 @@ def untouched_cost_s(scene: OpticalScene, settings: Accuracy) -> float:
 Profile = Indentation | Sequence[Indentation | Sequence[Indentation | None] | None]
 Tips = list[list[Indentation | None]]
 _SMOOTH_PARTS: WeakKeyDictionary[PadSurface, SmoothField] = WeakKeyDictionary()
-"""Smooth parts of the surfaces that the contact model remembers."""
+"""Smooth field (the height beyond the curve around the tip) of each surface that the contact model still holds."""
 
 FIELD_STEP, FIELD_FINER = 1.0 / 4.0, 2
-"""Largest spacing of the nodes of a surface's smooth part [tip radii], and samples from one to the next: on flat
-presets, pressed by a tip radius and more, heights are within 0.12 µm rms of it and slopes within 1.0e-3 rms, also
-within a third of a millimetre of the walls, where both vary fastest."""
+"""Largest distance of nodes of the smooth field that a press adds to the top [tip radii], and height samples per
+distance. On flat presets pressed by a tip radius and more, heights are within 0.12 µm rms and slopes within 1.0e-3
+rms, also within a third of a millimetre of the walls, where both vary fastest."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class PressedTops:
-    """The tops of states for the light trace.
+    """The pressed tops for a list of states, as the light trace takes them.
 
     Attributes
     ----------
-    classes : states that are equal by symmetry; the other attributes have one entry per class
-    near : per tip, the curve around its axis
-    fields : heights added to the curves; None where there are none
+    classes : groups of states that are equal by symmetry; the other attributes have one entry per group
+    near : per group and tip, the surface curve around the tip's axis; None where the tip does not touch
+    fields : per group, the smooth height that is added to the curves; None where there is none
     """
 
     classes: StateClasses
@@ -124,22 +126,23 @@ def trace(
     on_step: Callable[[int, int], None] | None = None,
     fields: Sequence[SmoothField | None] | None = None,
 ) -> LightSignals:
-    """Trace a design's pad for a list of presses; light traced before is read from disk (`light_store`).
+    """Trace a design's pad for a list of presses; light that was traced before is read from disk (`light_store`).
 
     The light of each press is stored as soon as it is traced, so an interrupted trace continues where it stopped.
 
     Parameters
     ----------
     design : the sensor
-    presses : (state, 3) rows of x, y, depth, or (state, tip, 3) with NaN rows for absent tips; depth 0 or
-        less is untouched [mm]
-    profile : None for the contact model's surface at each location; else used unchanged: one indentation for all tips,
-        or one per state, for all its tips or a sequence of one per tip
-    accuracy : draft, score, standard, fine, reference, settings, or a required relative error as 0.001
-    seed : seed of all offsets; the same seed gives the same bits
-    pairs : (emitter, receiver) or (state, emitter, receiver) mask of pairs to trace; others are 0
-    on_step : called with (states done, states)
-    fields : one per state, added to the tops of a given profile; None: none
+    presses : (state, 3) rows of x, y, depth, or (state, tip, 3) with NaN rows for absent tips; a depth of 0 or less is
+        untouched [mm]
+    profile : None: the contact model's surface at each location. Else the given surface, used unchanged: one
+        indentation for all tips and states; or a sequence with an entry per state, which is one indentation for all its
+        tips, or a sequence of one per tip
+    accuracy : draft, score, standard, fine or reference; own settings; or a required relative error, such as 0.001
+    seed : seed of all random offsets; the same seed gives the same bits
+    pairs : (emitter, receiver) or (state, emitter, receiver) mask of the pairs to trace; the flux of others is 0
+    on_step : function that is called with (states done, states)
+    fields : per state, a smooth height added to a given profile's top; None: none
 
     Raises
     ------
@@ -169,19 +172,19 @@ def trace(
 
 
 class _MissingLightError(Exception):
-    """Some light is missing; the argument is the number of states with known light."""
+    """Some light is not stored yet; the argument is the number of states whose light is stored."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class _OneTop(Tops):
-    """The top of one of the classes of states of a whole trace."""
+    """The top of one group of equal states, taken from the tops of a whole trace."""
 
     whole: Tops
     number: int
 
     @cached_property
     def stack(self) -> TopStack | FormedStack:
-        """The top as kernels read it: the same bytes as in the whole."""
+        """The group's top as kernels read it: the same bytes as in the whole trace."""
         stack, chosen = self.whole.stack, slice(self.number, self.number + 1)
         if isinstance(stack, FormedStack):
             return FormedStack(rows=stack.rows[chosen])
@@ -191,7 +194,7 @@ class _OneTop(Tops):
 def _kept_one_by_one(
     tops: Tops, classes: StateClasses, wanted: dict[str, Any], on_step: Callable[[int, int], None] | None
 ) -> RawLight:
-    """The light of `trace_tops`, to the bit; each class of states is traced alone, and stored as soon as it is done.
+    """Trace each group of equal states alone and store its light when done; `trace_tops` gives the same bits.
 
     Parameters
     ----------
@@ -222,7 +225,7 @@ def _trace_each(
     kept: GatheredLight,
     tell: Callable[[int, int], None],
 ) -> None:
-    """Trace the classes of states that are not stored, one per thread; Ctrl-C does not wait for running ones."""
+    """Trace the groups of equal states that are not stored, one per thread; Ctrl-C does not wait for running ones."""
     accuracy, pairs, states = wanted["accuracy"], wanted["pairs"], len(classes.member)
     per_state = pairs is not None and np.ndim(pairs) == 3
     settings = accuracy_of(accuracy) if isinstance(accuracy, (str, Accuracy)) else LADDER[0]
@@ -263,17 +266,17 @@ def _trace_each(
 
 
 def _nothing(_number: int) -> None:
-    """Do nothing."""
+    """Piece of work that does nothing."""
 
 
 def pressed_tops(design: SensorDesign, presses: FloatArray, *, by_symmetry: bool = True) -> PressedTops:
-    """The surfaces of presses at their locations, by the contact model.
+    """Pressed surfaces for a list of presses, by the contact model at each location.
 
     Parameters
     ----------
     design : the sensor
     presses : as for `trace`; the heights of several tips add up
-    by_symmetry : one top for states that a symmetry of the layout carries onto each other; else one each
+    by_symmetry : True: states that are equal by a symmetry of the layout share one top; False: each has its own
 
     Raises
     ------
@@ -288,7 +291,7 @@ def pressed_tops(design: SensorDesign, presses: FloatArray, *, by_symmetry: bool
 
 
 def _classes(scene: OpticalScene, tips: FloatArray) -> StateClasses:
-    """Presses that a symmetry of the layout carries onto each other."""
+    """Group the states, rows of `tips` (state, tip, 3), that a symmetry of the layout maps onto each other."""
     depths = [[float(depth) if depth > 0 else None for depth in of_state] for of_state in tips[:, :, 2]]
     return state_classes(scene, tips[:, :, :2], depths)
 
@@ -296,7 +299,7 @@ def _classes(scene: OpticalScene, tips: FloatArray) -> StateClasses:
 def _tops_of_presses(
     design: SensorDesign, scene: OpticalScene, tips: FloatArray, classes: StateClasses
 ) -> Tops:
-    """The surfaces of classes of presses, made when their light is not known."""
+    """Tops of groups of equal presses; the contact model runs only if their light is not stored."""
     traced = tips[classes.first]
     source = hashlib.blake2b(f"{_contact_sources()} {design.digest} {tips.shape}".encode() + traced.tobytes())
     return Tops(scene, lambda: (traced[:, :, :2], *_made(design, scene, traced)), source.digest())
@@ -304,7 +307,7 @@ def _tops_of_presses(
 
 @cache
 def _contact_sources() -> str:
-    """Inputs that determine a top from a design and a press: sources, data, and the solver."""
+    """Fingerprint of all that determines a top besides design and press: sources, data, and versions of the solver."""
     import scipy
 
     root = Path(__file__).parents[2]
@@ -320,7 +323,7 @@ def _contact_sources() -> str:
 def _made(
     design: SensorDesign, scene: OpticalScene, traced: FloatArray
 ) -> tuple[Tips, list[SmoothField | None]]:
-    """Per state and tip the curve around its axis, and per state the height added to the curves."""
+    """Per state and tip the surface curve around the tip's axis, and per state the smooth height added to curves."""
     pressed = np.unique(traced[traced[:, :, 2] > 0], axis=0)
     known = dict(zip(map(tuple, pressed.tolist()), _tops(design, scene, pressed), strict=True))
     near: Tips = []
@@ -358,7 +361,7 @@ def _smooth_part(surface: PadSurface, scene: OpticalScene) -> SmoothField:
 
 
 def _tips(presses: FloatArray) -> FloatArray:
-    """(state, tip, 3) presses; one tip per state if no state has more. Absent tips are zeros."""
+    """(state, tip, 3) presses with zeros for absent tips; a single tip per state if no state has more than one."""
     rows = np.asarray(presses, dtype=np.float64)
     if rows.ndim not in (2, 3) or rows.shape[-1] != 3 or (rows.ndim == 3 and rows.shape[1] == 0):
         raise InputError(f"presses: shape {rows.shape}, needs (state, 3) or (state, tip, 3) of x, y, depth")

@@ -1,18 +1,17 @@
-"""A data set that grows press by press, survives a kill, and becomes one netCDF file when it is complete.
+"""Write a data set press by press: the writer survives a kill, and makes one netCDF file when the set is complete.
 
-While it grows it is a journal next to the file: a line of JSON, then one record per press,
+Until then the presses are in a journal next to the file. A journal is a line of JSON, then one record per press,
 
     length of the content, CRC-32 of it (4 bytes each, little-endian), content (samples, as `_sample_type`)
 
-flushed to the disk before the next. The writer locks the journal. A record half-written at a kill or a power cut fails
-its length or its check; it and all later ones are cut off, and writing continues with the press after the last whole
-one. HDF5 itself gives no such guarantee: a file that was open for writing when its program was killed may never open
-again.
+Each record is flushed to the disk before the next. The writer locks the journal. If a kill or a power cut leaves a
+record half-written, its length or its check sum is wrong. Such a record and all later ones are cut off, and writing
+continues after the last whole press. HDF5 itself has no such guarantee: if a program is killed while it writes a file,
+that file may never open again.
 
-netCDF files are checked on reading: sizes before any data are loaded, and damage is reported as the file's.
-
-The HDF5 library reads metadata only when they are needed, and damage has various effects: errors of many types, or
-arrays of the size given in a damaged header.
+netCDF files are checked on reading. Sizes are checked before any data are loaded, and all damage becomes an
+`InputError` that names the file. This needs care, because the HDF5 library reads metadata only when they are needed.
+Damage then causes errors of many types, or arrays of the size given in a damaged header.
 """
 
 from __future__ import annotations
@@ -45,13 +44,13 @@ ENGINES: dict[str, dict[str, Any]] = {
     "an HDF5 or netCDF-4 file": {"engine": "h5netcdf", "phony_dims": "access"},
     "a netCDF-3 file": {"engine": "scipy"},
 }
-"""Engine of xarray for each kind of file."""
+"""Options of `xarray.open_dataset` for each kind of file, by the kind's name in messages."""
 MOST_BYTES = 8_000_000_000
-"""Largest size of all unpacked arrays: twice the largest file, whose counts have 2 bytes and become 4."""
+"""Largest accepted size of all unpacked arrays [bytes]: twice the largest file, as 2-byte counts become 4 bytes."""
 MOST_RATIO = 200
-"""Largest unpacked size over the file's: measured counts shrink to a fifth, equal ones to a thousandth."""
+"""Largest accepted unpacked size over the file's size: packing divides measured counts by 5, equal ones by 1000."""
 FREE_BYTES = 500_000_000
-"""Unpacked size below which any ratio is accepted."""
+"""Unpacked size below which any ratio is accepted [bytes]."""
 
 
 def read_netcdf(file: Path, *, needed: str, most_bytes: int, **options: Any) -> xr.Dataset:
@@ -59,8 +58,8 @@ def read_netcdf(file: Path, *, needed: str, most_bytes: int, **options: Any) -> 
 
     Parameters
     ----------
-    needed : required content of the file and the command that makes it, in words for messages
-    most_bytes : size above which the file is refused unread
+    needed : what the file must be and the command that makes it, as text for error messages
+    most_bytes : unpacked size above which the file is refused before it is read [bytes]
     options : options for `xarray.open_dataset`
 
     Raises
@@ -85,7 +84,7 @@ def read_netcdf(file: Path, *, needed: str, most_bytes: int, **options: Any) -> 
             if dataset.nbytes > most:
                 raise ValueError(f"holds {dataset.nbytes:.3g} bytes, reads at most {most:.3g}")
             found = dataset.load()
-    except Exception as err:  # all errors on purpose: see above
+    except Exception as err:  # catch every type of error: see the module docstring
         said = str(err) or type(err).__name__
         raise InputError(f"{file}: {kind} that cannot be read: {said}; needs {needed}") from None
     return found.assign(
@@ -94,11 +93,11 @@ def read_netcdf(file: Path, *, needed: str, most_bytes: int, **options: Any) -> 
 
 
 def require_numbers(found: xr.Dataset, file: Path, names: Sequence[str], axes: tuple[str, ...]) -> None:
-    """Refuse arrays of other dimensions (in any order), and arrays that are not numeric.
+    """Refuse arrays that are not numeric, or whose dimensions are not `axes` in any order.
 
     Raises
     ------
-    InputError : an array is refused; the message names the first.
+    InputError : an array is refused; the message names the first such array.
     """
     for name in names:
         array = found[name]
@@ -109,7 +108,10 @@ def require_numbers(found: xr.Dataset, file: Path, names: Sequence[str], axes: t
 
 
 def _unpacked_bytes(file: Path) -> int:
-    """Bytes of all arrays by their headers. Reading these also keeps h5netcdf from half opening a damaged file."""
+    """Bytes of all arrays of a netCDF-4 file, unpacked, from their headers.
+
+    Reading the headers also makes damage known before h5netcdf opens the file and leaves it half open.
+    """
     import h5py
 
     sizes: list[int] = []
@@ -126,24 +128,24 @@ def _unpacked_bytes(file: Path) -> int:
 
 RECORD = struct.Struct("<II")
 CHUNK_SAMPLES = 2048
-"""Number of samples that the netCDF file stores and packs together: 0.6 MB for a pad of 8 + 8 parts."""
+"""Number of samples per compressed chunk of the netCDF file: 0.6 MB for a pad of 8 + 8 parts."""
 JOURNAL_VERSION = 1
 
 
 class DataWriter:
-    """Writes presses to ``file``; the file does not exist until `finish`, and no finished press is lost before.
+    """Writes presses to a journal, and makes ``file`` from it at the end; presses in the journal survive a kill.
 
     Parameters
     ----------
-    file : the netCDF file to make
-    header : common part of all samples, as data without samples (`PressData.only` of an empty mask)
-    asked : plain data that identify the data set, as protocol, seed and versions: only a journal with the same data is
-        continued
+    file : the netCDF file to make; it does not exist before `finish` or `write`
+    header : data with the common part of all samples, and no samples (see `header_of`)
+    asked : plain data that identify the data set, such as protocol, seed and versions; a journal is continued only if
+        it has the same
     journal_folder : folder of the journal; by default that of the file
 
     Raises
     ------
-    InputError : another process or thread makes the same file now.
+    InputError : another process or thread is making the same file.
     OutputError : the folder cannot be written.
     """
 
@@ -172,15 +174,15 @@ class DataWriter:
 
     @property
     def done(self) -> frozenset[tuple[int, int]]:
-        """Presses that are on the disk: (number of the set, number of the location)."""
+        """Presses in the journal, as (number of the set, number of the press in it)."""
         return frozenset(self._done)
 
     def add(self, press: PressData) -> None:
-        """Store the samples of one press, or of several, on the disk.
+        """Append the samples of one or several presses to the journal, flushed to the disk.
 
         Raises
         ------
-        InputError : states, receivers or true positions are not as in the header.
+        InputError : states, receivers or the presence of true positions differ from the header.
         OutputError : the disk cannot be written.
         """
         for name in ("state_names", "receiver_names", "sets"):
@@ -196,7 +198,7 @@ class DataWriter:
         self._done |= _presses_of(press)
 
     def finish(self) -> Path:
-        """Make the netCDF file of all added presses, whole or not at all, and remove the journal.
+        """Make the netCDF file from all added presses, completely or not at all, and remove the journal.
 
         Raises
         ------
@@ -208,7 +210,7 @@ class DataWriter:
         return self.file
 
     def write(self) -> None:
-        """Make the netCDF file; the journal stays, for a file that is not yet moved to its final path.
+        """Make the netCDF file but keep the journal; used if the file is still to be moved to its final path.
 
         Raises
         ------
@@ -217,11 +219,11 @@ class DataWriter:
         _write_whole(self.file, self._header, (rows for rows, _ in self._records()))
 
     def forget(self) -> None:
-        """Remove the journal, after the file is at its final path."""
+        """Remove the journal; call this after the file is at its final path."""
         self.journal.unlink(missing_ok=True)
 
     def _begun(self) -> set[tuple[int, int]]:
-        """Whole presses of an earlier run; the rest of the journal is cut off."""
+        """Numbers (set, press) of presses that an earlier run wrote completely; the rest of the journal is cut off."""
         presses: set[tuple[int, int]] = set()
         end = 0
         try:
@@ -243,7 +245,7 @@ class DataWriter:
     def _opened(self) -> IO[bytes]:
         made_folder(self.journal.parent)
         try:
-            stream = self.journal.open("a+b")  # for writing at its end, and reading anywhere
+            stream = self.journal.open("a+b")  # write at its end, read anywhere
         except OSError as err:
             raise unwritable(self.journal, err) from err
         try:
@@ -254,12 +256,12 @@ class DataWriter:
                 f"{self.file.name}: another process is writing it ({self.journal}); wait for it, or "
                 "choose another folder with --out"
             ) from None
-        except OSError:  # a file system without locks
+        except OSError:  # the file system has no locks
             pass
         return stream
 
     def _records(self) -> Iterator[tuple[NDArray[np.void], int]]:
-        """Samples of each whole record, and its end."""
+        """Samples of each complete record of the journal, and the record's end [bytes from the start]."""
         stream, size = self._stream, os.fstat(self._stream.fileno()).st_size
         stream.seek(len(self._line))
         while len(head := stream.read(RECORD.size)) == RECORD.size:
@@ -273,7 +275,7 @@ class DataWriter:
 
 
 def save_data(data: PressData, file: Path) -> Path:
-    """Write data as netCDF in one go, whole or not at all.
+    """Write data to a netCDF file at once, completely or not at all.
 
     Raises
     ------
@@ -284,7 +286,7 @@ def save_data(data: PressData, file: Path) -> Path:
 
 
 def header_of(data: PressData) -> PressData:
-    """The same data without samples."""
+    """The same data without any samples."""
     return data.only(np.zeros(0, dtype=np.int64))
 
 
@@ -333,7 +335,10 @@ def _write_whole(file: Path, header: PressData, parts: Iterator[NDArray[np.void]
 
 
 def _write_netcdf(file: Path, header: PressData, parts: Iterator[NDArray[np.void]]) -> None:
-    """Write press after press into one file with an unlimited time axis; memory holds one press at a time."""
+    """Write presses one after another into one netCDF file; memory holds one press at a time.
+
+    The time axis is unlimited.
+    """
     import h5netcdf
 
     columns = _columns(header)
@@ -361,7 +366,7 @@ def _write_netcdf(file: Path, header: PressData, parts: Iterator[NDArray[np.void
 
 
 def _columns(header: PressData) -> dict[str, tuple[str, int | None, str, dict[str, str]]]:
-    """Variables of the file: column of the journal, its component, number type, attributes."""
+    """Variables of the netCDF file: name -> (column of the journal, index in it, number type, attributes)."""
     place = {"units": "mm", "long_name": "as the stage reports it"}
     columns: dict[str, tuple[str, int | None, str, dict[str, str]]] = {
         "counts": ("counts", None, "f4", {"units": "counts"}),

@@ -1,4 +1,4 @@
-"""Data sets as files: netCDF, the same form from the simulation and from a built sensor (docs/reference/files.md).
+"""Read data sets from netCDF files, which have one format for simulated and built sensors (docs/reference/files.md).
 
 Dimensions ``time`` (one frame), ``state``, ``receiver``:
 
@@ -8,11 +8,12 @@ Dimensions ``time`` (one frame), ``state``, ``receiver``:
     true_x, true_y, true_depth (time)     its true position; simulated sets only [mm]
     attributes                            design_digest, full_scale_counts, sets and attributes as JSON
 
-Units are those of the attribute `units` of a variable, by default as above: lengths and times are converted, and volts
-too, by the converter of a design.
+A variable's attribute `units` gives its unit, by default as above. Lengths and times are converted. Volts are converted
+with the data of a design's analogue-digital converter.
 
-Files of `optopad driver record` and `export` have no sets and locations: they are read as one set named ``unnamed``. A
-press is a contact: from the sample where the depth rises above 0, or the location changes in contact, to the next.
+Files of `optopad driver record` and `export` have no numbers of sets and presses. They are read as one set named
+``unnamed``. A new press then starts where the depth rises above 0 after the tip has left the pad, or where the location
+changes in contact.
 """
 
 from __future__ import annotations
@@ -65,7 +66,7 @@ __all__ = [
 
 MAX_BYTES = 4_000_000_000
 RETREAT_MM = 0.1
-"""Height above the pad at which the tip has left it [mm]; less is jitter of the depth at one location."""
+"""Height above the pad at which the tip counts as having left it [mm]; smaller heights are jitter of the stage."""
 NEEDED_FILE = (
     "a data set in netCDF (.nc): `optopad driver export` makes one of a recording with its presses (--stage), "
     "`optopad simulate --protocol` one of a design"
@@ -77,16 +78,17 @@ TIMES = ("time_s", "device_time", "host_time")
 
 
 def read_data(file: Path, design: SensorDesign | None = None) -> PressData:
-    """Read a data set or a recording.
+    """Read a data set, or a recording of the driver, from a netCDF file.
 
     Parameters
     ----------
-    design : presumed design of the data, for the size of the pad and for readings in volts; `require_design` tests it
+    design : presumed design of the data, for the size of the pad and for readings in volts; it is not checked, see
+        `require_design`
 
     Raises
     ------
-    InputError : the file is missing or of another format, parts or states are missing, readings are no numbers, units
-        are unknown, or presses contradict the pad or the signals.
+    InputError : the file is missing or has another format, variables or states are missing, readings are not numbers,
+        units are unknown, or presses contradict the pad or the signals.
     """
     found = read_netcdf(file, needed=NEEDED_FILE, most_bytes=MAX_BYTES, decode_times=False)
     _require_parts(found, file)
@@ -97,11 +99,11 @@ def read_data(file: Path, design: SensorDesign | None = None) -> PressData:
 
 
 def require_design(data: PressData, design: SensorDesign, *, what: str = "data") -> tuple[str, ...]:
-    """Refuse data of another design; returns the missing information of the data, as sentences.
+    """Refuse data of another design. Return one sentence for each piece of information that the data lack.
 
     Raises
     ------
-    InputError : the digest, the emitters or the receivers differ.
+    InputError : the design's digest, the emitters or the receivers differ.
     """
     from design.shape.cavity import cavity_of
 
@@ -194,7 +196,7 @@ def _digest(found: xr.Dataset, file: Path) -> str | None:
 
 
 def off_last(found: xr.Dataset) -> tuple[tuple[str, ...], NDArray[Any]]:
-    """Names of the states and (time, state, receiver) readings as in the file, the off state moved to the end."""
+    """Names of the states, and the file's readings (time, state, receiver), with the off state moved to the end."""
     names = [str(name) for name in found["state"].values]
     counts = found["counts"].transpose(*AXES).values
     order = [k for k, name in enumerate(names) if name != OFF] + [
@@ -232,7 +234,7 @@ def _json(found: xr.Dataset, name: str, absent: Any, file: Path) -> Any:
 
 
 def _presses(press_mm: FloatArray) -> IntArray:
-    """(sample,) number of the press of each sample; untouched ones belong to the nearer of the presses around them."""
+    """Number (sample,) of each sample's press; samples without contact belong to the nearer press."""
     touched = np.flatnonzero(press_mm[:, 2] > 0.0)
     if not len(touched):
         return np.zeros(len(press_mm), dtype=np.int64)

@@ -1,8 +1,9 @@
-"""Units and labels of data from any source: stated units are converted, labels that contradict the pad are refused.
+"""Checks of units and press labels: stated units are converted, presses that contradict the pad are refused.
 
-A data set whose locations are counted from the middle of the pad, or whose depth is positive upwards, trains a model
-without any error message, and the model is wrong by the size of the pad. The checks use the design where it is known,
-else the limits of all designs. Noise, drift, hovering samples and few touched samples are accepted.
+Without them, data with wrong labels would train a model without any error message, and its errors would be as large as
+the pad. Examples are locations measured from the middle of the pad, or a depth that is positive upwards. The checks use
+the design if it is known, otherwise limits that hold for every design. They accept noise, drift, samples of a hovering
+tip, and data with few samples in contact.
 """
 
 from __future__ import annotations
@@ -31,25 +32,26 @@ READINGS = {"count": 1.0, "1": 1.0, "adc": 1.0, "adc count": 1.0, "lsb": 1.0, "a
 VOLTS = {"v": 1.0, "volt": 1.0, "mv": 1e-3, "millivolt": 1e-3}
 
 SLACK_MM = 0.5
-"""Allowed error of a stage [mm]: locations and depths beyond the pad by less are not refused."""
+"""Allowed error of a stage [mm]: presses beyond the pad's outline or thickness by less are accepted."""
 LARGEST_MM, THICKEST_MM = 200.0, 50.0
-"""Largest length and thickness of a design's pad [mm]."""
+"""Largest length and largest thickness that a design's pad can have [mm]."""
 METRES_MM = 0.012
-"""Deepest press of a file below which all depths must be in metres [mm]: it is less than a hair."""
+"""If the deepest press of a file is below this [mm], the depths must be in metres."""
 HIGHEST_V = 5.5
-"""Largest reading of the boards' converters."""
+"""Largest input of the boards' converters [V]."""
 LEAST_CHANGE = 0.1
-"""Share of a pair's signal whose change above the surface makes the sign of the depth suspect: reflections of a
-hovering tip, drift and noise change less."""
+"""Least change of a pair's signal above the surface, over its level, that makes the sign of the depth suspect [-].
+Reflections of a hovering tip, drift and noise change it less.
+"""
 TIMES_MORE = 4.0
-"""Least ratio of the signals' change above the surface to that below it for a suspect sign."""
+"""Least ratio of the signals' change above the surface to that below it, for a suspect sign of the depth [-]."""
 NOISE_SIGMAS = 5.0
 MOST_SAMPLES = 20_000
-"""Number of samples for the test of the depth's sign."""
+"""Largest number of samples that the test of the depth's sign uses."""
 
 
 def unit_factor(units: object, known: Mapping[str, float], name: str) -> float:
-    """Factor of values by their unit; 1 where none is given.
+    """Factor that converts values in a unit to the standard unit; 1 if no unit is given.
 
     Raises
     ------
@@ -67,11 +69,11 @@ def unit_factor(units: object, known: Mapping[str, float], name: str) -> float:
 
 
 def in_unit(found: xr.Dataset, names: list[str], known: Mapping[str, float]) -> FloatArray:
-    """(time, name) variables of a file in the unit whose factor is 1, by each one's attribute `units`.
+    """Variables of a file as columns (time, name), converted to the standard unit by their attribute `units`.
 
     Raises
     ------
-    InputError : as for `unit_factor`.
+    InputError : a unit is unknown.
     """
     columns = [
         found[name].values.astype(np.float64) * unit_factor(found[name].attrs.get("units"), known, name)
@@ -81,11 +83,12 @@ def in_unit(found: xr.Dataset, names: list[str], known: Mapping[str, float]) -> 
 
 
 def counts_factor(found: xr.Dataset, design: SensorDesign | None) -> float:
-    """Factor from the readings of a file to ADC counts: 1, or for volts the converter's counts per volt.
+    """Factor from a file's readings to ADC counts: 1, or for volts the counts per volt of the design's converter.
 
     Raises
     ------
-    InputError : the unit is unknown, volts have no design, or readings without a unit cannot be counts.
+    InputError : the unit is unknown, the readings are volts but there is no design, or they have no unit and cannot be
+        counts.
     """
     array = found["counts"]
     units = array.attrs.get("units")
@@ -112,7 +115,10 @@ def counts_factor(found: xr.Dataset, design: SensorDesign | None) -> float:
 
 
 def known_design(design: SensorDesign | None, digest: str | None) -> SensorDesign | None:
-    """The design of the data: the given one unless the digest differs, or a preset of that digest."""
+    """The design that belongs to data with a digest; None if unknown.
+
+    It is `design` if its digest agrees or the data have none, otherwise the preset with this digest.
+    """
     from design.preset import PRESETS, preset
 
     if digest is None or (design is not None and design.digest.startswith(digest)):
@@ -121,16 +127,16 @@ def known_design(design: SensorDesign | None, digest: str | None) -> SensorDesig
 
 
 def require_finite(named: Mapping[str, NDArray[Any] | None], *, where: str, row: str) -> None:
-    """Refuse values that are no numbers: a gap must not count as a signal.
+    """Refuse values that are not finite, so that a gap never counts as a signal.
 
     Parameters
     ----------
-    named : (row, ...) values by name; None is left out
-    where, row : the file and the name of a row, for the message
+    named : values (row, ...) by name; None is skipped
+    where, row : name of the file, and what a row is called ("sample", ...), for the error message
 
     Raises
     ------
-    InputError : there are such values; the message has the first name, the number of rows, and the first row.
+    InputError : a value is not finite; the message has its name, the number of such rows, and the first of them.
     """
     for name, values in named.items():
         if values is None or np.isfinite(values).all():
@@ -150,14 +156,14 @@ def require_true_labels(
     *,
     is_counts: bool = True,
 ) -> None:
-    """Refuse presses that contradict the pad or the signals.
+    """Refuse data whose press depths or locations contradict the pad or the signals.
 
     Parameters
     ----------
-    depth_mm : (sample,) depth of the presses, 0 or less is untouched [mm]
-    location_mm : (sample, 2) x and y of the presses [mm]; None where not given
-    signals : (sample, pair) readings less those of the off state [any one unit]
-    design : design of the data; None takes the limits of all designs
+    depth_mm : (sample,) depth of the presses [mm]; 0 or less is no contact
+    location_mm : (sample, 2) x and y of the presses in the cavity frame [mm]; None if the data have none
+    signals : (sample, pair) readings minus those of the off state [one common unit]
+    design : design of the data; None uses limits that hold for every design
     is_counts : whether the signals are ADC counts, so that the design's noise applies
 
     Raises
@@ -187,10 +193,16 @@ def _require_depth_into_the_pad(depth_mm: FloatArray, signals: NDArray[Any], noi
 
 
 def _change(distance_mm: FloatArray, signals: FloatArray, level: FloatArray) -> float:
-    """Excess spread of the signals far from the surface over that near it, over the pair's level; largest pair [-].
+    """How much signals change with distance from the surface, over their level; the largest value of all pairs [-].
 
-    The two are an outer and an inner third of the distance. Changes with time and not with distance spread both. A
-    fifth of the samples may be outliers.
+    It is the spread in the outer third of the distances minus that in the inner third. Changes that depend on time
+    alone cancel in this difference. A fifth of the samples may be outliers.
+
+    Parameters
+    ----------
+    distance_mm : (sample,) distance from the surface [mm]
+    signals : (sample, pair) readings minus those of the off state
+    level : (pair,) signal level of each pair, same unit
     """
     reach = float(distance_mm.max(initial=0.0))
     near, far = distance_mm <= reach / 3.0, distance_mm >= reach * 2.0 / 3.0

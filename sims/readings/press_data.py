@@ -1,24 +1,25 @@
-"""Readings of a sensor under presses of known location and depth, on which learners are trained and tested.
+"""Readings of a sensor under presses of known location and depth (`PressData`), and curves of light against depth.
 
-One sample is one frame: every state (each emitter alone, then all off) read by every receiver, and the position of the
-tip by the stage. Samples belong to presses (one approach and retraction at one location), presses to sets (one session
-of one pattern). Splits keep presses whole: samples of one press are too similar to be on both sides.
+A sample is one frame: the readings of every receiver in every state (each emitter alone, then all off), and the
+position of the tip as the stage reports it. Samples belong to presses (one approach and retraction at one location).
+Presses belong to sets (one session of one pattern). Splits into training and test data keep presses whole, because
+samples of one press are too similar to be on both sides. `sims.readings.dataset` reads and writes the files.
 
-numpy only; files are read and written by `sims.readings.dataset`.
+Light against depth (`PressCurves`)
+-----------------------------------
+A press moves through depth at one location. So light is traced at a few depths ("knots") per location and interpolated
+between them, and thousands of samples need only one curve per location. The interpolation is modified Akima (makima,
+Hermite pieces with local slopes) over the square root of depth, because the contact radius grows with that root.
 
-Light against depth at fixed locations, traced at a few depths and interpolated between them.
-
-A press runs through depth at one location, so a data set of thousands of samples needs only one curve per location.
-The interpolation is modified Akima (makima, Hermite pieces with local slopes) in the square root of depth, with which
-the contact's radius grows. It was chosen by measurement (`python -m tests.validation.learning.press_curve_table`; six
-locations of the paper's pad, 73 depths, a median pair of 300 counts): with these knots makima, pchip and a cubic
-spline are all 0.35 counts (rms) off light traced at "standard", 0.16 to 0.18 below 1 mm, and 0.46 off "draft", where
-half is the numerical error of the light. Makima rings less near a kink than the spline and bends less at knots than
-pchip. The worst errors, 15 counts, are kinks beyond 2 mm, where the tip enters or leaves a direct path.
+It was chosen by measurement (`python -m tests.validation.learning.press_curve_table`: six locations of the paper's pad,
+73 depths, a median pair of 300 counts). With the knots below, makima, pchip and a cubic spline all differ from light
+traced at "standard" accuracy by 0.35 counts rms, below 1 mm by 0.16 to 0.18. From "draft" accuracy they differ by 0.46,
+half of it numerical error of the light. Makima overshoots less near a kink than the spline and bends less at knots than
+pchip. The largest errors, 15 counts, are at kinks beyond 2 mm, where the tip enters or leaves a direct light path.
 `interpolation_error` measures any design.
 
-Depth 0 or less is the untouched pad. Deeper than the last knot the last piece's end slope continues for `BEYOND_MM` at
-most: a press of full depth overshoots by its zero offset.
+At depth 0 or less the pad is not touched. Beyond the last knot the curve continues with its last slope, for at most
+`BEYOND_MM`, because the offset of the depth's zero makes some presses deeper than the design's deepest.
 """
 
 from __future__ import annotations
@@ -39,7 +40,7 @@ from sims.optics.accuracy import Accuracy
 from sims.readings.label_checks import require_finite
 
 CONVERTED = "converted"
-"""Attribute of data with the conversion of the unit of their readings."""
+"""Key in `PressData.attributes` of a sentence on how readings were converted from another unit."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -48,17 +49,17 @@ class PressData:
 
     Attributes
     ----------
-    counts : (sample, state, receiver) float32 readings; the last state is ``off`` [ADC counts]
-    press_mm : (sample, 3) x, y, depth as the stage reports them; depth 0 or less is untouched [mm]
+    counts : (sample, state, receiver) float32 readings [ADC counts]; a state is one emitter alone, the last is ``off``
+    press_mm : (sample, 3) x, y, depth of the tip as the stage reports them [mm]; depth 0 or less is no contact
     time_s : (sample,) time of each frame within its set [s]
-    set_number : (sample,) index into `sets`
+    set_number : (sample,) index of each sample's set in `sets`
     place_number : (sample,) number of the press in its set
-    sets : the sessions
-    state_names, receiver_names : in the order of the axes
-    full_scale_counts : reading at which the converter clips; None where the file does not have it [counts]
-    design_digest : digest of the design that was built or simulated; None where the file does not have it
-    attributes : further data: protocol, parameters of the signal chain, seed
-    true_press_mm : (sample, 3) true position of the tip; simulated sets only [mm]
+    sets : name and role (train or test) of every set
+    state_names, receiver_names : names along the axes `state` and `receiver` of `counts`
+    full_scale_counts : reading at which the converter clips [counts]; None if unknown
+    design_digest : digest of the design that was built or simulated; None if unknown
+    attributes : further information: protocol, parameters of the signal chain, seed
+    true_press_mm : (sample, 3) true x, y, depth of the tip [mm]; only in simulated data, else None
     """
 
     counts: NDArray[np.float32]
@@ -84,24 +85,24 @@ class PressData:
 
     @property
     def emitter_names(self) -> tuple[str, ...]:
-        """Names of the states but ``off``."""
+        """Names of the states without ``off``."""
         return self.state_names[:-1]
 
     @property
     def pair_names(self) -> tuple[str, ...]:
-        """Names of the features, emitter outermost: ``E1-R1``, ``E1-R2``, ..."""
+        """Names of the pairs, in the order of `features`: ``E1-R1``, ``E1-R2``, ..."""
         return tuple(f"{e}-{r}" for e in self.emitter_names for r in self.receiver_names)
 
     def signals(self) -> NDArray[np.float32]:
-        """(sample, emitter, receiver) readings less those of the off state [counts]."""
+        """Signals (sample, emitter, receiver): readings minus those of the off state [counts]."""
         return signals_of(self.counts)
 
     def features(self) -> NDArray[np.float32]:
-        """(sample, pair) the same, emitter outermost [counts]."""
+        """Signals (sample, pair): readings minus those of the off state [counts]; pairs are as in `pair_names`."""
         return self.signals().reshape(len(self), -1)
 
     def only(self, mask: BoolArray | IntArray) -> PressData:
-        """The samples that a mask (sample,) selects, or those with the given numbers (n,)."""
+        """Selected samples, by a mask (sample,) or by sample numbers (n,)."""
         picked = {
             name: getattr(self, name)[mask]
             for name in ("counts", "press_mm", "time_s", "set_number", "place_number")
@@ -110,11 +111,11 @@ class PressData:
         return replace(self, **picked, true_press_mm=truth)
 
     def role(self, name: str) -> PressData:
-        """Samples of all sets with a role, ``train`` or ``test``.
+        """Samples of all sets that have a role, ``train`` or ``test``.
 
         Raises
         ------
-        InputError : there is no such role.
+        InputError : no set has this role.
         """
         if name not in ROLES:
             raise InputError(f"role: {name!r} is refused: give {' or '.join(ROLES)}")
@@ -122,23 +123,23 @@ class PressData:
         return self.only(wanted[self.set_number])
 
     def press_numbers(self) -> IntArray:
-        """(sample,) one number per press over all sets, rising from 0 without gaps; splits keep presses whole."""
+        """Number (sample,) of each sample's press, counted over all sets from 0 without gaps."""
         presses = np.stack([self.set_number, self.place_number], axis=1)
         return np.asarray(np.unique(presses, axis=0, return_inverse=True)[1], dtype=np.int64).reshape(-1)
 
     def clipped_share(self) -> FloatArray:
-        """(state, receiver) share of the readings at full scale [-]; zeros where that is not known."""
+        """Share (state, receiver) of the readings that are at full scale [-]; zeros if full scale is unknown."""
         if self.full_scale_counts is None or len(self) == 0:
             return np.zeros(self.counts.shape[1:])
         return np.asarray((self.counts >= self.full_scale_counts).mean(axis=0), dtype=np.float64)
 
 
 def joined(parts: Sequence[PressData]) -> PressData:
-    """Sets of several files as one; set numbers continue.
+    """Join the data of several files; sets keep their order and are renumbered.
 
     Raises
     ------
-    InputError : there is no part, or parts have other designs, states, receivers or converters.
+    InputError : there are no parts, or their designs, states, receivers or converters differ.
     """
     if not parts:
         raise InputError("data: none given; name at least one file")
@@ -169,16 +170,16 @@ def joined(parts: Sequence[PressData]) -> PressData:
 
 
 def data_notes(data: PressData) -> tuple[str, ...]:
-    """Notes of a result about its data, as sentences: simulated, converted, clipped."""
+    """Notes for the user about data, as sentences: whether they are simulated, unit-converted or clipped."""
     simulated = "the data are simulated, not recorded" if data.true_press_mm is not None else None
     notes = (simulated, data.attributes.get(CONVERTED), clipped_note(data))
     return tuple(str(note) for note in notes if note is not None)
 
 
 def clipped_note(data: PressData) -> str | None:
-    """The clipped channels, in a sentence; None where there are none.
+    """A sentence that names the channels with clipped readings; None if there are none.
 
-    The off state's readings are named as ``off-R1``; a clipped pair has less, or no, information on a press.
+    A reading of the off state is named like ``off-R1``. A clipped pair has less or no information on a press.
     """
     share = data.clipped_share()
     at = np.argwhere(share > 0)
@@ -227,28 +228,31 @@ OnStep = Callable[[int, int], None]
 KNOTS_MM = (
     0.0, 0.06, 0.14, 0.26, 0.4, 0.6, 0.8, 1.0, 1.3, 1.6, 2.0, 2.4, 2.8, 3.2, 3.7, 4.1, 4.6, 5.1,
 )  # fmt: skip
-"""Depths of the paper's tip, 3 mm in radius, pressed to 5 mm: dense where the surface starts to tilt [mm]."""
+"""Depths at which light is traced [mm], for the paper's tip (radius 3 mm) and 5 mm depth; dense at shallow depths."""
 COARSE_KNOTS_MM = (0.0, 0.1, 0.26, 0.45, 0.7, 1.0, 1.5, 2.1, 2.8, 3.6, 4.3, 5.1)
-"""Knots for a first look, two thirds of the light; 0.73 counts rms off "draft", 0.62 off "standard", as above [mm]."""
+"""Fewer depths, for two thirds of the tracing time [mm].
+
+In the comparison of the module docstring the error is 0.73 counts rms to "draft" accuracy, 0.62 to "standard".
+"""
 KNOTS_TIP_MM = 3.0
-"""Tip radius of `KNOTS_MM`; contact and dimple scale with it [mm]."""
+"""Tip radius to which `KNOTS_MM` belong [mm]; other tips scale them, as contact and dimple scale."""
 SPARE_MM = 0.1
-"""Extent of the knots beyond a design's deepest press: offsets of the reference depth [mm]."""
+"""How far the traced depths go beyond a design's deepest press [mm], to allow for offsets of the depth's zero."""
 BEYOND_MM = 0.25
-"""Extent of a curve beyond the last knot [mm]."""
+"""How far a curve may be extrapolated beyond its last knot [mm]."""
 CHUNK = 4096
 """Number of depths processed at a time: 2 MB for a pad of 8 + 8 parts."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class PressCurves:
-    """Flux against depth at some locations.
+    """Light (flux) of every pair against press depth, at some locations.
 
     Attributes
     ----------
-    places_mm : (place, 2) press axes [mm]
-    depth_mm : (knot,) rising from 0 [mm]
-    flux : (place, knot, emitter, receiver) share of the emitted power [-]
+    places_mm : (place, 2) x, y of the press axes in the cavity frame [mm]
+    depth_mm : (knot,) depths with traced light, rising from 0 [mm]
+    flux : (place, knot, emitter, receiver) received share of the emitted power [-]
     """
 
     places_mm: FloatArray
@@ -266,29 +270,29 @@ class PressCurves:
 
     @property
     def untouched(self) -> FloatArray:
-        """(emitter, receiver) flux of the untouched pad [-]."""
+        """Flux (emitter, receiver) of the pad without contact [-]."""
         return np.asarray(self.flux[0, 0])
 
     @property
     def deepest_mm(self) -> float:
-        """Deepest press that `at` accepts [mm]."""
+        """Deepest press that `at` accepts, which includes a short extrapolation [mm]."""
         return float(self.depth_mm[-1]) + BEYOND_MM
 
     def at(self, place_number: IntArray, depth_mm: FloatArray) -> FloatArray:
-        """Flux of presses.
+        """Interpolate the flux of presses.
 
         Parameters
         ----------
-        place_number : (n,) index into `places_mm`
-        depth_mm : (n,) 0 or less is untouched [mm]
+        place_number : (n,) index of each press's location in `places_mm`
+        depth_mm : (n,) depth of each press [mm]; 0 or less is no contact
 
         Returns
         -------
-        (n, emitter, receiver) [-]
+        (n, emitter, receiver) received share of the emitted power [-]
 
         Raises
         ------
-        ModelScopeError : a depth is deeper than the curves.
+        ModelScopeError : a depth exceeds `deepest_mm`.
         """
         number, depth = np.broadcast_arrays(np.asarray(place_number), np.asarray(depth_mm, dtype=np.float64))
         if depth.size and not depth.max() <= self.deepest_mm:
@@ -303,7 +307,7 @@ class PressCurves:
         return found
 
     def only(self, place_number: IntArray) -> PressCurves:
-        """The curves of some of the locations."""
+        """The curves at some locations, selected by their indices (n,) in `places_mm`."""
         return PressCurves(
             places_mm=self.places_mm[place_number], depth_mm=self.depth_mm, flux=self.flux[place_number]
         )
@@ -324,7 +328,7 @@ class PressCurves:
 
     @cached_property
     def _cubics(self) -> FloatArray:
-        """(place, piece, power 3 to 0, emitter, receiver) in the square root of depth."""
+        """Coefficients (place, piece, power 3 to 0, emitter, receiver) of cubics over the square root of depth."""
         from scipy.interpolate import Akima1DInterpolator, PchipInterpolator
 
         root = np.sqrt(self.depth_mm)
@@ -338,24 +342,25 @@ class PressCurves:
 
     @cached_property
     def _end_slope(self) -> FloatArray:
-        """(place, emitter, receiver) change of flux with depth over the last piece, a straight line [1/mm]."""
+        """Slope (place, emitter, receiver) of the flux between the last two traced depths [1/mm]."""
         span = self.depth_mm[-1] - self.depth_mm[-2]
         return np.asarray((self.flux[:, -1] - self.flux[:, -2]) / span)
 
 
 def knots_mm(design: SensorDesign, *, is_coarse: bool = False, deepest_mm: float | None = None) -> FloatArray:
-    """Depths at which a design's curves are traced.
+    """Depths at which light is traced for a design ("knots").
 
-    They are `KNOTS_MM` scaled with the tip, to a little beyond the deepest press where the contact model covers it.
+    They are `KNOTS_MM` scaled with the tip radius. They end a little beyond the deepest press, if the contact model
+    covers that.
 
     Parameters
     ----------
     is_coarse : whether to use `COARSE_KNOTS_MM` instead
-    deepest_mm : deepest press required; by default that of the design's usable range [mm]
+    deepest_mm : deepest press required [mm]; by default the design's deepest
 
     Returns
     -------
-    (knot,) rising from 0 [mm]
+    (knot,) depths, rising from 0 [mm]
     """
     from sims.contact.scope import depth_limit_mm
 
@@ -368,7 +373,10 @@ def knots_mm(design: SensorDesign, *, is_coarse: bool = False, deepest_mm: float
 
 
 def _spare_mm(design: SensorDesign) -> float:
-    """Overshoot of presses of full depth, five deviations, less the extent of the curves' last slope [mm]."""
+    """How far the traced depths must go beyond the deepest press [mm].
+
+    It is five standard deviations of the depth's offset, minus the extrapolation `BEYOND_MM`.
+    """
     noise = design.noise
     offset = float(np.hypot(noise.zero_offset_set_mm, noise.zero_offset_place_mm))
     return max(SPARE_MM, 5.0 * offset + noise.retract_lag_mm - BEYOND_MM)
@@ -383,14 +391,14 @@ def traced_curves(
     seed: int = 0,
     on_step: OnStep | None = None,
 ) -> PressCurves:
-    """Trace curves; locations that a symmetry of the layout carries onto each other are traced once.
+    """Trace light against depth at given locations; locations equal by a symmetry of the layout are traced once.
 
     Parameters
     ----------
-    places_mm : (place, 2) [mm]
-    depth_mm : (knot,) rising from 0; by default `knots_mm` of the design [mm]
+    places_mm : (place, 2) x, y in the cavity frame [mm]
+    depth_mm : (knot,) depths to trace, rising from 0 [mm]; by default `knots_mm` of the design
     accuracy, seed : accuracy setting and random seed of the light model
-    on_step : called with (states done, states)
+    on_step : called with the number of traced states and their total
 
     Raises
     ------
@@ -411,23 +419,24 @@ def traced_curves(
 
 @dataclass(frozen=True, kw_only=True)
 class InterpolationError:
-    """Difference of interpolated and traced flux halfway between the knots.
+    """Difference between interpolated and traced flux, at depths halfway between the knots.
 
     Attributes
     ----------
-    depth_mm : (between,) [mm]
-    flux : (place, between, emitter, receiver) interpolated less traced, both with the light's own error [-]
+    depth_mm : (between,) depths halfway between the knots [mm]
+    flux : (place, between, emitter, receiver) interpolated minus traced share of the emitted power, both with the
+        numerical error of the light [-]
     """
 
     depth_mm: FloatArray
     flux: FloatArray
 
     def rms_counts(self, gains: FloatArray) -> float:
-        """Root mean square over locations, depths and pairs, with gains that multiply (emitter, receiver) [counts]."""
+        """Root mean square difference [counts]; `gains` (emitter, receiver) are in counts per flux."""
         return float(np.sqrt(((self.flux * gains) ** 2).mean()))
 
     def worst_counts(self, gains: FloatArray) -> float:
-        """The largest difference [counts]."""
+        """Largest absolute difference [counts]; `gains` (emitter, receiver) are in counts per flux."""
         return float(np.abs(self.flux * gains).max())
 
 
@@ -439,11 +448,11 @@ def interpolation_error(
     checked_with: str = "draft",
     seed: int = 0,
 ) -> InterpolationError:
-    """Trace curves at some locations and compare them with light traced halfway between the knots.
+    """Trace curves at some locations, and compare them with light traced halfway between their depths.
 
     Parameters
     ----------
-    accuracy, checked_with : settings of the curves, and of the light between the knots
+    accuracy, checked_with : accuracy settings of the curves, and of the light between
     """
     curves = traced_curves(design, places_mm, accuracy=accuracy, seed=seed)
     between = (curves.depth_mm[1:] + curves.depth_mm[:-1]) / 2

@@ -1,11 +1,12 @@
-"""A press protocol on a simulated sensor: light is traced once, then data are drawn any number of times.
+"""Simulate a press protocol on a sensor: light is traced once, then noisy data are drawn from it any number of times.
 
-`protocol_curves` traces the light of all locations of a protocol (those equal by symmetry once); `draw` runs the signal
-chain over it for a seed, in seconds. Every press has its own random numbers, named by seed, set and number of the
-press: they do not depend on earlier draws, so an interrupted run continues with the same data, and one press is the
-same alone as among all.
+`protocol_curves` traces the light at all locations of a protocol. `draw` applies the signal chain with a random seed,
+in seconds. Every press has its own random numbers, from the seed, the number of the set and the number of the press.
+They do not depend on earlier draws. So an interrupted run continues with the same data, and a press drawn alone equals
+the same press drawn among all.
 
-Order of the locations, offsets, drift, lamps and noise depend on the seed of the draw; locations and light do not.
+The seed of the draw sets the order of the locations, the offsets, drift, ambient light and noise. Locations and traced
+light do not depend on it.
 """
 
 from __future__ import annotations
@@ -39,20 +40,20 @@ from sims.readings.signal_chain import (
 )
 
 ORDER, SET, PRESS, FRAME = range(4)
-"""Purposes of streams of random numbers."""
+"""What a stream of random numbers is for; part of its seed."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class ProtocolCurves:
-    """The light of a protocol on a design, with an index for each of its presses.
+    """Traced light of a press protocol on a design, for all of its locations.
 
     Attributes
     ----------
     design, protocol : the traced design and protocol
-    curves : curves at all distinct locations
-    loose : the same locations with walls that have come loose; None where the design's do not
-    place_of : for each set (place,) index into the curves
-    readout : gains, set on the untouched pad
+    curves : light against depth at all distinct locations
+    loose : the same with an air gap at the walls, for walls that come loose; None if the design's walls do not
+    place_of : for each set, (place,) index of each of its locations in `curves`
+    readout : gains, set from the light without contact
     """
 
     design: SensorDesign
@@ -72,14 +73,14 @@ def protocol_curves(
     is_coarse: bool | None = None,
     on_step: OnStep | None = None,
 ) -> ProtocolCurves:
-    """Trace the light of a protocol.
+    """Trace the light of a press protocol at all of its locations.
 
     Parameters
     ----------
     seed, accuracy : random seed and accuracy setting of the light model
-    is_coarse : fewer depths, two thirds of the light, a larger error (docs/how-to/simulate-data-set.md); None: as in
-        the protocol
-    on_step : called with a stage's name and the share of it that is done
+    is_coarse : whether to trace fewer depths, with a larger error (docs/how-to/simulate-data-set.md); None: as in the
+        protocol
+    on_step : called with the name of a stage and the fraction of it that is done (0 to 1)
 
     Raises
     ------
@@ -104,7 +105,7 @@ def protocol_curves(
 
 
 def untouched_readout(design: SensorDesign, untouched_flux: FloatArray) -> Readout:
-    """The gains by the design's rule on an untouched pad, (emitter, receiver), as in the verdict."""
+    """Gains by the design's rule, from the flux (emitter, receiver) without contact; the same as in the verdict."""
     cavity = cavity_of(design)
     return readout_of(design, untouched_flux, mask_of(judged_pairs(cavity), cavity))
 
@@ -116,12 +117,13 @@ def draw(
     seed: int = 0,
     on_step: OnStep | None = None,
 ) -> PressData:
-    """All samples of a protocol, once through the signal chain.
+    """Draw all samples of a protocol: traced light with the errors and noise of one unit.
 
     Parameters
     ----------
-    chain : the unit that is read, by default the design's own; its noise also sets the stage's errors and loose walls
-    seed : seed of order, offsets, drift and noise
+    chain : signal chain of the sensor unit, by default the design's; its `noise` also sets the errors of the stage and
+        how walls come loose
+    seed : seed of the order of presses, of offsets, drift and noise
     """
     presses = []
     total = sum(map(len, curves.place_of))
@@ -147,11 +149,11 @@ def drawn_presses(
     seed: int = 0,
     but: frozenset[tuple[int, int]] = frozenset(),
 ) -> Iterator[PressData]:
-    """The samples press by press, in the order of the sets.
+    """Draw the samples of a protocol press by press, in the order of the sets; see `draw`.
 
     Parameters
     ----------
-    but : presses to leave out: (number of the set, number of the press within it)
+    but : presses to leave out, as (number of the set, number of the press in it)
     """
     whole = chain_of(curves.design, curves.readout) if chain is None else chain
     header = data_header(curves, whole, seed)
@@ -172,12 +174,12 @@ def simulate_protocol(
     is_coarse: bool | None = None,
     on_step: OnStep | None = None,
 ) -> PressData:
-    """Light and data in one call; for several seeds or units, trace once with `protocol_curves`.
+    """Trace a protocol's light and draw its data in one call.
 
     Parameters
     ----------
-    seed : seed of the draw; the light's is always 0, so that data of several seeds share one trace
-    accuracy, is_coarse, on_step : as for `protocol_curves`
+    seed : seed of the drawn data; the seed of the light is always 0, so that data of several seeds have the same light
+    accuracy, is_coarse, on_step : see `protocol_curves`
 
     Raises
     ------
@@ -188,7 +190,7 @@ def simulate_protocol(
 
 
 def data_header(curves: ProtocolCurves, chain: SignalChain, seed: int) -> PressData:
-    """Common part of all samples: names, sets, digest, protocol, parameters of the chain; no samples."""
+    """Data without samples, with what all samples share: names, sets, digest, protocol, parameters of the chain."""
     cavity = cavity_of(curves.design)
     states = (*(one.name for one in cavity.emitters), OFF)
     receivers = tuple(one.name for one in cavity.receivers)
@@ -209,7 +211,7 @@ def data_header(curves: ProtocolCurves, chain: SignalChain, seed: int) -> PressD
 
 
 class _DrawnSet:
-    """One set of a draw: the common part of its presses."""
+    """Draws the presses of one set of a protocol; stores what they share, such as drift and order."""
 
     def __init__(self, curves: ProtocolCurves, chain: SignalChain, number: int, seed: int) -> None:
         self.curves, self.chain, self.number, self.seed = curves, chain, number, seed
@@ -221,7 +223,7 @@ class _DrawnSet:
         self.loose_share = self._loose_share()
 
     def press(self, k: int, header: PressData) -> PressData:
-        """Samples of the k-th press."""
+        """Samples of the k-th press of the set; `header` has the common part of all data."""
         protocol, noise = self.curves.protocol, self.chain.noise
         place = int(self.curves.place_of[self.number][self.order[k]])
         errors = drawn_press(noise, self.offset_mm, self._rng(PRESS, k))
@@ -243,7 +245,10 @@ class _DrawnSet:
 
     @property
     def _frame_s(self) -> float:
-        """Period of frames, which run freely; the kept frame begins within a period of the stage's arrival."""
+        """Period of the frames [s].
+
+        Frames run freely, so that one starts within a period after the stage arrives.
+        """
         return 1.0 / self.curves.design.board.frame_rate_hz
 
     def _begins_s(self, k: int) -> FloatArray:
@@ -258,7 +263,7 @@ class _DrawnSet:
         return blended(bonded, self.curves.loose.at(places, depth_mm), self.loose_share[k])
 
     def _loose_share(self) -> FloatArray | None:
-        """(press, sample) loose share by the depths that the stage reports; None where walls do not come loose."""
+        """Share (press, sample) of loose walls by the reported depths; None if the design's walls do not come loose."""
         protocol, noise = self.curves.protocol, self.chain.noise
         if noise.wall_unbonded_share == 0.0:
             return None
@@ -286,7 +291,7 @@ def _presses(at_mm: FloatArray, depth_mm: FloatArray) -> FloatArray:
 
 
 def _distinct(places: tuple[FloatArray, ...]) -> tuple[FloatArray, tuple[IntArray, ...]]:
-    """All distinct locations, and for each set the numbers of its own."""
+    """All distinct locations, and for each set the numbers of its locations among these."""
     known: dict[tuple[float, float], int] = {}
     numbers = tuple(
         np.array([known.setdefault((float(x), float(y)), len(known)) for x, y in one], dtype=np.int64)

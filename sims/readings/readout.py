@@ -1,18 +1,17 @@
 """From light to counts: the receivers' transimpedance gains, then a converter that clips.
 
-counts = gain x flux, flux as a fraction of the emitted power. `gain.feedback_ohm` selects the rule of the gains:
+counts = gain x flux, with flux as a fraction of the emitted power. "Judged" pairs are those that the verdict considers.
+`gain.feedback_ohm` selects the rule for the gains:
 
-    each     a gain for every receiver; the median of its own judged pairs, untouched, reads `gain.target_counts`, or
-    less, so that the brightest of them reads `HEADROOM` of full scale at most; the default
-    common   one gain for all; the median judged pair, untouched, reads the target; brighter ones may clip
+    each     one gain per receiver: without contact, the median of its judged pairs reads `gain.target_counts`, or
+             less, so that the brightest of them reads at most `HEADROOM` of full scale; the default
+    common   one gain for all: the median judged pair reads the target without contact; brighter ones may clip
     ohms     the mounted resistors, with the emitters' power and the receivers' responsivity
              (`design.circuit.transimpedance`)
 
-Left out: emitters of different power on one pad, ambient light, drift (they belong to the signal chain).
+Left out: emitters of different power on one pad, ambient light and drift, which belong to the signal chain.
 
-Signals as an xarray data set with units and provenance, and as a netCDF file.
-
-``xarray.open_dataset("sims/signals.nc")`` opens it.
+`signals_dataset` makes an xarray data set of signals with units and provenance, `save_dataset` a netCDF file of it.
 """
 
 from __future__ import annotations
@@ -35,19 +34,22 @@ from design.spec import SensorDesign
 from sims.optics.light_signals import LightSignals
 
 HEADROOM = 0.75
-"""Largest share of full scale of a receiver's brightest judged pair, untouched, by the rule `each`: on the published
-layouts a dimple mirrors up to a quarter more onto the brightest pairs."""
+"""Largest untouched reading of a receiver's brightest pair in the verdict, over full scale, if gains are per receiver
+[-]. The rest is for dimples, which on the published layouts mirror up to a quarter more light onto the brightest
+pairs.
+"""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Readout:
-    """The gains and the converter's range.
+    """Gains of the receivers, and the converter's range.
 
     Attributes
     ----------
-    counts_per_flux : ADC counts for all of an emitter's power on one receiver; the median of the receivers' [counts]
-    full_scale_counts : largest reading [counts]
-    by_receiver : the same for each receiver, in order; empty with one common gain
+    counts_per_flux : ADC counts if all of an emitter's power were on one receiver, as the median over the receivers
+        [counts]
+    full_scale_counts : largest reading of the converter [counts]
+    by_receiver : the gain `counts_per_flux` of each receiver, in order; empty with one common gain
     """
 
     counts_per_flux: float
@@ -56,27 +58,27 @@ class Readout:
 
     @property
     def gains(self) -> FloatArray:
-        """Gains that multiply an array whose last axis is the receiver: (receiver,), or () for a common one."""
+        """Gains by which to multiply flux whose last axis is the receiver [counts]: (receiver,), or () if common."""
         return np.array(self.by_receiver or self.counts_per_flux)
 
     def of_receiver(self, receiver: int) -> float:
-        """Gain of one receiver [counts]."""
+        """Gain of the receiver with this index [counts]."""
         return self.by_receiver[receiver] if self.by_receiver else self.counts_per_flux
 
     def of_each(self, receivers: int) -> tuple[float, ...]:
-        """Gain of each of this many receivers [counts]."""
+        """Gain of each receiver, for a pad with this number of receivers [counts]."""
         return self.by_receiver or (self.counts_per_flux,) * receivers
 
     def of_pairs(self, pairs: Sequence[tuple[int, int]]) -> FloatArray:
-        """(pair,) gains of pairs (emitter, receiver) [counts]."""
+        """Gains (pair,) of pairs given as (emitter, receiver) indices [counts]."""
         return np.array([self.of_receiver(receiver) for _, receiver in pairs])
 
     def of_mask(self, mask: BoolArray) -> FloatArray:
-        """(pair,) gains of the pairs that a mask (emitter, receiver) selects, in its order [counts]."""
+        """Gains (pair,) of the pairs that a mask (emitter, receiver) selects, in its row-major order [counts]."""
         return np.broadcast_to(self.gains, mask.shape)[mask]
 
     def of_all_pairs(self, count: int) -> FloatArray:
-        """(pair,) gains of all pairs, emitter outermost [counts]."""
+        """Gains (pair,) of all `count` pairs, in the order E1-R1, E1-R2, ... [counts]."""
         each = self.by_receiver or (self.counts_per_flux,)
         return np.tile(np.array(each), count // len(each))
 
@@ -86,16 +88,16 @@ class Readout:
 
 
 def readout_of(design: SensorDesign, untouched_flux: FloatArray, reference: BoolArray) -> Readout:
-    """Set the gains on the untouched pad, or take them from the fitted resistors.
+    """The gains of a design, by its rule: set from the light without contact, or by the mounted resistors.
 
     Parameters
     ----------
-    untouched_flux : (emitter, receiver) flux as a fraction of emitted power [-]
-    reference : (emitter, receiver) pairs whose median is set to the target
+    untouched_flux : (emitter, receiver) flux without contact as a fraction of emitted power [-]
+    reference : (emitter, receiver) mask of the pairs whose median reading is set to the target
 
     Raises
     ------
-    ModelScopeError : the reference pairs receive no light, so no gain exists.
+    ModelScopeError : the reference pairs receive no light, so there is no gain that works.
     """
     feedback, full_scale = design.gain.feedback_ohm, full_scale_counts(design)
     if feedback == "common":
@@ -107,7 +109,7 @@ def readout_of(design: SensorDesign, untouched_flux: FloatArray, reference: Bool
 
 
 def _each(design: SensorDesign, flux: FloatArray, reference: BoolArray) -> tuple[float, ...]:
-    """Gain of each receiver; one without a judged pair gets the gain of all judged pairs."""
+    """Gain of each receiver, from its pairs in the mask `reference`; without any, from all pairs in the mask."""
     found, most = [], HEADROOM * full_scale_counts(design)
     for receiver in range(flux.shape[1]):
         own = np.zeros_like(reference)
@@ -140,16 +142,16 @@ COMPRESSION = {"zlib": True, "complevel": 4}
 def signals_dataset(
     light: LightSignals, cavity: CavityGeometry, *, counts_per_flux: float | None = None
 ) -> xr.Dataset:
-    """Name the axes of a trace.
+    """Turn traced light into an xarray data set with named axes and units.
 
     Parameters
     ----------
-    counts_per_flux : the common gain, recorded so that counts follow from flux [counts]
+    counts_per_flux : the common gain, stored as an attribute so that counts can be computed from flux [counts]
 
     Returns
     -------
     data set with ``flux`` (state, emitter, receiver), ``flux_by_class`` (path, state, emitter, receiver),
-    ``standard_error``, and the press of every state [mm]
+    ``standard_error`` (state, emitter, receiver), and ``press_x``, ``press_y``, ``press_depth`` (state) [mm]
     """
     axes = ("state", "emitter", "receiver")
     names = list(light.by_class)
@@ -176,7 +178,7 @@ def signals_dataset(
 
 
 def save_dataset(dataset: xr.Dataset, file: Path) -> None:
-    """Write a data set as netCDF, whole or not at all; errors are those of `design.files.whole_file`."""
+    """Write a data set as netCDF, completely or not at all; errors are those of `design.files.whole_file`."""
     encoding = {name: COMPRESSION for name, values in dataset.data_vars.items() if values.ndim > 1}
     with whole_file(file) as hidden:
         dataset.to_netcdf(hidden, engine="h5netcdf", encoding=encoding)

@@ -1,4 +1,4 @@
-"""A recording of a built sensor under presses: a minimal reader without processing.
+"""Read a recording of a built sensor under presses, from netCDF or CSV, without filtering.
 
 netCDF (as written by the driver's recorder), dimensions ``time``, ``state``, ``receiver``:
 
@@ -10,11 +10,11 @@ netCDF (as written by the driver's recorder), dimensions ``time``, ``state``, ``
 
 Lengths in a unit other than mm have it in their attribute `units`, and are converted.
 
-CSV: a heading line, one row per reading; ``depth_mm``, optionally ``x_mm`` and ``y_mm`` (each also ``_um``, ``_m``),
-and one column per pair (``E1-R1``) or one column ``signal``; lines before the heading that start with # may contain
-``# design_digest: <64 digits>``, or at least the first 8 of them.
+CSV: a heading line, then one row per reading. The columns are ``depth_mm``, optionally ``x_mm`` and ``y_mm`` (each also
+``_um``, ``_m``), and one column per pair (``E1-R1``) or one column ``signal``. Before the heading there may be a line
+``# design_digest: <64 digits>``, with at least the first 8 digits.
 
-The readings of an ``off`` state are subtracted. There is no filter, and no correction of drift or lag.
+The readings of an ``off`` state are subtracted. Drift and lag are not corrected.
 """
 
 from __future__ import annotations
@@ -54,12 +54,12 @@ class Recording:
 
     Attributes
     ----------
-    file : source of the readings
-    design_digest : digest of the built design, or its first digits; None where the file does not have it
-    depth_mm : (time,) depth [mm]
-    place_mm : (time, 2) x and y of the press [mm]; None where the file does not have them
-    counts : readings by pair, (time,) each; `signal` for a file of one unnamed pair [any one unit]
-    notes : processing of the readings, and missing information of the file
+    file : file of the readings
+    design_digest : digest of the built design, or its first digits; None if the file has none
+    depth_mm : (time,) depth of the press [mm]; 0 or less is no contact
+    place_mm : (time, 2) x and y of the press in the cavity frame [mm]; None if the file has none
+    counts : (time,) readings of each pair, by its name, or `signal` for a file with one unnamed pair [one common unit]
+    notes : sentences on how readings were processed, and on what the file lacks
     """
 
     file: Path
@@ -71,7 +71,7 @@ class Recording:
 
 
 def read_recording(file: Path, design: SensorDesign | None = None) -> Recording:
-    """Read a recording.
+    """Read a recording from a netCDF or CSV file.
 
     Parameters
     ----------
@@ -79,7 +79,7 @@ def read_recording(file: Path, design: SensorDesign | None = None) -> Recording:
 
     Raises
     ------
-    InputError : the file is missing or of another format, parts are missing, readings are no numbers, units are
+    InputError : the file is missing or has another format, columns are missing, readings are not numbers, units are
         unknown, or presses contradict the pad or the signals.
     """
     found = _read_csv(file) if kind_of_file(file) in TEXT_KINDS else _read_netcdf(file)
@@ -149,11 +149,11 @@ def _read_csv(file: Path) -> Recording:
 
 
 def _length_mm(table: CsvTable, axis: str) -> FloatArray | None:
-    """(row,) the column of an axis by its unit, as depth_um [mm]; None where there is none.
+    """Column (row,) of an axis, converted to mm by the unit in its name, such as depth_um; None if there is none.
 
     Raises
     ------
-    InputError : the axis occurs twice, or has no number in a row.
+    InputError : the axis occurs twice, or a row lacks its number.
     """
     named = {f"{axis}_{unit}": LENGTHS_MM[unit] for unit in CSV_UNITS}
     has = [name for name in table.heading if name in named]
@@ -163,7 +163,7 @@ def _length_mm(table: CsvTable, axis: str) -> FloatArray | None:
 
 
 def _checked_digest(file: Path, stated: object) -> str | None:
-    """A stated digest of the design, or its first digits, in small letters; None where none is stated."""
+    """Check a stated digest of the design, or its first digits; returns it in lower case, or None if none is stated."""
     if stated is None:
         return None
     digest = str(stated).strip().lower()
@@ -176,7 +176,7 @@ def _checked_digest(file: Path, stated: object) -> str | None:
 
 
 def _has_place(file: Path, names: Container[Any], x: str, y: str) -> bool:
-    """Whether both coordinates of the press are present; one alone is refused."""
+    """Whether the file has both coordinates of the press; raises if it has only one."""
     if (x in names) != (y in names):
         one, other = (x, y) if x in names else (y, x)
         raise InputError(f"{file}: has {one} without {other}; give both, or neither and --at X,Y")

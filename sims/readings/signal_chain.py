@@ -1,41 +1,7 @@
-"""Share of the walls that a press has torn loose, and the signals with it.
+"""From flux to counts, frame by frame, with drift, noise, ambient light, errors of the stage and loose walls.
 
-By the paper, elastomer and wall bond and unbond over 5 to 10 s, seen as hysteresis, without a magnitude. Here a press
-of depth d unbonds at least the share s d / d_max of all walls, and the loose share heals:
-
-    du/dt = -u / T,   u >= s max(d, 0) / d_max
-
-with s = `noise.wall_unbonded_share` (0 by default) and T = `noise.wall_heal_s`. Signals are (1 - u) times those of
-the design's bonded walls plus u times those of walls with an air gap, both from the light model: light adds up over
-patches of wall, so this is exact for light that meets walls once and a first order for the rest.
-
-With a black layer the bottom is silicone cast on silicone and stays bonded. Without one the mold's floor may come loose
-too; the light model has no smooth floor, so only the walls are modelled there too. Left out: the distribution of the
-loose share along the walls, and the change of force and shape.
-
-True position of the tip, as opposed to the stage's.
-
-    depth = reported + offset of the set + offset of the location, and on the way back + lag, never beyond the turn
-    x, y  = reported + error of the press
-
-The offsets of depth represent a zero set by hand and a surface that is not level; the lag is backlash, so after the
-turn the tip stays until the lag is taken up. Light is traced at the protocol's locations and depths are interpolated,
-so the error in x and y is added to the reported location: its spread is the same, and one trace serves all seeds.
-Left out: a stage that is not square or not level, errors that depend on the location.
-
-Shot noise of the receivers' amplifiers, and the emitters' unequal power.
-
-The current i of a photodiode has the spectral density 2 q i (Schottky). A transimpedance amplifier with feedback
-R and C passes the noise bandwidth 1 / (4 R C), its step is V = supply / 2^bits, and n counts are i R = n V. In counts
-
-    variance = 2 q i R^2 / (4 R C V^2) = n q / (2 C V)
-
-so it depends neither on the light nor on the resistor, only on the resistor's capacitor. With 27 pF and 10 bits of 5 V
-it is 6e-7 per count: 0.01 counts at 300, far below the reading noise of any board here. Left out: the resistor's
-thermal noise, for which the data sheets of the chosen amplifiers lack figures; `read_noise_counts` includes it.
-
-From flux to counts, frame by frame.
-
+Signal chain
+------------
 For emitter e and receiver r, in a frame that begins at t, with flux F (share of the emitted power):
 
     lit      = F x power_e x gain_r                      counts of a still sensor (`sims.readings.readout`)
@@ -46,11 +12,52 @@ For emitter e and receiver r, in a frame that begins at t, with flux F (share of
                                                          over the board's averages
     counts   = whole number within 0 and full scale
 
-States follow one another as on the board: every emitter alone, then all off; in each, receiver after receiver
-(`design.circuit.pins`). Subtraction of the off state leaves the flicker between its time and the others'.
+States follow one another as on the board: every emitter alone, with all off at the end, or before and after each
+emitter, so that the mean of both is subtracted (`design.recordings.with_one_dark`). In each state the receivers are
+read one after another (`design.circuit.pins`). Readings of a pair and of its dark states have different
+times, so part of the ambient light's flicker remains when the dark state is subtracted.
 
 Left out: settling of amplifiers (the firmware waits for it), crosstalk of the converter's inputs, ambient light that
 the finger shadows, the converter's nonlinearity, temperature except for the drift.
+
+Shot noise, and emitters of unequal power
+-----------------------------------------
+The current i of a photodiode has the spectral density 2 q i (Schottky). A transimpedance amplifier with feedback R and
+C has the noise bandwidth 1 / (4 R C). A step of the converter is V = supply / 2^bits, so n counts are i R = n V. In
+counts
+
+    variance = 2 q i R^2 / (4 R C V^2) = n q / (2 C V)
+
+The variance per count depends only on the capacitor, neither on the light nor on the resistor. With 27 pF and 10 bits
+of 5 V it is 6e-7 per count. This is 0.01 counts at 300, far below the reading noise of any board here. Left out: the
+resistor's thermal noise, as the data sheets lack figures; `read_noise_counts` includes it.
+
+Position of the tip
+-------------------
+The true position differs from the one that the stage reports:
+
+    depth = reported + offset of the set + offset of the location, and on the way back + lag, never beyond the turn
+    x, y  = reported + error of the press
+
+The offsets of depth model a zero that is set by hand, and a surface that is not level. The lag is backlash: after the
+turn the tip stays until the stage has taken up the lag. Light is traced at the protocol's locations and interpolated in
+depth. So the error in x and y is subtracted from the reported location instead, which has the same spread, and one
+trace serves all seeds. Left out: a stage that is not square or not level, errors that depend on the location.
+
+Loose walls
+-----------
+By the paper, elastomer and wall bond and unbond over 5 to 10 s. It shows this as hysteresis, without a magnitude. Here
+a press of depth d unbonds at least the share s d / d_max of all walls, and the loose share u heals:
+
+    du/dt = -u / T,   u >= s max(d, 0) / d_max
+
+with s = `noise.wall_unbonded_share` (0 by default) and T = `noise.wall_heal_s`. Signals are (1 - u) times those with
+bonded walls plus u times those with an air gap at all walls, both from the light model. This is exact for light that
+meets walls once, and a first order for the rest.
+
+With a black layer the bottom is silicone cast on silicone and stays bonded. Without one the mold's floor may come loose
+too, but only the walls are modelled, as the light model has no smooth floor. Left out: the distribution of the loose
+share along the walls, and the change of force and shape.
 """
 
 from __future__ import annotations
@@ -73,10 +80,13 @@ from design.circuit.pins import (
     multiplexer_of,
     reading_time_ms,
     receiver_paths,
+    shift_register_of,
+    state_count,
     switch_time_ms,
 )
 from design.circuit.transimpedance import emitted_mw, feedbacks_of, responsivity_at
 from design.errors import ModelScopeError
+from design.recordings import lit_emitters, nearest_dark_states, with_one_dark
 from design.shape.cavity import cavity_of
 from design.spec import SensorDesign
 from design.spec.sensor import PURE, Noise
@@ -86,13 +96,13 @@ from sims.readings.readout import Readout
 def unbonded_share(
     depth_mm: FloatArray, time_s: FloatArray, *, deepest_mm: float, share: float, heal_s: float
 ) -> FloatArray:
-    """(n,) share of the walls that is loose at each of a series of samples, 0 before the first [-].
+    """Share (n,) of the walls that has come loose, at each of a series of samples [-]; 0 before the first sample.
 
     Parameters
     ----------
-    depth_mm, time_s : (n,) depth and rising time of the samples [mm], [s]
-    deepest_mm : press that unbonds `share` [mm]
-    heal_s : time constant [s]
+    depth_mm, time_s : (n,) depth [mm] and increasing time [s] of the samples
+    deepest_mm : depth of the press that unbonds the share `share` [mm]
+    heal_s : time constant with which walls bond again [s]
     """
     forced = share * np.clip(depth_mm / deepest_mm, 0.0, 1.0)
     found = np.empty(len(forced))
@@ -109,7 +119,7 @@ def with_loose_walls(design: SensorDesign) -> SensorDesign:
 
     Raises
     ------
-    ModelScopeError : its walls already have one, so no wall can come loose.
+    ModelScopeError : the walls already have an air gap, so they cannot come loose.
     """
     if design.surfaces.wall_finish == "air_gap":
         raise ModelScopeError(
@@ -120,19 +130,19 @@ def with_loose_walls(design: SensorDesign) -> SensorDesign:
 
 
 def blended(bonded: FloatArray, loose: FloatArray, share: FloatArray) -> FloatArray:
-    """(n, emitter, receiver) flux where a share (n,) of the walls is loose."""
+    """Flux (n, emitter, receiver) if a share (n,) of the walls is loose, from the flux for all bonded and all loose."""
     u = share[:, None, None]
     return np.asarray((1.0 - u) * bonded + u * loose)
 
 
 @dataclass(frozen=True, kw_only=True)
 class PressDraw:
-    """Errors of one press.
+    """Errors of the stage in one press.
 
     Attributes
     ----------
-    zero_offset_mm : true less reported depth on the way in [mm]
-    place_error_mm : (2,) true less reported x, y [mm]
+    zero_offset_mm : true minus reported depth on the way in [mm]
+    place_error_mm : (2,) true minus reported x, y [mm]
     """
 
     zero_offset_mm: float
@@ -140,12 +150,12 @@ class PressDraw:
 
 
 def drawn_set_offset_mm(noise: Noise, rng: np.random.Generator) -> float:
-    """Offset of a set's reference depth [mm]."""
+    """Draw the offset of the depth's zero that all presses of a set share [mm]."""
     return float(noise.zero_offset_set_mm * rng.standard_normal())
 
 
 def drawn_press(noise: Noise, set_offset_mm: float, rng: np.random.Generator) -> PressDraw:
-    """Errors of a new press."""
+    """Draw the errors of the stage in one press."""
     return PressDraw(
         zero_offset_mm=set_offset_mm + float(noise.zero_offset_place_mm * rng.standard_normal()),
         place_error_mm=noise.position_error_mm * rng.standard_normal(2),
@@ -155,7 +165,7 @@ def drawn_press(noise: Noise, set_offset_mm: float, rng: np.random.Generator) ->
 def true_depth_mm(
     reported_mm: FloatArray, is_retracting: BoolArray, drawn: PressDraw, retract_lag_mm: float
 ) -> FloatArray:
-    """(n,) depth of the tip in one press, in and back [mm]."""
+    """True depth (n,) of the tip in one press, from the reported depth on the way in and back [mm]."""
     deepest = reported_mm.max() if len(reported_mm) else 0.0
     lagging = np.where(is_retracting, np.minimum(reported_mm + retract_lag_mm, deepest), reported_mm)
     return np.asarray(lagging + drawn.zero_offset_mm)
@@ -165,11 +175,11 @@ ELECTRON_C = 1.602176634e-19
 """Charge of the electron, exact in the SI [C]."""
 F_PER_PF = 1e-12
 UNKNOWN_FEEDBACK_PF = 22.0
-"""Assumed feedback capacitor where an emitter's power is unknown, so that none can be chosen [pF]."""
+"""Feedback capacitor assumed if an emitter's power is unknown, so that none can be chosen [pF]."""
 
 
 def shot_variance_per_count(design: SensorDesign, readout: Readout) -> FloatArray:
-    """(receiver,) variance of a value over its counts; the design's own for all if it has one [counts]."""
+    """Shot noise: variance (receiver,) of a reading over its counts [counts]; the design's value, if it sets one."""
     count = len(cavity_of(design).receivers)
     if design.noise.shot_variance_per_count is not None:
         return np.full(count, design.noise.shot_variance_per_count / design.board.averages)
@@ -183,10 +193,10 @@ def shot_variance_per_count(design: SensorDesign, readout: Readout) -> FloatArra
 
 
 def relative_power(design: SensorDesign) -> FloatArray:
-    """(emitter, receiver) photocurrent over that of the mean emitter, for equal flux [-].
+    """Photocurrent (emitter, receiver) at equal flux, relative to the mean of the emitters [-].
 
-    It is 1 where all emitters are one part, and where the power of one is unknown. The gains of a readout belong to
-    the mean emitter.
+    It is 1 if all emitters are the same part, or if the power of one is unknown. A readout's gains are for the mean
+    emitter.
     """
     cavity = cavity_of(design)
     board, sink = board_of(design), current_sink(design)
@@ -213,14 +223,14 @@ S_PER_HOUR = 3600.0
 
 @dataclass(frozen=True, kw_only=True)
 class SetDraw:
-    """Drift and lamps of one data set, drawn once.
+    """Drift and ambient light of one data set, drawn once for all its frames.
 
     Attributes
     ----------
-    emitter_drift, receiver_drift : (emitter,), (receiver,) relative change of gain at the set's begin [-]
-    emitter_rate, receiver_rate : its rate per hour [1/h]
-    flicker_phase : phase of the lamps at time 0 [rad]
-    ambient_counts : ambient light, 0 in a dark set [counts]
+    emitter_drift, receiver_drift : (emitter,), (receiver,) relative change of gain at the start of the set [-]
+    emitter_rate, receiver_rate : change of this per hour [1/h]
+    flicker_phase : phase of the ambient light's flicker at time 0 [rad]
+    ambient_counts : mean reading of ambient light, 0 in a dark set [counts]
     """
 
     emitter_drift: FloatArray
@@ -231,7 +241,7 @@ class SetDraw:
     ambient_counts: float
 
     def gain(self, time_s: FloatArray) -> FloatArray:
-        """(n, emitter, receiver) factor of the signals at times within the set [-]."""
+        """Factor (n, emitter, receiver) of the signals by drift, at times (n,) within the set [-]."""
         hours = np.asarray(time_s, dtype=np.float64)[:, None] / S_PER_HOUR
         emitter = 1.0 + self.emitter_drift + hours * self.emitter_rate
         receiver = 1.0 + self.receiver_drift + hours * self.receiver_rate
@@ -240,15 +250,16 @@ class SetDraw:
 
 @dataclass(frozen=True, kw_only=True)
 class SignalChain:
-    """The chain of one sensor; a copy with other gains (`dataclasses.replace`) is another unit of it.
+    """Signal chain of one sensor unit, from flux to counts. For another unit, copy it with other gains.
 
     Attributes
     ----------
-    gains : (emitter, receiver) counts for all of an emitter's power on a receiver [counts]
-    full_scale_counts : largest reading [counts]
-    noise : the design's parameters
-    shot_variance_per_count : (receiver,) variance over counts [counts]
-    read_at_s : (state, receiver) time of each reading, from the frame's start; off is last [s]
+    gains : (emitter, receiver) reading if all of an emitter's power were on the receiver [counts]
+    full_scale_counts : largest reading of the converter [counts]
+    noise : the design's noise parameters
+    shot_variance_per_count : (receiver,) variance of the shot noise over the reading [counts]
+    read_at_s : (state, receiver) time of each reading, from the frame's start, in the states of `lit_emitters` [s]
+    dark : ``frame`` or ``each``, see `lit_emitters`
     """
 
     gains: FloatArray
@@ -256,9 +267,10 @@ class SignalChain:
     noise: Noise
     shot_variance_per_count: FloatArray
     read_at_s: FloatArray
+    dark: str = "frame"
 
     def draw_set(self, rng: np.random.Generator, *, is_ambient: bool) -> SetDraw:
-        """Drift and lamps of a new data set."""
+        """Draw drift and ambient light of a new data set."""
         emitters, receivers = self.gains.shape
         noise = self.noise
         drifts: list[FloatArray] = [
@@ -283,58 +295,68 @@ class SignalChain:
         is_ambient: bool = False,
         drawn: SetDraw | None = None,
     ) -> NDArray[np.float32]:
-        """Readings of frames.
+        """Readings of frames, with all drift, ambient light and noise.
 
         Parameters
         ----------
         flux : (n, emitter, receiver) share of the emitted power [-]
         time_s : (n,) start of each frame within its set [s]
-        rng : generator of all noise from frame to frame
-        is_ambient : whether lamps are on; `drawn` has precedence
-        drawn : drift and lamps of the frames' set; None draws a new one from `rng`
+        rng : generator of the noise from frame to frame
+        is_ambient : whether there is ambient light; ignored if `drawn` is given
+        drawn : drift and ambient light of the frames' set; None draws new ones from `rng`
 
         Returns
         -------
-        (n, state, receiver) whole counts, off last; not rounded where `noise.quantised` is false [counts]
+        (n, state, receiver) readings, the off state last [counts]; not rounded if `noise.quantised` is false
         """
         held = self.draw_set(rng, is_ambient=is_ambient) if drawn is None else drawn
         emitters, receivers = self.gains.shape
+        states = lit_emitters(emitters, self.dark)
+        is_lit = np.array([one is not None for one in states])
         lit = flux * self.gains * held.gain(time_s)
         lit *= 1.0 + self.noise.led_fluctuation * rng.standard_normal((len(flux), emitters, 1))
-        light = np.zeros((len(flux), emitters + 1, receivers))
-        light[:, :-1] = lit
+        light = np.zeros((len(flux), len(states), receivers))
+        light[:, is_lit] = lit
         light += self._ambient(np.asarray(time_s, dtype=np.float64), held)
         sigma = np.sqrt(self.noise.read_noise_counts**2 + self.shot_variance_per_count * light)
         reading = light + self.noise.dark_counts + sigma * rng.standard_normal(light.shape)
         if self.noise.quantised:
             np.rint(reading, out=reading)
-        return np.clip(reading, 0.0, self.full_scale_counts).astype(np.float32)
+        np.clip(reading, 0.0, self.full_scale_counts, out=reading)
+        reading = with_one_dark(reading, states, self.full_scale_counts)
+        if self.noise.quantised:
+            np.rint(reading, out=reading)
+        return reading.astype(np.float32)
 
     def pair_sigma_counts(self, signal: FloatArray) -> FloatArray:
-        """Standard deviation from frame to frame of a pair's signal, the off state subtracted [counts].
+        """Standard deviation of pairs' signals from frame to frame, with the off state subtracted [counts].
 
-        It contains two readings with read noise, rounding and shot noise, and the emitter's fluctuation. Left out:
-        drift, and flicker (`flicker_sigma_counts`), which neighbouring pairs share.
+        Included are the noise and rounding of the pair's reading and of its dark readings, the rounding of the mean of
+        two dark readings to whole counts (variance 1/8), shot noise, and the emitter's fluctuation. Left out are drift,
+        and flicker (`flicker_sigma_counts`), which neighbouring pairs have in common.
 
         Parameters
         ----------
         signal : (..., emitter, receiver) signals [counts]
         """
-        rounding = 1.0 / 12.0 if self.noise.quantised else 0.0
+        rounding, of_mean = (1.0 / 12.0, 1.0 / 8.0) if self.noise.quantised else (0.0, 0.0)
         each = self.noise.read_noise_counts**2 + rounding
+        earlier, later = nearest_dark_states(lit_emitters(len(self.gains), self.dark)).T[..., None]
+        dark = np.where(earlier == later, each, each / 2.0 + of_mean)
         shot = self.shot_variance_per_count * np.maximum(signal, 0.0)
-        return np.sqrt(2.0 * each + shot + (self.noise.led_fluctuation * signal) ** 2)
+        return np.sqrt(each + dark + shot + (self.noise.led_fluctuation * signal) ** 2)
 
     def flicker_sigma_counts(self) -> FloatArray:
-        """(emitter, receiver) residual of the lamps' flicker with the off state subtracted, rms over phases [counts].
+        """Flicker (emitter, receiver) of ambient light that remains after the off state is subtracted, rms [counts].
 
-        It is A m sqrt(1 - cos(2 pi f dt)), with dt the time between a pair's reading and the off state's.
+        It is A m sqrt(1 - cos(2 pi f dt)) for ambient light A, modulation m and frequency f, with one dark state at the
+        time dt from a pair's reading, and A m (1 - cos(2 pi f dt)) / sqrt(2) with one dt before and one dt after it.
         """
-        apart_s = self.read_at_s[-1] - self.read_at_s[:-1]
-        turn = 1.0 - np.cos(2.0 * np.pi * self.noise.flicker_hz * apart_s)
-        return np.asarray(
-            self.noise.ambient_counts * self.noise.ambient_flicker * np.sqrt(np.maximum(turn, 0.0))
-        )
+        states = lit_emitters(len(self.gains), self.dark)
+        wave = np.exp(2j * np.pi * self.noise.flicker_hz * self.read_at_s)
+        lit = wave[[emitter is not None for emitter in states]]
+        left = np.abs(lit - wave[nearest_dark_states(states)].mean(axis=1)) / np.sqrt(2.0)
+        return np.asarray(self.noise.ambient_counts * self.noise.ambient_flicker * left)
 
     def _ambient(self, time_s: FloatArray, held: SetDraw) -> FloatArray | float:
         if held.ambient_counts == 0.0:
@@ -345,9 +367,10 @@ class SignalChain:
 
 
 def chain_of(design: SensorDesign, readout: Readout) -> SignalChain:
-    """The chain of a design with the gains of a readout.
+    """The signal chain of a design, with the gains of a readout.
 
-    Unequal emitters are weighted by their power where all are known; a readout's gains belong to the mean one.
+    A readout's gains are for the mean emitter, so unequal emitters are weighted by their power, if all powers are
+    known.
     """
     cavity = cavity_of(design)
     gains = relative_power(design) * readout.of_each(len(cavity.receivers))
@@ -357,27 +380,30 @@ def chain_of(design: SensorDesign, readout: Readout) -> SignalChain:
         noise=design.noise.model_copy(update={"read_noise_counts": design.value_noise_counts}),
         shot_variance_per_count=shot_variance_per_count(design, readout),
         read_at_s=reading_times_s(design),
+        dark=design.board.dark,
     )
 
 
 def reading_times_s(design: SensorDesign) -> FloatArray:
-    """(state, receiver) start of each value's first reading, from the frame's start: every emitter alone, then off [s].
+    """Time (state, receiver) from the frame's start to each value's first reading, in the states of `lit_emitters` [s].
 
     The multiplexers settle before the first reading at an address. LED drivers take their data before they light.
     """
     emitters = len(cavity_of(design).emitters)
-    states = emitters + 1
+    states = state_count(emitters, design.board.dark)
     addresses = np.array([path.address or 0 for path in receiver_paths(design)])
     multiplexer = multiplexer_of(design)
     wait_s = 0.0 if multiplexer is None else multiplexer.settle_us.value / US_PER_S
     conversion_ms = reading_time_ms(board_of(design), design.board, converter_of(design))
     value_s = design.board.averages * conversion_ms / MS_PER_S
     within_s = np.arange(len(addresses)) * value_s + (addresses + 1) * wait_s
-    settle_s = design.board.settle_us / US_PER_S + switch_time_ms(driver_of(design), emitters) / MS_PER_S
+    driver = driver_of(design) or shift_register_of(design)
+    switch_s = switch_time_ms(driver, emitters, design.board.dark) / MS_PER_S
+    settle_s = design.board.settle_us / US_PER_S + switch_s
     state_s = settle_s + len(addresses) * value_s + (addresses.max() + 1) * wait_s
     return np.asarray((np.arange(states) * state_s + settle_s)[:, None] + within_s)
 
 
 def without_noise(design: SensorDesign) -> SensorDesign:
-    """The design without errors of the chain: its counts are gain times light, up to full scale."""
+    """The design without noise, drift and other errors of the chain: counts are gain times light, up to full scale."""
     return design.with_(**{f"noise.{name}": value for name, value in PURE.items()})

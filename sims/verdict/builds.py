@@ -1,26 +1,31 @@
-"""Short verdicts on manufactured units of a design, and the share of units that keep the design's verdict.
+"""Short verdicts on manufactured units of a design: mode gap, deadband and margin of each.
 
-A manufactured unit is the design with changed values of unmeasured parameters. A short verdict has its mode gap,
-deadband and margin. Facing rows are judged by their governing pair or by all facing pairs. A pad is judged at its
-location of least margin, by the pairs that make up nine tenths of the change of its frames in any part of the depth.
-Fewer pairs can only lengthen a pad's deadband, so a pad without a deadband by these pairs has none.
+A short verdict is quicker than that of a score, so many units with other values of unmeasured parameters can be
+judged. Facing rows are judged by one pair under
+its own press; a pad at one location, by the pairs that make up nine tenths of the change of its frames there in any
+part of the depth. Fewer pairs can only lengthen a pad's deadband, so a pad without one by these pairs has none.
 
-The share of units that keep the verdict is a Monte Carlo estimate over all tolerances:
+A *judge* is the function that gives the short verdict of one unit, together with words for the pairs or the location by
+which it judges. Facing rows are judged by their governing pair or by all facing pairs, a pad by pairs at its location
+of least margin.
+
+A Monte Carlo study over all tolerances gives the share of units that keep the verdict.
 
     tolerances ──► Sobol points, scrambled with the seed ──► units ──► short verdicts ──► share that keeps it
 
-Each unit has all its tolerances drawn at once, and its gain is set as it would be on that unit. The random shifts of
-the light model are the same for all units, so two units differ by the drawn values only.
+Each unit is the design with all its tolerances drawn at once. Its gain is set anew, as it would be on that unit, and
+it is judged as the design itself is: facing rows by all facing pairs, a pad at its location of least margin. The
+random shifts of the light model are the same for all units, so two units differ by the drawn values only.
 
 Uncertainty: the share has the exact binomial interval (Clopper and Pearson 1934) at 95 %. Sobol points are more even
-than random points, so the interval is rather too wide. It is the uncertainty of the *count*, not of the tolerances,
+than random ones, so the interval is rather too wide. It covers the finite number of units only, not the tolerances,
 which are assumptions. Units whose verdict the numerical error may change are counted separately.
 
-Sensitivity: Spearman's rank correlation of each value with the margin of the units (for units with a deadband, minus
-its length), with Fisher's 95 % interval. It shows a value's effect while all others vary; `sims.verdict.tolerance`
-varies one value at a time.
+Sensitivity: Spearman's rank correlation of each value with the margin of the unit's verdict (for units with a
+deadband, minus its length), with Fisher's 95 % interval. It shows a value's effect while all others vary; the
+one-at-a-time ends (`tolerance`) show it alone.
 
-What the tolerances leave out is listed in `design.spec.tolerances`.
+Left out: the same as in `design.spec.tolerances`.
 """
 
 from __future__ import annotations
@@ -59,30 +64,29 @@ from sims.verdict.pair_score import PairScore, score_pair, total_length_mm
 from sims.verdict.presses import SECOND_SEED, Pair, PairCurves, curves_of, pair_curves, states_of
 
 ACCURACY = replace(ACCURACIES["draft"], reference_rays=4096)
-"""Light settings for manufactured units; the design itself is traced with them for comparison. On the paper's pad and
-pair, margins by four seeds scatter as with "standard" settings (0.16 noise units on the pad), at half the cost."""
+"""Light settings of units; the design itself is traced the same way for comparison. On the paper's pad and pair, the
+margins of four seeds spread as at "standard" (by 0.16 noise units on the pad), at half the cost."""
 FORMED_ACCURACY = replace(ACCURACY, image_step=0.7, rings=16, columns=40)
-"""Light settings for manufactured units that are discs or crowned pads. On three presets, margins by four seeds scatter
-by 3 to 5 %, twice as much as with `ACCURACY`, at half the cost."""
+"""The same for discs and crowned pads. On three presets the margins of four seeds spread by 3 to 5 %, twice as much
+as with `ACCURACY`, at half the cost."""
 NEARLY_DEAD = 1.5 * DEADBAND_THRESHOLD
-"""Distance between frames below which a unit's depths are traced a second time, to remove the numerical error [noise
-units]."""
+"""Distance below which depths of a unit are traced again, to remove the numerical error [noise units]."""
 RESPONSE_WINDOW_MM = 0.5
-"""Length of the depth windows in each of which the most responsive pairs of a location are selected [mm]."""
+"""Part of the depth in which the most responsive pairs of a location are selected [mm]."""
 RESPONSE_SHARE = 0.9
-"""Share of the squared change of frames within a depth window that the selected pairs make up [-]."""
+"""Share of the squared distance of frames that these pairs make up there [-]."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Brief:
-    """A short verdict on a unit: the numbers on which a full verdict depends.
+    """A short verdict: the numbers on which a full verdict depends.
 
     Attributes
     ----------
-    gap_mm : signed mode gap [mm]; None when mode 2 is never reached, and for a pad
+    gap_mm : signed mode gap [mm]; None when mode 2 is never reached, or for a pad
     deadband_mm : summed length of the deadbands [mm]
-    margin : change of the signal, or distance between a pad's frames, over the least resolved 0.3 mm of depth [noise
-        units]; a margin below 3 means a deadband
+    margin : change of the signal, or distance of a pad's frames, over the least resolved 0.3 mm of depth [noise units];
+        below 3 is a deadband
     usable_mm : depth beyond which depth is no longer resolved, or the deepest press [mm]; None if not computed
     in_doubt : whether the numerical error of the light model may hide a deadband where none was found
     """
@@ -95,12 +99,12 @@ class Brief:
 
 
 def accuracy_of_builds(design: SensorDesign) -> Accuracy:
-    """Light settings for manufactured units of a design."""
+    """Accuracy setting of the light model for units of a design."""
     return ACCURACY if plan_of(design).is_block else FORMED_ACCURACY
 
 
 def score_curves(design: SensorDesign, curves: PairCurves, readout: Readout) -> PairScore:
-    """Score of one pair from its light and its receiver's gain; a clipped reading has no error of the light trace."""
+    """Score of one pair from its light, with its receiver's gain; numerical errors clip with the readings."""
     gain = readout.of_receiver(curves.pair[1])
     is_clipped = curves.total * gain >= readout.full_scale_counts
     return score_pair(
@@ -116,10 +120,7 @@ def score_curves(design: SensorDesign, curves: PairCurves, readout: Readout) -> 
 
 
 def facing_brief(design: SensorDesign, *, seed: int) -> Brief:
-    """Short verdict on a unit of facing rows by all facing pairs.
-
-    The gap is that of the middle pair, deadband and margin are those of the worst pair.
-    """
+    """Short verdict on facing rows: mode gap of the middle pair, deadband and margin of the worst pair."""
     cavity = cavity_of(design)
     pairs = judged_pairs(cavity)
     depth_mm = depth_schedule_mm(design.operating.max_depth_mm, COARSE_STEP_MM)
@@ -145,7 +146,7 @@ def facing_brief(design: SensorDesign, *, seed: int) -> Brief:
 def pair_margin(
     design: SensorDesign, readout: Readout, curves: PairCurves, score: PairScore
 ) -> tuple[float, float]:
-    """Margin of a pair, and the numerical error of its light over the judged depth, both in noise units."""
+    """Margin of a pair, and the numerical error over its judged depth [noise units]."""
     depth_mm = curves.depth_mm
     judged = depth_mm <= score.end_mm
     gain, full_scale = readout.of_receiver(curves.pair[1]), readout.full_scale_counts
@@ -156,7 +157,7 @@ def pair_margin(
 
 
 def pair_brief(design: SensorDesign, pair: Pair, *, seed: int) -> Brief:
-    """Short verdict on a unit by one pair under the press at its chord's midpoint."""
+    """Short verdict by one pair, pressed at the midpoint of the line between its two parts."""
     place_mm = chord_midpoint_mm(cavity_of(design), pair)
     depth_mm, light, readout = _pressed(design, place_mm, (pair,), seed)
     curves = curves_of(light, pair, place_mm, slice(1, None), depth_mm)
@@ -178,10 +179,7 @@ def _usable_mm(design: SensorDesign, score: PairScore) -> float:
 def place_brief(
     design: SensorDesign, place_mm: tuple[float, float], pairs: tuple[Pair, ...], *, seed: int
 ) -> Brief:
-    """Short verdict on a unit at one location by some pairs together.
-
-    Depths with a distance near the threshold are traced twice, to remove the numerical error.
-    """
+    """Short verdict at one location by some pairs together; a margin near the threshold is traced twice."""
     depth_mm, light, readout = _pressed(design, place_mm, pairs, seed)
     counts = np.stack([_counts(light, pairs, readout, first=1)] * 2)
     full_scale, once = readout.full_scale_counts, np.zeros_like(counts[0])
@@ -206,7 +204,7 @@ def place_brief(
 
 
 def _counts(light: LightSignals, pairs: tuple[Pair, ...], readout: Readout, *, first: int = 0) -> FloatArray:
-    """(state, pair) readings of some pairs, from state number `first` on [counts]."""
+    """Readings (state, pair) of all states from a given one on [counts]."""
     emitters, receivers = np.array(pairs).T
     return np.asarray(light.flux[first:, emitters, receivers] * readout.of_pairs(pairs))
 
@@ -214,13 +212,13 @@ def _counts(light: LightSignals, pairs: tuple[Pair, ...], readout: Readout, *, f
 def responsive_pairs(
     design: SensorDesign, depth_mm: FloatArray, counts: FloatArray, pairs: tuple[Pair, ...]
 ) -> tuple[Pair, ...]:
-    """The pairs that make up most of the change of frames in at least one part of the depth.
+    """The pairs that make up most of the change of frames in any part of the depth.
 
     Parameters
     ----------
-    depth_mm : (n,) depths [mm]
-    counts : (n, pair) readings at one location [counts]
-    pairs : (emitter, receiver) of each column of `counts`
+    depth_mm : (n,) depths
+    counts : (n, pair) readings at one location
+    pairs : names of the columns
     """
     units = noise_units(counts, **noise_of(design))
     chosen: dict[Pair, None] = {}
@@ -237,10 +235,7 @@ def responsive_pairs(
 def _pressed(
     design: SensorDesign, place_mm: tuple[float, float], pairs: tuple[Pair, ...], seed: int
 ) -> tuple[FloatArray, LightSignals, Readout]:
-    """Depths, light and gain of one press.
-
-    State 0 of the light is the untouched pad with all pairs, followed by one state per depth.
-    """
+    """Depths, light and gain for one press location; state 0 is the untouched pad, then one state per depth."""
     cavity = cavity_of(design)
     depth_mm = depth_schedule_mm(design.operating.max_depth_mm, COARSE_STEP_MM)
     light = _light(design, place_mm, depth_mm, pairs, seed, is_after_untouched=True)
@@ -256,7 +251,7 @@ def _light(
     *,
     is_after_untouched: bool = False,
 ) -> LightSignals:
-    """Light of some pairs at some depths of one press; on request, state 0 is the untouched pad with all pairs."""
+    """Light of some pairs at some depths; on request the untouched pad with all pairs comes first."""
     begin = [0.0] if is_after_untouched else []
     states = states_of(np.array([place_mm]), np.concatenate([begin, depth_mm]))
     masks = np.repeat(mask_of(pairs, cavity_of(design))[np.newaxis], len(states), axis=0)
@@ -275,10 +270,7 @@ def _margin(
 def _trace_error(
     design: SensorDesign, full_scale: float, counts: FloatArray, standard_error: FloatArray
 ) -> float:
-    """Root mean square error of the light trace over depths and pairs [noise units].
-
-    The errors are pooled because a single state has too few replicates.
-    """
+    """Numerical error of the light, root mean square over depths and pairs [noise units]."""
     readings = np.minimum(counts, full_scale)
     errors = np.where(readings < full_scale, standard_error, 0.0)
     return float(np.sqrt(np.mean((errors / sigma_counts(readings, **noise_of(design))) ** 2)))
@@ -287,7 +279,7 @@ def _trace_error(
 CONFIDENCE = 0.95
 NORMAL_95 = 1.959964
 CUT_SIGMA = 2.0
-"""Standard deviations from the middle of a normal tolerance to its ends, where the distribution is truncated."""
+"""Standard deviations from a normal tolerance's middle to its ends; no value is drawn beyond them."""
 FEWEST_BUILDS, MOST_BUILDS = 10, 100_000
 
 
@@ -295,22 +287,19 @@ BuildJudge = Callable[[SensorDesign], Brief]
 
 
 def pair_judge(pair: Pair, name: str, *, seed: int) -> tuple[str, BuildJudge]:
-    """Name and function of a short verdict by one pair under its own press."""
+    """Judge of units by one pair, pressed at the middle of its path."""
     return name, lambda build: pair_brief(build, pair, seed=seed)
 
 
 def facing_judge(*, seed: int) -> tuple[str, BuildJudge]:
-    """Name and function of a short verdict on facing rows by all facing pairs, as for the full verdict."""
+    """A judge of units of facing rows by all facing pairs, as for the verdict."""
     return "the facing pairs", lambda build: facing_brief(build, seed=seed)
 
 
 def place_judge(
     design: SensorDesign, pad_map: PadMap, light: LightSignals, readout: Readout, *, seed: int
 ) -> tuple[str, BuildJudge]:
-    """Name and function of a short verdict on a pad at the design's location of least margin.
-
-    Units are judged by the pairs that respond at this location.
-    """
+    """A judge of units of a pad at the design's location of least margin, by the pairs that respond there."""
     weak = pad_map.weakest
     place_mm = (weak.x_mm, weak.y_mm)
     pairs = _answering_pairs(design, light, place_mm, readout)
@@ -326,7 +315,7 @@ def verdict_judge(
     *,
     seed: int,
 ) -> tuple[str, BuildJudge]:
-    """Name and function of a short verdict by the pairs, or at the location, that decide the design's verdict."""
+    """A judge of units by the pairs, or the location, on which the design's verdict depends."""
     if pad_map is None or light is None or is_facing_rows(cavity_of(design)):
         return facing_judge(seed=seed)
     return place_judge(design, pad_map, light, readout, seed=seed)
@@ -343,10 +332,10 @@ def _answering_pairs(
 
 
 class Memo(Protocol):
-    """Protocol for a store of judged units, with which an interrupted study continues where it stopped."""
+    """Store of short verdicts by name, so that an interrupted study continues where it stopped."""
 
     def get(self, name: str) -> Any | None:
-        """The data stored under a name; None if there is none."""
+        """The plain data stored under a name; None if there are none."""
 
     def put(self, name: str, result: Any) -> None:
         """Store plain data under a name."""
@@ -354,18 +343,18 @@ class Memo(Protocol):
 
 @dataclass(frozen=True, kw_only=True)
 class BuildStudy:
-    """A Monte Carlo study: manufactured units with all tolerances drawn at random, each judged.
+    """Result of a Monte Carlo study over manufactured units.
 
     Attributes
     ----------
-    judged : name of the judged pairs or location
+    judged : the judged pairs or location, in words
     seed : seed of the draw
-    as_designed : short verdict on the design itself
-    tolerances : tolerances of the varied values, in the order of the columns of `values`
-    values : (unit, tolerance) drawn values, each in the unit of its field
-    deadband_mm, margin : (unit,) summed deadband [mm] and margin [noise units]; NaN where not judged
-    in_doubt : (unit,) whether the numerical error may change the verdict
-    unjudged : number of units that could not be judged, by reason
+    as_designed : the design itself, judged as the units are
+    tolerances : the varied values, in the order of `values`
+    values : (build, tolerance) drawn values, each in its unit
+    deadband_mm, margin : (build,) summed deadband of each unit [mm] and its margin [noise units]; NaN where not judged
+    in_doubt : (build,) whether the numerical error may change the verdict
+    unjudged : reasons why units could not be judged, each with its number of units
     """
 
     judged: str
@@ -385,18 +374,18 @@ class BuildStudy:
 
     @property
     def kept(self) -> int:
-        """Number of units with the same verdict as the design."""
+        """Number of units that keep the verdict."""
         judged = self.deadband_mm[np.isfinite(self.deadband_mm)]
         return int(((judged > 0.0) == (self.as_designed.deadband_mm > 0.0)).sum())
 
     @property
     def kept_share(self) -> float:
-        """Share of the judged units that have the same verdict as the design [-]."""
+        """Share of the judged units that keep the verdict [-]."""
         return self.kept / self.builds
 
     @property
     def kept_interval(self) -> tuple[float, float]:
-        """Exact binomial interval of `kept_share` at 95 % [-]."""
+        """Exact binomial interval of that share at 95 % [-]."""
         from scipy.stats import binomtest  # its import takes long, and only a study needs it
 
         found = binomtest(self.kept, self.builds).proportion_ci(CONFIDENCE, method="exact")
@@ -409,14 +398,11 @@ class BuildStudy:
 
     @property
     def firmness(self) -> FloatArray:
-        """(unit,) sort key of verdicts: the margin, or minus the deadband length where there is a deadband."""
+        """Rank order (build,) of the units: the margin, or for a unit with a deadband minus the deadband's length."""
         return np.where(self.deadband_mm > 0.0, -self.deadband_mm, self.margin)
 
     def rank_correlations(self) -> tuple[tuple[float, float, float], ...]:
-        """For each tolerance, Spearman's correlation of the value with `firmness`, and the ends of its 95 % interval.
-
-        It is (0, -1, 1) where all units agree, or where fewer than 4 were judged.
-        """
+        """Spearman's correlation of each value with the units' order, with a 95 % interval; 0 if all are equal."""
         from scipy.stats import spearmanr
 
         judged = np.isfinite(self.deadband_mm)
@@ -430,12 +416,12 @@ class BuildStudy:
 
     @property
     def ranking(self) -> tuple[int, ...]:
-        """Indices of the tolerances, the strongest rank correlation first."""
+        """Numbers of the tolerances, the strongest rank correlation first."""
         strength = [abs(value) for value, _, _ in self.rank_correlations()]
         return tuple(sorted(range(len(strength)), key=lambda number: -strength[number]))
 
     def to_json(self) -> dict[str, Any]:
-        """Plain data for JSON: shares, quantiles, and the tolerances in order of their rank correlation."""
+        """Plain data for JSON."""
         low, high = self.kept_interval
         correlations = self.rank_correlations()
         return {
@@ -471,17 +457,16 @@ def build_study(
     seed: int,
     on_step: Callable[[float], None] | None = None,
 ) -> BuildStudy:
-    """Monte Carlo study: judge units with all tolerances drawn at once.
+    """Judge units with all tolerances drawn at once.
 
     Parameters
     ----------
-    judged : name of the judged pairs or location
-    judge : function for the short verdict on a unit; called for the design itself first
-    builds : number of units; a power of two samples the tolerances most evenly
+    judge : gives the short verdict of a unit; it is called for the design itself first
+    builds : number of units; a power of two covers the tolerances most evenly
 
     Raises
     ------
-    InputError : the number of units is too small or too large, no value varies, or no unit could be judged.
+    InputError : the number of units is too small or too large, or no value varies.
     """
     if not FEWEST_BUILDS <= builds <= MOST_BUILDS:
         raise InputError(f"--builds: {builds} is refused: needs {FEWEST_BUILDS} to {MOST_BUILDS} units")
@@ -518,7 +503,7 @@ def build_study(
 
 
 def drawn_values(tolerances: Sequence[Tolerance], builds: int, seed: int) -> FloatArray:
-    """(unit, tolerance) values: scrambled Sobol points mapped through the distribution of each tolerance."""
+    """(build, tolerance) values: scrambled Sobol points through each tolerance's distribution."""
     from scipy.stats import qmc
 
     sobol = qmc.Sobol(len(tolerances), scramble=True, rng=np.random.default_rng(seed))
@@ -530,7 +515,7 @@ def drawn_values(tolerances: Sequence[Tolerance], builds: int, seed: int) -> Flo
 def remembered(
     judge: Callable[[SensorDesign], Brief], memo: Memo | None, name: str
 ) -> Callable[[SensorDesign], Brief]:
-    """A judge that looks each unit up in `memo` first and stores new results there; without a memo, `judge`."""
+    """A judge that returns the stored short verdict of a unit if there is one, and else stores its own."""
     if memo is None:
         return judge
 
@@ -559,10 +544,7 @@ def _quantile(tolerance: Tolerance, shares: FloatArray) -> FloatArray:
 
 
 def _with_interval(correlation: float, count: int) -> tuple[float, float, float]:
-    """A correlation of `count` ranks and the ends of its 95 % interval by Fisher's transformation.
-
-    The factor 1.06 widens the interval for ranks (Fieller, Hartley and Pearson 1957).
-    """
+    """A rank correlation with Fisher's 95 % interval, widened for ranks (Fieller, Hartley and Pearson 1957)."""
     if not np.isfinite(correlation):
         return 0.0, -1.0, 1.0
     middle = np.arctanh(np.clip(correlation, -0.999999, 0.999999))

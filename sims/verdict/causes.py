@@ -1,34 +1,32 @@
-"""Why depth is not resolved over an interval, and which pairs read more under a press than untouched.
+"""Why depth is not resolved: the pairs that should have responded over an interval, and the reason why each did not.
 
-Causes
-------
-The pairs whose chord runs under the tip (witnesses) should respond to a press. Each gets a reason why it does not:
+    interval at a location ──► pairs whose chord runs under the tip ──► reason of each pair there ──► the cause
 
-    interval at a location ──► pairs whose chord runs under the tip ──► reason for each pair ──► the cause
-
-T is the pair's light mirrored by the top (the flank of the dimple included), D the direct light. Over the interval:
+T is the pair's light mirrored by the top under the press (skirt included), D the direct light. Over the interval:
 
     clipped   the reading is at full scale over half of it or more
-    dim       the reading is less than 6 noise units in total: too little to resolve three depths
+    dim       all of its light is less than 6 noise units: too little to resolve three depths
     cancel    T and D each change by 3 noise units or more, their sum by less
     apart     D is still complete (over 90 % of D(0)): mode 1 has ended, mode 2 has not begun
-    used up   D is gone (below 10 % of D(0)): the pair is saturated
+    used up   D is gone (below 10 % of D(0))
     slight    none of these: the light changes by less than 3 noise units
 
-The cause is the most frequent reason, each pair weighted by its untouched light; `none near` if no chord is under the
-tip. `short_mm` is about the height by which all components are too low or too high. For `apart` it is the distance from
-the end of mode 1 to the depth at which the tip reaches the direct light. This depth is traced, or follows from the
-components' upper edges where no press reaches it. For `used up`, `short_mm` is the distance from the depth at which D
-is gone to the deepest press.
+The cause is the reason of most pairs, weighted by their untouched light; `none near` where no chord is under the tip.
+`short_mm` is the missing depth. For `apart` it is the distance from the end of mode 1 to the depth at which the tip
+reaches the direct light; if no press reaches it, that depth follows from the components' upper edges. For `used up` it
+is the distance from the depth at which D is gone to the deepest press. All components are too low, or too high, by
+about this height.
 
-Not modelled: pairs of which only the mirrored light runs near; interaction of pairs, since each is judged alone.
+Left out: pairs of which only the mirrored light passes near the tip, and the combination of pairs, since each is judged
+alone.
 
-Rising light
-------------
+The module also finds light that rises under a press: the pair, its reading over the untouched one, and the path.
+
 A press can only reduce direct light. Rising light is mirrored: next to the tip the press tilts the top, which then
 mirrors more of an emitter into a receiver than the untouched top. Under a dome most of a pair's light is mirrored. Its
-reading first rises, and falls when the tip removes the mirroring surface. Pairs that are nearly dark when untouched are
-left out, since any light is a large share of theirs.
+reading rises first, and falls when the tip removes the mirroring surface.
+
+Left out: pairs that are nearly dark untouched, for which any light is a large share.
 """
 
 from __future__ import annotations
@@ -51,25 +49,23 @@ from sims.verdict.presses import PairCurves, curves_of
 
 Part = Literal["smooth top", "flank of the dimple", "other light"]
 LEAST_RISE = 0.05
-"""Smallest rise over the untouched light that is reported [-]; 5 % are 15 noise units at a relative noise of 0.3 %."""
+"""Smallest share of the untouched light that is reported [-]: 5 % are 15 noise units at a relative noise of 0.3 %."""
 ERRORS = 2.0
-"""Number of standard errors of the light within which a rise is not reported."""
+"""A rise within this many standard errors of the light is not reported either."""
 DARK = 0.05
-"""Share of the median pair's untouched light below which a pair counts as dark [-]."""
+"""A pair with less than this share of the median pair's untouched light is dark [-]."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Rise:
-    """The largest rise of a pair's light above its untouched light.
+    """The pair whose light rises most over its untouched light.
 
     Attributes
     ----------
-    pair : name of the pair, such as E1-R3
-    share : its light over its untouched light [-]
-    place_mm, depth_mm : (x, y) location and depth of that press [mm]
-    part : the path of light that grows most
-    pairs : number of pairs that rise under at least one press of the map
-    judged : number of pairs that are not dark
+    pair : name, as E1-R3; share : its light over its untouched light [-]
+    place_mm : (x, y) of that press; depth_mm : its depth [mm]
+    part : path class of the light that increases most
+    pairs, judged : number of pairs that rise at some press of the map, and of pairs that are not dark
     """
 
     pair: str
@@ -114,8 +110,8 @@ def rise_of(light: LightSignals, pairs: Mapping[str, tuple[int, int]]) -> Rise |
 
     Parameters
     ----------
-    light : light of several presses, including the untouched pad
-    pairs : (emitter, receiver) indices by name of the pair
+    light : light of single presses, the untouched pad included
+    pairs : emitter and receiver by name
     """
     untouched = light.presses[:, 2] <= 0.0
     if not pairs or not untouched.any():
@@ -150,27 +146,25 @@ Lack = Literal["clipped", "dim", "cancel", "apart", "used up", "slight", "none n
 Kind = Literal["deadband", "fade"]
 
 WHOLE, GONE = 0.9, 0.1
-"""Shares of a pair's direct light: above the first it counts as complete, below the second as gone [-]."""
+"""Shares of a pair's direct light above which it is complete, and below which it is gone [-]."""
 ANSWERS_TWICE = 2.0 * DEADBAND_THRESHOLD
-"""Least light of a pair to resolve three depths [noise units]."""
+"""A pair with less light than this cannot resolve three depths [noise units]."""
 MOST_WITNESSES = 12
-"""Largest number of pairs under the tip that are examined, the brightest first."""
+"""Most pairs under the tip that are examined, the brightest first."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Witness:
-    """A pair that should have responded over an interval of depth, because its chord runs under the tip.
+    """A pair that should have responded.
 
     Attributes
     ----------
-    pair : name of the pair, such as E1-R3
-    lack : reason why the pair does not respond, as listed in `sims.verdict.causes`
-    mirrored, straight : mirrored and direct light at the start of the interval, over that of the untouched pad [-]
-    untouched_counts : reading of the untouched pad [counts]
-    change : change of the reading over the interval [noise units]
-    mode1_end_mm, mode2_onset_mm, mode2_end_mm : mode boundaries of the pair at this location [mm]; None where no press
-        reaches one
-    reach_mm : depth at which the tip meets the upper edge of the direct path, from the components' heights [mm]
+    pair : name, as E1-R3
+    lack : reason why it does not respond over the interval, one of the module's list
+    mirrored, straight : its mirrored and its direct light where the interval starts, over that of the untouched pad [-]
+    untouched_counts, change : reading of the untouched pad [counts], change over the interval [noise units]
+    mode1_end_mm, mode2_onset_mm, mode2_end_mm : of its light at this location [mm]; None where no press reaches it
+    reach_mm : depth at which the tip meets the direct path's upper edge, by the components' heights [mm]
     """
 
     pair: str
@@ -191,11 +185,9 @@ class Cause:
 
     Attributes
     ----------
-    kind : "deadband" if depth is resolved again below, "fade" if the interval extends to the deepest press
-    place_mm : (x, y) of the press [mm]
-    depth_mm : (from, to) of the interval [mm]
-    lack : the most frequent reason of the pairs under the tip, as listed in `sims.verdict.causes`
-    short_mm : height by which components are too low ("apart") or too high ("used up") [mm]; None for other reasons
+    kind : ``deadband`` if deeper presses are resolved again, ``fade`` if none is
+    place_mm : (x, y) of the press; depth_mm : the interval [mm]
+    lack : the reason of most pairs under the tip; short_mm : its length, see above [mm]; None where it has none
     witnesses : the pairs under the tip, the brightest first
     """
 
@@ -208,7 +200,7 @@ class Cause:
 
     @property
     def typical(self) -> Witness | None:
-        """The pair with this reason whose distance between the modes is the median; None if no pair has this reason."""
+        """The pair with this reason whose modes have the median depths; None if no pair has the reason."""
         lacking = [one for one in self.witnesses if one.lack == self.lack]
         order = sorted(lacking, key=lambda one: _or(one.mode2_onset_mm, np.inf) - one.mode1_end_mm)
         return order[(len(order) - 1) // 2] if order else None
@@ -228,11 +220,11 @@ class Cause:
 def causes_of_pad(
     design: SensorDesign, pad_map: PadMap, light: LightSignals, readout: Readout
 ) -> tuple[Cause, ...]:
-    """The cause of every interval without depth resolution at every location, the worst interval first.
+    """The cause of every interval without resolution at every location, the worst location first.
 
     Parameters
     ----------
-    light : light of the map's presses: all depths of the first location, then the next
+    light : light of the map's presses, locations outermost
     """
     cavity = cavity_of(design)
     depth_mm = np.asarray(light.presses).reshape(len(pad_map.places), -1, 3)[0, :, 2]
@@ -250,10 +242,7 @@ def causes_of_pad(
 def causes_of_pairs(
     design: SensorDesign, judged: Sequence[tuple[PairCurves, PairScore]], readout: Readout
 ) -> tuple[Cause, ...]:
-    """The cause of every interval without depth resolution of facing pairs, the worst interval first.
-
-    Each pair is judged under its own press.
-    """
+    """The cause of every interval of depth that a facing pair does not resolve under its own press, the worst first."""
     cavity, found = cavity_of(design), []
     for curves, score in judged:
         blind: list[tuple[Kind, Interval]] = [("deadband", span) for span in score.deadbands_mm]
@@ -266,7 +255,7 @@ def causes_of_pairs(
 
 
 def _severity(cause: Cause) -> tuple[bool, float]:
-    """Sort key: deadbands before other intervals, then the longest first."""
+    """Sort key: deadbands first, the longest first."""
     return cause.kind != "deadband", cause.depth_mm[0] - cause.depth_mm[1]
 
 
@@ -321,7 +310,7 @@ def _cause(
 
 
 def _short_mm(lack: Lack, witnesses: Sequence[Witness], deepest_mm: float) -> float | None:
-    """Median height by which components are too low or too high, over the pairs with this reason [mm]; else None."""
+    """Median missing depth over the pairs with this reason [mm]; None without any."""
     lacking = [one for one in witnesses if one.lack == lack]
     if lack == "apart":
         lengths = [
@@ -374,11 +363,7 @@ def _lack(
     full_scale: float,
     noise: dict[str, float],
 ) -> Lack:
-    """Reason why a pair does not respond over an interval.
-
-    `counts` are (depth, 3) total, mirrored and direct counts, `limited` the total clipped at full scale, `whole` the
-    untouched counts, and `straight` the share of direct light that is left at the start.
-    """
+    """Why a pair does not respond, from its total, mirrored and direct counts (depth, 3) over the interval."""
     if (limited >= full_scale).mean() >= 0.5:
         return "clipped"
     if float(noise_units(min(whole, full_scale), **noise)) < ANSWERS_TWICE:
@@ -393,7 +378,7 @@ def _lack(
 
 
 def _reach_mm(cavity: CavityGeometry, curves: PairCurves) -> float:
-    """Depth at which the tip meets the upper edge of the direct path, from the components' heights [mm]."""
+    """Depth at which the tip meets the direct path's upper edge [mm]."""
     ends = (cavity.emitters[curves.pair[0]], cavity.receivers[curves.pair[1]])
     _, share = beside_chord(cavity, curves.pair, curves.press_mm)
     upper = [min(one.height_mm + one.half_height_mm, cavity.clear_mm) for one in ends]

@@ -1,6 +1,6 @@
-"""Noise units, deadband rules and flat intervals of signals against depth, with the constants of the verdict.
+"""Signals against depth: constants of the verdict, interpolation, noise units, and where a signal is flat.
 
-Every function takes the constants as keywords.
+The constants on which a verdict depends are collected here; every function takes them as keywords.
 
 Sources
 -------
@@ -14,44 +14,50 @@ Sources
 [T] L. H. C. Tippett, Biometrika 17 (1925): the range of 30 independent normal errors is on average
     4.09 standard errors; 30 is more samples than a deadband of 2.5 mm has at steps of 0.1 mm.
 
-Interpolation
--------------
-Signals are sampled at depths and interpolated linearly. Mode boundaries and deadbands are exact for this interpolant,
-so they do not depend on any finer grid. Changes between two samples are not seen.
+Signals sampled at depths, read as the straight lines between the samples.
 
-Noise units
------------
-One reading of c counts has the variance σ² = σ0² + (ρ c)², σ0² = 1/12 + read noise². The first part is rounding and
-electronics, the second is light that fluctuates in proportion to its mean. The noise unit u is the variance-stabilising
-scale of that model: du = dc / σ(c), which integrates to u = asinh(ρ c / σ0) / ρ, and to u = c / σ0 when ρ is zero. A
-step of one unit is one standard deviation of one reading; the difference of two readings is √2 times as noisy.
+Every depth in the verdict (mode boundaries, deadbands) is exact for this interpolant, so it does not
+depend on any finer grid. Changes between two samples are not seen.
 
-Not modelled: shot noise (its variance grows with c, not c²), drift between recordings, ambient light, and noise that
-is correlated between readings. Source: Bartlett, "The use of transformations", Biometrics 3 (1947).
+Counts on a scale where equal steps are equal numbers of standard deviations.
 
-Error of the light trace
-------------------------
-The error of the Monte Carlo simulation that predicts the mean reading is not noise of the sensor, and must not count as
-signal. Jitter between depths widens the range of a flat signal, so it *hides* deadbands; on a slope just steep enough
-it can also create one. Errors of neighbouring depths share random numbers and are correlated to an unknown degree, so
-they cannot be subtracted in quadrature. Two figures are given instead:
+Model: one reading of c counts has the variance σ² = σ0² + (ρ c)², σ0² = 1/12 + read noise². The first
+part is rounding and electronics, the second is light that fluctuates in proportion to itself. The
+noise unit u is the variance-stabilising scale of that model, du = dc / σ(c), which integrates to
+u = asinh(ρ c / σ0) / ρ, and to u = c / σ0 when ρ is zero.
 
-- the noise margin: the largest standard error within an interval, in noise units. Up to one half, the range that errors
-  add to a constant is on average below the deadband threshold; above one half, a verdict carries a warning;
-- possible deadbands: the deadbands for a threshold raised by 4.09 times the noise margin, the mean range of 30
-  independent errors (Tippett 1925). Correlation lowers that range. This is no confidence limit, and it leaves out bias
-  of the trace.
+Left out: shot noise (its variance grows with c, not c²), drift between recordings, ambient light, and
+noise that is correlated between readings. A step of one unit is one standard deviation of one
+reading; the difference of two readings is √2 times as noisy.
 
-Range within a sliding window
------------------------------
-A window [a, a + L] moves over piecewise-linear curves. Between two events (an end of the window passes a sample), the
-samples inside remain the same, so their largest value M and smallest value m are constants. The two end values
-l = u(a) and r = u(a + L) are linear in a. The range is then the largest of seven lines,
+Source: Bartlett, "The use of transformations", Biometrics 3 (1947).
+
+The error of a Monte-Carlo light trace, and its effect on a verdict.
+
+The noise of a reading is modelled (`noise_units`). The mean reading is predicted by a simulation, whose error is not
+noise of the sensor and must not count as signal. Jitter between depths widens the
+range of a flat signal, so it *hides* deadbands; on a slope just steep enough it can also create one.
+Errors of neighbouring depths share random numbers and are correlated to an unknown degree, so they
+cannot be subtracted in quadrature. Two figures are given instead:
+
+- the noise margin: the largest standard error within an interval, in noise units. Up to one half, the
+  range that errors add to a constant stays on average below the deadband threshold; above, a verdict
+  carries a warning;
+- possible deadbands: those found when the threshold is raised by 4.09 times the margin, the mean range
+  of 30 independent errors (Tippett 1925). Correlation lowers that range. The band is not a
+  confidence limit, and it leaves out bias of the trace.
+
+The range of piecewise-linear signals within a sliding window of depth, without a resampling grid.
+
+A window [a, a + L] moves over curves that are straight between samples. Between two events (an end of
+the window passes a sample) the samples inside stay the same ones, so their largest value M and
+smallest value m are constants, and the two end values l = u(a), r = u(a + L) are linear in a. The
+range is then the largest of seven lines,
 
     l - r,  r - l,  l - m,  M - l,  r - m,  M - r,  M - m,
 
-hence convex in a. "Range below k" is therefore one open interval of a in each cell between events, in closed form. The
-smallest range of a cell is the lowest point of a convex function.
+hence convex in a. "Range below k" is therefore one open interval of a in each cell between events,
+which follows in closed form; the smallest range of a cell is the lowest point of a convex function.
 """
 
 from __future__ import annotations
@@ -75,28 +81,28 @@ RELATIVE_NOISE: Final = 0.003
 """Standard deviation of the light over its mean [-]; [F], assumed."""
 
 DEADBAND_THRESHOLD: Final = 3.0
-"""Signal range below which a signal counts as flat [noise units]; [F]."""
+"""A signal that varies by less than this many noise units is flat [-]; [F]."""
 
 DEADBAND_MIN_LENGTH_MM: Final = 0.3
-"""Shortest flat interval that counts as a deadband [mm]; [F]."""
+"""A flat interval shorter than this is not a deadband [mm]; [F]."""
 
 EVENNESS_WINDOW_MM: Final = 0.5
 """Length of the depth window whose signal range evenness compares [mm]; [F]."""
 
 MODE_TOLERANCE: Final = 0.05
-"""Share of the light's range within which it counts as having its first or last value [-]; [F]."""
+"""Share of its range within which light counts as still at its first value, or already at its last [-]; [F]."""
 
 TRACE_ERROR_LIMIT: Final = 0.5
-"""Largest standard error of the light trace without a warning to the verdict [noise units]. The range that such errors
-add over a typical deadband, 4.09 times their standard error, stays below the threshold of 3."""
 NUMERICAL: Final = "the numerical error of the light model"
+"""Largest Monte-Carlo standard error that a verdict takes without a warning [noise units]; chosen so
+that the range it adds over a typical deadband, 4.09 times itself, stays below the threshold of 3."""
 
 TRACE_ERROR_SPREAD: Final = 4.09
-"""Range that independent errors add over a deadband, as a multiple of their standard error [-]; [T]."""
+"""Range that independent errors add over a deadband, in standard errors [-]; [T]."""
 
 
 def require_depths_mm(depth_mm: ArrayLike) -> FloatArray:
-    """Depths as an array; an error is raised unless they start at 0 (untouched) and increase.
+    """Depths as an array; refused unless they start at 0 (untouched) and increase.
 
     Parameters
     ----------
@@ -123,7 +129,7 @@ def require_depths_mm(depth_mm: ArrayLike) -> FloatArray:
 
 
 def require_samples(name: str, values: ArrayLike, depth_mm: FloatArray, *, axes: int = 1) -> FloatArray:
-    """Samples as an array; an error is raised unless there is one finite row per depth.
+    """Samples as an array; refused unless there is one finite row per depth.
 
     Parameters
     ----------
@@ -146,13 +152,13 @@ def require_samples(name: str, values: ArrayLike, depth_mm: FloatArray, *, axes:
 
 
 def interpolated(depth_mm: FloatArray, values: FloatArray, at_mm: FloatArray) -> FloatArray:
-    """Samples at other depths by linear interpolation.
+    """Samples at other depths, along straight lines.
 
     Parameters
     ----------
     depth_mm : (n,) increasing depths [mm]
     values : (n, ...) samples
-    at_mm : (m,) requested depths [mm]; beyond the first or last sample its value is used
+    at_mm : (m,) requested depths [mm]; outside the samples the end value holds
 
     Returns
     -------
@@ -190,17 +196,17 @@ def between(
 def clipped(
     depth_mm: FloatArray, counts: FloatArray, full_scale_counts: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Counts limited at full scale, with a sample added wherever a curve meets full scale.
+    """Counts as a converter reads them: never above full scale, with a sample wherever a line meets it.
 
     Parameters
     ----------
     depth_mm : (n,) increasing depths [mm]
-    counts : (n,) or (n, pair) counts before the limit
+    counts : (n,) or (n, pair) unlimited counts
     full_scale_counts : largest reading [counts]
 
     Returns
     -------
-    depth_mm : (m,) the given depths, and depths where a pair reaches or leaves full scale [mm]
+    depth_mm : (m,) the depths, and those where some pair enters or leaves full scale [mm]
     counts : (m,) or (m, pair) counts, at most full scale
     """
     table = counts.reshape(depth_mm.size, -1)
@@ -303,7 +309,7 @@ def counts_of_noise_units(
 
 
 def _ratio_to_argument(function: np.ufunc, x: FloatArray) -> FloatArray:
-    """function(x) / x for asinh or sinh, and the limit 1 for tiny x."""
+    """function(x) / x for asinh or sinh, with its limit 1 where x is too small to matter."""
     small = np.abs(x) < _SERIES_BELOW
     safe = np.where(small, 1.0, x)
     ratio: FloatArray = np.where(small, 1.0, function(safe) / safe)
@@ -319,7 +325,7 @@ def noise_of(design: SensorDesign) -> dict[str, float]:
 
 
 def samples_between(depth_mm: FloatArray, start_mm: float, end_mm: float) -> slice:
-    """The samples that define the straight lines between two depths, including the nearest at or outside each end."""
+    """The samples that define the straight lines between two depths, with those at or just outside the two ends."""
     first = int(np.searchsorted(depth_mm, start_mm, side="right")) - 1
     return slice(max(first, 0), int(np.searchsorted(depth_mm, end_mm, side="left")) + 1)
 
@@ -333,19 +339,19 @@ def noise_margin(
     read_noise_counts: float = READ_NOISE_COUNTS,
     relative_noise: float = RELATIVE_NOISE,
 ) -> float:
-    """Largest standard error of the trace within an interval of depth.
+    """Largest numerical error of the light (standard error) within an interval of depth.
 
     Parameters
     ----------
-    depth_mm : (n,) increasing depths of the press [mm]; the first is 0
+    depth_mm : (n,) depths of the press [mm]; the first 0, increasing
     counts : (n,) or (n, pair) mean readings [counts]
-    standard_error_counts : standard errors of `counts` from the trace [counts], in the same shape
-    within_mm : interval (from, to) to examine, ends included [mm]; None examines all depths
+    standard_error_counts : same shape, standard error of these means from the trace [counts]
+    within_mm : interval (from, to) to examine, its ends included [mm]; None is all depths
     read_noise_counts, relative_noise : noise of one reading [counts], [-]
 
     Returns
     -------
-    largest standard error over depths and pairs [noise units]
+    standard error [noise units]; the largest over depths, and over pairs where there are several
     """
     depth = require_depths_mm(depth_mm)
     readings = require_samples("counts", counts, depth, axes=2 if np.ndim(counts) == 2 else 1)
@@ -365,13 +371,13 @@ def noise_margin(
 def widened_threshold(
     margin: float, *, threshold: float = DEADBAND_THRESHOLD, spread: float = TRACE_ERROR_SPREAD
 ) -> float:
-    """Deadband threshold plus the signal range that trace errors may add.
+    """Deadband threshold plus the range that numerical errors of the light may add to a flat signal.
 
     Parameters
     ----------
     margin : largest standard error of the trace [noise units]
     threshold : deadband threshold of an exact trace [noise units]
-    spread : range of the errors over an interval, as a multiple of their standard error [-]
+    spread : range of the errors over an interval, in standard errors [-]
 
     Returns
     -------
@@ -383,17 +389,17 @@ def widened_threshold(
 def trace_noise_warning(
     margin: float, *, hidden_mm: float = 0.0, limit: float = TRACE_ERROR_LIMIT
 ) -> str | None:
-    """Warning about the numerical error of the light model.
+    """The warning about the numerical error of the light model.
 
     Parameters
     ----------
     margin : largest standard error of the trace over the judged depth [noise units]
-    hidden_mm : summed length of deadbands that the error may hide [mm]
+    hidden_mm : length of possible deadband beyond the deadband found [mm]
     limit : margin up to which there is no warning [noise units]
 
     Returns
     -------
-    one sentence with the value, the limit and the remedy; None if the margin is within the limit
+    one sentence with the value, the limit and the remedy; None when the trace is fine enough
     """
     if margin <= limit:
         return None
@@ -408,18 +414,18 @@ Interval = tuple[float, float]
 
 GOLDEN = (5.0**0.5 - 1.0) / 2.0
 GOLDEN_STEPS = 60
-"""Number of steps of a golden-section search; each leaves 0.62 of the bracket, so 60 leave 3e-13 of it."""
+"""Each step leaves 0.62 of the bracket: 60 leave 3e-13 of a cell."""
 
 
 def flat_intervals_mm(
     depth_mm: FloatArray, units: FloatArray, length_mm: float, threshold: float
 ) -> tuple[Interval, ...]:
-    """Intervals of depth in which every signal's range within a sliding window is below a threshold.
+    """Intervals of depth made of windows over which the range of every signal is below a threshold.
 
     Parameters
     ----------
     depth_mm : (n,) increasing depths [mm]
-    units : (n, pair) signals, interpolated linearly between the depths
+    units : (n, pair) signals, straight between the depths
     length_mm : window length [mm]
     threshold : range that no signal may reach within the window, in the unit of the signals
 
@@ -444,7 +450,9 @@ def flat_intervals_mm(
 
 
 def smallest_range(depth_mm: FloatArray, units: FloatArray, length_mm: float) -> float:
-    """Smallest range of a signal within any window of a given length; for several signals, of the most responsive.
+    """Smallest range of a signal within any window of a given length; of several, that of the most responsive one.
+
+    Parameters are those of `smallest_ranges`.
 
     Returns
     -------
@@ -456,20 +464,17 @@ def smallest_range(depth_mm: FloatArray, units: FloatArray, length_mm: float) ->
 def smallest_ranges(
     depth_mm: FloatArray, units: FloatArray, length_mm: float
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Smallest range of a signal within a sliding window, for each cell of window starts.
-
-    For several signals, the range is that of the most responsive one. A cell is an interval of window starts in which
-    the same samples are inside the window.
+    """Smallest range of a signal, or of the most responsive of several, by the depth at which the window starts.
 
     Parameters
     ----------
     depth_mm : (n,) increasing depths [mm]
-    units : (n,) signal or (n, pair) signals, interpolated linearly between the depths
+    units : (n,) signal or (n, pair) signals, straight between the depths
     length_mm : window length [mm]; at most the depth range
 
     Returns
     -------
-    (cell,) first and (cell,) last window start of each cell [mm], and (cell,) smallest range in the unit of the signal
+    (cell,) first and last start of the windows of each cell [mm]; (cell,) smallest range, in the unit of the signal
     """
     first_mm, last_mm, *lines = _range_lines(depth_mm, units.reshape(len(depth_mm), -1), length_mm)
     first, last = (np.moveaxis(of_end, 1, 2).reshape(-1, of_end.shape[1]) for of_end in lines)
@@ -477,7 +482,9 @@ def smallest_ranges(
 
 
 def _lowest_of_highest(first: FloatArray, last: FloatArray) -> FloatArray:
-    """Lowest point, within each cell, of the upper envelope of several straight lines.
+    """Lowest point, within each cell, of the highest of several straight lines.
+
+    The highest of straight lines is convex, so golden-section search shrinks each cell to its lowest point.
 
     Parameters
     ----------
@@ -505,7 +512,7 @@ def _lowest_of_highest(first: FloatArray, last: FloatArray) -> FloatArray:
 def _range_lines(
     depth_mm: FloatArray, units: FloatArray, length_mm: float
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Cells of window starts, and values of the seven lines whose maximum is the range, at both ends of each cell.
+    """Cells of window starts, and the seven lines at each cell's two ends.
 
     Returns
     -------
@@ -529,7 +536,7 @@ def _range_lines(
 def _inner_extremes(
     depth_mm: FloatArray, units: FloatArray, start_mm: FloatArray, length_mm: float
 ) -> tuple[FloatArray, FloatArray, BoolArray]:
-    """Smallest and largest sample strictly inside each window, and (window,) whether a window contains no sample."""
+    """Smallest and largest sample strictly inside each window, and which windows contain none."""
     begin = np.searchsorted(depth_mm, start_mm, side="right")
     stop = np.searchsorted(depth_mm, start_mm + length_mm, side="left")
     low = np.zeros((start_mm.size, units.shape[1]))
@@ -543,7 +550,7 @@ def _inner_extremes(
 def _shares_below(
     at_first: FloatArray, at_last: FloatArray, threshold: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Part of each cell where all lines of all pairs are below a threshold: (cell,) first and last share, 0 to 1."""
+    """Part of each cell where all lines of all pairs are below a threshold: both ends as shares of the cell, 0 to 1."""
     rise = at_last - at_first
     crossing = (threshold - at_first) / np.where(rise == 0.0, np.inf, rise)
     first_below, last_below = at_first < threshold, at_last < threshold
@@ -553,7 +560,7 @@ def _shares_below(
 
 
 def _union(starts: FloatArray, ends: FloatArray) -> tuple[Interval, ...]:
-    """Union of intervals given in order of their starts; touching intervals are joined."""
+    """Union of intervals given in order of their starts; those that touch become one."""
     merged: list[Interval] = []
     for start, end in zip(starts.tolist(), ends.tolist(), strict=True):
         if merged and start <= merged[-1][1]:

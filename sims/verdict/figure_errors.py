@@ -1,27 +1,31 @@
-"""Errors of a pair's figures and mode boundaries from the light model, and mode boundaries in newtons.
+"""Errors of continuity, evenness and strength from the numerical error of the light model.
 
-Figures
--------
-Continuity, evenness and strength are computed again from random draws of a pair's light, with a normal error of the
-trace's standard error at every depth. A figure's error is the root mean square distance of the draws from the judged
-value. It includes a bias, since jitter adds to the range of flat parts. Medians over a pad's pairs are drawn in the
-same way, pair by pair; pairs that are equal by symmetry share their draws.
+A pair's light is drawn again with a normal error at every depth, of the light's standard error there, and is judged
+again. The error of a figure is the root mean square distance of the draws from the judged value. It includes a shift,
+because errors add to the range of flat parts. Medians over a pad's pairs are drawn in the same way, pair by pair; pairs
+that are equal by symmetry have the same draws.
 
-Not modelled: the unknown correlation of errors at neighbouring depths (independent draws have too much jitter and too
-little drift), the error of the untouched pad, whose light has no replicates, and errors of the gain and the models.
+Left out: the unknown correlation of errors at neighbouring depths (they are drawn independently, which has too much
+jitter and too little drift); the error of the untouched pad, whose light has no replicates; errors of the gain, of the
+boundaries of the modes (computed separately), and of the models.
 
-Mode boundaries
----------------
-The load at a mode boundary is that of the press there, for the nominal modulus and both ends of its band. Light depends
-on the shape only, and the shape of a frictionless layer does not depend on its stiffness. A softer mix therefore
-changes every boundary in newtons and none in millimetres. The load is that of the pair's own press where the contact
-model covers its location, near walls included. Elsewhere it is that of a press at the centre, and `is_at_place` is
-False. Friction, viscosity and the error of the contact model are left out.
+Mode boundaries in newtons: the load at which a mode starts or ends, with the band of the modulus.
 
-A boundary is where a curve crosses a level, so an error of the curve moves it by that error over the curve's slope. The
-trace gives the standard error of the total light only, which is also used for the mirrored and the direct part. For the
-direct part, which is integrated without rays, this is too much. Errors of the level itself (a share of the curve's
-range) and of neighbouring depths, which partly cancel, are left out.
+    depth of the boundary ──► load of the press there, at the best value of the modulus and at both ends of its band
+
+Depths do not depend on the modulus (light sees the shape only, and the shape of a frictionless layer does not
+depend on its stiffness); loads are proportional to it. So a softer mix moves every boundary in newtons and none in
+millimetres. The load is that of the pair's own press where the contact model covers its location, near walls included;
+elsewhere it is that of the centred press, and `is_at_place` is False.
+
+Left out: the error of the contact model, friction, viscosity.
+
+Errors of the boundaries of the modes from the numerical error of the light model.
+
+A boundary is where a curve crosses a level, so an error of the curve moves it by that error over the curve's slope
+there. The trace gives the standard error of the whole light only; the same is assumed for the mirrored and the direct
+part, which is too much for the direct part (quadrature, no rays). Errors of the level (a share of the curve's range)
+and of neighbouring depths, which partly cancel, are left out.
 """
 
 from __future__ import annotations
@@ -48,12 +52,12 @@ Load = tuple[float, float, float]
 
 @dataclass(frozen=True, kw_only=True)
 class BoundaryForces:
-    """Loads at the mode boundaries, each as (load, low end, high end) [N]; None if no press reaches it.
+    """Loads at the boundaries of the modes, each (load, low end, high end) [N]; None if no press reaches it.
 
     Attributes
     ----------
-    mode1_start, mode1_end, mode2_onset, mode2_end : loads at these boundaries
-    is_at_place : whether the load is that of a press at the pair's own location; otherwise at the pad's centre
+    mode1_start, mode1_end, mode2_onset, mode2_end : the boundaries
+    is_at_place : whether the load is that of the pair's press; else that of the centred press
     """
 
     mode1_start: Load
@@ -91,10 +95,7 @@ def boundary_forces(modes: Modes, force: LoadCurve, *, is_at_place: bool = True)
 
 
 def place_force(design: SensorDesign, place_mm: tuple[float, float]) -> tuple[LoadCurve, bool]:
-    """Load against depth of a press, and whether this press is at the requested location.
-
-    Where the contact model does not cover the location, the press is at the pad's centre.
-    """
+    """Load against depth of a press at a location, and whether it is that location's, not the centred press's."""
     depth_mm = depth_schedule_mm(design.operating.max_depth_mm)
     try:
         return load_curve(design, solved_press(design, at_mm=place_mm), depth_mm), True
@@ -106,17 +107,14 @@ Errors = tuple[float | None, float | None]
 
 
 def mode_errors_mm(curves: PairCurves, modes: Modes) -> tuple[Errors, Errors]:
-    """Standard errors of the (start, end) boundaries of mode 1 and of mode 2 [mm].
-
-    An error is None where no press reaches the boundary, or where the curve is flat.
-    """
+    """Standard errors of the boundaries of mode 1 and mode 2 [mm]; None if out of reach, or on a flat curve."""
     first = tuple(_moved_mm(curves, curves.top, boundary) for boundary in modes.mode1_mm)
     second = tuple(_moved_mm(curves, curves.direct, boundary) for boundary in modes.mode2_mm)
     return (first[0], first[1]), (second[0], second[1])
 
 
 def _moved_mm(curves: PairCurves, light: FloatArray, boundary_mm: float | None) -> float | None:
-    """Standard error of a boundary [mm]: error of the light over its slope in the segment with the boundary."""
+    """Error of a boundary: standard error of the light over its slope, in the segment with the boundary [mm]."""
     if boundary_mm is None:
         return None
     depth = curves.depth_mm
@@ -128,21 +126,21 @@ def _moved_mm(curves: PairCurves, light: FloatArray, boundary_mm: float | None) 
 
 
 FIGURES = ("continuity", "evenness", "swing", "resolvable_steps")
-"""Names of the figures of a pair, in the order of the columns of drawn figures."""
+"""Columns of drawn figures: shares [-], and a number of steps."""
 
 DRAWS = 16
-"""Number of random draws per pair, which determine an error to about a sixth."""
+"""Number of draws for each pair, which gives its errors to a sixth of their value."""
 
 SEED = 20170601
 
 SAME = 1e-4
-"""Difference below which two light curves count as equal by symmetry [counts]."""
+"""Pressed curves that agree to this count as the same [counts]."""
 
 
 def drawn_figures(
     design: SensorDesign, curves: Sequence[PairCurves], scores: Sequence[PairScore], readout: Readout
 ) -> FloatArray:
-    """(pair, draw, figure) figures of randomly drawn light of each pair; figures are in the order of `FIGURES`."""
+    """Figures (pair, draw, figure) of pairs whose light is drawn again, in the order of `FIGURES`."""
     known: dict[bytes, FloatArray] = {}
     found = []
     for number, (of_pair, score) in enumerate(zip(curves, scores, strict=True)):
@@ -157,10 +155,7 @@ def drawn_figures(
 
 
 def _content(curves: PairCurves, gain: float, end_mm: float) -> bytes:
-    """Key of a pair's pressed light, equal for pairs that are equal by symmetry.
-
-    Values are rounded to `SAME`; the untouched light, which differs between such pairs, is not in the key.
-    """
+    """Key that is equal for pairs with the same light under their presses, as pairs equal by symmetry have."""
     pressed = slice(1, None)
     light = np.concatenate([curves.total[pressed], curves.standard_error[pressed]])
     return np.rint(np.append(gain * light, end_mm) / SAME).astype(np.int64).tobytes()
@@ -188,7 +183,7 @@ def _figures(
     end_mm: float,
     full_scale_counts: float,
 ) -> FloatArray:
-    """(figure,) figures of one pair from its counts against depth, as in `sims.verdict.pair_score`."""
+    """Figures (figure,) of one curve of counts, computed as in `sims.verdict.pair_score`."""
     noise = noise_of(design)
     at_mm, counts = clipped(depth_mm, unlimited, full_scale_counts)
     _, units = between(at_mm, noise_units(counts, **noise), 0.0, end_mm)
@@ -204,7 +199,7 @@ def _figures(
 
 
 def figures_of(score: PairScore) -> FloatArray:
-    """(figure,) figures of a pair from its score, in the order of `FIGURES`."""
+    """Figures (figure,) of a judged pair."""
     strength = score.strength
     return np.array(
         [
@@ -217,12 +212,12 @@ def figures_of(score: PairScore) -> FloatArray:
 
 
 def figure_errors(drawn: FloatArray, judged: FloatArray) -> dict[str, float]:
-    """Errors by name of one pair's figures, or of their medians over several pairs.
+    """Errors by name of one pair's figures, or of the medians over several.
 
     Parameters
     ----------
-    drawn : (pair, draw, figure) figures of the random draws
-    judged : (pair, figure) figures of the pairs as they were judged
+    drawn : (pair, draw, figure)
+    judged : (pair, figure)
     """
     away = np.median(drawn, axis=0) - np.median(judged, axis=0)
     return dict(zip(FIGURES, np.sqrt(np.mean(away**2, axis=0)).tolist(), strict=True))

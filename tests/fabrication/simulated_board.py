@@ -383,8 +383,12 @@ def board_on_a_port(
 
 def read_log(settings: FirmwareSettings, log: NDArray[Any]) -> Run:
     """Messages out of the bytes of a log."""
-    states, receivers = len(settings.emitters) + 1, len(settings.receivers)
-    layout = FrameFormat(states=states, receivers=receivers, bits=settings.adc_bits)
+    layout = FrameFormat(
+        emitters=len(settings.emitters),
+        receivers=len(settings.receivers),
+        bits=settings.adc_bits,
+        dark=settings.dark,
+    )
     sent = log[log["kind"] == BYTE_SENT]
     stream = sent["number"].astype(np.uint8).tobytes()
     clock_hz = settings.clock_hz if isinstance(settings.chip, BoardFirmware) else NATIVE_HZ

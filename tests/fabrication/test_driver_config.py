@@ -247,7 +247,7 @@ def test_comments_and_line_ends_may_change(tmp_path: Path) -> None:
         (("receivers", 1, "channel"), "A0", "channels must be unique"),
         (("receivers", 1, "column"), 5, "receivers must be in the order of columns"),
         (("emitters", 0, "state"), 5, "emitters must be in the order of states"),
-        (("states", 8, "emitter"), "E1", "each state but the last"),
+        (("states", 8, "emitter"), "E1", "lit in turn"),
         (("states", 3, "number"), 4, "numbered from 0"),
         (("frame", "readings"), 71, "readings must be states x receivers"),
         (("frame", "reading_bytes"), 89, "readings must fit their bytes"),

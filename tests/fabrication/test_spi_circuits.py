@@ -212,7 +212,7 @@ def test_a_reading_takes_its_clocks_at_the_supplys_speed(board: str, converter: 
 
 
 def test_the_boards_own_circuits_take_no_time_for_switching() -> None:
-    assert switch_time_ms(driver_of(disc()), 12) == 0.0
+    assert switch_time_ms(driver_of(disc()), 12, "frame") == 0.0
 
 
 def test_full_scale_is_the_converters_and_ends_at_the_amplifiers_supply() -> None:
@@ -353,7 +353,7 @@ def settled_us(run: Run) -> float:
     ("converter", "driver"),
     [("mcp3208", None), ("ads8688", None), ("mcp3208", "tlc5947"), ("ads8688", "tlc5947"), (None, "tlc5947")],
 )
-@pytest.mark.parametrize("averages", [1, 3])
+@pytest.mark.parametrize("averages", [pytest.param(1, marks=pytest.mark.slow), 3])
 def test_the_firmware_reads_every_receiver_under_every_emitter(
     converter: str | None, driver: str | None, averages: int, native_harness: None, tmp_path: Path
 ) -> None:
@@ -433,6 +433,7 @@ def test_a_settle_time_that_leaves_out_the_drivers_delay_is_caught(
     assert settled_us(run) < design.board.settle_us
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("converter", "change"),
     [

@@ -34,7 +34,7 @@ def write_good_files(folder: Path) -> None:
     (folder / "driver.toml").write_text(dump_driver_config(preset(PAD), 1e5, np.minimum(untouched(), 1023)))
     counts = np.random.default_rng(2).integers(0, 1024, (SAMPLES, 9, 8))
     frames = pack_frames(
-        FrameFormat(states=9, receivers=8, bits=10),
+        FrameFormat(emitters=8, receivers=8, bits=10),
         range(SAMPLES),
         [2500 * k for k in range(SAMPLES)],
         counts,

@@ -33,7 +33,7 @@ def test_no_text_of_the_product_has_a_word_of_the_list():
 
 @pytest.mark.parametrize("name", HELP)
 def test_no_help_has_a_word_of_the_list(name):
-    said = HELP[name].get_help(click.Context(HELP[name], info_name=name))
+    said = HELP[name].get_help(click.Context(HELP[name], info_name=name, **HELP[name].context_settings))
     assert said.startswith("Usage: optopad")
     assert words_of(said) == []
 

@@ -1,4 +1,4 @@
-"""The serial line: ports, messages, checksums, complete frames.
+"""The serial line to the board: ports, messages, checksums, complete frames.
 
-Imports of ours: the driver file, design.errors.
+Imports within this repository: the driver file, design.errors.
 """

@@ -1,4 +1,4 @@
-"""Conversion of 32-bit counters that wrap to numbers that do not."""
+"""Unwraps the board's 32-bit counters, and detects repeated frames and restarts of the board."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ from design.arrays import IntArray
 from fabrication.driver.link.protocol import STAMP, WRAP, CountArray
 
 REMEMBERED_FRAMES = 256
-"""Number of frames in the search for repeats: 0.6 s at 400 Hz."""
+"""Number of past frames with which a new frame is compared to detect repeats; 0.6 s at 400 Hz."""
 
 
 class WrappingCounter:
-    """One counter of a board, tracked from its first value.
+    """Unwraps successive values of one 32-bit counter of the board.
 
     Parameters
     ----------
-    goes_back : True for sequence numbers, where a step backward means a restart of the board: steps are -2^31 to
-        2^31 - 1. False for device time, which only rises: steps are 0 to 2^32 - 1, in microseconds 71.6 minutes.
+    goes_back : whether the counter may step backward. Sequence numbers may, because a restart of the board resets
+        them; their steps are from -2^31 to 2^31 - 1. Device time only rises, by 0 to 2^32 - 1 us (71.6 minutes).
     """
 
     def __init__(self, *, goes_back: bool) -> None:
@@ -27,7 +27,10 @@ class WrappingCounter:
         self._last: int | None = None
 
     def next(self, value: int) -> tuple[int, int]:
-        """One value without wraps, and the step to it; as `extended`, but much faster for single values."""
+        """The unwrapped number of one counter value, and the step since the previous value.
+
+        The step of the first value is 1. For single values `next` is faster than `extended`.
+        """
         if self._last is None:
             self._last = value
             return value, 1
@@ -38,9 +41,9 @@ class WrappingCounter:
         return self._last, step
 
     def extended(self, values: CountArray) -> tuple[IntArray, IntArray]:
-        """Values without wraps, and the step to each from the previous one; 1 to the very first.
+        """The unwrapped numbers of (n,) counter values, and the step from each previous value; both (n,).
 
-        values : (n,) as sent; both results are (n,)
+        The step of the very first value is 1.
         """
         if not len(values):
             return np.zeros(0, np.int64), np.zeros(0, np.int64)
@@ -55,9 +58,9 @@ class WrappingCounter:
 
 
 class Repeats:
-    """Detection of frames that the line delivers twice: number and time equal those of one of the last 256 frames.
+    """Detects frames that the line delivers twice: sequence number and time equal those of one of the last 256 frames.
 
-    A restarted board repeats its numbers, but never a number with its time.
+    A restarted board repeats its numbers, but not with the same times.
     """
 
     def __init__(self) -> None:
@@ -65,7 +68,7 @@ class Repeats:
         self._seen: set[bytes] = set()
 
     def has(self, message: bytes) -> bool:
-        """Whether a complete message of readings arrived before; a new one is remembered."""
+        """Whether a message of readings repeats one of the last 256. A message that does not is remembered."""
         stamp = message[STAMP]
         if stamp in self._seen:
             return True
@@ -77,9 +80,11 @@ class Repeats:
 
 
 def restarts(values: CountArray, last: int) -> IntArray:
-    """Indices of (n,) sequence numbers at a restart of the board: not above the previous number, modulo 2^32.
+    """Indices in `values` (n,), the sequence numbers of frames, at which the board was restarted.
 
-    last : the number before the first
+    A restart is a number that is not above the previous one, modulo 2^32.
+
+    last : sequence number before the first one
     """
     steps: IntArray = np.diff(values.astype(np.int64), prepend=last).astype(np.int64) % WRAP
     places: IntArray = np.flatnonzero((steps == 0) | (steps >= WRAP // 2))

@@ -1,4 +1,4 @@
-"""Frames for users, decoded in batches; the number of lost frames, and the frame rate."""
+"""Decodes the board's messages into frames, counts lost frames and measures the frame rate."""
 
 from __future__ import annotations
 
@@ -16,27 +16,27 @@ from fabrication.driver.link.protocol import FrameFormat, unpack_frames
 
 US_PER_S = 1e6
 RATE_FRAMES = 256
-"""Largest number of frames for the measurement of the rate."""
+"""Number of latest frames over which the frame rate is measured."""
 
 WEAKEST_BASELINE_COUNTS = 4.0
-"""Least baseline for a ratio: below it the quantisation alone is more than a tenth of the signal."""
+"""Least untouched signal by which a signal is divided [counts]; a smaller one is dominated by rounding."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Frame:
-    """One complete frame.
+    """One complete frame: a reading of every receiver in every state of the emitters.
 
     Attributes
     ----------
-    connection : number from 1, raised at each restart of the board or reconnection
+    connection : number of the connection, from 1; it rises at each restart of the board or reconnection
     sequence : number of the frame within the connection, without wraps
-    device_us : the board's clock when its first conversion began, without wraps [us]
-    host_s : this machine's clock when the batch with the frame had arrived, since 1970 [s]; at 400 Hz up to 5 ms late
-    lost_before : frames missing between this one and the previous one, by the sequence number
+    device_us : the board's clock at the frame's first conversion, without wraps [us]
+    host_s : host's clock at the arrival of the frame's batch, since 1970 [s]; at 400 Hz up to 5 ms late
+    lost_before : number of frames missing between the previous frame and this one, by their sequence numbers
     counts : (state, receiver) raw readings; the last state is the dark one [counts]
     signals : (emitter, receiver) readings less the dark state's [counts]
     saturated : (state, receiver) whether a reading is at full scale
-    baseline : (emitter, receiver) signals of the untouched pad [counts]; None where none was taken
+    baseline : (emitter, receiver) signals of the untouched pad [counts]; None if no baseline was taken
     """
 
     connection: int
@@ -63,20 +63,22 @@ class Frame:
 
 
 def normalised(signals: NDArray[np.int32] | FloatArray, baseline: FloatArray) -> FloatArray:
-    """(emitter, receiver) signals over a baseline; NaN where the baseline is too small."""
+    """(emitter, receiver) signals over a baseline; NaN where the baseline is below 4 counts [-]."""
     strong = baseline >= WEAKEST_BASELINE_COUNTS
     ratio: FloatArray = np.divide(signals, baseline, out=np.full(baseline.shape, np.nan), where=strong)
     return ratio
 
 
 class FrameDecoder:
-    """Decodes complete messages of readings to frames, and counts them.
+    """Decodes complete messages of readings into frames, and counts them.
 
     Attributes
     ----------
-    frames, lost, doubled : number decoded so far; missing so far by the sequence numbers; dropped as repeats
-    connection : connection of the next frame
-    baseline : baseline of the next frames
+    frames : number of frames decoded so far
+    lost : number of frames missing so far, by their sequence numbers
+    doubled : number of messages dropped so far because they repeat an earlier one
+    connection : number of the connection of the next frame
+    baseline : (emitter, receiver) untouched signals that are attached to the next frames [counts]; None if not taken
     """
 
     def __init__(self, layout: FrameFormat) -> None:
@@ -89,7 +91,7 @@ class FrameDecoder:
         self.begin()
 
     def begin(self) -> None:
-        """Begin a connection after a restart of the board: its counters start again."""
+        """Begin a new connection; to be called when the board was restarted, so that its counters start again."""
         self.connection += 1
         self._sequence = WrappingCounter(goes_back=True)
         self._time = WrappingCounter(goes_back=False)
@@ -98,21 +100,22 @@ class FrameDecoder:
 
     @property
     def rate_hz(self) -> float | None:
-        """Delivered frames per second by the board's clock, over the last 256; None before two frames."""
+        """Delivered frames per second, over the last 256 frames by the board's clock; None before two frames."""
         times = self._recent_us
         passed = times[-1] - times[0] if len(times) > 1 else 0
         return (len(times) - 1) * US_PER_S / passed if passed > 0 else None
 
     def without_repeats(self, messages: list[bytes]) -> list[bytes]:
-        """The messages of readings without repeats; repeats are counted as doubled."""
+        """Remove repeated messages from messages of readings, and count them in `doubled`."""
         new = [message for message in messages if not self._repeats.has(message)]
         self.doubled += len(messages) - len(new)
         return new
 
     def decoded(self, messages: list[bytes], host_s: float) -> list[Frame]:
-        """Frames of complete messages that arrived at `host_s`; a count that decreases begins a connection.
+        """Frames of complete messages that arrived at time `host_s` [s].
 
-        Batches are small, one to a few frames, so the work per frame uses plain numbers.
+        A sequence number that decreases begins a new connection. Batches are small, one to a few frames, so the work
+        per frame uses plain numbers instead of arrays.
         """
         found = unpack_frames(self._layout, messages)
         counts = found.counts

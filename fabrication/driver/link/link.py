@@ -1,4 +1,4 @@
-"""Link to a board on an open port: wait for its reset, identify it, refuse another design, start and stop it."""
+"""Dialogue with a board on an open port: waits for its reset, checks its identity and design, starts and stops it."""
 
 from __future__ import annotations
 
@@ -24,25 +24,25 @@ from fabrication.driver.link.scanner import Message, Scanner
 from fabrication.driver_file import DriverConfig
 
 ASK_EVERY_S = 0.25
-"""Interval of requests for identification to a board that sends. For a silent one the interval doubles each time,
-because each byte makes a boot loader wait longer."""
+"""Interval between requests for identification, while the board sends data [s]. While the board is silent, the interval
+doubles each time, because each byte that is sent makes a boot loader wait longer."""
 
 ANSWER_S = 2.5
-"""Longest time from a board's boot time to its hello, which it sends once per second by itself."""
+"""Longest wait for a board's hello after its boot time [s]; the board sends a hello once per second by itself."""
 
 SAY_EVERY_S = 2.0
-"""Interval of messages during a wait."""
+"""Interval between progress messages while waiting for a board [s]."""
 
 US_PER_S = 1e6
 
 
 class Link:
-    """Messages of one board over one open port.
+    """Dialogue with one board over one open port.
 
     Parameters
     ----------
     port : open port
-    config : configuration of the expected frames
+    config : configuration of the design whose frames are expected
     """
 
     def __init__(self, port: Port, config: DriverConfig) -> None:
@@ -53,16 +53,16 @@ class Link:
         self.hello_message = b""
 
     def messages(self) -> list[Message]:
-        """Complete messages that arrived, after at most a tenth of a second; PortLostError if the port is lost."""
+        """Complete messages that arrived within about a tenth of a second; raises PortLostError if the port is lost."""
         piece = self.port.read()
         return self.scanner.feed(piece) if piece else []
 
     def send(self, command: Command, argument: int = 0) -> None:
-        """Send a command; PortLostError if the port is lost."""
+        """Send a command to the board; raises PortLostError if the port is lost."""
         self.port.write(pack_command(command, argument))
 
     def start(self, interval_us: int) -> None:
-        """Set the frame interval [us], 0 for the board's fastest, and start the stream."""
+        """Set the frame interval [us] and start the stream; 0 is the board's shortest interval."""
         self.send(Command.RATE, interval_us)
         self.send(Command.START)
 
@@ -75,23 +75,24 @@ class Link:
         is_over: Callable[[], bool] = lambda: False,
         on_wait: Callable[[str], None] = lambda _: None,
     ) -> Hello:
-        """Wait for the board's hello, and check it.
+        """Wait for the board's hello (its description of itself), and check that the board is of this design.
 
-        A board after a reset sends its hello by itself, and nothing is sent while its boot loader listens. A board
-        that already streams is stopped and then identified. A silent one is identified after its boot time, unless
-        its port is a guess: nothing is sent to a possible printer.
+        After a reset the board sends its hello by itself, and nothing is sent to it while its boot loader listens. A
+        board that already streams is stopped and then identified. A silent board receives a request for identification
+        after its boot time. If the port is a guess, nothing is sent to a silent device, which may be a printer.
 
         Parameters
         ----------
-        accept_digest : another design's digest that is accepted, at least its first 8 digits; None for none
+        accept_digest : first 8 or more digits of the digest of another accepted design; None accepts no other
         patience_s : longest wait [s]
-        is_guess : whether only a common serial chip identifies this port
-        on_wait : called with a line every two seconds of the wait
-        is_over : whether to stop waiting
+        is_guess : whether the port was chosen only because of its serial chip, which other devices also have
+        on_wait : called with a progress line every two seconds of the wait
+        is_over : called repeatedly; the wait stops when it returns True
 
         Raises
         ------
-        DeviceError : silence, a printer or another device, other firmware, another design, or `is_over`.
+        DeviceError : the device is silent, a printer, or has other firmware or another design; or `is_over` stopped the
+            wait.
         """
         begun = time.monotonic()
         ask_at = begun + (math.inf if is_guess else self.config.board.boot_s)
@@ -156,23 +157,27 @@ class Link:
 
 
 def check_hello(hello: Hello, config: DriverConfig, *, where: str, accept_digest: str | None) -> None:
-    """Refuse a board of another design.
+    """Check that a board's hello (its identification) names the required design.
 
     Parameters
     ----------
-    accept_digest : as `Link.greet`
+    hello : the board's description of itself
+    config : configuration of the required design
+    where : name of the port, for messages
+    accept_digest : first 8 or more digits of the digest of another accepted design; None accepts no other
 
     Raises
     ------
-    DeviceError : frames of another shape, or another design that was not accepted by its digest.
+    DeviceError : the board's frames have another shape, or its design is neither the required nor the accepted one.
     """
-    frame = config.frame
-    has = (hello.emitters, hello.receivers, hello.bits)
-    wanted = (frame.states - 1, frame.receivers, frame.bits_per_reading)
+    layout = frame_format(config)
+    has = (hello.emitters, hello.receivers, hello.bits, hello.dark)
+    wanted = (layout.emitters, layout.receivers, layout.bits, layout.dark)
     if has != wanted:
+        darks = (f', dark states "{has[3]}"', f', "{wanted[3]}"') if has[3] != wanted[3] else ("", "")
         raise DeviceError(
-            f"{where}: firmware for {has[0]} emitters, {has[1]} receivers, {has[2]} bits; driver.toml of "
-            f"{config.design} has {wanted[0]}, {wanted[1]}, {wanted[2]}; flash this design's firmware "
+            f"{where}: firmware for {has[0]} emitters, {has[1]} receivers, {has[2]} bits{darks[0]}; driver.toml of "
+            f"{config.design} has {wanted[0]}, {wanted[1]}, {wanted[2]}{darks[1]}; flash this design's firmware "
             "(`optopad driver flash DESIGN`), or use the driver.toml of the board's design"
         )
     if hello.digest == config.digest or is_accepted(hello.digest, accept_digest):
@@ -185,12 +190,12 @@ def check_hello(hello: Hello, config: DriverConfig, *, where: str, accept_digest
 
 
 def is_accepted(digest: str, accept_digest: str | None) -> bool:
-    """Whether another design's digest was accepted by its first digits."""
+    """Whether a digest begins with the digits `accept_digest`; False if that is None."""
     return accept_digest is not None and digest.startswith(accept_digest.lower())
 
 
 def require_digest(accept_digest: str | None) -> None:
-    """Refuse digits that do not identify a design: InputError for fewer than eight, or for other characters."""
+    """Refuse digits that do not identify a design: raises InputError for other than 8 to 64 hexadecimal digits."""
     if accept_digest is not None and not re.fullmatch(r"[0-9a-fA-F]{8,64}", accept_digest):
         raise InputError(
             f"accept_digest: {accept_digest!r} names no design; give 8 to 64 hexadecimal digits of the board's digest"
@@ -198,5 +203,5 @@ def require_digest(accept_digest: str | None) -> None:
 
 
 def interval_us(rate_hz: float) -> int:
-    """Frame interval of a rate [us]; 0, the board's fastest, for rate 0."""
+    """Frame interval [us] for a frame rate [Hz]; for rate 0 it is 0, which means the board's shortest interval."""
     return round(US_PER_S / rate_hz) if rate_hz > 0 else 0

@@ -1,6 +1,6 @@
-"""Serial ports: search by USB identity, opening, reading; the system's errors are explained in words.
+"""Serial ports: finds them by USB identity, opens and reads them, and explains errors of the operating system.
 
-A port is a name of the system (`/dev/ttyACM0`, `COM3`), the name of a pseudo-terminal, or an address of pyserial
+A port is given by its system name (`/dev/ttyACM0`, `COM3`), the name of a pseudo-terminal, or an address of pyserial
 (`socket://localhost:4242`). Opening the port of an Arduino resets the board.
 """
 
@@ -23,10 +23,11 @@ from design.errors import DeviceError
 from fabrication.driver_file import BoardSetup
 
 WAIT_S = 0.1
-"""Longest wait inside one read, and so of a stop."""
+"""Longest wait within one read, which also limits the delay after a request to stop [s]."""
 
 GATHER_S = 0.005
-"""Wait for more bytes after the first: every wake-up costs the host 0.2 to 0.5 ms of a core."""
+"""Time for which a read waits for more bytes after the first [s]; each wake-up costs the host 0.2 to 0.5 ms of a
+core."""
 
 WRITE_WAIT_S = 1.0
 LARGEST_READ = 65536
@@ -39,7 +40,7 @@ class PortLostError(DeviceError):
 
 @dataclass(frozen=True, kw_only=True)
 class FoundPort:
-    """A serial port of this machine: its name, vendor:product ("" where it has none), the system's description."""
+    """A serial port of this machine: name, USB vendor:product ("" if it has none), description by the system."""
 
     name: str
     usb_id: str
@@ -62,34 +63,34 @@ def ports_here() -> list[FoundPort]:
 
 
 PTY_BAUD = 115200
-"""Rate of a pseudo-terminal, which has none: macOS accepts only the old standard rates."""
+"""Baud rate set on a pseudo-terminal, where it has no effect; macOS accepts only the old standard rates."""
 
 
 CHIP_MAKERS = frozenset({"0403", "067b", "10c4", "1a86"})
-"""USB vendors of serial chips that any device may have: FTDI, Prolific, Silicon Labs, QinHeng (CH340)."""
+"""USB vendors of serial chips that are in many kinds of devices: FTDI, Prolific, Silicon Labs, QinHeng (CH340)."""
 
 
 GUESSED = "Only the serial chip identifies this port, and printers and other devices have the same chip."
 
 
 def is_guess(port: FoundPort, board: BoardSetup) -> bool:
-    """Whether only a serial chip identifies the board: a printer may have the same."""
+    """Whether a port is identified only by its serial chip, which a printer may have as well."""
     return port.usb_id not in board.usb_ids or port.usb_id.partition(":")[0] in CHIP_MAKERS
 
 
 def find_port(
     board: BoardSetup, ports: Iterable[FoundPort] | None = None, *, not_ports: Iterable[str] = ()
 ) -> FoundPort:
-    """The only port with such a board, by the maker's USB identity, or else by that of copies' serial chips.
+    """The only port with a board of this kind, by USB vendor and product of its maker, or else of copied boards.
 
     Parameters
     ----------
-    ports : ports to choose from; None takes those of the system
-    not_ports : names of ports of other devices
+    ports : ports to choose from; None takes all ports of the system
+    not_ports : names of ports to exclude, because other devices use them
 
     Raises
     ------
-    DeviceError : no such port, or several; the message lists the ports.
+    DeviceError : no port or several ports match; the message lists the ports.
     """
     taken = {plain_name(name) for name in not_ports}
     here = ports_here() if ports is None else list(ports)
@@ -109,7 +110,7 @@ def find_port(
 
 
 def on_standard_error(line: str) -> None:
-    """Print a line about the wait for a board; the default of `on_wait`."""
+    """Print a progress line on standard error; the default of the `on_wait` arguments."""
     print(line, file=sys.stderr)
 
 
@@ -119,12 +120,13 @@ class Port:
     Parameters
     ----------
     name : name of the port, or an address of pyserial
-    baud : rate of the line
+    baud : baud rate of the line
     gather_s : time to wait for more bytes after the first [s]
 
     Raises
     ------
-    DeviceError : no such port, no permission, in use, or not a serial port; with the way out.
+    DeviceError : the port does not exist, is in use, is not a serial port, or needs a permission. The message says what
+        to do.
     """
 
     def __init__(self, name: str, baud: int, gather_s: float = GATHER_S) -> None:
@@ -142,7 +144,9 @@ class Port:
         self.close()
 
     def read(self) -> bytes:
-        """Bytes that arrived, after at most `WAIT_S` and `gather_s`; empty if there are none.
+        """Bytes that have arrived, possibly none.
+
+        The read waits at most `WAIT_S` for the first byte, then `gather_s` for more.
 
         Raises
         ------
@@ -154,14 +158,15 @@ class Port:
             raise self._lost(err) from err
 
     def write(self, message: bytes) -> None:
-        """Send bytes; PortLostError if the port is lost or accepts none."""
+        """Send bytes; raises PortLostError if the port is lost or does not accept them."""
         try:
             self._line.write(message)
         except (OSError, serial.SerialException) as err:
             raise self._lost(err) from err
 
     def set_baud(self, baud: int) -> None:
-        """Change the rate without reopening the port, which would reset the board; DeviceError if that fails."""
+        """Change the baud rate without reopening the port, which would reset the board; raises DeviceError on
+        failure."""
         try:
             self._line.baudrate = baud
         except (OSError, ValueError) as err:
@@ -169,7 +174,7 @@ class Port:
                 raise DeviceError(f"{self.name}: {_why_not(self.name, err, baud)}") from err
 
     def close(self) -> None:
-        """Close the line; a lost port is not an error."""
+        """Close the line; no error is raised if the port was lost."""
         try:
             self._line.close()
         except (OSError, serial.SerialException):
@@ -185,7 +190,7 @@ class Port:
         return first + rest
 
     def _read_socket(self) -> bytes:
-        """Read a socket, which does not report the number of waiting bytes: read one, then all others."""
+        """Read one byte from a socket, then all waiting bytes; a socket does not report their number."""
         self._line.timeout = WAIT_S
         first: bytes = self._line.read(1)
         if not first:
@@ -232,7 +237,7 @@ def _why_not(name: str, err: Exception, baud: int) -> str:
 
 
 def plain_name(name: str) -> str:
-    """A port's name with links resolved, equal for all names of one port."""
+    """A port's name with symbolic links resolved, so that all names of one port become equal."""
     return os.path.normcase(os.path.realpath(name) if os.path.exists(name) else name)
 
 

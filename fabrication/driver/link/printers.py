@@ -1,7 +1,7 @@
-"""Detection of a printer at a port: many have the same serial chips and boards as sensors.
+"""Detection of a printer at a port; many printers have the same serial chips and boards as sensors.
 
-A printer with Marlin, Repetier, RepRapFirmware or Smoothie answers M115 in text; one with Klipper answers a
-block of Klipper's own protocol (Klipper3d/klipper, page Protocol). The sensor's firmware answers neither.
+A printer with Marlin, Repetier, RepRapFirmware or Smoothie replies to M115 in text. A printer with Klipper replies with
+a block of Klipper's own protocol (Klipper3d/klipper, page Protocol). The sensor's firmware ignores both requests.
 """
 
 from __future__ import annotations
@@ -16,16 +16,16 @@ from fabrication.driver.link.protocol import HELLO_BYTES, VERSION, Kind
 from fabrication.driver.link.scanner import Scanner
 
 BAUDS = 115200, 250000
-"""Rates of nearly all printers' lines."""
+"""Baud rates of nearly all printers' serial lines."""
 
 ANSWER_S = 1.5
-"""Wait for an answer at each rate; more frequent requests would keep a boot loader running."""
+"""Time to wait for a reply at each baud rate [s]; more frequent requests would keep a boot loader running."""
 
 HEARD_BYTES = 4096
-"""Bytes outside messages that are kept to recognise a printer."""
+"""Number of the latest received bytes that are searched for a printer's reply."""
 
 FIRST_WORDS_S = 1.0
-"""Listening time to a board after its reset, from its first byte."""
+"""Time for which a device is listened to after its reset, from the first byte that it sends [s]."""
 
 _SAID = re.compile(
     rb"^(?:start|ok\b.*|echo:.*|.*(?:FIRMWARE_NAME|Marlin|Klipper|RepRapFirmware|Repetier|Smoothie|Grbl).*)\r?\n",
@@ -35,7 +35,7 @@ _KLIPPER = re.compile(rb"\x05[\x10-\x1f]..\x7e", re.S)
 
 
 def printer_words(heard: bytes) -> str:
-    """The first line, or block of Klipper, that only a printer sends; "" if there is none."""
+    """First line of `heard` that only a printer sends, or a note of Klipper's protocol; "" if there is neither."""
     if line := _SAID.search(heard):
         return line[0].decode("ascii", errors="replace").strip()
     blocks = (block for block in _KLIPPER.findall(heard) if block[2:4] == _klipper_crc(block[:2]))
@@ -43,13 +43,14 @@ def printer_words(heard: bytes) -> str:
 
 
 def require_no_printer(name: str, baud: int, patience_s: float) -> None:
-    """Listen at a port after a reset, then send requests as a printer's host does.
+    """Check that no 3D printer is at a port: listen after a reset, then send a printer's requests.
 
-    The hello of a sensor of any design ends the test at once.
+    The test ends at once if a sensor of any design sends its hello (its identification).
 
     Parameters
     ----------
-    baud : rate of the sensor's line; the test uses the printers' own rates for them
+    name : name of the port
+    baud : baud rate of the sensor's line; the test also uses the printers' usual rates
     patience_s : longest wait for a boot loader to end [s]
 
     Raises
@@ -66,7 +67,6 @@ def require_no_printer(name: str, baud: int, patience_s: float) -> None:
 
 
 def _ask(port: Port, bauds: tuple[int, ...], until_s: float) -> None:
-    """Send requests at each rate, at least once and until a time."""
     end = time.monotonic() + until_s
     while True:
         for baud in bauds:
@@ -79,7 +79,10 @@ def _ask(port: Port, bauds: tuple[int, ...], until_s: float) -> None:
 
 
 def _heard(port: Port, longest_s: float, after_first_s: float = math.inf) -> bytes | None:
-    """Bytes within a time, or a time after the first byte; None for a sensor, DeviceError for a printer."""
+    """Listen for a time; return the bytes received, or None if a sensor sent its hello.
+
+    The time is `longest_s`, or `after_first_s` after the first byte [s]. Raises DeviceError if a printer replied.
+    """
     scanner, heard = Scanner({VERSION << 4 | Kind.HELLO: HELLO_BYTES}), b""
     end = time.monotonic() + longest_s
     while time.monotonic() < end:
@@ -99,7 +102,6 @@ def _heard(port: Port, longest_s: float, after_first_s: float = math.inf) -> byt
 
 
 def _klipper_crc(block: bytes) -> bytes:
-    """CRC-16 of Klipper's blocks, the high byte first."""
     crc = 0xFFFF
     for byte in block:
         crc ^= byte

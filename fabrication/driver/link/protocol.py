@@ -1,11 +1,12 @@
-"""The bytes between board and host, packed and unpacked.
+"""Packs and unpacks the messages between board and host.
 
 All numbers are little-endian. Every message ends in a CRC-32 (`zlib.crc32`) over all preceding bytes, including
 the magic. The high half of byte 2 is the protocol's version, and the low half is the kind or command.
 
     readings  A5 5A 10  sequence u32, device time u32 [us], readings packed bit by bit, CRC
-    hello     A5 5A 11  firmware 2 x u8, board, emitters, receivers, bits, prescaler exponent, settle u16 [us],
-                        baud u32, interval u32 [us], design digest 32 bytes, CRC
+    hello     A5 5A 11  firmware 2 x u8, board, emitters, receivers, bits (plus 128 if each emitter's state has a
+                        dark state before and after it), prescaler exponent, settle u16 [us], baud u32,
+                        interval u32 [us], design digest 32 bytes, CRC
     self-test A5 5A 12  reference reading u16, late frames u32, least free RAM u16,
                         CRC u32 of the program's configuration, CRC
     command   C5 5C 1x  argument u32, CRC; x: 1 start, 2 stop, 3 interval [us], 4 identify, 5 self-test
@@ -13,7 +14,7 @@ the magic. The high half of byte 2 is the protocol's version, and the low half i
 Readings are ordered by state, and within a state by receiver, with the least significant bit first: reading k
 has bits k x bits to (k + 1) x bits - 1 of the byte string. Both counters wrap at 2^32.
 
-The module reads neither a port nor a clock; the C side of the same layout is the firmware's `session.h`.
+The firmware's `session.h` has the same layout in C.
 """
 
 from __future__ import annotations
@@ -31,6 +32,7 @@ from numpy.typing import NDArray
 
 from design.arrays import IntArray
 from design.errors import DeviceError
+from design.recordings import lit_emitters, with_one_dark
 from fabrication.driver_file import DriverConfig
 
 VERSION = 1
@@ -38,10 +40,10 @@ MAGIC = b"\xa5\x5a"
 COMMAND_MAGIC = b"\xc5\x5c"
 CRC_BYTES = 4
 WRAP = 2**32
-"""Value at which sequence number and device time wrap."""
+"""Number of values of a 32-bit counter; sequence number and device time wrap from WRAP - 1 to 0."""
 
 STAMP = slice(3, 11)
-"""Position of sequence number and device time in a message of readings."""
+"""Range of bytes in a message of readings that contains sequence number and device time."""
 
 CountArray = NDArray[np.uint32]
 _HELLO = struct.Struct("<2sB7BHII32s")
@@ -51,7 +53,7 @@ _CRC = struct.Struct("<I")
 
 
 class Kind(IntEnum):
-    """Kinds of the board's messages."""
+    """Kinds of messages from the board; the value is the low half of byte 2 of a message."""
 
     READINGS = 0
     HELLO = 1
@@ -59,7 +61,8 @@ class Kind(IntEnum):
 
 
 class Command(IntEnum):
-    """Commands of the host to the board; RATE takes the frame interval [us], 0 for the board's fastest."""
+    """Commands from the host to the board. The argument of RATE is the frame interval [us]; 0 is the board's
+    shortest."""
 
     START = 1
     STOP = 2
@@ -75,25 +78,41 @@ COMMAND_BYTES = _COMMAND.size + CRC_BYTES
 
 @dataclass(frozen=True, kw_only=True)
 class FrameFormat:
-    """Number of readings in a frame, and their bits."""
+    """Shape of a frame: numbers of emitters and receivers, dark states, and bits of each reading.
 
-    states: int
+    Attributes
+    ----------
+    dark : ``frame`` or ``each``, see `design.recordings.lit_emitters`
+    """
+
+    emitters: int
     receivers: int
     bits: int
+    dark: str = "frame"
+
+    @property
+    def lit(self) -> tuple[int | None, ...]:
+        """Index of the emitter that is lit in each state, None in a dark state."""
+        return lit_emitters(self.emitters, self.dark)
+
+    @property
+    def states(self) -> int:
+        """Number of states."""
+        return len(self.lit)
 
     @property
     def readings(self) -> int:
-        """Number of readings in a frame."""
+        """Number of readings in a frame: states times receivers."""
         return self.states * self.receivers
 
     @property
     def reading_bytes(self) -> int:
-        """Bytes of the packed readings."""
+        """Number of bytes of the packed readings."""
         return -(-self.readings * self.bits // 8)
 
     @property
     def total_bytes(self) -> int:
-        """Bytes of the complete message."""
+        """Number of bytes of a complete message of readings."""
         return int(_record_type(self).itemsize)
 
     @property
@@ -109,9 +128,10 @@ class Hello:
     Attributes
     ----------
     firmware : major and minor version
-    board : its number in the catalogue of boards
-    prescaler_exponent : the converter's clock is the board's over 2 to this
-    interval_us : requested time from frame to frame [us]; 0 is the board's fastest
+    board : number of the kind of board in the catalogue
+    dark : ``frame`` or ``each``, see `design.recordings.lit_emitters`
+    prescaler_exponent : the converter's clock is the board's clock divided by 2 to this power
+    interval_us : requested frame interval [us]; 0 is the board's shortest
     digest : SHA-256 of the design that the firmware was made for, 64 hexadecimal digits
     """
 
@@ -125,18 +145,20 @@ class Hello:
     baud: int
     interval_us: int
     digest: str
+    dark: str = "frame"
 
 
 @dataclass(frozen=True, kw_only=True)
 class SelfTest:
-    """A board's self-test.
+    """Result of a board's self-test.
 
     Attributes
     ----------
-    reference_counts : the internal 1.1 V reference, read against the supply
-    late_frames : frames that began later than the interval requires
-    least_free_ram_bytes : lowest seen since the reset
-    config_crc : CRC-32 of the configuration in the program
+    reference_counts : reading of the internal 1.1 V reference, with the supply as full scale [counts]; 0 if not
+        measured
+    late_frames : number of frames that began later than the frame interval requires
+    least_free_ram_bytes : least free memory since the reset [bytes]
+    config_crc : CRC-32 of the configuration that was compiled into the program
     """
 
     reference_counts: int
@@ -147,7 +169,11 @@ class SelfTest:
 
 @dataclass(frozen=True, kw_only=True)
 class Unpacked:
-    """Frames as arrays: sequence (n,) and device time (n,) [us] as sent, counts (n, state, receiver)."""
+    """Frames as arrays: sequence number (n,), device time (n,) [us], readings (n, state, receiver) [counts].
+
+    Sequence number and device time are as sent, so they wrap at 2^32. The last state of the readings is dark. Where the
+    board sends dark states around each emitter's state, `design.recordings.with_one_dark` has converted the frames.
+    """
 
     sequence: CountArray
     device_us: CountArray
@@ -155,14 +181,19 @@ class Unpacked:
 
 
 def frame_format(config: DriverConfig) -> FrameFormat:
-    """The frame of a driver configuration.
+    """Shape of the frames of a driver configuration.
 
     Raises
     ------
-    DeviceError : its frame is not that of this version of the protocol.
+    DeviceError : the configuration's frame does not have the layout of this version of the protocol.
     """
     frame = config.frame
-    found = FrameFormat(states=frame.states, receivers=frame.receivers, bits=frame.bits_per_reading)
+    found = FrameFormat(
+        emitters=len(config.emitters),
+        receivers=frame.receivers,
+        bits=frame.bits_per_reading,
+        dark="frame" if config.ambient.subtract_state is not None else "each",
+    )
     if found.total_bytes != frame.total_bytes or found.bits > MAX_BITS:
         raise DeviceError(
             f"driver.toml: frames of {frame.total_bytes} bytes and {found.bits} bits a reading; protocol "
@@ -171,12 +202,14 @@ def frame_format(config: DriverConfig) -> FrameFormat:
     return found
 
 
+_DARK_AROUND_EACH = 1 << 7
+"""Bit of the hello's byte of bits per reading: set if frames have a dark state before and after each emitter's."""
 MAX_BITS = 16
-"""Largest number of bits of a reading that fits the arrays."""
+"""Largest number of bits per reading, limited by the type of the arrays."""
 
 
 def message_lengths(layout: FrameFormat) -> dict[int, int]:
-    """Length of each message of the board by its byte 2."""
+    """Length in bytes of each kind of message from the board; the key is byte 2 of the message."""
     lengths = {
         Kind.READINGS: layout.total_bytes,
         Kind.HELLO: HELLO_BYTES,
@@ -186,22 +219,23 @@ def message_lengths(layout: FrameFormat) -> dict[int, int]:
 
 
 def sealed(content: bytes) -> bytes:
-    """Content followed by its CRC."""
+    """Message made of `content` and, at its end, the content's CRC-32."""
     return content + _CRC.pack(zlib.crc32(content))
 
 
 def is_whole(message: bytes | memoryview) -> bool:
-    """Whether a message's CRC is that of its content."""
+    """Whether the CRC at the end of a message matches its content."""
     return zlib.crc32(message[:-CRC_BYTES]) == int.from_bytes(message[-CRC_BYTES:], "little")
 
 
 def pack_frames(layout: FrameFormat, sequence: Any, device_us: Any, counts: Any) -> list[bytes]:
-    """Packed frames.
+    """Messages of readings, one per frame.
 
     Parameters
     ----------
-    sequence, device_us : (n,) counters; they wrap at 2^32
-    counts : (n, state, receiver) readings, 0 to full scale
+    layout : shape of the frames
+    sequence, device_us : (n,) sequence numbers and device times [us]; both wrap at 2^32
+    counts : (n, state, receiver) readings in all states that are sent, from 0 to full scale [counts]
     """
     values = np.asarray(counts).reshape(-1, layout.readings)
     rows = np.zeros(len(values), _record_type(layout))
@@ -217,7 +251,7 @@ def pack_frames(layout: FrameFormat, sequence: Any, device_us: Any, counts: Any)
 
 
 def unpack_frames(layout: FrameFormat, frames: Iterable[bytes]) -> Unpacked:
-    """Complete frames of readings as arrays; their CRC has been checked before."""
+    """Arrays of the frames in messages of readings; the caller must have checked the CRCs."""
     rows = np.frombuffer(b"".join(frames), _record_type(layout))
     return Unpacked(
         sequence=rows["sequence"].astype(np.uint32),
@@ -227,15 +261,16 @@ def unpack_frames(layout: FrameFormat, frames: Iterable[bytes]) -> Unpacked:
 
 
 def pack_hello(hello: Hello) -> bytes:
-    """A packed hello."""
-    head = (*hello.firmware, hello.board, hello.emitters, hello.receivers, hello.bits)
+    """Message with the board's description of itself."""
+    bits = hello.bits | (_DARK_AROUND_EACH if hello.dark == "each" else 0)
+    head = (*hello.firmware, hello.board, hello.emitters, hello.receivers, bits)
     rest = hello.prescaler_exponent, hello.settle_us, hello.baud, hello.interval_us
     version = VERSION << 4 | Kind.HELLO
     return sealed(_HELLO.pack(MAGIC, version, *head, *rest, bytes.fromhex(hello.digest)))
 
 
 def unpack_hello(message: bytes) -> Hello:
-    """The hello in a complete message."""
+    """The board's description of itself in a complete message."""
     _, _, *plain, digest = _HELLO.unpack_from(message)
     major, minor, board, emitters, receivers, bits, exponent, settle_us, baud, interval_us = plain
     return Hello(
@@ -243,7 +278,8 @@ def unpack_hello(message: bytes) -> Hello:
         board=board,
         emitters=emitters,
         receivers=receivers,
-        bits=bits,
+        bits=bits & ~_DARK_AROUND_EACH,
+        dark="each" if bits & _DARK_AROUND_EACH else "frame",
         prescaler_exponent=exponent,
         settle_us=settle_us,
         baud=baud,
@@ -253,7 +289,7 @@ def unpack_hello(message: bytes) -> Hello:
 
 
 def pack_self_test(found: SelfTest) -> bytes:
-    """A packed result of a self-test."""
+    """Message with a self-test's result."""
     numbers = found.reference_counts, found.late_frames, found.least_free_ram_bytes, found.config_crc
     return sealed(_SELF_TEST.pack(MAGIC, VERSION << 4 | Kind.SELF_TEST, *numbers))
 
@@ -265,12 +301,12 @@ def unpack_self_test(message: bytes) -> SelfTest:
 
 
 def pack_command(command: Command, argument: int = 0) -> bytes:
-    """A packed command."""
+    """Message with a command to the board, and the command's argument."""
     return sealed(_COMMAND.pack(COMMAND_MAGIC, VERSION << 4 | command, argument))
 
 
 def unpack_command(message: bytes) -> tuple[Command, int]:
-    """Command and argument of a complete message; ValueError for a command that this version does not have."""
+    """Command and argument of a complete message; raises ValueError for an unknown command."""
     _, kind, argument = _COMMAND.unpack_from(message)
     return Command(kind & 0x0F), argument
 
@@ -289,17 +325,26 @@ def _record_type(layout: FrameFormat) -> np.dtype[np.void]:
 
 
 def _unpacked(layout: FrameFormat, packed: NDArray[np.uint8]) -> NDArray[np.uint16]:
-    """(n, state, receiver) readings of (n, bytes): each spans at most three bytes, as it has at most 16 bits."""
+    """Unpack (n, bytes) packed readings into (n, state, receiver) counts, with one dark state last.
+
+    A reading has at most 16 bits, so it spans three bytes or fewer.
+    """
     first, shift = _places(layout)
     padded = np.zeros((len(packed), layout.reading_bytes + 2), dtype=np.uint32)
     padded[:, :-2] = packed
     words = padded[:, :-2] | padded[:, 1:-1] << 8 | padded[:, 2:] << 16
     values = (words[:, first] >> shift) & np.uint32(layout.full_scale)
-    return values.astype(np.uint16).reshape(-1, layout.states, layout.receivers)
+    readings = values.reshape(-1, layout.states, layout.receivers)
+    if layout.states > layout.emitters + 1:
+        readings = np.rint(with_one_dark(readings, layout.lit, layout.full_scale))
+    return readings.astype(np.uint16)
 
 
 @cache
 def _places(layout: FrameFormat) -> tuple[IntArray, CountArray]:
-    """First byte of each reading, and the number of its bits that belong to the previous one; both (readings,)."""
+    """Index of each reading's first byte, and the number of low bits in that byte that belong to the previous reading.
+
+    Both arrays are (readings,).
+    """
     first, shift = np.divmod(np.arange(layout.readings) * layout.bits, 8)
     return first, shift.astype(np.uint32)

@@ -1,8 +1,8 @@
-"""Search for messages in a stream of bytes that may be damaged, cut or started anywhere.
+"""Finds complete messages in a stream of bytes that may be damaged, cut, or begin in the middle of a message.
 
-A candidate begins with the magic and a known byte 2. It is a message if its CRC is right. Otherwise the search
-continues one byte further, so that a damaged message never removes a complete one behind it. The bytes kept from
-one piece of the stream to the next are always shorter than one message.
+A message begins with two fixed bytes (the magic), and a byte for its kind. A run of bytes that begins so is a
+candidate. It is a message if its CRC matches. Otherwise the search continues one byte further, so that no complete
+message after a damaged one is lost. Less than one message is kept from one piece of the stream to the next.
 
 A false candidate delays the following bytes until its full length has arrived.
 """
@@ -14,18 +14,18 @@ from collections.abc import Mapping
 from fabrication.driver.link.protocol import MAGIC, is_whole
 
 Message = tuple[int, bytes]
-"""Byte 2 and the complete message."""
+"""A message from the board: byte 2, which gives its kind, and all its bytes."""
 
 HEAD_BYTES = 3
 
 
 class Scanner:
-    """Finds the complete messages in pieces of a stream.
+    """Finds the complete messages in successive pieces of a stream.
 
     Parameters
     ----------
-    lengths : length of each message by its byte 2
-    magic : the two bytes that begin one
+    lengths : length in bytes of each kind of message; the key is byte 2 of the message
+    magic : the two bytes with which a message begins
     """
 
     def __init__(self, lengths: Mapping[int, int], magic: bytes = MAGIC) -> None:
@@ -33,22 +33,22 @@ class Scanner:
         self._magic = magic
         self._kept = b""
         self.damaged = 0
-        """Number of candidates whose CRC was wrong."""
+        """Number of byte sequences so far that began as a message but whose CRC did not match."""
         self.skipped_bytes = 0
-        """Bytes so far that belong to no complete message; those of an unfinished one are not counted."""
+        """Number of bytes so far that belong to no message; bytes of a message still arriving are not counted."""
 
     @property
     def kept_bytes(self) -> int:
-        """Bytes of an unfinished candidate that wait for the rest."""
+        """Number of bytes received of a possible message whose end has not arrived."""
         return len(self._kept)
 
     def forget(self) -> None:
-        """Drop an unfinished candidate, as after a break of the line."""
+        """Discard the bytes of an unfinished message, for example after an interruption of the line."""
         self.skipped_bytes += len(self._kept)
         self._kept = b""
 
     def feed(self, piece: bytes) -> list[Message]:
-        """The messages that this piece completes, in order."""
+        """The messages that this piece of the stream completes, in the order of arrival."""
         stream = self._kept + piece if self._kept else piece
         found: list[Message] = []
         at, end = 0, len(stream)

@@ -1,4 +1,4 @@
-"""Frames on disk: the crash-safe raw file, export, labels, and matching of clocks.
+"""Frames on the disk: a raw file that survives crashes, its export, labels of presses, and matching of clocks.
 
-Imports of ours: link, simulated, the driver file.
+Imports within this repository: link, simulated, the driver file.
 """

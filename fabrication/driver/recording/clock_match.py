@@ -1,17 +1,19 @@
 """Offset between the clocks of a stage's log and a recording, from the touches in both.
 
-The signals show touches. The first half second, which must be untouched, gives the untouched pattern and its noise.
-Later half seconds without a touch renew the pattern, so that drift does not count as touch. A frame is touched if the
-rest of its change, less the gains of emitters and receivers (`gain_pattern`), is far above the noise. In the log a
-touch begins and ends where the depth crosses 0.
+The signals show touches. The first half second, which must be untouched, gives the untouched signals and their noise.
+Later half seconds without a touch update these, so that drift does not count as touch. A frame counts as touched if its
+change, less the part that changed gains explain (`gain_pattern`), is far above the noise. In the log a touch begins and
+ends where the depth crosses 0.
 
-The two courses of touched and untouched are correlated over every shift at which half of the shorter one overlaps. The
-best shifts are then refined on edges: each edge of the signals is compared with the log's nearest of the same kind. The
-offset is the mean of the medians of the two kinds. A touch is detected slightly below the surface, late on the way in
-and early on the way out: with the tip equally fast both ways the mean of the two has no such error.
+Signals and log are each converted to a time series that is 1 while the pad is touched, and 0 otherwise. The two series
+are correlated at every shift at which at least half of the shorter one overlaps. The best shifts are then refined by
+means of edges, which are the begins and ends of touches. Each edge of the signals is paired with the log's nearest edge
+of the same kind. The offset is the mean of the median lag of the begins and that of the ends. The signals show a touch
+only slightly below the surface, so its begin is late and its end is early. If the tip is equally fast both ways, these
+two errors cancel in the mean.
 
-The match is refused for too few edges, for edges that do not match, and for several matching shifts. A stage that
-repeats one rhythm exactly gives the same pattern one press later, which cannot be distinguished.
+The match fails if there are too few edges, if they do not match, or if they match at several shifts. If a stage presses
+in one exact rhythm, shifts by a whole press cannot be distinguished.
 """
 
 from __future__ import annotations
@@ -29,20 +31,23 @@ from fabrication.driver.recording.position_log import PositionLog
 Mask = BoolArray
 
 STEP_S = 0.02
-"""Grid of the correlation."""
+"""Time step of the series of touches that are correlated [s]."""
 
 BASELINE_S = 0.5
 TOUCHED_EXCESS = 6.0
-"""A frame is touched if the mean square of its change's rest is above this multiple of the noise's."""
+"""A frame counts as touched if the mean square of its change exceeds that of noise by this factor [-].
+
+The part of the change that changed gains explain is subtracted first.
+"""
 
 LEAST_FRAMES = 5
 LEAST_NOISE_COUNTS = 0.5
 SHORTEST_S = 0.1
-"""Shorter touches and pauses are noise of single frames."""
+"""Shortest touch, and shortest pause between touches [s]; shorter ones are attributed to noise of single frames."""
 
 LEAST_TOUCHES = 2
 WINDOW_S = 1.0
-"""Edges of signals and log further apart than this are not the same edge."""
+"""Largest time between a touch's begin or end in the signals and the same event in the log [s]."""
 
 LEAST_SHARE = 0.8
 LARGEST_SPREAD_S = 0.15
@@ -54,14 +59,14 @@ CANDIDATES = 8
 
 @dataclass(frozen=True, kw_only=True)
 class ClockMatch:
-    """Match of two clocks.
+    """Match of a recording's clock and a log's clock, from the begins and ends (edges) of touches.
 
     Attributes
     ----------
     offset_s : the recording's clock less the log's [s]
-    spread_s : scatter of single edges, as a standard deviation [s]
-    share : edges of one with a partner in the other, over all edges in their common time [-]
-    edges : number of compared edges
+    spread_s : standard deviation of the lags of single edges, estimated robustly [s]
+    share : fraction of the edges in the common time that have a partner [-]
+    edges : number of edges in the common time, of the signals or of the log, whichever has more
     """
 
     offset_s: float
@@ -71,11 +76,11 @@ class ClockMatch:
 
     @property
     def is_good(self) -> bool:
-        """Whether the edges match."""
+        """Whether most begins and ends of touches have a partner, with nearly equal time lags."""
         return self.share >= LEAST_SHARE and self.spread_s <= LARGEST_SPREAD_S
 
     def rivals(self, best: ClockMatch) -> bool:
-        """Whether it is nearly as good as the best one, so that the match is ambiguous."""
+        """Whether this match is nearly as good as the best one, so that the offset is ambiguous."""
         return self.share > best.share - SHARE_MARGIN and self.spread_s < max(
             3 * best.spread_s, SPREAD_MARGIN_S
         )
@@ -83,14 +88,15 @@ class ClockMatch:
 
 @dataclass(frozen=True, kw_only=True)
 class Touches:
-    """Times when touches begin and end, within a span of time [s]."""
+    """Begin and end times of touches, and the span of time in which they were observed [s]."""
 
     begin_s: FloatArray
     end_s: FloatArray
     span_s: tuple[float, float]
 
     def course(self, step_s: float) -> FloatArray:
-        """(n,) 1 where touched, 0 where not, on a grid from the span's start."""
+        """Time series of touches, (n,): 1 while touched, else 0, in steps of `step_s` [s] from the start of the
+        span."""
         grid = np.arange(self.span_s[0], self.span_s[1], step_s)
         begun = np.searchsorted(np.sort(self.begin_s), grid, side="right")
         ended = np.searchsorted(np.sort(self.end_s), grid, side="right")
@@ -104,13 +110,20 @@ class Touches:
 
 
 def touches_of_log(log: PositionLog) -> Touches:
-    """Touches by the log's depth."""
+    """Touches according to the depth in a stage's log."""
     begin_s, end_s = log.crossings_s()
     return Touches(begin_s=begin_s, end_s=end_s, span_s=(float(log.time_s[0]), float(log.time_s[-1])))
 
 
 def touches_of_signals(time_s: FloatArray, signals: FloatArray, full_scale: float = np.inf) -> Touches:
-    """Touches by the signals, (time, emitter, receiver) [counts]; the first half second must be untouched."""
+    """Touches according to the signals; the first half second must be untouched.
+
+    Parameters
+    ----------
+    time_s : (time,) rising times of the frames [s]
+    signals : (time, emitter, receiver) signals [counts]
+    full_scale : pairs whose untouched signal is this or more are not used [counts]
+    """
     touched = _lasting(time_s, _touched(time_s, signals, full_scale))
     change = np.flatnonzero(touched[1:] != touched[:-1])
     between = (time_s[change] + time_s[change + 1]) / 2
@@ -122,11 +135,11 @@ def touches_of_signals(time_s: FloatArray, signals: FloatArray, full_scale: floa
 
 
 def found_offset(signals: Touches, log: Touches) -> ClockMatch:
-    """The offset at which the touches of signals and log match.
+    """Find the clock offset at which the touches of signals and log match.
 
     Raises
     ------
-    InputError : too few touches, no matching offset, or several.
+    InputError : there are too few touches, no offset matches, or several offsets match.
     """
     for name, touches in (("signals", signals), ("log", log)):
         if min(len(touches.begin_s), len(touches.end_s)) < LEAST_TOUCHES:
@@ -153,7 +166,10 @@ def found_offset(signals: Touches, log: Touches) -> ClockMatch:
 
 
 def match_at(signals: Touches, log: Touches, shift_s: float) -> ClockMatch:
-    """Match of the edges near one offset [s]: each with the nearest of its kind within a second."""
+    """Match the touches of signals and log near a given clock offset [s].
+
+    Each begin or end is paired with the nearest of the same kind, at most a second away.
+    """
     kinds = ((signals.begin_s, log.begin_s + shift_s), (signals.end_s, log.end_s + shift_s))
     low = max(signals.span_s[0], log.span_s[0] + shift_s)
     high = min(signals.span_s[1], log.span_s[1] + shift_s)
@@ -177,11 +193,11 @@ def match_at(signals: Touches, log: Touches, shift_s: float) -> ClockMatch:
 
 
 def require_in_step(signals: Touches, log: Touches) -> ClockMatch:
-    """Refuse a log that should have the recording's own clock and is not in step with it.
+    """Check that touches of log and recording match without a clock offset, and return the match.
 
     Raises
     ------
-    InputError : the edges of signals and log do not match, or only more than 0.3 s apart; with the way out.
+    InputError : the touches do not match, or only with an offset above 0.3 s; the message says what to do.
     """
     found = match_at(signals, log, 0.0)
     if found.edges == 0 or (found.is_good and abs(found.offset_s) <= OUT_OF_STEP_S):
@@ -193,7 +209,10 @@ def require_in_step(signals: Touches, log: Touches) -> ClockMatch:
 
 
 def _touched(time_s: FloatArray, signals: FloatArray, full_scale: float) -> Mask:
-    """(time,) whether each frame is touched; half seconds without any touch renew the untouched level."""
+    """Whether each frame is touched, as an array (time,).
+
+    Half seconds without any touch update the untouched signals.
+    """
     first = time_s < time_s[0] + BASELINE_S
     first[:LEAST_FRAMES] = True
     start = signals[first]
@@ -218,7 +237,7 @@ def _why_out_of_step(signals: Touches, log: Touches, found: ClockMatch) -> str:
 
 
 def _lasting(time_s: FloatArray, touched: Mask) -> Mask:
-    """Touches and pauses without those that are too short."""
+    """Remove touches and pauses that are too short from `touched`, (time,): whether each frame is touched."""
     lasting = touched.copy()
     for wanted in (False, True):  # pauses first: a touch with a flickering edge is one touch
         edges = [0, *(np.flatnonzero(lasting[1:] != lasting[:-1]) + 1), len(lasting)]
@@ -230,7 +249,10 @@ def _lasting(time_s: FloatArray, touched: Mask) -> Mask:
 
 
 def _nearest(seen: FloatArray, said: FloatArray) -> FloatArray:
-    """Lags of each edge to the nearest of the other list within the window, each partner once."""
+    """Time lags of the edges in `seen` to the nearest in `said` [s].
+
+    Only pairs of edges that are each other's nearest, within `WINDOW_S`, are included.
+    """
     if not seen.size or not said.size:
         return np.zeros(0)
     lags = seen[:, None] - said[None]
@@ -242,7 +264,7 @@ def _nearest(seen: FloatArray, said: FloatArray) -> FloatArray:
 
 
 def _likely_shifts(signals: Touches, log: Touches) -> list[float]:
-    """Offsets at which the two courses agree best, the best first [s]."""
+    """Clock offsets at which the touches of signals and log correlate best, the best first [s]."""
     seen, said = signals.course(STEP_S), log.course(STEP_S)
     agreement = _agreement(seen, said)
     lag = np.arange(len(agreement)) - (len(said) - 1)
@@ -257,7 +279,8 @@ def _likely_shifts(signals: Touches, log: Touches) -> list[float]:
 
 
 def _agreement(seen: FloatArray, said: FloatArray) -> FloatArray:
-    """Correlation coefficient of two courses of 0 and 1 at every shift; -inf where less than half overlaps."""
+    """Correlation coefficient of two series of 0 and 1 at every shift; -inf if less than half of the shorter
+    overlaps."""
     ones = np.ones(len(seen)), np.ones(len(said))
     n, both = _sums(ones[0], ones[1]), _sums(seen, said)
     a, b = _sums(seen, ones[1]), _sums(ones[0], said)
@@ -269,7 +292,7 @@ def _agreement(seen: FloatArray, said: FloatArray) -> FloatArray:
 
 
 def _sums(left: FloatArray, right: FloatArray) -> FloatArray:
-    """Sums of products of two courses at every shift, by Fourier transform, as whole numbers."""
+    """Sum of products of two series at every shift, by Fourier transform, rounded to whole numbers."""
     size = len(left) + len(right) - 1
     length = 1 << (size - 1).bit_length()
     product = np.fft.rfft(left, length) * np.conj(np.fft.rfft(right, length))

@@ -1,4 +1,6 @@
-"""A recording as netCDF, for `optopad compare` and learners (docs/reference/files.md). The export needs xarray."""
+"""Export of a recording as netCDF or CSV, for `optopad compare` and learners (docs/reference/files.md).
+
+netCDF needs xarray."""
 
 from __future__ import annotations
 
@@ -28,7 +30,8 @@ if TYPE_CHECKING:
 
 US_PER_S = 1e6
 CLOCK_SLACK_S = 1.0
-"""Tolerance of the order of record times; a larger step back means that the clock was set back."""
+"""Largest step back in the times of successive records that is tolerated [s]; a larger one means that the clock was set
+back."""
 
 COMPRESSION = {"zlib": True, "complevel": 4}
 
@@ -39,15 +42,17 @@ class Recorded:
 
     Attributes
     ----------
-    config : configuration of the sensor
+    config : driver configuration of the sensor
     counts : (time, state, receiver) readings [counts]
-    connection, sequence : (time,)
+    connection : (time,) number of the connection, from 1
+    sequence : (time,) number of the frame within its connection
     device_s : (time,) the board's clock since its reset [s]
-    host_s : (time,) this machine's clock since 1970 [s]
-    labels : press of each frame; None if the recording has none
-    lost, doubled : frames missing by the sequence numbers; frames that arrived twice, of which one is kept
-    stray_bytes : bytes of the file that belong to no complete record of this configuration
-    ended_cleanly : whether the recorder was closed
+    host_s : (time,) host's clock since 1970 [s]
+    labels : press of each frame; None if the recording contains no presses
+    lost : number of frames missing, by their sequence numbers
+    doubled : number of frames that arrived twice; one of the two is kept
+    stray_bytes : number of bytes in the file that belong to no complete record
+    ended_cleanly : whether the recorder closed the file regularly
     """
 
     config: DriverConfig
@@ -64,7 +69,7 @@ class Recorded:
 
     @property
     def press_mm(self) -> FloatArray | None:
-        """(time, 3) x, y, depth [mm]; None if the recording has none."""
+        """(time, 3) press of each frame: x, y, depth [mm]; None if the recording contains no presses."""
         return None if self.labels is None else self.labels.press_mm
 
     @property
@@ -73,7 +78,8 @@ class Recorded:
         return signals_of(self.counts.astype(np.float64))
 
     def only(self, kept: BoolArray) -> Recorded:
-        """A part of the frames, with the same counts of lost frames."""
+        """The recording with only the frames selected by `kept` (time,); the numbers of lost and doubled frames do not
+        change."""
         values = {field.name: getattr(self, field.name) for field in fields(self)}
         cut: dict[str, Any] = {
             name: value[kept] for name, value in values.items() if isinstance(value, np.ndarray)
@@ -82,15 +88,15 @@ class Recorded:
 
 
 def read_recorded(file: Path, path: FingerPath | None = None) -> Recorded:
-    """All complete records of a recording.
+    """Read all complete records of a recording.
 
     Parameters
     ----------
-    path : presses by the board's clock; None takes the presses in the recording
+    path : presses over time by the board's clock; None takes the presses in the recording
 
     Raises
     ------
-    InputError : not a recording, or one without a complete frame.
+    InputError : the file is not a recording, or contains no complete frame.
     """
     _, config, every, stray = read_records(file)
     layout = frame_format(config)
@@ -122,7 +128,7 @@ def read_recorded(file: Path, path: FingerPath | None = None) -> Recorded:
 
 
 def dataset_of(recorded: Recorded, name: str) -> xr.Dataset:
-    """The recording with named axes and units."""
+    """The recording as an xarray data set with named axes and units; `name` is the attribute `source`."""
     import xarray as xr
 
     said = descriptor_of(recorded.config)
@@ -171,7 +177,7 @@ def _label(dataset: xr.Dataset, labels: PressLabels) -> None:
 
 
 def write_netcdf(recorded: Recorded, out: Path, name: str) -> None:
-    """Write frames as netCDF, completely or not at all.
+    """Write frames as netCDF, in a complete file or none.
 
     Parameters
     ----------
@@ -194,9 +200,10 @@ def write_netcdf(recorded: Recorded, out: Path, name: str) -> None:
 
 
 def write_csv(recorded: Recorded, out: Path, name: str) -> None:
-    """Write frames as a table for `optopad compare`, one row per frame, one column per pair; as `write_netcdf`.
+    """Write frames as a table for `optopad compare`: one row per frame, one column per pair.
 
-    Signals are readings less the dark state's [counts]; positions are included if the recording has them [mm].
+    Signals are readings less the dark state's [counts]. Positions are included if the recording has them [mm].
+    Parameters and errors are those of `write_netcdf`.
     """
     require_suffix(out, (".csv",))
     said, labels = descriptor_of(recorded.config), recorded.labels
@@ -225,14 +232,13 @@ def write_csv(recorded: Recorded, out: Path, name: str) -> None:
 
 
 def can_export() -> bool:
-    """Whether this Python has the libraries for netCDF."""
+    """Whether the libraries for netCDF are installed."""
     from importlib.util import find_spec
 
     return all(find_spec(name) is not None for name in ("xarray", "h5netcdf"))
 
 
 def _without_repeats(records: list[Record]) -> list[Record]:
-    """The records without frames that the line delivered twice within a connection."""
     kept, repeats = [], Repeats()
     for record in records:
         if record.kind == RecordKind.HELLO:
@@ -243,7 +249,10 @@ def _without_repeats(records: list[Record]) -> list[Record]:
 
 
 def _connections(records: list[Record], found: Unpacked) -> IntArray:
-    """(time,) number of the connection from 1, raised at every hello between frames and decrease of a sequence."""
+    """Number of each frame's connection to the board, (time,), from 1.
+
+    The number rises at every hello (identification of the board), and where the sequence number decreases.
+    """
     begins, number = np.zeros(len(found.sequence), dtype=bool), 0
     is_new = False
     for record in records:
@@ -270,13 +279,15 @@ def _unwrapped(found: Unpacked, connection: IntArray) -> tuple[IntArray, IntArra
 
 
 def _fits(record: Record, frame_bytes: int) -> bool:
-    """Whether a record's content has its kind's length: any other is meaningless, even with a correct CRC."""
     lengths = {RecordKind.FRAME: frame_bytes, RecordKind.PRESS: PRESS_BYTES}
     return len(record.content) == lengths.get(record.kind, len(record.content))
 
 
 def _presses(records: list[Record], host_s: FloatArray) -> PressLabels | None:
-    """The last recorded press before each frame, untouched before the first; None if there is none."""
+    """Press of each frame: the last press recorded before it. Frames before the first press are untouched.
+
+    Returns None if the recording contains no presses.
+    """
     said = [record for record in records if record.kind == RecordKind.PRESS]
     if not said:
         return None

@@ -1,7 +1,7 @@
-"""A stage's log joined to a recording: each frame gets the position at its time, and its set and location.
+"""Joins a stage's log to a recording: each frame gets the tip's position, the set and the press number from the log.
 
-A frame's time is its arrival on this machine, some 5 to 20 ms after the measurement: at 5 mm/s up to 0.1 mm. Stop the
-stage while logging if that matters. Frames with an unknown position are left out and counted.
+A frame's time is its arrival on the host, some 5 to 20 ms after the measurement. At 5 mm/s the tip moves up to 0.1 mm
+in this time; stop the stage during frames if that matters. Frames whose position is not known are left out and counted.
 """
 
 from __future__ import annotations
@@ -26,25 +26,32 @@ from fabrication.driver.recording.export import Recorded
 from fabrication.driver.recording.position_log import PositionLog
 
 LATE_S = 0.05
-"""A frame that arrived later than others near it by this time had waited: this machine was busy or asleep."""
+"""A frame counts as delayed if it arrives later than frames near it by more than this time [s].
+
+Such delays arise if this machine is busy or asleep.
+"""
 
 LAG_S = 2.0
-"""Blocks of time for the search of the shortest lag: a resonator with an error of 0.5 % adds 20 ms in two blocks."""
+"""Length of the blocks of time in which the shortest delay of a frame is searched [s].
+
+Over two blocks, a clock error of 0.5 % changes the delay by 20 ms.
+"""
 
 Offset = float | Literal["auto"] | None
-"""This machine's clock less the log's [s]; `auto` finds it; None means one clock for both, which is checked."""
+"""Clock offset: the recording machine's clock less the log's [s]. `auto` finds the offset from the touches. None states
+that both use the same clock, which is checked."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class JoinedLog:
-    """A recording with a log's positions.
+    """A recording whose frames have the positions of a stage's log.
 
     Attributes
     ----------
-    recorded : its frames with a known position
-    offset_s : offset that was used [s]
-    match : match of the touches of both, near that offset
-    left_out : frames without a known position
+    recorded : the frames with a known position
+    offset_s : clock offset that was used: the recording machine's clock less the log's [s]
+    match : match of the touches in recording and log, near that offset
+    left_out : number of frames without a known position
     """
 
     recorded: Recorded
@@ -54,11 +61,12 @@ class JoinedLog:
 
 
 def joined(recorded: Recorded, log: PositionLog, offset: Offset = None) -> JoinedLog:
-    """Give every frame the log's position at its time.
+    """Give every frame of a recording the tip's position in a stage's log at the frame's time.
 
     Raises
     ------
-    InputError : no common time, a log out of step, or an offset that is not found or ambiguous.
+    InputError : recording and log have no common time, their touches do not match, or the clock offset is not found or
+        is ambiguous.
     """
     _require_rising(recorded.host_s)
     host_s = _measured_s(recorded)
@@ -84,7 +92,10 @@ def joined(recorded: Recorded, log: PositionLog, offset: Offset = None) -> Joine
 
 
 def _measured_s(recorded: Recorded) -> FloatArray:
-    """(time,) this machine's time [s]; frames that waited for a paused reader have it by the board's clock."""
+    """Arrival time of each frame by the host's clock, (time,) [s].
+
+    Frames that had to wait because the host was busy get a time from the board's clock.
+    """
     late_s = np.zeros(len(recorded.host_s))
     for number in np.unique(recorded.connection):
         own = recorded.connection == number
@@ -99,7 +110,6 @@ def _measured_s(recorded: Recorded) -> FloatArray:
 
 
 def _require_rising(host_s: FloatArray) -> None:
-    """Refuse a recording during which this machine's clock was set back, because its times are ambiguous."""
     step_s = np.diff(host_s)
     if (step_s < 0).any():
         frame = int(np.flatnonzero(step_s < 0)[0])

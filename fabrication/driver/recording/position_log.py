@@ -1,14 +1,15 @@
-"""The log of any stage: the positions of its tip over time.
+"""Reads the log of any stage: the positions of its tip over time.
 
-The file is CSV with a heading; lines that start with # are remarks. It needs a time and the three positions:
+The file is CSV with a heading; lines that start with # are remarks. Required are a time and the three coordinates:
 
     time_s               seconds since 1970, or of any other clock with a known or found offset (also _ms, _us, _ns, and
                          t for time); a counter of 32 bits may wrap around
-    time                 or ISO 8601 with its zone: 2026-05-04T14:03:07.250+02:00 (also timestamp)
+    time                 instead of time_s: ISO 8601 with its zone, 2026-05-04T14:03:07.250+02:00 (also timestamp)
     x_mm y_mm depth_mm   location in the cavity frame, depth positive into the pad (also _um, _m)
 
 Optional columns are `set` (name), `place` (whole number of the press within its set), `role` (train, test), `pattern`
-(grid, random) and `ambient` (yes, no). A row with an empty `set` or `place` belongs to no press: the stage travels.
+(grid, random) and `ambient` (yes, no). A row with an empty `set` or `place` belongs to no press: the stage is moving
+between presses.
 """
 
 from __future__ import annotations
@@ -29,17 +30,17 @@ LENGTHS_MM = {"_mm": 1.0, "_um": 1e-3, "_m": 1e3}
 TICKS_S = {"_s": 1.0, "_ms": 1e-3, "_us": 1e-6, "_ns": 1e-9}
 CLOCKS_S = {name + unit: tick for name in ("time", "t") for unit, tick in TICKS_S.items()}
 MOMENTS = ("time", "timestamp")
-"""Columns of ISO 8601."""
+"""Names of the columns with times in ISO 8601."""
 LAST_S = 4.1e9
-"""Seconds since 1970 until the year 2100: later times are in another unit."""
+"""Latest accepted time, in seconds since 1970 (the year 2100); a later one indicates a wrong unit [s]."""
 COUNTER_TICKS = 2.0**32
 YES, NO = {"yes", "true", "1"}, {"no", "false", "0"}
 
 LONGEST_GAP_S = 1.0
-"""Between rows further apart than this the position is known only if the tip did not move."""
+"""Longest interval between two rows over which a moving tip's position is interpolated [s]."""
 
 STILL_MM = 0.02
-"""Two rows closer than this are the same position."""
+"""Largest distance between the positions in two successive rows at which the tip counts as not moving [mm]."""
 
 NOWHERE = -1
 NEEDED = (
@@ -49,14 +50,16 @@ NEEDED = (
 
 @dataclass(frozen=True, kw_only=True)
 class PositionLog:
-    """Positions over time.
+    """Positions of a stage's tip over time, as read from its log.
 
     Attributes
     ----------
-    file : its source
+    file : name of the log's file
     time_s : (row,) rising times [s]
-    press_mm : (row, 3) x, y, depth [mm]
-    set_number, place_number : (row,), -1 for none; None if the log has none
+    press_mm : (row, 3) x, y, depth in the cavity frame [mm]
+    set_number : (row,) index of the row's set in `sets`, -1 without one; None if the log has no sets
+    place_number : (row,) number of the row's press within its set, -1 without one; None if the log has no such column
+    sets : the sets of presses
     """
 
     file: str
@@ -67,9 +70,10 @@ class PositionLog:
     sets: tuple[SetEntry, ...] = ()
 
     def labels_at(self, time_s: FloatArray) -> tuple[PressLabels, BoolArray]:
-        """Labels at times of the log's own clock, linear between rows, and whether each is known.
+        """Positions and set numbers at given times (time,) of the log's clock [s], and whether each is known, (time,).
 
-        A label is unknown outside the log, in a gap in which the tip moved, or in a row that belongs to no set.
+        Positions are interpolated linearly between rows. They are unknown outside the log, in a long gap in which the
+        tip moved, and in rows that belong to no set.
         """
         after = np.clip(np.searchsorted(self.time_s, time_s, side="right"), 1, len(self.time_s) - 1)
         gap_s = self.time_s[after] - self.time_s[after - 1]
@@ -87,7 +91,7 @@ class PositionLog:
         )
 
     def crossings_s(self) -> tuple[FloatArray, FloatArray]:
-        """Times when the depth rises above 0, and when it is back at 0 or less [s]."""
+        """Times at which the depth rises above 0, and times at which it returns to 0 or less [s]."""
         depth, touched = self.press_mm[:, 2], self.press_mm[:, 2] > 0
         at = np.flatnonzero(touched[1:] != touched[:-1])
         share = depth[at] / (depth[at] - depth[at + 1])
@@ -96,11 +100,11 @@ class PositionLog:
 
 
 def read_position_log(file: Path) -> PositionLog:
-    """A stage's log.
+    """Read a stage's log.
 
     Raises
     ------
-    InputError : unreadable, missing columns, a missing number, or times that do not rise.
+    InputError : the file cannot be read, a column or number is missing, or the times do not rise.
     """
     table = read_csv(file, needed=NEEDED, fewest_rows=2, lower=True)
     time_s = _times(table)
@@ -146,7 +150,6 @@ def _times(table: CsvTable) -> FloatArray:
 
 
 def _require_unit(table: CsvTable, name: str, latest_s: float, tick_s: float) -> None:
-    """Refuse times that would be later than the year 2100."""
     if latest_s > LAST_S:
         fitting = [unit for unit, tick in TICKS_S.items() if latest_s / tick_s * tick < LAST_S]
         way_out = (
@@ -177,7 +180,6 @@ def _require_rising(table: CsvTable, time_s: FloatArray) -> None:
 
 
 def _require_close(table: CsvTable, time_s: FloatArray, press_mm: FloatArray) -> None:
-    """Refuse a log without any known position of the tip."""
     step_s, moved_mm = np.diff(time_s), np.linalg.norm(np.diff(press_mm, axis=0), axis=1)
     if ((step_s > LONGEST_GAP_S) & (moved_mm > STILL_MM)).all():
         raise InputError(
@@ -218,7 +220,10 @@ def _sets(table: CsvTable) -> tuple[tuple[SetEntry, ...], IntArray | None]:
 
 
 def set_entry(where: str, row: dict[str, str]) -> SetEntry:
-    """The set of a row of a table: `set`, and `role`, `pattern`, `ambient` if present."""
+    """Set of presses named in the column `set` of a row, with `role`, `pattern` and `ambient` if present.
+
+    `where` names file and row in errors.
+    """
     ambient = (row.get("ambient") or "yes").lower()
     if ambient not in YES | NO:
         raise InputError(f"{where}: ambient is {ambient!r}, needs yes or no")
@@ -241,11 +246,11 @@ def _places(table: CsvTable) -> IntArray | None:
 
 
 def whole_place(where: str, text: str) -> int:
-    """The number of a press, from 0; spreadsheets may write it as 3.0.
+    """Parse the number of a press, from 0; spreadsheets may write 3 as 3.0.
 
     Raises
     ------
-    InputError : not a whole number from 0.
+    InputError : the text is not a whole number from 0.
     """
     if not is_number(text) or not 0 <= float(text) < 2**53 or float(text) % 1:
         raise InputError(f"{where}: 'place' is {shown(text)}, needs a whole number from 0")

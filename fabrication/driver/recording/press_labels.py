@@ -1,4 +1,4 @@
-"""Press location of each sample of a recording, and its set in a protocol."""
+"""Press of each frame of a recording: location, depth, and its set in a press protocol."""
 
 from __future__ import annotations
 
@@ -10,12 +10,14 @@ from design.recordings import SetEntry
 
 @dataclass(frozen=True, kw_only=True)
 class PressLabels:
-    """Labels of samples.
+    """Press of each frame of a recording.
 
     Attributes
     ----------
     press_mm : (time, 3) x, y, depth by the stage [mm]; depth 0 or less is untouched
-    set_number, place_number : (time,) number of the set in `sets`, and of the press within it; None if unknown
+    set_number : (time,) index of the set in `sets`; None if unknown
+    place_number : (time,) number of the press within its set; None if unknown
+    sets : the sets of presses
     """
 
     press_mm: FloatArray
@@ -24,7 +26,7 @@ class PressLabels:
     sets: tuple[SetEntry, ...] = ()
 
     def only(self, kept: BoolArray) -> PressLabels:
-        """The labels of some samples, with all sets."""
+        """The presses of the frames selected by `kept` (time,), with all sets."""
         return PressLabels(
             press_mm=self.press_mm[kept],
             set_number=None if self.set_number is None else self.set_number[kept],

@@ -1,11 +1,16 @@
-"""Recordings of the raw stream: every frame as it arrived over the line, with its CRC.
+"""Writes and reads recordings of the raw stream: every frame as it arrived over the line, with its CRC.
 
     one line of JSON, ended by a line feed:  kind of the file, and the complete driver configuration
     records:  B5 6B, kind u8, length u16, time of this machine f64 [s], content, CRC-32 over all of the record
 
-Kinds are 0 a frame, 1 a hello (a connection begins), 2 a press (x, y, depth f64 [mm], until the next), 3 the clean end
-(frames u64, lost u64). A truncated file keeps every complete record before the cut; a damaged record is
-skipped and counted.
+Kinds of records:
+
+- 0, a frame
+- 1, a hello: the board's identification, with which a connection begins
+- 2, a press: x, y, depth as f64 [mm], valid until the next press
+- 3, the regular end: numbers of frames and of lost frames, each u64.
+
+A truncated file keeps every complete record. A damaged record is skipped, and its bytes are counted.
 """
 
 from __future__ import annotations
@@ -36,9 +41,9 @@ FORMAT, VERSION = "optopad-recording", 1
 SUFFIX = ".optorec"
 NEEDED = f"a recording of `optopad driver record` ({SUFFIX})"
 MOST_BYTES = 8_000_000_000
-"""Largest file: days of the fastest sensor."""
+"""Largest size of a recording that is read [bytes]."""
 FLUSH_S = 0.25
-"""Longest time that a record stays in this process; half a second is required."""
+"""Interval at which records are handed to the operating system [s]; the required maximum is 0.5 s."""
 
 MAGIC = b"\xb5\x6b"
 _HEAD = struct.Struct("<2sBHd")
@@ -55,7 +60,7 @@ OpenFile = Callable[[Path], IO[bytes]]
 
 
 class RecordKind(IntEnum):
-    """Content of a record."""
+    """Kinds of records in a recording."""
 
     FRAME = 0
     HELLO = 1
@@ -65,7 +70,7 @@ class RecordKind(IntEnum):
 
 @dataclass(frozen=True, kw_only=True)
 class Record:
-    """One record: its kind, this machine's time at its arrival [s], its content."""
+    """One record of a recording: its kind, this machine's time at its arrival [s], and its content."""
 
     kind: RecordKind
     host_s: float
@@ -73,31 +78,33 @@ class Record:
 
     @property
     def size(self) -> int:
-        """Number of its bytes in the file."""
+        """Number of bytes of the record in the file."""
         return _HEAD.size + len(self.content) + _CRC.size
 
 
 def packed_record(kind: RecordKind, host_s: float, content: bytes) -> bytes:
-    """A record in its form in the file."""
+    """The bytes of a record as they are written to the file."""
     body = _HEAD.pack(MAGIC, kind, len(content), host_s) + content
     return body + _CRC.pack(zlib.crc32(body))
 
 
 class Recorder:
-    """Writes a recording; a context manager, used by the stream's thread and the caller's.
+    """Writes a recording of the raw stream; a context manager.
 
-    A separate thread writes the records to the system, so that a stalled disk does not delay the port.
+    A separate thread writes the records to the disk, so that a stalled disk does not delay the reading of the port.
+    The methods may be called from several threads.
 
     Parameters
     ----------
-    file : a new file; an existing one is refused
-    config : configuration of the sensor
-    opened : function that opens the file, for tests
+    file : name of the new file; an existing file is refused
+    config : driver configuration of the sensor
+    opened : function that opens the file, replaced in tests
 
     Attributes
     ----------
-    failure : reason why the recording stopped; None while it continues
-    frames, lost : number recorded so far; missing so far by the sequence numbers
+    failure : error that stopped the recording; None while it continues
+    frames : number of frames recorded so far
+    lost : number of frames missing so far, by their sequence numbers
 
     Raises
     ------
@@ -151,15 +158,15 @@ class Recorder:
                 self.frames += 1
 
     def hello(self, message: bytes, host_s: float) -> None:
-        """Append a hello: a connection begins."""
+        """Append a board's hello (its identification), with which a connection begins."""
         self._append(packed_record(RecordKind.HELLO, host_s, message))
 
     def press(self, x_mm: float, y_mm: float, depth_mm: float, host_s: float | None = None) -> None:
-        """Set the press from now on [mm]; depth 0 or less is untouched.
+        """Record the press that is valid from `host_s` on, or from now on if None; depth 0 or less is untouched.
 
         Raises
         ------
-        OutputError : the recording has failed before.
+        OutputError : the recording had failed earlier.
         """
         content = _PRESS.pack(x_mm, y_mm, depth_mm)
         self._append(packed_record(RecordKind.PRESS, time.time() if host_s is None else host_s, content))
@@ -167,7 +174,7 @@ class Recorder:
             raise self.failure
 
     def flush(self) -> None:
-        """Write all records to the system; if it refuses, truncate the file to its last complete record."""
+        """Write all pending records to the system; if that fails, truncate the file to its last complete record."""
         with self._writing:
             with self._lock:
                 records, self._pending = self._pending, []
@@ -178,11 +185,11 @@ class Recorder:
                 self._fail(err)
 
     def close(self, *, is_clean: bool = True) -> None:
-        """Write the clean end, if it is one, and flush everything to the disk.
+        """Flush everything to the disk; with `is_clean`, mark the regular end of the recording first.
 
         Raises
         ------
-        OutputError : the recording failed, now or before; the message describes the file's content.
+        OutputError : the recording failed, now or earlier; the message states what the file contains.
         """
         with self._lock:
             if self.is_open:
@@ -215,18 +222,17 @@ class Recorder:
             self._stream.close()
 
     def _fail(self, err: OSError) -> None:
-        """Keep the first reason, drop the incomplete record at the end, and close."""
         self.failure = self.failure or OutputError(_unwritable(self.file, err))
         self._over.set()
         self._stream.close()
 
 
 def read_records(file: Path) -> tuple[dict[str, Any], DriverConfig, list[Record], int]:
-    """A recording: header, configuration, complete records, and number of bytes that belong to none.
+    """Read a recording: header, driver configuration, complete records, number of bytes outside complete records.
 
     Raises
     ------
-    InputError : no such file, not a recording, or one of another version.
+    InputError : the file does not exist, is not a recording, or is of another version.
     """
     content = read_bytes(file, needed=NEEDED, most_bytes=MOST_BYTES)
     header, start = _header(file, content)
@@ -237,7 +243,7 @@ def read_records(file: Path) -> tuple[dict[str, Any], DriverConfig, list[Record]
 
 
 def press_of(record: Record) -> Press:
-    """x, y, depth of a press record [mm]."""
+    """Press that a record of the kind PRESS contains: x, y, depth [mm]."""
     x_mm, y_mm, depth_mm = _PRESS.unpack(record.content)
     return x_mm, y_mm, depth_mm
 
@@ -259,7 +265,7 @@ def _header(file: Path, content: bytes) -> tuple[dict[str, Any], int]:
 
 
 def _records(content: bytes, start: int) -> Iterator[Record]:
-    """Every complete record; the search continues one byte after a damaged one."""
+    """Every complete record in a file's bytes from `start`; the search skips damaged records byte by byte."""
     at = content.find(MAGIC, start)
     while 0 <= at <= len(content) - _HEAD.size:
         _, kind, length, host_s = _HEAD.unpack_from(content, at)
@@ -281,7 +287,7 @@ def _new_file(file: Path) -> IO[bytes]:
 
 
 def _write_all(stream: IO[bytes], records: list[bytes]) -> None:
-    """Write records in one call; if that fails, remove the written part of the last one."""
+    """Write records in one call; if that fails, remove an incomplete record at the end of the file."""
     whole, written = b"".join(records), 0
     try:
         while written < len(whole):

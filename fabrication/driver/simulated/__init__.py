@@ -1,4 +1,4 @@
-"""A simulated board: a moving finger, its signals, and faults on request.
+"""A simulated board on a serial port, with a moving finger, its signals, and faults of the unit on request.
 
-Imports of ours: link, the driver file.
+Imports within this repository: link, the driver file.
 """

@@ -1,10 +1,12 @@
-"""A simulated board: the messages of the firmware, for a pad with simulated light.
+"""A simulated board, which sends the firmware's messages for a pad with simulated light.
 
-It supports the full protocol: hello at the reset and once per second until it is started, frames at the requested
-interval, replies between frames. Readings are the press table's signals, an ambient level and noise, rounded and
-clipped as the converter does. It takes bytes and times and returns bytes; `fake_port` connects it to a port.
+The board supports the full protocol: a hello (its identification) at the reset and once per second until it is started,
+frames at the requested interval, replies between frames. A reading is a signal from the press table, an ambient level
+and noise, rounded and limited as by the converter. The board takes bytes and times and returns bytes; `port.FakePort`
+connects it to a port.
 
-It leaves out settling of LED and amplifier, drift, and the baud rate: only the timing budget limits the frame rate.
+The simulation has no settling of LED and amplifier, no drift and no baud rate; only the timing budget limits the frame
+rate.
 """
 
 from __future__ import annotations
@@ -36,35 +38,35 @@ from fabrication.driver.simulated.press_table import PressTable
 from fabrication.driver_file import DriverConfig
 
 AMBIENT_COUNTS = 2.0
-"""Level of every reading in the dark: an assumption that agrees with the paper's untouched rows."""
+"""Assumed ambient level in every simulated reading [counts]; the paper's untouched readings agree with it."""
 
 READ_NOISE_COUNTS = 0.5
-"""Standard deviation of a reading in the dark, as the verdict assumes."""
+"""Standard deviation of a simulated reading in the dark [counts]; the verdict assumes the same value."""
 
 LIGHT_NOISE = 0.002
-"""Standard deviation of an emitter's light over its mean, within the limits of the published touch rows [-]."""
+"""Standard deviation of an emitter's light, relative to its mean [-]; the paper's readings do not contradict it."""
 
 HELLO_EVERY_S = 1.0
 US_PER_S = 1e6
 REFERENCE_V, SUPPLY_V = 1.1, 5.0
 FREE_RAM_BYTES = 4096
 FIRMWARE = (0, 0)
-"""Version 0.0, which means no firmware."""
+"""Version 0.0 marks the simulated board, which has no firmware."""
 
 
 class FakeBoard:
-    """A simulated board.
+    """A simulated sensor board, on whose pad a simulated finger moves.
 
     Parameters
     ----------
-    config : configuration of its design
-    table : readings of its pad under presses
-    path : path of the finger
-    faults : faults of the simulated unit; None for none
+    config : driver configuration of the simulated design
+    table : signals of the design's pad under presses
+    path : path of the finger over time
+    faults : faults of the simulated unit; None for a unit without faults
     seed : seed of the noise
-    digest : digest to report in place of the configuration's
-    clock_offset_us : device time at the reset [us], to test its wrap
-    sequence_offset : sequence number of the first frame, to test its wrap
+    digest : digest that the board reports; None for the digest in `config`
+    clock_offset_us : device time at the reset, to test the counter's wrap [us]
+    sequence_offset : sequence number of the first frame, to test the counter's wrap
     """
 
     def __init__(
@@ -95,7 +97,7 @@ class FakeBoard:
         self.reset(0.0)
 
     def reset(self, now_s: float) -> None:
-        """Restart, as when the port is opened; `now_s` is any clock that rises [s]."""
+        """Restart the board at time `now_s` [s] of any clock that only rises; opening the port has the same effect."""
         self._reset_s = now_s
         self._due_s = now_s
         self._is_started = False
@@ -106,28 +108,28 @@ class FakeBoard:
 
     @property
     def due_s(self) -> float:
-        """Time of the next message that it sends without a request [s]."""
+        """Time of the next message that the board sends by itself [s]."""
         return self._due_s
 
     @property
     def is_started(self) -> bool:
-        """Whether it sends frames."""
+        """Whether the board sends frames."""
         return self._is_started
 
     def press_mm(self, now_s: float) -> FloatArray:
-        """(3,) x, y, depth of the finger [mm]."""
+        """(3,) x, y, depth of the finger in the cavity frame [mm]."""
         found: FloatArray = self._path.at(now_s - self._reset_s)
         return found
 
     def heard(self, piece: bytes, now_s: float) -> bytes:
-        """Process the host's bytes and return the reply."""
+        """Process the host's bytes at time `now_s` [s] and return the reply."""
         answer = b""
         for _, message in self._scanner.feed(piece):
             answer += self._obeyed(*unpack_command(message), now_s)
         return answer
 
     def spoken(self, now_s: float) -> bytes:
-        """Bytes that it sends without a request at this time; none before `due_s`."""
+        """Bytes that the board sends by itself at time `now_s` [s]; empty before `due_s`."""
         if now_s < self._due_s:
             return b""
         if not self._is_started:
@@ -143,9 +145,10 @@ class FakeBoard:
         return frame
 
     def counts(self, now_s: float) -> NDArray[np.uint16]:
-        """(state, receiver) readings at a time [counts]."""
+        """(state, receiver) readings at time `now_s` [s], in the states that the board sends [counts]."""
         signals = self._faults.applied(self._table.at(self.press_mm(now_s))[0])
-        light = np.vstack([signals, np.zeros(signals.shape[1])])  # the last state is dark
+        light = np.zeros((self._layout.states, signals.shape[1]))
+        light[[emitter is not None for emitter in self._layout.lit]] = signals
         light *= 1.0 + LIGHT_NOISE * self._rng.standard_normal((len(light), 1))
         levels = light + AMBIENT_COUNTS + READ_NOISE_COUNTS * self._rng.standard_normal(light.shape)
         levels[:, self._faults.is_saturated] = np.inf
@@ -186,9 +189,10 @@ class FakeBoard:
         hello = Hello(
             firmware=FIRMWARE,
             board=board.link_number,
-            emitters=frame.states - 1,
+            emitters=self._layout.emitters,
             receivers=frame.receivers,
             bits=frame.bits_per_reading,
+            dark=self._layout.dark,
             prescaler_exponent=0 if board.adc_prescaler is None else board.adc_prescaler.bit_length() - 1,
             settle_us=math.ceil(board.settle_us),
             baud=board.baud,

@@ -1,6 +1,6 @@
-"""Faults of a unit that the simulated board can show, and `driver check` must find.
+"""Faults of a unit: the simulated board can show them, and `optopad driver check` must find them.
 
-swap:E1,E2        two emitters' wires exchanged; swap:R1,R2 two receivers'
+swap:E1,E2        wires of two emitters exchanged; swap:R1,R2 wires of two receivers
 dead:E3, dead:R4  a part without any signal
 saturated:R5      an amplifier that stays at full scale
 dim:E2            an emitter at a fifth of its light
@@ -24,14 +24,14 @@ KINDS = ("swap", "dead", "saturated", "dim")
 
 @dataclass(frozen=True, kw_only=True)
 class Faults:
-    """Faults as the signal path sees them.
+    """Effect of a simulated unit's faults on its signals.
 
     Attributes
     ----------
-    emitter_of_pin : (emitter,) emitter that lights when pin i is high
-    receiver_of_channel : (receiver,) receiver that channel j reads
+    emitter_of_pin : (emitter,) index of the emitter that lights in state i
+    receiver_of_channel : (receiver,) index of the receiver that channel j reads
     emitter_share, receiver_share : (n,) remaining share of a part's signal [-]
-    is_saturated : (receiver,) channels that stay at full scale
+    is_saturated : (receiver,) whether channel j stays at full scale
     """
 
     emitter_of_pin: NDArray[np.intp]
@@ -41,7 +41,10 @@ class Faults:
     is_saturated: BoolArray
 
     def applied(self, signals: FloatArray) -> FloatArray:
-        """(..., emitter, receiver) signals of the faulty unit, by pin and channel [counts]."""
+        """Signals of the faulty unit, (..., state, channel), for `signals` without faults, (..., emitter, receiver).
+
+        Both are in counts.
+        """
         left = signals * self.emitter_share[:, None] * self.receiver_share
         found: FloatArray = left[..., self.emitter_of_pin, :][..., self.receiver_of_channel]
         return found
@@ -56,11 +59,11 @@ class _Draft:
 
 
 def faults_of(config: DriverConfig, texts: Iterable[str] = ()) -> Faults:
-    """Faults from their short form, as `swap:E1,E2`.
+    """Parse faults from texts such as `swap:E1,E2` (kinds: swap, dead, saturated, dim).
 
     Raises
     ------
-    InputError : an unknown kind or part, or a wrong number of parts for the kind.
+    InputError : a kind or part is unknown, or the number of parts is wrong for the kind.
     """
     names = {"E": [e.name for e in config.emitters], "R": [r.name for r in config.receivers]}
     draft = _Draft(emitters=list(range(len(names["E"]))), receivers=list(range(len(names["R"]))))

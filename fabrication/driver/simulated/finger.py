@@ -1,6 +1,6 @@
-"""A moving finger: presses along a path in time, linear between its points, repeated forever.
+"""A moving finger for the simulated board: presses along a path in time, repeated forever.
 
-The file is CSV with the heading `t_s,x_mm,y_mm,depth_mm` and times rising from 0.
+A path is linear between its points. Its file is CSV with the heading `t_s,x_mm,y_mm,depth_mm` and times rising from 0.
 """
 
 from __future__ import annotations
@@ -19,11 +19,11 @@ from fabrication.driver_file import WorkspaceLimits
 
 HEADING = ("t_s", "x_mm", "y_mm", "depth_mm")
 HOVER_MM = -1.0
-"""Depth of a finger that is lifted; 0 or less is untouched."""
+"""Depth of a lifted finger [mm]; 0 or less is untouched."""
 
 
 class Finger(Protocol):
-    """Interface of anything that presses the simulated pad."""
+    """Interface of an object that presses the simulated pad."""
 
     def at(self, time_s: ArrayLike) -> FloatArray:
         """(n, 3) x, y, depth [mm] at times since the board's reset [s]."""
@@ -31,12 +31,12 @@ class Finger(Protocol):
 
 @dataclass(frozen=True, kw_only=True)
 class FingerPath:
-    """Points of a path.
+    """Path of a finger over time, linear between its points and repeated forever.
 
     Attributes
     ----------
-    time_s : (n,) times rising from 0; the last is the period [s]
-    press_mm : (n, 3) x, y, depth [mm]
+    time_s : (n,) times rising from 0; the last one is the period after which the path repeats [s]
+    press_mm : (n, 3) x, y, depth in the cavity frame [mm]
     """
 
     time_s: FloatArray
@@ -59,7 +59,9 @@ NO_FINGER = FingerPath(time_s=np.zeros(1), press_mm=np.array([[0.0, 0.0, HOVER_M
 
 
 def demo_path(workspace: WorkspaceLimits, rest_s: float = 2.0) -> FingerPath:
-    """Rest, presses at the middle and near the corners to the full depth, then a stroke across; 14 s and the rest.
+    """A path for demonstrations: rest, deepest presses at the middle and near the corners, a stroke across the pad.
+
+    The path takes 14 s plus `rest_s`.
 
     Parameters
     ----------
@@ -85,11 +87,11 @@ def demo_path(workspace: WorkspaceLimits, rest_s: float = 2.0) -> FingerPath:
 
 
 def read_path(file: Path) -> FingerPath:
-    """A path from a CSV file.
+    """Read the path of a finger from a CSV file.
 
     Raises
     ------
-    InputError : unreadable, another heading, values that are not numbers, or times that do not rise from 0.
+    InputError : the file cannot be read, its heading differs, a value is not a number, or the times do not rise from 0.
     """
     table = read_csv(file, needed=f"a CSV table with {','.join(HEADING)}, one point per row", lower=True)
     if missing := [name for name in HEADING if name not in table.heading]:

@@ -1,4 +1,4 @@
-"""A simulated device on a port: a pseudo-terminal, or a socket of this machine where there are none (Windows).
+"""A simulated device on a port: a pseudo-terminal, or a local socket on Windows, which has no pseudo-terminals.
 
 Opening the port resets the board, as on an Arduino. A host that does not read loses bytes, as on a serial line.
 """
@@ -18,7 +18,7 @@ from typing import Protocol, Self
 from design.errors import DeviceError, InputError
 
 IDLE_S = 0.02
-"""Polling interval of a port that no host has open."""
+"""Polling interval of a port that no host has open [s]."""
 
 LONGEST_WAIT_S = 0.05
 LARGEST_READ = 4096
@@ -27,29 +27,29 @@ QUEUE_BYTES = 16384
 
 
 class Device(Protocol):
-    """Interface of a device simulated on a port: it takes bytes and times [s] and returns bytes."""
+    """Interface of a simulated device on a port; its methods take bytes and times [s] and return bytes."""
 
     @property
     def due_s(self) -> float:
-        """Time of the next message that it sends without a request [s]."""
+        """Time of the next message that the device sends by itself [s]."""
 
     def reset(self, now_s: float) -> None:
-        """Restart, because the port was opened."""
+        """Restart the device at time `now_s` [s], because the port was opened."""
 
     def spoken(self, now_s: float) -> bytes:
-        """Bytes that it sends without a request at this time."""
+        """Bytes that the device sends by itself at time `now_s` [s]; may be empty."""
 
     def heard(self, piece: bytes, now_s: float) -> bytes:
-        """Process the host's bytes and return the reply."""
+        """Process the host's bytes at time `now_s` [s] and return the reply."""
 
 
 def queued(unsent: bytes, sent: bytes) -> bytes:
-    """Bytes to send: those left of the last messages, and a new message, which is dropped whole if many are left."""
+    """Bytes to send next: those not sent yet, followed by a new message unless more than 16 KiB already wait."""
     return unsent if len(unsent) > QUEUE_BYTES else unsent + sent
 
 
 class Wire(Protocol):
-    """One end of a line: its name for the host, and whether the host has it open."""
+    """The device's end of a simulated line, and the port's name for the host."""
 
     name: str
 
@@ -57,18 +57,18 @@ class Wire(Protocol):
         """Whether a host has the other end open."""
 
     def exchange(self, sent: bytes, wait_s: float) -> bytes:
-        """Send the bytes that the host accepts, then wait up to a time for its bytes."""
+        """Send as many of the bytes as the host accepts, wait up to a time [s], and return the host's bytes."""
 
     def close(self) -> None:
-        """Close this end; the host sees an unplugged board."""
+        """Close the device's end; for the host, the board is unplugged."""
 
 
 class PtyWire:
-    """A pseudo-terminal; the host opens `name`.
+    """The device's end of a pseudo-terminal; the host opens its `name`.
 
     Parameters
     ----------
-    link : a link to it whose name is the same after unplugging; None for none
+    link : symbolic link that gives the pseudo-terminal a fixed name; None makes no link
     """
 
     def __init__(self, link: Path | None = None) -> None:
@@ -87,7 +87,7 @@ class PtyWire:
             _point(link, self._system_name)
 
     def is_open(self) -> bool:
-        """Whether the host has it open, by a read of the master."""
+        """Whether a host has the pseudo-terminal open."""
         try:
             piece = os.read(self._master, LARGEST_READ)
         except BlockingIOError:
@@ -99,7 +99,10 @@ class PtyWire:
         return bool(piece)
 
     def exchange(self, sent: bytes, wait_s: float) -> bytes:
-        """Send what the system's buffer takes, then wait for the host; `queued` holds the rest for the next call."""
+        """Send what the system's buffer accepts, wait up to `wait_s` [s], and return the host's bytes.
+
+        The rest is sent in the next call.
+        """
         self._unsent = queued(self._unsent, sent)
         if self._unsent:
             with contextlib.suppress(OSError):
@@ -114,7 +117,7 @@ class PtyWire:
             return b""
 
     def close(self) -> None:
-        """Unplug; the link is removed first, because the system may reuse the port's name at once."""
+        """Unplug the board. The symbolic link is removed first, because the system may reuse the port's name."""
         if (
             self._link is not None
             and self._link.is_symlink()
@@ -151,7 +154,10 @@ class SocketWire:
         return True
 
     def exchange(self, sent: bytes, wait_s: float) -> bytes:
-        """Send the bytes that the host accepts, then wait for its bytes; `queued` holds the rest for the next call."""
+        """Send the bytes that the host accepts, wait up to `wait_s` [s], and return the host's bytes.
+
+        The rest is sent in the next call.
+        """
         host = self._host
         if host is None:
             return b""
@@ -172,7 +178,7 @@ class SocketWire:
         return heard
 
     def close(self) -> None:
-        """Unplug."""
+        """Unplug the board."""
         if self._host is not None:
             self._host.close()
         self._listener.close()
@@ -188,7 +194,7 @@ def new_wire(*, use_socket: bool = False, link: Path | None = None) -> Wire:
 
 
 def serve(board: Device, wire: Wire, is_over: threading.Event) -> None:
-    """Serve as the board until `is_over` is set."""
+    """Run a simulated device on its end of a line until `is_over` is set."""
     was_open = False
     while not is_over.is_set():
         if not wire.is_open():
@@ -212,7 +218,7 @@ class FakePort:
     Parameters
     ----------
     board : the simulated device
-    wire : its end of the line; None makes a pseudo-terminal, or a socket where there are none
+    wire : the device's end of the line; None makes a pseudo-terminal, or a socket on systems without them
     """
 
     def __init__(self, board: Device, wire: Wire | None = None) -> None:
@@ -246,11 +252,11 @@ class FakePort:
 
 
 def require_free(link: Path, option: str = "--link") -> None:
-    """Refuse a name that is in use; a link of a removed board is free.
+    """Check that a name is free for the link to a simulated port. A broken link that an ended run left may be replaced.
 
     Raises
     ------
-    InputError : a file, or another board's link.
+    InputError : the name is that of a file or of another board's link, or its folder does not exist.
     """
     if link.exists() and not link.is_symlink():
         raise InputError(f"{option} {link}: exists and is no link; choose another name")
@@ -266,7 +272,6 @@ def require_free(link: Path, option: str = "--link") -> None:
 
 
 def _point(link: Path, target: str) -> None:
-    """Make a symbolic link; only a broken link is replaced."""
     require_free(link)
     link.unlink(missing_ok=True)
     try:

@@ -1,8 +1,8 @@
-"""Readings of a pad under presses, from a table over locations and depths: the input of the simulated board.
+"""Table of a pad's signals over location and depth of a press: the input of the simulated board.
 
-The table is linear between the grid's lines in x, y and depth. Beyond the last location or depth the nearest one is
-used, and depth 0 or less is the untouched pad. Signals are not linear between depths 0.2 mm apart, so the table serves
-tests of software, not the judgement of a layout.
+The table is interpolated linearly in x, y and depth. Presses outside the table's grid take the nearest values, and
+depth 0 or less is the untouched pad. Real signals are not linear over depth steps of 0.2 mm, so the table serves to
+test software, not to judge a layout.
 """
 
 from __future__ import annotations
@@ -22,18 +22,19 @@ if TYPE_CHECKING:
     import xarray as xr
 
 MOST_BYTES = 500_000_000
-"""Largest size of the unpacked arrays: 6,000 states of 1,024 pairs have 50 MB."""
+"""Largest size of the unpacked arrays of a signal file [bytes]; 6,000 presses with 1,024 pairs need 50 MB."""
 SAME_MM = 1e-6
-"""Tolerance within which two lines of a grid are one [mm]."""
+"""Tolerance within which two coordinates of the grid are equal [mm]."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class PressTable:
-    """Signals over a full grid of presses.
+    """Signals over a full grid of presses in x, y and depth.
 
     Attributes
     ----------
-    x_mm, y_mm, depth_mm : (nx,), (ny,), (nd,) rising grid lines [mm]; the first depth is 0
+    x_mm, y_mm, depth_mm : (nx,), (ny,), (nd,) rising coordinates of the grid in the cavity frame [mm]; the first depth
+        is 0
     counts : (nx, ny, nd, emitter, receiver) signals without ambient light, not clipped [counts]
     """
 
@@ -50,11 +51,14 @@ class PressTable:
 
     @property
     def knows_presses(self) -> bool:
-        """Whether it has any press, and not only the untouched pad."""
+        """Whether the table contains any press, and not only the untouched pad."""
         return len(self.depth_mm) > 1
 
     def at(self, presses: ArrayLike) -> FloatArray:
-        """(n, emitter, receiver) signals under presses, (n, 3) x, y, depth [mm]."""
+        """(n, emitter, receiver) signals under presses, interpolated linearly [counts].
+
+        presses : (n, 3) x, y, depth [mm]
+        """
         rows = np.atleast_2d(np.asarray(presses, dtype=np.float64))
         found = np.zeros((len(rows), *self.counts.shape[3:]))
         corners = [
@@ -68,7 +72,7 @@ class PressTable:
 
 
 def _neighbours(line: FloatArray, values: FloatArray) -> list[tuple[NDArray[np.intp], FloatArray]]:
-    """The grid lines on both sides of each value, and their shares."""
+    """Indices of the coordinates in `line` below and above each value, and their weights for linear interpolation."""
     place = np.interp(values, line, np.arange(len(line)))
     low = np.minimum(place.astype(np.intp), max(len(line) - 2, 0))
     share = place - low
@@ -76,11 +80,11 @@ def _neighbours(line: FloatArray, values: FloatArray) -> list[tuple[NDArray[np.i
 
 
 def untouched_table(config: DriverConfig) -> PressTable:
-    """A table with only the untouched pattern of a driver configuration.
+    """Table with only the untouched pad's signals, as a driver configuration contains them.
 
     Raises
     ------
-    InputError : the configuration has no untouched pattern.
+    InputError : the configuration has no simulated signals.
     """
     if config.expected is None:
         raise InputError(
@@ -93,17 +97,17 @@ def untouched_table(config: DriverConfig) -> PressTable:
 
 
 def table_of(presses: FloatArray, counts: FloatArray, *, is_whole: bool = True) -> PressTable:
-    """A table from states that form a full grid, in any order.
+    """Build a table from presses that form a full grid, in any order.
 
     Parameters
     ----------
-    presses : (state, 3) x, y, depth; the least depth must be 0 [mm]
+    presses : (state, 3) x, y, depth of each press [mm]; the least depth must be 0
     counts : (state, emitter, receiver) signals [counts]
-    is_whole : whether every location of the grid is present; else missing ones take the nearest one's signals
+    is_whole : True requires every location of the grid; with False, a missing location gets the signals of the nearest
 
     Raises
     ------
-    InputError : the states do not form a full grid.
+    InputError : the presses do not form a full grid.
     """
     if not is_whole:
         presses, counts = _squared(presses, counts)
@@ -123,7 +127,7 @@ def table_of(presses: FloatArray, counts: FloatArray, *, is_whole: bool = True) 
 
 
 def _squared(presses: FloatArray, counts: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """The states completed to a full grid of locations, from the nearest location."""
+    """Presses and signals on a full rectangular grid; a missing location gets the signals of the nearest one."""
     there = np.unique(presses[:, :2], axis=0)
     every = np.array([(x, y) for x in np.unique(presses[:, 0]) for y in np.unique(presses[:, 1])])
     absent = [place for place in every if not (np.abs(there - place).max(axis=1) < SAME_MM).any()]
@@ -137,11 +141,13 @@ def _squared(presses: FloatArray, counts: FloatArray) -> tuple[FloatArray, Float
 
 
 def table_from_signals(file: Path, config: DriverConfig) -> PressTable:
-    """The table of a bundle's `sims/signals.nc`, with the gains of its driver configuration; needs xarray.
+    """Table of the simulated signals in `file` (a bundle's `sims/signals.nc`), with the configuration's gains.
+
+    Needs xarray.
 
     Raises
     ------
-    InputError : unreadable, of another design, not a full grid, or a configuration without gains.
+    InputError : the file cannot be read, is of another design or is not a full grid, or the configuration has no gains.
     """
     import h5py
     import xarray as xr
@@ -171,18 +177,17 @@ def table_from_signals(file: Path, config: DriverConfig) -> PressTable:
 
 
 def _numbers(array: xr.DataArray) -> FloatArray:
-    """An array's values; ValueError if damage has changed their type."""
     if array.dtype.kind not in "fiu":
         raise ValueError(f"{array.name} is of the type {array.dtype}, needs numbers")
     return np.asarray(array.values, dtype=np.float64)
 
 
 def gains_of(config: DriverConfig) -> FloatArray:
-    """(receiver,) counts if all of an emitter's power reached each receiver [counts].
+    """Reading of each receiver if it got all of an emitter's power, (receiver,) [counts].
 
     Raises
     ------
-    InputError : the configuration was written before a simulation.
+    InputError : the configuration has no gains, because it was written before a simulation.
     """
     gain = config.gain
     each = gain.receiver_counts_per_flux or (gain.counts_per_flux,) * config.frame.receivers

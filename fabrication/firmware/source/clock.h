@@ -1,5 +1,5 @@
-/* Microseconds since reset, wrapping at 32 bits, from timer 1 at an eighth of the processor's clock. It must be read
-   every 32 ms, or it loses that time: every long wait or computation reads it. */
+/* Microseconds since reset, wrapping at 32 bits, from timer 1 at an eighth of the processor's clock. The clock must be
+   read every 32 ms, or it loses that time. Every long wait or computation therefore reads it. */
 #ifndef OPTOPAD_CLOCK_H
 #define OPTOPAD_CLOCK_H
 #include <avr/io.h>

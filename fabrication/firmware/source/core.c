@@ -3,9 +3,9 @@
 
    The next conversion is started before the reading of the last one is packed, so packing and checksum cost
    no time. Interrupts send the buffer that is not being filled. A state is read no sooner than
-   SETTLE_US after its emitter was switched. Emitters are switched between conversions, so that none sees the step of
-   the supply; with SWITCH_EARLY they are switched during a state's last conversion, once its input is held.
-   The messages are in session.h. */
+   SETTLE_US after its emitter was switched. Emitters are switched between conversions, so that the step of the supply
+   disturbs no conversion. With SWITCH_EARLY they are switched during a state's last conversion, after the converter has
+   sampled its input. The messages are in session.h. */
 #pragma GCC optimize("O2")
 
 #include "config.h"
@@ -24,9 +24,9 @@
 #error "readings are packed for a converter of 10 bits"
 #endif
 
-#define REFERENCE_US 2000 /* the reference and its weak drive of the input have settled long before */
+#define REFERENCE_US 2000 /* much longer than the reference and the input, which it drives weakly, take to settle */
 #define SETTLE_TICKS (SETTLE_US * TICKS_PER_US + 1)
-/* The input is held 1.5 clocks of the converter after a wait of at most one. */
+/* The converter samples its input 1.5 of its clocks after it has begun; it begins at most one clock late. */
 #define HOLD_TICKS ((3UL << PRESCALER_EXPONENT) / 8 + 1)
 #define FRESH_RAM 0xa7
 
@@ -37,7 +37,7 @@ typedef struct {
     uint8_t mask;
 } emitter_pin;
 
-/* A change of light, looked up in advance. */
+/* A change from one emitter to the next, whose registers are looked up in advance. */
 typedef struct {
     volatile uint8_t *off_port, *on_port;
     uint8_t off_mask, on_mask;
@@ -51,9 +51,10 @@ typedef struct {
 
 #define LED(letter, bit) {&PORT##letter, &DDR##letter, 1 << (bit)}
 #define NO_LED {&GPIOR0, &GPIOR0, 0} /* the dark state switches no pin, only an unused register */
-static const emitter_pin emitters[N_STATES] = {EMITTERS, NO_LED};
+static const emitter_pin emitters[N_EMITTERS + 1] = {EMITTERS, NO_LED};
 #define FIRST emitters
 #define DARK (emitters + N_EMITTERS)
+#define BEGIN (DARK_AROUND_EACH ? DARK : FIRST)
 #if SHIFT_BITS
 static const emitter_pin shift_lines[] = {SHIFTS};
 enum shift_line { DATA, CLOCK, LATCH };
@@ -84,12 +85,17 @@ static void pulse(enum shift_line line) {
     *shift_lines[line].port &= ~shift_lines[line].mask;
 }
 
-/* A single bit moves along the chain and out of it; any other change to darkness fills the chain with zeros. */
+/* A single set bit moves along the chain of shift registers, and at the end out of it. Any other change to darkness
+   fills the chain with zeros, and any other change to an emitter shifts the bit in again. */
 static void shift_to(const emitter_pin *next) {
     const emitter_pin *data = &shift_lines[DATA];
-    uint16_t zeros = next == DARK && lit != DARK - 1 ? SHIFT_BITS : 1;
-    if (next == FIRST) *data->port |= data->mask;
-    else *data->port &= ~data->mask;
+    bool moves = next == lit + 1;
+    uint16_t zeros = moves ? 1 : next == DARK ? SHIFT_BITS : next - FIRST;
+    if (!moves && next != DARK) {
+        *data->port |= data->mask;
+        pulse(CLOCK);
+    }
+    *data->port &= ~data->mask;
     for (; zeros; zeros--) pulse(CLOCK);
     pulse(LATCH);
 }
@@ -113,7 +119,7 @@ static inline void select_input(uint8_t mux) {
 #endif
 }
 
-/* Receivers of one address are consecutive: a new address waits for the multiplexers. */
+/* Receivers with the same address are consecutive. After a change of address, the multiplexers need time to settle. */
 static inline void select_receiver(uint8_t receiver) {
     select_input(channel_mux[receiver]);
 #if ADDRESS_BITS
@@ -142,14 +148,15 @@ static inline void wait_for_conversion(void) {
     while (ADCSRA & _BV(ADSC)) {}
 }
 
-/* Sum of all readings of a value but the last, which is left in progress, plus half a value for rounding. */
+/* Sum of the readings for one mean value, plus half of AVERAGES for rounding. The last conversion is left in progress,
+   and its reading is not in the sum. */
 static inline uint32_t most_of_value(void) {
     uint32_t sum = AVERAGES / 2;
     for (uint16_t n = 1; n < AVERAGES; n++) {
         wait_for_conversion();
         sum += ADC;
         start_conversion();
-        clock_us(); /* counts the clock's overflows, one in 32 ms */
+        clock_us(); /* counts the clock's overflows, one every 32 ms */
     }
     return sum;
 }
@@ -166,7 +173,7 @@ static inline void wait_until_held(void) {
 
 static void begin_frame(void) {
     select_receiver(0);
-    if (lit != FIRST) make(change_to(FIRST));
+    if (lit != BEGIN) make(change_to(BEGIN));
     wait_until_settled();
     start_conversion();
     began_us = clock_us();
@@ -182,7 +189,7 @@ static void drop_frame(void) {
 
 /* ---- a frame */
 
-/* Ten bits, the least significant first, after the bits held so far. */
+/* Appends ten bits to the packed readings, the least significant first. */
 static inline __attribute__((always_inline)) void pack_reading(packer *frame, uint16_t reading) {
     switch (frame->phase++) {
     case 0:
@@ -204,18 +211,20 @@ static inline __attribute__((always_inline)) void pack_reading(packer *frame, ui
     }
 }
 
-/* Reads every state. When it runs freely, the first conversion of the next frame is left in progress. */
+/* Reads every state. If frames follow without a pause, the first conversion of the next frame is left in progress. */
 static void read_frame(void) {
     packer frame = {0};
+    const emitter_pin *next_lit = FIRST;
     if (!is_converting) begin_frame();
     open_frame(&frame.message, began_us);
     for (bool ends_frame = false; !ends_frame;) {
         bool is_chained;
         change to_next;
         uint32_t sum;
-        ends_frame = lit == DARK;
+        if (lit != DARK) next_lit++;
+        ends_frame = lit == DARK && next_lit == DARK;
         is_chained = ends_frame && !interval_us;
-        to_next = change_to(is_chained ? FIRST : ends_frame ? DARK : lit + 1);
+        to_next = change_to(is_chained ? BEGIN : ends_frame || (DARK_AROUND_EACH && lit != DARK) ? DARK : next_lit);
         clock_us();
         for (uint8_t next = 1; next < N_RECEIVERS; next++) {
             sum = most_of_value();
@@ -249,7 +258,7 @@ static void read_frame(void) {
 static uint16_t reference_reading(void) {
     uint32_t since_us = clock_us();
     uint16_t reading;
-    if (FULL_SCALE_BITS != _BV(REFS0)) return 0; /* the reference itself is full scale */
+    if (FULL_SCALE_BITS != _BV(REFS0)) return 0; /* the reference is full scale, so it cannot be measured */
     ADCSRB = 0;
     ADMUX = _BV(REFS0) | REFERENCE_MUX;
     do {

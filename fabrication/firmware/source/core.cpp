@@ -1,12 +1,12 @@
-/* Firmware of an optopad sensor on a board with an Arduino core other than the AVR's: the same frames and messages as
-   core.c, by micros, analogRead, digitalWrite, Serial and, where a design has converters or LED drivers, SPI only. All
-   settings of a design are in config.h, the messages are in session.h.
+/* Firmware of an optopad sensor on a board with an Arduino core other than the AVR's. It has the same frames and
+   messages as core.c, and uses only micros, analogRead, digitalWrite, Serial and, if a design has converters or LED
+   drivers, SPI. All settings of a design are in config.h, the messages are in session.h.
 
    A state is read no sooner than SETTLE_US after its emitter was switched; a value is the mean of AVERAGES readings. A
-   message without room in Serial waits in its buffer, and is passed on while emitters settle. While both buffers
+   message that does not fit into Serial waits in its buffer, and is passed on while emitters settle. While both buffers
    wait for the host, no frame begins and no emitter is lit.
 
-   The reading of a reference and the free RAM are not measured, and sent as 0. */
+   The reference's reading and the free RAM are not measured, and are sent as 0. */
 #include <Arduino.h>
 
 #include "config.h"
@@ -46,14 +46,15 @@ static const uint8_t channel_addresses[N_RECEIVERS] = {CHANNEL_ADDRESSES};
 #endif
 
 static const uint8_t *sending, *sending_end;
-static uint8_t *filled_end; /* end of the buffer that waits for the one being sent */
+static uint8_t *filled_end; /* end of the filled buffer, which waits until the other one is sent */
 static bool tells_room;
 
 static uint32_t clock_us(void) { return micros(); }
 
 /* ---- the line */
 
-/* Passes on the bytes that Serial has room for. A core that never reports room gets all, and may wait for the host. */
+/* Passes on the bytes that Serial has room for. A core that never reports room gets all bytes, and may wait for the
+   host. */
 static void pump(void) {
     for (size_t taken = 1; taken;) {
         if (sending == sending_end) {
@@ -90,7 +91,7 @@ static uint8_t next_heard(void) { return Serial.read(); }
 static void drop_frame(void) {} /* none is in progress between frames */
 
 #if SHIFT_BITS
-/* A fast chip's edges follow one another sooner than a 74HC595 at 3.3 V bears. */
+/* A fast chip switches pins faster than a 74HC595 at 3.3 V can follow. */
 static void put(shift_line line, bool is_high) {
     digitalWrite(shift_pins[line], is_high ? HIGH : LOW);
     delayMicroseconds(1);
@@ -101,11 +102,19 @@ static void pulse(shift_line line) {
     put(line, false);
 }
 
-/* Lights the emitter of a state, whose neighbour was lit: a single bit moves along the chain and out of it. */
-static void light(uint8_t state) {
-    put(DATA, !state);
-    pulse(CLOCK);
+/* A single set bit moves along the chain of shift registers, and at the end out of it. After any other dark state the
+   bit is shifted in again. */
+static void light(uint8_t emitter) {
+    static uint8_t lit = N_EMITTERS;
+    bool moves = emitter == lit + 1;
+    uint16_t zeros = moves ? 1 : emitter == N_EMITTERS ? SHIFT_BITS : emitter;
+    if (!moves && emitter != N_EMITTERS) {
+        put(DATA, true);
+        pulse(CLOCK);
+    }
+    for (put(DATA, false); zeros; zeros--) pulse(CLOCK);
     pulse(LATCH);
+    lit = emitter;
 }
 #elif DRIVER_OUTPUTS
 static void put(driver_line line, bool is_high) {
@@ -113,13 +122,13 @@ static void put(driver_line line, bool is_high) {
     delayMicroseconds(1);
 }
 
-/* Sends the data of all outputs, the last output first: full grayscale for the emitter of a state, 0 for the others. The
-   new data are latched while the outputs are blank, and the end of blanking begins a PWM period, so that the emitter is
-   on from DRIVER_ON_US later until the end of the period. */
-static void light(uint8_t state) {
-    uint8_t bytes[DRIVER_BYTES] = {}; /* what comes back replaces them */
-    uint16_t at = DRIVER_BYTES * 8 - (state + 1) * GRAYSCALE_BITS;
-    for (uint16_t bit = at; state < N_EMITTERS && bit < at + GRAYSCALE_BITS; bit++) bytes[bit / 8] |= 0x80 >> bit % 8;
+/* Sends the data of all outputs, the last output first: full grayscale for the lit one, 0 for the others. The new data
+   are latched while the outputs are blanked. The end of blanking begins a PWM period. The emitter is on from
+   DRIVER_ON_US after that until the end of the period. */
+static void light(uint8_t emitter) {
+    uint8_t bytes[DRIVER_BYTES] = {}; /* the received bytes replace the sent ones */
+    uint16_t at = DRIVER_BYTES * 8 - (emitter + 1) * GRAYSCALE_BITS;
+    for (uint16_t bit = at; emitter < N_EMITTERS && bit < at + GRAYSCALE_BITS; bit++) bytes[bit / 8] |= 0x80 >> bit % 8;
     SPI.beginTransaction(SPISettings(DRIVER_HZ, MSBFIRST, SPI_MODE0));
     SPI.transfer(bytes, sizeof bytes);
     SPI.endTransaction();
@@ -130,9 +139,11 @@ static void light(uint8_t state) {
     delayMicroseconds(DRIVER_ON_US);
 }
 #else
-static void light(uint8_t state) {
-    if (state) digitalWrite(emitter_pins[state - 1], LOW);
-    if (state < N_EMITTERS) digitalWrite(emitter_pins[state], HIGH);
+static void light(uint8_t emitter) {
+    static uint8_t lit = N_EMITTERS;
+    if (lit < N_EMITTERS) digitalWrite(emitter_pins[lit], LOW);
+    if (emitter < N_EMITTERS) digitalWrite(emitter_pins[emitter], HIGH);
+    lit = emitter;
 }
 #endif
 
@@ -142,7 +153,7 @@ static void settle_for(uint32_t wait_us) {
     while (clock_us() - switched_us <= wait_us);
 }
 
-/* Receivers of one address are consecutive: a new address waits for the multiplexers. */
+/* Receivers with the same address are consecutive. After a change of address, the multiplexers need time to settle. */
 static void select(uint8_t receiver) {
 #if ADDRESS_BITS
     static uint8_t selected = 255;
@@ -156,7 +167,7 @@ static void select(uint8_t receiver) {
 }
 
 #if CONVERTERS
-/* One frame of a converter: its chip select is low, and the bytes that come back replace those that are sent. */
+/* One SPI transfer with a converter, while its chip select is low. The received bytes replace the sent ones. */
 static void exchange(uint8_t chip, uint8_t *bytes, uint8_t count) {
     SPI.beginTransaction(SPISettings(CONVERTER_HZ, MSBFIRST, CONVERTER_MODE));
     digitalWrite(select_pins[chip], LOW);
@@ -168,7 +179,7 @@ static void exchange(uint8_t chip, uint8_t *bytes, uint8_t count) {
 #endif
 
 #if CONVERTER_IS_MCP3208
-/* Start bit, single-ended, three bits of the input; the reading follows in the same frame. */
+/* Sends a start bit, the single-ended bit and three bits of the input. The reading returns in the same transfer. */
 static uint16_t reading_of(uint8_t receiver, bool) {
     uint8_t address = channel_addresses[receiver];
     uint8_t bytes[] = {(uint8_t)(6 | address >> 2), (uint8_t)(address << 6), 0};
@@ -178,14 +189,14 @@ static uint16_t reading_of(uint8_t receiver, bool) {
 
 static void start_converters(void) {}
 #elif CONVERTER_IS_ADS8688
-/* A frame converts the channel that the frame before it has selected, so each one selects the next receiver's. */
+/* A transfer returns the channel that the previous transfer selected, so each transfer selects the next receiver. */
 static uint16_t selecting(uint8_t chip, uint8_t next_address) {
     uint8_t bytes[] = {(uint8_t)(0xc0 | next_address << 2), 0, 0, 0};
     exchange(chip, bytes, sizeof bytes);
     return bytes[2] << 8 | bytes[3];
 }
 
-/* Receivers of a converter are consecutive, and its last one selects its first one for the next state. */
+/* Receivers of a converter are consecutive. With the last receiver, the first one is selected for the next state. */
 static uint16_t reading_of(uint8_t receiver, bool is_last) {
     uint8_t chip = channel_chips[receiver], next = receiver + is_last;
     bool has_next = next < N_RECEIVERS && channel_chips[next] == chip;
@@ -202,7 +213,7 @@ static void start_converters(void) {
     }
 }
 #else
-/* A core's error, -1, becomes a reading at full scale. */
+/* An error of the Arduino core, -1, becomes a reading at full scale. */
 static uint16_t reading_of(uint8_t receiver, bool) { return analogRead(channel_pins[receiver]) & FULL_SCALE; }
 #endif
 
@@ -216,8 +227,8 @@ static void read_frame(void) {
     message frame{};
     uint32_t held = 0;
     uint8_t held_bits = 0;
-    for (uint8_t state = 0; state < N_STATES; state++) {
-        light(state);
+    for (uint16_t state = 0; state < N_STATES; state++) {
+        light(!DARK_AROUND_EACH ? state : state % 2 ? state / 2 : N_EMITTERS);
         settle_for(SETTLE_US);
         if (!state) open_frame(&frame, clock_us());
         for (uint8_t j = 0; j < N_RECEIVERS; j++) {
@@ -276,7 +287,7 @@ void core_init(void) {
 #else
     analogReadResolution(ADC_BITS);
 #ifdef CORE_TEENSY
-    analogReadAveraging(1); /* its core takes the mean of four readings otherwise */
+    analogReadAveraging(1); /* by default this core takes the mean of four readings */
 #endif
     analogRead(channel_pins[0]); /* the first one may be longer than the others */
 #endif

@@ -1,9 +1,9 @@
-/* CRC-32 as in zlib and Ethernet, one byte at a time. The table is linear in the bits of its index, so eight constants
-   generate all of it; it is in the program's memory. */
+/* CRC-32 as in zlib and Ethernet, one byte at a time. The table is in the program's memory. Its entries are linear in
+   the bits of the index (by exclusive or), so eight constants generate the whole table. */
 #ifndef OPTOPAD_CRC_H
 #define OPTOPAD_CRC_H
 #include <stdint.h>
-#ifdef __AVR__ /* its program memory is read by separate instructions */
+#ifdef __AVR__ /* an AVR reads its program memory by separate instructions */
 #include <avr/pgmspace.h>
 #define IN_PROGRAM PROGMEM
 #define program_byte(at) pgm_read_byte(at)

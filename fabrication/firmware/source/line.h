@@ -19,8 +19,9 @@ static void line_init(void) {
     UCSR0B = _BV(RXEN0) | _BV(TXEN0) | _BV(RXCIE0);
 }
 
-/* It is in assembler, since it runs for every byte and the compiler's takes twice the time: it may take 3 us of the 10
-   between bytes at 1 Mbaud. It does UDR0 = *sending++ and, behind the last byte, UCSR0B &= ~_BV(UDRIE0). */
+/* The interrupt runs for every byte, one per 10 us at 1 Mbaud, and may take 3 us. It is in assembler, because the
+   compiler's version takes twice the time. It does UDR0 = *sending++ and, after the last byte,
+   UCSR0B &= ~_BV(UDRIE0). */
 ISR(TRANSMIT_VECTOR, ISR_NAKED) {
     __asm__ volatile("push r24\n\t"
                      "in r24, __SREG__\n\t"
@@ -54,17 +55,17 @@ ISR(TRANSMIT_VECTOR, ISR_NAKED) {
 
 ISR(RECEIVE_VECTOR) {
     uint8_t byte = UDR0, next = (heard_end + 1) & (HEARD_BYTES - 1);
-    if (next == heard_start) return; /* no room: the command's checksum detects it */
+    if (next == heard_start) return; /* no room: the byte is lost, which the command's checksum detects */
     heard[heard_end] = byte;
     heard_end = next;
 }
 
-/* Passes the filled buffer to the line, once the line is free. */
+/* Waits until the line is free, then passes the filled buffer to it. */
 static void send_filled(uint8_t *end) {
     while (UCSR0B & _BV(UDRIE0)) clock_us();
     sending = buffers[filling];
     sending_end = end;
-    __asm__ volatile("" ::: "memory"); /* the interrupt reads the buffer: all of it is written by now */
+    __asm__ volatile("" ::: "memory"); /* all bytes must be in memory before the interrupt reads the buffer */
     UCSR0B |= _BV(UDRIE0);
     filling ^= 1;
 }

@@ -1,10 +1,11 @@
-/* Code of all boards: messages, commands, and the time of the next frame. A core includes it and defines the
-   functions that are declared first: `core.c` for AVR chips, `core.cpp` for boards with another Arduino core.
+/* Code for all boards: messages, commands, and the time of the next frame. `core.c` (AVR chips) or `core.cpp` (boards
+   with another Arduino core) includes this file and defines the functions that are declared first.
 
    All numbers are little-endian; every message ends with the CRC-32 of all preceding bytes.
      readings   A5 5A 10, sequence u32, microseconds u32 when the first conversion began, readings packed bit by bit
-     hello      A5 5A 11, version u8 u8, board, emitters, receivers, bits, prescaler exponent u8, settle us u16,
-                baud u32, frame interval us u32, design digest 32 bytes
+     hello      A5 5A 11, version u8 u8, board, emitters, receivers, bits (plus 128 if each emitter has a dark state
+                before and after it), prescaler exponent u8, settle us u16, baud u32, frame interval us u32,
+                design digest 32 bytes
      self-test  A5 5A 12, reading of the 1.1 V reference u16, late frames u32, least free RAM u16, config CRC u32
      commands   C5 5C, version and command u8, argument u32 */
 #ifndef OPTOPAD_SESSION_H
@@ -22,7 +23,7 @@
 enum kind { KIND_READINGS, KIND_HELLO, KIND_SELF_TEST };
 enum command { COMMAND_START = 1, COMMAND_STOP, COMMAND_RATE, COMMAND_IDENTIFY, COMMAND_TEST };
 
-#define N_STATES (N_EMITTERS + 1)
+#define N_STATES (DARK_AROUND_EACH ? 2 * N_EMITTERS + 1 : N_EMITTERS + 1)
 #define HEAD_BYTES 3
 #define CRC_BYTES 4
 #define FRAME_BYTES (HEAD_BYTES + 8 + (1UL * N_STATES * N_RECEIVERS * ADC_BITS + 7) / 8 + CRC_BYTES)
@@ -31,7 +32,7 @@ enum command { COMMAND_START = 1, COMMAND_STOP, COMMAND_RATE, COMMAND_IDENTIFY, 
 #define COMMAND_MAGIC_1 0xc5
 #define COMMAND_MAGIC_2 0x5c
 #define BUFFER_BYTES (FRAME_BYTES > HELLO_BYTES ? FRAME_BYTES : HELLO_BYTES)
-#define HEARD_BYTES 64 /* a power of two: a burst of five commands */
+#define HEARD_BYTES 64 /* must be a power of two; holds a burst of five commands */
 #define HELLO_INTERVAL_US 1000000UL
 #define LONGEST_INTERVAL_US 0x7fffffffUL
 #ifndef FIRST_SEQUENCE
@@ -40,11 +41,11 @@ enum command { COMMAND_START = 1, COMMAND_STOP, COMMAND_RATE, COMMAND_IDENTIFY, 
 
 static uint32_t clock_us(void);        /* since reset, wrapping at 32 bits */
 static bool can_fill(void);            /* whether a buffer is free to be filled */
-static void send_filled(uint8_t *end); /* sends the buffer that was being filled; the other one is filled next */
+static void send_filled(uint8_t *end); /* sends the filled buffer; the other one is filled next */
 static bool has_heard(void);
 static uint8_t next_heard(void);
 static void read_frame(void);
-static void drop_frame(void); /* forgets a frame that was begun, and leaves no emitter lit */
+static void drop_frame(void); /* discards a frame that has begun, and leaves no emitter lit */
 static uint16_t reference_reading(void);
 static uint16_t least_free_ram(void);
 
@@ -55,8 +56,8 @@ typedef struct {
 
 /* Bytes that identify the program's design; the host has the same bytes. Hello repeats the first 47. */
 static const uint8_t config_block[] IN_PROGRAM = {
-    BOARD_NUMBER, N_EMITTERS, N_RECEIVERS, ADC_BITS, PRESCALER_EXPONENT, U16(SETTLE_US), U32(BAUD),
-    U32(FRAME_INTERVAL_US), DESIGN_DIGEST, EMITTER_PINS, CHANNEL_NUMBERS MORE_CONFIG};
+    BOARD_NUMBER, N_EMITTERS, N_RECEIVERS, ADC_BITS | DARK_AROUND_EACH << 7, PRESCALER_EXPONENT, U16(SETTLE_US),
+    U32(BAUD), U32(FRAME_INTERVAL_US), DESIGN_DIGEST, EMITTER_PINS, CHANNEL_NUMBERS MORE_CONFIG};
 #define INTERVAL_AT 11
 #define HELLO_CONFIG_BYTES 47
 
@@ -117,7 +118,7 @@ static inline __attribute__((always_inline)) void close_frame(message *frame) {
     send_filled(put(frame->at, ~frame->crc, CRC_BYTES));
 }
 
-/* Whether the next frame is due; counts it as late if it was due before the last frame was finished. */
+/* Whether the next frame is due. The frame counts as late if it was due before the last frame was finished. */
 static bool frame_is_due(void) {
     uint32_t now_us;
     if (!interval_us) return true;
@@ -189,7 +190,7 @@ static bool is_command(void) {
            number_at(command + 7) == crc_of(command, COMMAND_BYTES - CRC_BYTES);
 }
 
-/* Drops the first byte of a false command, and all up to the next byte that may begin one. */
+/* Drops the first byte of a false command, and further bytes up to the next one that may begin a command. */
 static void look_further(void) {
     uint8_t from = 1, kept = 0;
     while (from < command_length && command[from] != COMMAND_MAGIC_1) from++;
@@ -197,7 +198,8 @@ static void look_further(void) {
     command_length = kept;
 }
 
-/* Takes at most the size of the ring, so that a host that sends without a pause stops no frame. */
+/* Reads at most as many bytes as the ring buffer holds, so that a host that sends without a pause does not stop the
+   frames. */
 static void take_commands(void) {
     for (uint8_t left = HEARD_BYTES; left && can_fill() && has_heard(); left--) {
         command[command_length++] = next_heard();
@@ -215,7 +217,7 @@ static void take_commands(void) {
 }
 
 static void step(void) {
-    if (!can_fill()) return; /* a frame whose buffer has just become free begins after the next command, not before */
+    if (!can_fill()) return; /* once a buffer is free, commands are handled before the next frame */
     take_commands();
     if (!can_fill()) return;
     if (is_running) {

@@ -506,7 +506,7 @@ class Controls:
             self._session.set_field(path, self._fields[path][1].value)
 
     def _add_buttons(self, buttons: BackgroundJobs) -> None:
-        with self._gui.add_folder("Do"):
+        with self._gui.add_folder("Tasks"):
             for label, name, do in (
                 ("Improve", "improve", buttons.improve),
                 ("Make the bundle", "build", buttons.build),

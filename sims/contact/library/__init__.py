@@ -1,4 +1,4 @@
-"""Solved presses, shipped and cached, and the smooth interpolation between them.
+"""Library of solved presses, shipped and cached, with smooth interpolation between them.
 
-It imports solver, walls, and the tip and the scope of `sims.contact`.
+It imports the contact solver, the wall model, and the tip and scope modules of `sims.contact`.
 """

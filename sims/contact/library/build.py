@@ -1,17 +1,16 @@
-"""Compute the library of solved presses: two solves per layer, pad and crown, in parallel, resumable.
+"""Compute the library of solved presses, fit them over depth, and solve a design's press live.
 
-Every finished solve is stored in the cache of solved presses at once, so an interrupted run continues
-where it stopped. Workers are separate processes, one thread each; a solve is a pure function of its
-inputs, so the number of workers does not change the result.
+Building the library takes two solves (at two Poisson's ratios) for every layer thickness, wall radius and crown. Every
+finished solve is cached at once, so an interrupted run continues where it stopped. Workers are separate processes, one
+thread each. A solve depends on its inputs only, so the number of workers does not change the result.
 
-Reduce a solved press to smooth functions of depth, `SmoothPress`.
+`fit_press` reduces a solved press to smooth functions of depth (`SmoothPress`). The splines are least squares fits with
+one interval for every `DEPTHS_PER_INTERVAL` solved depths. The fit must smooth, because on a mesh one facet after the
+other comes into contact, so edges and forces jitter as the contact grows. At a spacing of a fifteenth of the tip radius
+they jitter by up to 10 µm and 0.4 % (3 mm tip, near 1 mm depth), and light is differentiated with respect to depth.
+`FitResidual` has the distance of the solved states from the fit.
 
-The splines are least squares fits with one interval for every `DEPTHS_PER_INTERVAL` solved depths.
-Contact on a mesh comes facet by facet, which makes edges and forces jitter as the contact grows (at a
-spacing of a fifteenth of the tip radius by up to 10 µm and 0.4 % for a 3 mm tip, near 1 mm depth), and
-light is differentiated with respect to depth. `FitResidual` has the distance of the solved states from the fit.
-
-Solve a design's press live: both Poisson's ratios at once, one thread each.
+`live_press` solves a design's press, with both Poisson's ratios at once, one thread each.
 """
 
 from __future__ import annotations
@@ -74,7 +73,7 @@ DEPTHS_PER_INTERVAL = 3
 
 
 def _resampled(points: FloatArray, wall_radius: float) -> FloatArray:
-    """(sample, 2) points at the `sample_arcs` of a dense curve."""
+    """Resample a dense curve (n, 2) of radius and height to the arc lengths of `sample_arcs` (sample, 2)."""
     length = np.append(0.0, np.cumsum(np.hypot(*np.diff(points, axis=0).T)))
     return np.asarray(
         CubicSpline(length, points)(sample_arcs(float(length[-1]), wall_radius)), dtype=np.float64
@@ -82,9 +81,10 @@ def _resampled(points: FloatArray, wall_radius: float) -> FloatArray:
 
 
 def tributary_areas(radius: FloatArray, height: FloatArray) -> FloatArray:
-    """(node,) area of the full turn that loads each node of a polyline, ∫ N 2πr ds with its hat function N.
+    """Area (node,) whose load each node of a surface of revolution takes: ∫ N 2πr ds with hat function N.
 
-    A node on the axis has a third of the disk to its neighbour, not the quarter out to the middle between them.
+    The surface is given by its radii and heights (node,). A node on the axis gets a third of the disc that reaches its
+    neighbour, not the quarter up to the middle between them.
     """
     length = np.hypot(np.diff(radius), np.diff(height))
     areas = np.zeros_like(radius)
@@ -96,14 +96,21 @@ def tributary_areas(radius: FloatArray, height: FloatArray) -> FloatArray:
 def _load_inside(
     force: FloatArray, radius: FloatArray, height: FloatArray, along: FloatArray, edge: float
 ) -> FloatArray:
-    """(share,) part of the load within `LOAD_SHARES` of the contact; a node has the load of its own area."""
+    """Share (share,) of the load within each of `LOAD_SHARES` of the tip outline up to the contact edge.
+
+    Parameters
+    ----------
+    force, radius, height : (node,) force on each top node, and its position
+    along : (node,) arc length along the tip's outline at each node
+    edge : arc length at the contact edge
+    """
     count = int(np.flatnonzero(force > 0.0)[-1]) + 1
     inside = np.cumsum(force[:count]) / force[:count].sum()
     reach = np.cumsum(tributary_areas(radius, height))[: count - 1]
     ring = np.pi * (radius[1:] + radius[:-1]) * np.hypot(np.diff(radius), np.diff(height))
     root = np.sqrt(
         np.append(0.0, np.cumsum(ring))
-    )  # the root of the area within a node: nearly linear along the tip
+    )  # square root of the area up to a node: nearly linear along the tip
     whole = float(np.interp(edge, along, root)) ** 2
     kept = reach < whole
     places = np.concatenate([[0.0], reach[kept] / whole, [1.0]])
@@ -113,7 +120,7 @@ def _load_inside(
 
 
 def _state(unit: UnitPress, index: int) -> StateValues:
-    """The describing numbers of one solved state."""
+    """The numbers by which the splines describe one solved state, which is that of one depth."""
     depth = float(unit.depths[index])
     radius, height = unit.radii[index], unit.heights[index]
     tolerance = contact_tolerance(unit.mesh_size, unit.wedge_angle)
@@ -133,7 +140,7 @@ def _state(unit: UnitPress, index: int) -> StateValues:
 
 
 def _residual(states: FloatArray, fitted: FloatArray) -> FitResidual:
-    """Distance of states from their fit; both (depth, VALUES)."""
+    """Distance of solved states from their spline fit; both arrays are (depth, VALUES)."""
     force = np.expm1(fitted[:, 0] - states[:, 0])
     edge = np.exp(fitted[:, 1]) - np.exp(states[:, 1])
     pairs = zip(map(StateValues.unpacked, states), map(StateValues.unpacked, fitted), strict=True)
@@ -143,13 +150,13 @@ def _residual(states: FloatArray, fitted: FloatArray) -> FitResidual:
 
 
 def interval_knots(places: FloatArray) -> FloatArray:
-    """Knots of the cubic splines for increasing sample positions, the ends four times."""
+    """Knots of the cubic splines for increasing sample positions; the end knots are repeated four times."""
     inner = places[DEPTHS_PER_INTERVAL:-DEPTHS_PER_INTERVAL:DEPTHS_PER_INTERVAL]
     return np.concatenate([np.repeat(places[0], 4), inner, np.repeat(places[-1], 4)])
 
 
 def fit_press(unit: UnitPress) -> SmoothPress:
-    """Splines in ln(depth / deepest) through the solved states.
+    """Fit splines in ln(depth / deepest depth) to the solved states of a press.
 
     Parameters
     ----------
@@ -176,18 +183,19 @@ def fit_press(unit: UnitPress) -> SmoothPress:
 DEFAULT_MESH = 0.1
 """Node spacing under the tip [tip radii]: 0.3 mm for a 3 mm tip."""
 MESH_RANGE = (0.04, 0.15)
-"""Accepted spacings [tip radii]; coarser facets bridge the equator of the tip and lose the contact edge, finer
-ones may chatter at deep presses (which is refused, not hidden)."""
+"""Accepted node spacings under the tip [tip radii]. Coarser facets cannot follow the tip and lose the contact edge;
+finer ones may chatter in deep presses, which raises an error.
+"""
 LEAST_DEPTH = 0.4 / 3
-"""Least depth of a live solve, so that a smooth description has enough depths [tip radii]."""
+"""Least depth to which a live solve goes [tip radii], so that the spline fit has enough depths."""
 
 
 _SMOOTH: dict[tuple[int, int], tuple[UnitPress, UnitPress, SmoothPress]] = {}
-"""Presses made of this process's solutions, by the solutions' identity (the entry keeps them alive)."""
+"""Fitted presses of this process, by the `id` of their two solutions; the stored solutions keep these ids valid."""
 
 
 def mesh_size(design: SensorDesign, mesh_mm: float | None) -> float:
-    """Node spacing under the tip [tip radii]; None takes the default.
+    """Node spacing under the tip [tip radii]; for None, `DEFAULT_MESH`.
 
     Raises
     ------
@@ -205,17 +213,18 @@ def mesh_size(design: SensorDesign, mesh_mm: float | None) -> float:
 def live_press(
     design: SensorDesign, spacing: float, deepest: float, on_step: OnShare | None
 ) -> tuple[UnitPress, SmoothPress, tuple[str, ...]]:
-    """The press of a design's tip, from the cache or solved now.
+    """The press of a design's tip, solved live, or from the cache of earlier live solves.
 
     Parameters
     ----------
     design : the sensor
     spacing, deepest : node spacing under the tip, deepest press [tip radii]
-    on_step : called with the fraction done
+    on_step : called with the fraction done (0 to 1)
 
     Returns
     -------
-    The solved states at the larger Poisson's ratio, the nearly incompressible press, and notes.
+    The solved states at the larger Poisson's ratio, the nearly incompressible press extrapolated from both ratios, and
+    notes for the user.
 
     Raises
     ------
@@ -237,12 +246,12 @@ def live_press(
 def both_ratios(
     inputs: PressInputs, on_step: OnShare | None
 ) -> tuple[UnitPress, SmoothPress, tuple[str, ...]]:
-    """The press at both `POISSON_RATIOS`, regardless of the inputs' ratio; returns and errors of `live_press`.
+    """Solve a press at Poisson's ratios 0.48 and 0.49, and extrapolate; returns and errors are those of `live_press`.
 
     Parameters
     ----------
-    inputs : all inputs of the solution
-    on_step : called with the fraction done
+    inputs : all inputs of the solution; its `poisson_ratio` is ignored
+    on_step : called with the fraction done (0 to 1)
     """
     tell = _Progress(on_step)
 
@@ -256,7 +265,7 @@ def both_ratios(
 
 
 def live_note(design: SensorDesign, mesh_mm: float | None) -> str:
-    """A note why and how a press was solved live, and that its error is not known as the library's is."""
+    """A note for the user: why a press was solved live, with which mesh, and that its error is not validated."""
     tip = tip_radius_mm(design)
     spacing = DEFAULT_MESH * tip if mesh_mm is None else mesh_mm
     return (
@@ -266,7 +275,7 @@ def live_note(design: SensorDesign, mesh_mm: float | None) -> str:
 
 
 class _Progress:
-    """The mean progress of both solves."""
+    """Mean progress of two solves that run in parallel threads."""
 
     def __init__(self, on_step: OnShare | None) -> None:
         self.on_step, self.shares = on_step, dict.fromkeys(POISSON_RATIOS, 0.0)
@@ -278,7 +287,7 @@ class _Progress:
 
 
 def _smooth(soft: UnitPress, stiff: UnitPress) -> SmoothPress:
-    """The nearly incompressible press, made once for every pair of solutions of this process."""
+    """The nearly incompressible press extrapolated from two solutions; cached for this pair in this process."""
     key = (id(soft), id(stiff))
     if key not in _SMOOTH:
         _SMOOTH[key] = (soft, stiff, nearly_incompressible(fit_press(soft), fit_press(stiff)))
@@ -286,14 +295,14 @@ def _smooth(soft: UnitPress, stiff: UnitPress) -> SmoothPress:
 
 
 Pad = tuple[float, float]
-"""Layer and radius of the wall [tip radii]."""
+"""Layer thickness and wall radius of a round pad [tip radii]."""
 
 LIBRARY_MESH = 1 / 15
-"""Node spacing under the tip of the library's entries [tip radii]: 0.2 mm for a 3 mm tip."""
+"""Node spacing under the tip for the library's presses [tip radii]: 0.2 mm for a 3 mm tip."""
 
 
 def library_depths(layer: float) -> tuple[float, ...]:
-    """Depths solved for an entry [tip radii]: the same shares of the deepest press in every entry."""
+    """Depths solved for a layer thickness [tip radii]: the same fractions of the deepest press for every thickness."""
     deepest = deepest_press(layer)
     longest = deepest_press(max(LAYERS))
     steady = np.arange(FIRST_DEPTHS[-1] + DEPTH_STEP, longest - 0.5 * DEPTH_STEP, DEPTH_STEP)
@@ -304,7 +313,7 @@ def library_depths(layer: float) -> tuple[float, ...]:
 def entry_inputs(
     layer: float, poisson_ratio: float, wall_radius: float = WALL_RADIUS, crown: float = 0.0
 ) -> PressInputs:
-    """The inputs on which an entry's solve depends."""
+    """Inputs of one solve for the shipped library; layer thickness and wall radius in tip radii."""
     return PressInputs(
         layer=layer,
         mesh_size=LIBRARY_MESH,
@@ -318,18 +327,21 @@ def entry_inputs(
 def solve_entry(
     layer: float, poisson_ratio: float, wall_radius: float = WALL_RADIUS, crown: float = 0.0
 ) -> UnitPress:
-    """The solved states of one layer and pad [tip radii], from the cache or solved and stored there."""
+    """Solved states for the shipped library, from the cache or solved now and cached; lengths in tip radii."""
     return stored_press(entry_inputs(layer, poisson_ratio, wall_radius, crown))[0]
 
 
 def entry_press(layer: float, wall_radius: float = WALL_RADIUS, crown: float = 0.0) -> SmoothPress:
-    """One nearly incompressible entry, from both of its solves."""
+    """One nearly incompressible press of the shipped library, from its solves at both Poisson's ratios."""
     soft, stiff = (fit_press(solve_entry(layer, ratio, wall_radius, crown)) for ratio in POISSON_RATIOS)
     return nearly_incompressible(soft, stiff)
 
 
 def slope_and_bow(flat: SmoothPress, crowned: Sequence[SmoothPress]) -> tuple[FloatArray, FloatArray]:
-    """(coefficient, VALUES) factors of the crown and of its square in the changes of a flat pad by two crowns."""
+    """Factors a and b (coefficient, VALUES): a crown changes the spline coefficients by a·crown + b·crown².
+
+    They follow exactly from three presses of one pad: flat, and under two crowns.
+    """
     powers = np.array([[press.crown, press.crown**2] for press in crowned])
     changes = np.array([press.coefficients - flat.coefficients for press in crowned])
     slope, bow = np.tensordot(np.linalg.inv(powers), changes, axes=1)
@@ -339,13 +351,16 @@ def slope_and_bow(flat: SmoothPress, crowned: Sequence[SmoothPress]) -> tuple[Fl
 def crown_changes(
     flat: Mapping[Pad, SmoothPress], crowned: Mapping[Pad, Sequence[SmoothPress]], centre: Pad = CROWN_CENTRE
 ) -> CrownChanges:
-    """Changes by crowns, in the solved pads and, by sums, in the others.
+    """Changes of a flat pad's spline coefficients by crowns, for every combination of layer and wall radius.
+
+    Only some combinations are solved. For the others, changes of the linear factor by layer and by wall are added.
 
     Parameters
     ----------
-    flat : layer and radius of the wall [tip radii] -> its press
-    crowned : the centre -> its presses at two crowns; other layers in its wall, its layer in other walls -> one
-    centre : layer and radius of the wall [tip radii]
+    flat : (layer thickness, wall radius) [tip radii] -> press of the flat pad
+    crowned : the same keys -> presses under crowns, largest crown last. `centre` has two crowns. Other keys share its
+        layer or its wall radius, and have one crown
+    centre : layer thickness and wall radius of the pad that the others are compared with [tip radii]
     """
     _, bow = slope_and_bow(flat[centre], crowned[centre])
     largest = {pad: presses[-1] for pad, presses in crowned.items()}
@@ -372,13 +387,13 @@ def assembled(
     pads: Sequence[Sequence[SmoothPress]],
     crowned: CrownChanges,
 ) -> Library:
-    """The library of its solved presses.
+    """Put a `Library` together from its solved presses.
 
     Parameters
     ----------
-    presses : the entries, thinnest first
-    pads : the `WALL_LAYERS` in every other pad, smallest first
-    crowned : changes of them by crowns
+    presses : presses in the pad of default wall radius, thinnest layer first
+    pads : for each of `WALL_LAYERS` its presses at the other wall radii, smallest first
+    crowned : changes of the flat pads' coefficients by crowns
     """
     entries = {press.layer_depth: press.coefficients for press in presses}
     return Library(
@@ -401,14 +416,14 @@ def assembled(
 
 
 def crowned_pads() -> list[Pad]:
-    """Layers and radii of the wall of the pads that are solved under crowns [tip radii]."""
+    """Layer thicknesses and wall radii of the pads that are solved under crowns [tip radii]."""
     layer, radius = CROWN_CENTRE
     pads = [(other, radius) for other in CROWN_LAYERS] + [(layer, other) for other in CROWN_RADII]
     return list(dict.fromkeys(pads))
 
 
 def all_pads() -> list[tuple[float, float, float]]:
-    """Layer, radius of the wall and crown of every press that is solved, the costliest first."""
+    """Layer thickness, wall radius and crown of every press to solve [tip radii, crown -], the costliest first."""
     pads = [(layer, WALL_RADIUS, 0.0) for layer in LAYERS]
     pads += [(layer, radius, 0.0) for layer in WALL_LAYERS for radius in PAD_RADII]
     pads += [(*pad, crown) for pad in crowned_pads() for crown in solved_crowns(*pad)]
@@ -416,16 +431,16 @@ def all_pads() -> list[tuple[float, float, float]]:
 
 
 def build_library(workers: int, on_step: Callable[[int, int], None] | None = None) -> Library:
-    """Solve every press that the cache lacks, and fit them all.
+    """Build the library: solve every press that is not cached, and fit them all.
 
     Parameters
     ----------
-    workers : processes at work
-    on_step : called with the number of solves done and of all
+    workers : number of worker processes
+    on_step : called with the number of finished solves and the total number
 
     Raises
     ------
-    ContactSolveError : a layer's state fails its checks
+    ContactSolveError : a solved state fails its checks
     """
     solves = [
         (layer, ratio, radius, crown) for layer, radius, crown in all_pads() for ratio in POISSON_RATIOS
@@ -450,7 +465,7 @@ def build_library(workers: int, on_step: Callable[[int, int], None] | None = Non
 
 
 def require_writable(path: Path) -> None:
-    """Refuse a file before hours are spent on its content.
+    """Check that a file can be written, before hours are spent on computing its content.
 
     Raises
     ------
@@ -463,7 +478,7 @@ def require_writable(path: Path) -> None:
 
 
 def write_library(library: Library, path: Path) -> None:
-    """Write the file in one step.
+    """Write the library to a file, completely or not at all.
 
     Raises
     ------

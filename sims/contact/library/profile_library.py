@@ -1,21 +1,21 @@
-"""The shipped library of solved presses: any layer and round pad between the solved ones within a millisecond.
+"""The shipped library of solved presses: interpolates a press for any layer thickness and round pad in a millisecond.
 
-Entries are `SmoothPress`es of one tip radius and one modulus at the elastic depths `LAYERS`, all on the
-same shares of their deepest press (0.8 of the elastic depth or 1.7 tip radii, whichever is less), in a round pad with
-its wall at `WALL_RADIUS`. Between them every spline coefficient is a cubic spline in 1/depth of the layer. The deepest
-press has a corner where the two limits meet (2.125 tip radii), so thin and thick layers have splines of their own that
-share that entry.
+An entry is a `SmoothPress`: cubic splines over depth, for one layer thickness in a round pad with its wall at
+`WALL_RADIUS`, for tip radius 1 and Young's modulus 1. There is one entry for each thickness in `LAYERS`. All use the
+same fractions of their deepest press, which is 0.8 of the layer thickness or 1.7 tip radii, whichever is less. Between
+the entries every spline coefficient is a cubic spline in 1/thickness. Where the two limits meet (2.125 tip radii) the
+deepest press has a kink. So thin and thick layers have separate splines, which share that entry.
 
-The change by another wall is solved at the fewer `WALL_LAYERS`, at each of `PAD_RADII`, and added: every coefficient's
-change is a cubic spline in 1/radius (zero at `WALL_RADIUS`), and between the layers a straight line in 1/depth for thin
-ones, a parabola for thick ones. Outside the entries nothing is extrapolated.
+Other walls: their effect is solved at the fewer thicknesses `WALL_LAYERS`, at each of `PAD_RADII`, and added. The
+change of every coefficient is a cubic spline in 1/radius (zero at `WALL_RADIUS`). Between thicknesses it is linear in
+1/thickness for thin layers and a parabola for thick ones. Nothing is extrapolated outside the entries.
 
-The change by a spherical crown, pressed at its apex, is added too. Every coefficient's change is a crown + b crown²,
-where crown is tip radius over crown radius; heights of the surface are those above the untouched top. Both factors
-follow from two crowns in one pad, the centre of the crowned ones (`CROWN_CENTRE`); b is taken from there. The slope a
-follows from the largest crown of the other `CROWN_LAYERS` in that wall, and of that layer in the other `CROWN_RADII`.
-Its change by another wall is assumed to be the same in every layer. It is a parabola in 1/depth and a straight line in
-1/radius, which is continued to the largest pad (contact-interpolation.md measures a press there).
+Crowns (spherical tops, pressed at the apex): their effect is added too. The change of every coefficient is a·crown +
+b·crown², where crown is tip radius over crown radius. Surface heights are then above the undeformed top. Both factors
+are solved from two crowns in one pad, `CROWN_CENTRE`, and b is used everywhere. The slope a follows from the largest
+crown of the other `CROWN_LAYERS` at that wall radius, and of that layer at the other `CROWN_RADII`. The change of a by
+another wall is assumed to be the same in every layer. It is a parabola in 1/thickness and linear in 1/radius, continued
+to the largest pad (contact-interpolation.md measures a press there).
 
 `optopad contact build` computes the file again; docs/validation/contact.md has the error of the solver,
 contact-interpolation.md that of the interpolation.
@@ -41,45 +41,45 @@ from sims.contact.library.smooth_press import VALUES, FitResidual, SmoothPress
 from sims.contact.scope import HALF_WIDTH, WALL_RADIUS, WALL_RADIUS_RANGE, round_radius
 
 FILE = "profiles.npz"
-"""Name of the file in the package's data folder."""
+"""Name of the library file in the package's data folder."""
 FORMAT = 3
-"""Version of the file's layout."""
+"""Version of the library file's layout."""
 MOST_BYTES = 50_000_000
-"""Largest size of its unpacked arrays; they have 0.6 MB."""
+"""Largest accepted size of the library file's unpacked arrays [bytes]; the shipped ones have 0.6 MB."""
 CORNER = DEEPEST_PRESS / LARGEST_SHARE_OF_LAYER
-"""Layer at which the two limits of the press meet [tip radii]: 2.125."""
+"""Layer thickness at which the two limits of the press depth meet [tip radii]: 2.125."""
 LAYERS = (1.3, 1.45, 1.63, 1.85, CORNER, 2.4, 2.7, 3.0, 3.5, 4.2, 5.0, 6.0)
-"""Elastic depths of the entries [tip radii], about even in 1/depth; 3.0 is the published pad's."""
+"""Layer thicknesses in the library [tip radii], about evenly spaced in 1/thickness; 3.0 is the published pad's."""
 WALL_LAYERS = (1.3, CORNER, 3.0, 6.0)
-"""Elastic depths at which other walls are solved [tip radii]; entries too."""
+"""Layer thicknesses at which other wall radii are solved [tip radii]; each is also in `LAYERS`."""
 PAD_RADII = (
     WALL_RADIUS_RANGE[0],
     *(round(round_radius(2.0 * half, 2.0 * half), 9) for half in (4.0, HALF_WIDTH)),
     WALL_RADIUS_RANGE[1],
 )
-"""Radii of the other round pads [tip radii]: those of the presets' areas, and the largest."""
+"""Other solved wall radii [tip radii]: round pads with the area of a preset's pad, and the largest."""
 CROWN_LAYERS = (CORNER, 3.0, 6.0)
-"""Elastic depths at which crowns are solved [tip radii]; entries too."""
+"""Layer thicknesses at which crowns (spherical tops) are solved [tip radii]; each is also in `LAYERS`."""
 CROWN_RADII = (WALL_RADIUS_RANGE[0], WALL_RADIUS)
-"""Radii of the pads in which crowns are solved [tip radii]; flat ones are solved in them too."""
+"""Wall radii at which crowns (spherical tops) are solved [tip radii]; flat pads are solved there too."""
 CROWN_CENTRE = (3.0, WALL_RADIUS)
-"""Layer and pad that the other crowned layers and the other crowned pads have in common [tip radii]."""
+"""Layer thickness and wall radius [tip radii]; every other solve under a crown has one of the two in common with it."""
 LARGEST_REACH = 0.8
-"""Largest radius of the wall over that of the crown [-]: the top then slopes by 53 degrees at the wall."""
+"""Largest wall radius over the crown's radius [-]: the top then slopes by 53 degrees at the wall."""
 _JOIN = 1e-9
 
 
 def deepest_press(layer: float) -> float:
-    """Deepest press of a layer in the library; both in tip radii."""
+    """Deepest press of a layer in the library, for its thickness; both in tip radii."""
     return min(LARGEST_SHARE_OF_LAYER * layer, DEEPEST_PRESS)
 
 
 def largest_crown(layer: float, wall_radius: float) -> float:
-    """The largest crown [-] that `require_crown` accepts, in steps of 0.0001.
+    """The largest crown (tip radius over crown radius) that the library covers [-], in steps of 0.0001.
 
     Parameters
     ----------
-    layer, wall_radius : elastic depth at the apex, radius of the wall [tip radii]
+    layer, wall_radius : layer thickness at the apex, wall radius [tip radii]
     """
     fall = min((1.0 - LEAST_RIM_SHARE) * layer, wall_radius)
     at_the_rim = 2.0 * fall / (fall**2 + wall_radius**2)
@@ -87,11 +87,13 @@ def largest_crown(layer: float, wall_radius: float) -> float:
 
 
 def solved_crowns(layer: float, wall_radius: float) -> tuple[float, ...]:
-    """The crowns that are solved in a pad [-], the largest last; at the centre also half of it.
+    """Solved crowns of a pad, increasing: the largest; at `CROWN_CENTRE` also half of it.
+
+    A crown is tip radius over the crown's radius [-].
 
     Parameters
     ----------
-    layer, wall_radius : elastic depth at the apex, radius of the wall [tip radii]
+    layer, wall_radius : layer thickness at the apex, wall radius [tip radii]
     """
     largest = largest_crown(layer, wall_radius)
     return (round(0.5 * largest, 9), largest) if (layer, wall_radius) == CROWN_CENTRE else (largest,)
@@ -102,12 +104,12 @@ def require_crown(layer: float, wall_radius: float, crown: float) -> None:
 
     Parameters
     ----------
-    layer, wall_radius : elastic depth at the apex, radius of the wall [tip radii]
+    layer, wall_radius : layer thickness at the apex, wall radius [tip radii]
     crown : tip radius over the crown's radius [-]
 
     Raises
     ------
-    InputError : the crown is no number from 0 on
+    InputError : the crown is not a finite number, or is negative
     ModelScopeError : the crown is too curved, the layer too thin or too thick, or the rim too steep or too thin
     """
     if not (math.isfinite(crown) and crown >= 0.0):
@@ -139,10 +141,10 @@ Chart = tuple[slice, CubicSpline]
 
 
 def _charts(layers: FloatArray) -> tuple[Chart, Chart]:
-    """Entries and interpolation weights of the thin and of the thick layers, which share the one at the corner."""
+    """Split entries at `CORNER` into thin and thick layers; each part's range, and a spline of its weights."""
     corner = int(np.argmin(np.abs(layers - CORNER)))
     thin, thick = slice(0, corner + 1), slice(corner, len(layers))
-    # abscissae of a spline increase: 1/layer is taken backwards
+    # abscissae of a spline must increase, so 1/layer is taken in reverse order
     return (
         (thin, CubicSpline(1.0 / layers[thin][::-1], np.eye(len(layers[thin]))[::-1])),
         (thick, CubicSpline(1.0 / layers[thick][::-1], np.eye(len(layers[thick]))[::-1])),
@@ -151,14 +153,14 @@ def _charts(layers: FloatArray) -> tuple[Chart, Chart]:
 
 @dataclass(frozen=True, kw_only=True)
 class CrownChanges:
-    """Changes of the coefficients of flat pads by crowns; lengths in tip radii.
+    """What a crown (spherical top) adds to the spline coefficients of a flat pad; lengths in tip radii.
 
     Attributes
     ----------
-    layers : (layer,) increasing elastic depths
-    radii : (pad,) increasing radii of the wall
-    slopes : (layer, pad, coefficient, VALUES) factors of the crown
-    bow : (coefficient, VALUES) factor of its square
+    layers : (layer,) increasing layer thicknesses
+    radii : (pad,) increasing wall radii
+    slopes : (layer, pad, coefficient, VALUES) factors of the crown, which is tip radius over crown radius
+    bow : (coefficient, VALUES) factors of the crown's square
     """
 
     layers: FloatArray
@@ -168,18 +170,18 @@ class CrownChanges:
 
     @cached_property
     def _charts(self) -> tuple[CubicSpline, CubicSpline]:
-        """1/layer and 1/radius -> weights of `layers` and of `radii`."""
+        """Splines that give the weights of `layers` at 1/layer, and of `radii` at 1/radius."""
         layers, pads = (
             CubicSpline(1.0 / places[::-1], np.eye(len(places))[::-1]) for places in (self.layers, self.radii)
         )
         return layers, pads
 
     def at(self, layer: float, wall_radius: float, crown: float) -> FloatArray:
-        """(coefficient, VALUES) that a crown adds.
+        """Change (coefficient, VALUES) of a flat pad's spline coefficients by a crown.
 
         Parameters
         ----------
-        layer, wall_radius : a layer within the solved ones, a wall [tip radii]
+        layer, wall_radius : layer thickness within the solved range, wall radius [tip radii]
         crown : tip radius over the crown's radius [-]
         """
         of_layer, of_pad = self._charts
@@ -190,22 +192,23 @@ class CrownChanges:
 
 @dataclass(frozen=True, kw_only=True)
 class Library:
-    """Solved presses of several layers; lengths in tip radii, forces in E R².
+    """Solved presses for several layer thicknesses ("entries"), as splines over depth, in tip radii and E R².
 
     Attributes
     ----------
-    layers : (layer,) increasing elastic depths, `CORNER` among them
-    first : (layer,) shallowest solved press
-    wall_radius, mesh_size : radius of the entries' bonded wall, node spacing under the tip
-    knots : (knot,) of the splines in ln(depth / deepest) [-]
-    coefficients : (layer, coefficient, VALUES)
-    wall_layers : (wall layer,) increasing elastic depths of which other walls are known, `CORNER` among them
-    pad_radii : (pad,) increasing radii of other walls
-    wall_changes : (wall layer, pad, coefficient, VALUES) coefficients less those of the entry
-    crowned : changes by crowns
-    residual : (layer, 6) of the fits, in the order of `FitResidual`
-    recipe : version of the solver that made it
-    versions : names and versions of the programs that made it
+    layers : (layer,) increasing layer thicknesses, `CORNER` among them
+    first : (layer,) depth of the shallowest solved press
+    wall_radius, mesh_size : radius of the entries' bonded wall, node spacing under the tip in the mesh
+    knots : (knot,) knots of the splines in ln(depth / deepest) [-]
+    coefficients : (layer, coefficient, VALUES) spline coefficients of the numbers that describe a press
+    wall_layers : (wall layer,) increasing layer thicknesses at which other walls are solved, `CORNER` among them
+    pad_radii : (pad,) increasing radii of these other walls
+    wall_changes : (wall layer, pad, coefficient, VALUES) coefficients in these other pads minus the coefficients of the
+        entry
+    crowned : changes of the coefficients by crowns
+    residual : (layer, 6) residuals of the spline fits, in the order of `FitResidual`
+    recipe : version of the solver that computed the library
+    versions : names and versions of the programs that computed the library
     """
 
     layers: FloatArray
@@ -223,7 +226,7 @@ class Library:
     versions: tuple[str, ...]
 
     def covers(self, layer: float) -> bool:
-        """Whether a layer is between the thinnest and the thickest entry."""
+        """Whether a layer thickness [tip radii] is between the thinnest and the thickest entry."""
         return bool(self.layers[0] - _JOIN <= layer <= self.layers[-1] + _JOIN)
 
     @cached_property
@@ -236,19 +239,19 @@ class Library:
 
     @cached_property
     def _pad_weights(self) -> CubicSpline:
-        """1/radius -> weights of `pad_radii`, all 0 at the entries' own wall."""
+        """Spline that gives the weights of `pad_radii` at 1/radius; all are 0 at the default wall radius."""
         before = int(np.searchsorted(self.pad_radii, self.wall_radius))
         radii = np.insert(self.pad_radii, before, self.wall_radius)
         weights = np.insert(np.eye(len(self.pad_radii)), before, 0.0, axis=0)
         return CubicSpline(1.0 / radii[::-1], weights[::-1])
 
     def press(self, layer: float, wall_radius: float | None = None, crown: float = 0.0) -> SmoothPress:
-        """The presses of a layer between the entries, in a round pad.
+        """Interpolate the presses of a layer, in a round pad.
 
         Parameters
         ----------
-        layer : elastic depth, under a crown that at its apex, which `covers` accepts [tip radii]
-        wall_radius : radius of the bonded wall, moved into the solved range [tip radii]; None is that of the entries
+        layer : layer thickness (at the apex of a crown) that `covers` accepts [tip radii]
+        wall_radius : radius of the bonded wall, clipped to the solved range [tip radii]; None is that of the entries
         crown : tip radius over the radius of the top, pressed at its apex; 0 is flat [-]
 
         Raises
@@ -279,7 +282,7 @@ class Library:
         )
 
     def _change(self, layer: float, radius: float) -> FloatArray | float:
-        """(coefficient, VALUES) that a wall adds to those of the entries; 0 at their own."""
+        """Change (coefficient, VALUES) of the spline coefficients by another wall radius; 0 at the entries' own."""
         if radius == self.wall_radius:
             return 0.0
         part, weights = self._wall_charts[int(layer > CORNER)]
@@ -288,7 +291,7 @@ class Library:
 
 
 def pack(library: Library) -> dict[str, NDArray[np.generic]]:
-    """Arrays of the file; coefficients in single precision (2 nm for a 3 mm tip)."""
+    """Arrays of the library file; coefficients are in single precision, which rounds by 2 nm for a 3 mm tip."""
     return {
         "format": np.array(FORMAT),
         "recipe": np.array(library.recipe),
@@ -312,7 +315,7 @@ def pack(library: Library) -> dict[str, NDArray[np.generic]]:
 
 @cache
 def shipped_library() -> Library:
-    """The library shipped with the package, read once."""
+    """The library shipped with the package, read from its file once."""
     with resources.as_file(resources.files("sims.contact.library").joinpath("data", FILE)) as file:
         held = plain_arrays(file, most_bytes=MOST_BYTES)
     if int(held["format"]) != FORMAT or held["coefficients"].shape[2] != VALUES:
@@ -340,12 +343,12 @@ def shipped_library() -> Library:
 
 
 def library_differences(left: Library, right: Library) -> tuple[float, float]:
-    """Difference of two libraries of the same layers and pads.
+    """Difference between two libraries that have the same layers and wall radii.
 
     Returns
     -------
-    force : largest difference over the right one's force [-]
-    surface : largest difference of a sample of the free surface [tip radii]
+    force : largest relative difference of a force, over that of `right` [-]
+    surface : largest difference of a free surface point [tip radii]
     """
     force = surface = 0.0
     pads = [(layer, right.wall_radius, 0.0) for layer in right.layers]

@@ -1,4 +1,4 @@
-"""The solver's unfitted states of one layer: surfaces, forces and checks at stored depths.
+"""The solver's states of one layer as stored, before any fit: surfaces, forces and checks at solved depths.
 
 Lengths are in tip radii, forces in E R². `build.fit_press` fits smooth functions of depth to them.
 """
@@ -14,23 +14,23 @@ from sims.contact.tip import TipOutline
 
 @dataclass(frozen=True, kw_only=True)
 class UnitPress:
-    """Settled states of one layer under one tip; lengths in tip radii, forces in E R².
+    """Solved equilibrium states of one layer under one tip; lengths in tip radii R, forces in E R².
 
     Attributes
     ----------
-    layer_depth, wall_radius : elastic depth of the layer on the axis, radius of the bonded wall
+    layer_depth, wall_radius : layer thickness on the axis, radius of the bonded wall
     mesh_size : node spacing under the tip
-    wedge_angle : opening angle of the solved wedge [rad]
-    poisson_ratio : of the layer [-]
-    tip_rows : (piece, 7) outline of the tip, see `TipOutline`
+    wedge_angle : opening angle of the wedge about the axis that was solved [rad]
+    poisson_ratio : Poisson's ratio of the layer [-]
+    tip_rows : (piece, 7) outline of the tip, one row per line or arc; see `TipOutline`
     depths : (depth,) solved press depths, increasing, without 0
     rest_radii : (node,) radii of the top nodes at rest, from the axis to the wall
-    radii, heights : (depth, node) deformed top; heights are above the untouched apex
-    normal_force : (depth, node) force of the tip on each top node, whole turn; positive where it presses
-    force, contact_radius : (depth,)
-    reaction : (depth,) reaction of the bonded surfaces, computed from the shape alone
-    penetration, last_step : (depth,) overlap with the tip; last motion of the solver
-    chatter : (depth,) spread of the solver's cycle, 0 where it came to rest
+    radii, heights : (depth, node) deformed top; heights are above the undeformed apex
+    normal_force : (depth, node) force of the tip on each top node, for the full circle; positive where the tip presses
+    force, contact_radius : (depth,) force on the tip; radius of the contact's edge
+    reaction : (depth,) vertical reaction of the bonded surfaces, computed from the deformed shape alone
+    penetration, last_step : (depth,) deepest overlap with the tip; largest motion of a vertex in the last solver step
+    chatter : (depth,) spread of the iterates where the solver ended in a cycle; 0 where it came to rest
     smallest_stretch : (depth,) smallest volume ratio of an element [-]
     volume_loss : (depth,) volume lost by compression [R³]
     energy : (depth,) elastic energy of the layer [E R³]
@@ -68,5 +68,5 @@ class UnitPress:
 
     @cached_property
     def tip(self) -> TipOutline:
-        """The tip that presses."""
+        """Outline of the pressing tip."""
         return TipOutline.from_rows(self.tip_rows)

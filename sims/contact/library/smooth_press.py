@@ -1,61 +1,61 @@
-"""One layer's presses as smooth functions of depth.
+"""One layer's presses as smooth functions of depth. Lengths in tip radii, forces in E R².
 
-A press is described by numbers that change smoothly with depth: ln of the force, ln of the outline
-coordinate t of the contact edge, the free surface from that edge to the wall at fixed points along its arc
-(`sample_arcs`; relative to the edge), and the share of the load inside fixed shares of t. On a crown the surface and
-its arc are those of heights above the untouched top, so that crowns can be interpolated. Each number is a cubic
-spline in ln(depth / deepest), in which force and edge are nearly straight lines (powers of the depth:
-Hertz' 3/2 and 1/2). All are linear in the coefficients, so that layers can be interpolated.
+A press is described by `VALUES` numbers that change smoothly with depth:
 
-Below the first solved depth (0.02 mm for a 3 mm tip) the contact is smaller than a mesh cell: there contact
-radius and force follow the powers that theory gives them at first touch (1/2 and 3/2 under a round tip), and the
-heights of the surface (on a crown: above it) are scaled with the depth. Nothing is extrapolated beyond the deepest
-solved depth.
+- ln of the force,
+- ln of t, the arc length along the tip's outline from its apex to the contact edge,
+- the free surface from the contact edge to the wall, at fixed points along its arc (`sample_arcs`), relative to the
+  edge,
+- the share of the load inside fixed fractions of t (`LOAD_SHARES`).
 
-Lengths in tip radii, forces in E R².
+On a crown (spherical top) heights and arc are those of the surface above the undeformed top, so that crowns can be
+interpolated. Each number is a cubic spline in ln(depth / deepest). In that variable the logarithms of force and edge
+are nearly straight lines (powers of the depth: Hertz' 3/2 and 1/2). All numbers are linear in the coefficients, so that
+layers can be interpolated.
 
-From surface nodes to the curve for the light model: exact tip inside the contact, smooth outside.
+Below the first solved depth (0.02 mm for a 3 mm tip) the contact is smaller than a mesh cell. There contact radius and
+force follow the powers that theory gives at first touch (1/2 and 3/2 under a round tip), and surface heights are scaled
+with the depth. Nothing is extrapolated beyond the deepest solved depth.
 
-The nodes of the finite-element top touch the tip to within a few micrometres (facets are chords of a
-round tip, and contact is a stiff penalty). Inside the contact the curve is therefore the tip itself.
-The contact edge, of radius a, is where the gap vanishes. The first free node, at distance s from the
-edge, is taken to have Hertz' gap (Johnson, Contact Mechanics, 1985, eq. 3.42):
+Surface nodes become a curve for the light model: the exact tip inside the contact, smooth outside
+--------------------------------------------------------------------------------------------------
+The nodes of the finite-element top touch the tip only to within a few micrometres (facets are chords of a round tip,
+and contact is a stiff penalty). So inside the contact the curve is the tip itself. The contact edge, of radius a, is
+where the gap vanishes. The first free node, at distance s from the edge, is assumed to have Hertz' gap (Johnson,
+Contact Mechanics, 1985, eq. 3.42):
 
     gap = a²/R G(1 + s/a),  G(x) = x²/2 - 1 + ((2 - x²) arcsin(1/x) + sqrt(x² - 1)) / π
 
 On a crown of radius Rc = R/κ the relative curvature 1/R + 1/Rc = (1 + κ)/R replaces 1/R. G has the power 3/2 at the
-edge, as any frictionless contact has, so the edge is found to a fraction of the node spacing at every depth; a
-constant other than a²/R in a deep press has little effect there. On tips other than a hemisphere the constant is not
-known and comes from the second free node.
-From the edge a cubic spline runs through
-the free nodes; it starts tangent to the tip and ends at the bonded wall. It is resampled densely and
-never enters the tip.
-All lengths in tip radii.
+edge, as any frictionless contact has, so the edge is found to a fraction of the node spacing at every depth. In a deep
+press the constant a²/R is not exact, with little effect. On tips other than a hemisphere the constant is not known and
+comes from the second free node.
 
-From two slightly compressible solves to the nearly incompressible layer.
+From the edge a cubic spline runs through the free nodes. It starts tangent to the tip, ends at the bonded wall, is
+resampled densely and never enters the tip.
 
-Silicone is nearly incompressible, but linear tetrahedra lock as Poisson's ratio ν nears 1/2. At ν = 0.49
-they are accurate but compressible: 3 mm deep in 9 mm, compression takes 16 % of the dimple and the free surface is
-17 µm too low. The press depends smoothly on the compressibility 1/K = 3 (1 - 2ν) / E, a regular
-perturbation: two solves, at ν = 0.48 and 0.49, are extrapolated linearly in 1 - 2ν to ν = 0.499,
+Two slightly compressible solves are extrapolated to the nearly incompressible layer
+------------------------------------------------------------------------------------
+Silicone is nearly incompressible, but linear tetrahedra lock as Poisson's ratio ν nears 1/2. At ν = 0.49 they are
+accurate but compressible: for a press 3 mm deep in 9 mm, compression takes 16 % of the dimple's volume, and the free
+surface is 17 µm too low. The press depends smoothly on the compressibility 1/K = 3 (1 - 2ν) / E. So two solves, at ν =
+0.48 and 0.49, are extrapolated linearly in 1 - 2ν to ν = 0.499,
 
     f(0.499) = f(0.49) + 0.9 (f(0.49) - f(0.48)),
 
-for every number that describes a press (`SmoothPress`). docs/validation/contact.md compares the result with
-an independent finite-element solution at ν = 0.499.
+for every number that describes a press. docs/validation/contact.md compares the result with an independent
+finite-element solution at ν = 0.499.
 
 Left out: the second order in 1 - 2ν, and the remaining locking, which grows by about a half.
 
-A round pad's surface as that of a square one: followed to half its width, extended to the undisturbed height beyond.
+A round pad's surface stands in for a square pad's
+--------------------------------------------------
+A round pad of the same area has its wall outside the square's walls, 1.13 half widths from the axis, so its surface is
+still raised at half the width. The curve is followed up to there. Only the corners are beyond: towards them the curve
+fades to the undeformed height in a cubic that never crosses that height. docs/validation/walls.md has the error from an
+independent solution in three dimensions. It is largest in the strip next to the walls, where the square pad is bonded.
 
-The round pad of a square one's area has its wall outside the square's, 1.13 half widths from the axis, so its surface
-is still raised at half the width. Only the corners are beyond; there the curve runs out to the undisturbed height in a
-cubic that never crosses it. An independent solution in three dimensions gives the error (docs/validation/walls.md): it
-is largest in the strip next to the walls, where the square pad is held down.
-
-Between round walls the curve is followed to the nearest one, and runs out to the farthest.
-
-All lengths in tip radii.
+In a pad with round walls the curve is followed to the nearest wall, and fades out to the farthest one.
 """
 
 from __future__ import annotations
@@ -77,33 +77,34 @@ from sims.contact.tip import HEMISPHERE, TipOutline, outside_tip, tip_coordinate
 from sims.contact.walls import FarPress, far_press
 
 NEAR_SPACING = 0.02
-"""Spacing of the curve on the tip and next to it [tip radii]."""
+"""Spacing of the curve's points on the tip and next to it [tip radii]."""
 FAR_SPACING = 0.08
-"""Spacing of the curve towards the wall [tip radii]."""
+"""Spacing of the curve's points towards the wall [tip radii]."""
 _LEAST_CLEARANCE = 0.3
-"""A free node nearer to the contact edge than this share of the spacing is left to the spline [-]."""
+"""Least distance of a free node from the contact edge over the node spacing [-]; the spline skips nearer nodes."""
 
 
 def contact_tolerance(spacing: float, wedge_angle: float) -> float:
-    """Gap below which a node counts as touching [tip radii].
+    """Gap between node and tip below which the node counts as touching [tip radii].
 
-    Facets touch the tip in their middle: nodes then stand off by the sagitta spacing²/8 along the
-    curve and by 1 - cos(angle/2) around the axis. Half of the sum is added for slip along the facet.
+    Facets touch the tip in their middle. Their nodes are then off the tip by the sagitta spacing²/8 along the curve and
+    by 1 - cos(angle/2) around the axis. Half of the sum is added for slip along the facet.
     """
     return 1.5 * (spacing**2 / 8.0 + 1.0 - float(np.cos(0.5 * wedge_angle)))
 
 
 def hertz_gap(ratio: FloatArray) -> FloatArray:
-    """Gap outside a Hertz contact over contact radius²/tip radius [-], at radius over contact radius >= 1."""
+    """Gap outside a Hertz contact, in contact radius²/tip radius, at `ratio` = radius/contact radius >= 1."""
     free = (2.0 - ratio**2) * np.arcsin(1.0 / ratio) + np.sqrt(ratio**2 - 1.0)
     return np.asarray(ratio**2 / 2.0 - 1.0 + free / np.pi, dtype=np.float64)
 
 
 def _hertz_coordinate(depth: float, tip: TipOutline) -> float:
-    """Coordinate at which the tip is half the depth above its apex: the contact edge on a parabola, as a first guess.
+    """First guess of the contact edge, as arc length along the tip's outline [tip radii].
 
-    A cone's is at 2/π of the depth (Sneddon), so this is good to a quarter for a contact within one cell. On a crown
-    the depth over 1 + κ replaces the depth.
+    The edge is taken where the tip's outline is half the depth above its apex, which is exact for a parabola. For a
+    cone the height is 2/π of the depth (Sneddon), so the guess is good to a quarter. It is used for contacts within one
+    mesh cell. On a crown κ the depth is divided by 1 + κ.
     """
     places = np.linspace(0.0, tip.starts[-1] + depth, 400)
     return float(np.interp(0.5 * depth, tip.points(places)[1], places))
@@ -117,21 +118,21 @@ def contact_coordinate(
     tip: TipOutline = HEMISPHERE,
     crown: float = 0.0,
 ) -> tuple[float, int]:
-    """Outline coordinate of the contact edge [tip radii] and index of the first free node.
+    """Arc length along the tip's outline to the contact edge [tip radii], and index of the first free node.
 
     Parameters
     ----------
     radius, height : (node,) surface nodes from the axis outward [tip radii]
     depth : press depth [tip radii]
     tolerance : gap below which a node touches [tip radii]
-    tip : the tip that presses
-    crown : tip radius over the radius of the untouched top; 0 is flat [-]
+    tip : outline of the pressing tip
+    crown : tip radius over the radius of the undeformed top; 0 is flat [-]
     """
     gap = tip_gap(radius, height, depth, tip)
     touching = np.flatnonzero(gap <= tolerance)
     first = (
         int(touching.max()) + 1 if touching.size else 1
-    )  # a facet may rest on a sharp apex between two nodes
+    )  # a facet may rest on a pointed apex between two nodes
     along = tip_coordinate(radius, height, depth, tip)
     free = slice(first, first + 2)
 
@@ -154,7 +155,7 @@ def contact_coordinate(
 def _free_curve(
     radius: FloatArray, height: FloatArray, edge: float, depth: float, tip: TipOutline
 ) -> FloatArray:
-    """(n, 2) spline through free nodes, tangent to the tip at the contact edge."""
+    """Spline points (n, 2), radius and height, through the free nodes; tangent to the tip at the contact edge."""
     start = np.stack(tip_outline(np.array(edge), depth, tip))
     angle = min(edge, 0.5 * np.pi) if tip == HEMISPHERE else tip.tangent_angle(edge)
     tangent = np.array([np.cos(angle), np.sin(angle)])
@@ -178,7 +179,7 @@ def free_surface(
     tip: TipOutline = HEMISPHERE,
     crown: float = 0.0,
 ) -> tuple[float, FloatArray]:
-    """The contact edge and the surface beyond it.
+    """The contact edge, and the free surface from there to the wall.
 
     Parameters
     ----------
@@ -186,13 +187,13 @@ def free_surface(
     depth : press depth > 0 [tip radii]
     spacing : node spacing at rest under the tip [tip radii]
     tolerance : gap below which a node touches [tip radii]
-    tip : the tip that presses
-    crown : tip radius over the radius of the untouched top; 0 is flat [-]
+    tip : outline of the pressing tip
+    crown : tip radius over the radius of the undeformed top; 0 is flat [-]
 
     Returns
     -------
-    edge : outline coordinate of the contact edge [tip radii]
-    points : (n, 2) dense free surface that follows the edge, to the wall [tip radii]
+    edge : arc length along the tip's outline to the contact edge [tip radii]
+    points : (n, 2) radius and height of dense points on the free surface, beyond the edge to the wall [tip radii]
     """
     edge, first = contact_coordinate(radius, height, depth, tolerance, tip, crown)
     along = tip_coordinate(radius[first : first + 1], height[first : first + 1], depth, tip)
@@ -202,12 +203,12 @@ def free_surface(
 
 
 def contact_radius_at(edge: float, tip: TipOutline = HEMISPHERE) -> float:
-    """Radius of the tip's outline where the surface leaves it, at an outline coordinate [tip radii]."""
+    """Contact radius [tip radii], for the arc length along the tip's outline to the contact edge."""
     return float(tip_outline(np.array(edge), 0.0, tip)[0])
 
 
 def _inside_contact(edge: float, tip: TipOutline) -> FloatArray:
-    """(n,) outline coordinates from the apex to the contact edge, close enough to draw the tip; its kinks too."""
+    """Arc lengths (n,) along the tip's outline up to the contact edge, dense enough to draw the tip; kinks included."""
     even = np.linspace(0.0, edge, max(2, int(np.ceil(edge / NEAR_SPACING)) + 1))
     kinks = tip.kinks[tip.kinks < edge]
     return even if kinks.size == 0 else np.unique(np.concatenate([even, kinks]))
@@ -215,12 +216,12 @@ def _inside_contact(edge: float, tip: TipOutline) -> FloatArray:
 
 @dataclass(frozen=True, kw_only=True)
 class TopCurve:
-    """The deformed top from the axis to the wall; lengths in tip radii.
+    """The deformed top as a curve from the axis to the wall; lengths in tip radii.
 
     Attributes
     ----------
     radius, height : (n,) points: the exact tip up to the contact edge, then the free surface
-    inclination : (n,) angle of the tangent to the radial direction [rad]; it is continuous at the edge
+    inclination : (n,) angle of the tangent to the radial direction [rad]; continuous at the contact edge
     contact_radius : radius of the circle where the surface leaves the tip
     """
 
@@ -231,14 +232,14 @@ class TopCurve:
 
 
 def _tangent_angles(along: FloatArray, tip: TipOutline) -> FloatArray:
-    """(n,) angle of the tip's tangent at outline coordinates [rad]."""
+    """Angle (n,) of the tip's tangent to the radial direction [rad], at arc lengths along its outline."""
     if tip == HEMISPHERE:
         return np.minimum(along, 0.5 * np.pi)
     return np.array([tip.tangent_angle(float(place)) for place in along])
 
 
 def _free_angles(radius: FloatArray, height: FloatArray, first: float) -> FloatArray:
-    """(n,) angle of the tangent of the spline through points, `first` at the first of them [rad]."""
+    """Tangent angle (n,) to the radial direction [rad] of a spline through points; it begins with `first`."""
     points = np.stack([radius, height], axis=1)
     chord = np.append(0.0, np.cumsum(np.hypot(*np.diff(points, axis=0).T)))
     start = np.array([np.cos(first), np.sin(first)])
@@ -247,14 +248,14 @@ def _free_angles(radius: FloatArray, height: FloatArray, first: float) -> FloatA
 
 
 def whole_curve(edge: float, free: FloatArray, depth: float, tip: TipOutline = HEMISPHERE) -> TopCurve:
-    """The exact tip up to the contact edge, then the free surface, which never enters the tip.
+    """Join the tip's outline up to the contact edge and the free surface; points inside the tip are moved onto it.
 
     Parameters
     ----------
-    edge : outline coordinate of the contact edge [tip radii]
-    free : (n, 2) free surface that follows the edge, to the wall [tip radii]
+    edge : arc length along the tip's outline to the contact edge [tip radii]
+    free : (n, 2) radius and height of the free surface, beyond the edge to the wall [tip radii]
     depth : press depth > 0 [tip radii]
-    tip : the tip that presses
+    tip : outline of the pressing tip
     """
     along = _inside_contact(edge, tip)
     tip_radius, tip_height = tip_outline(along, depth, tip)
@@ -281,7 +282,7 @@ def surface_curve(
     tip: TipOutline = HEMISPHERE,
     crown: float = 0.0,
 ) -> TopCurve:
-    """The deformed top as a dense curve: `whole_curve` of `free_surface`, which have the parameters."""
+    """The deformed top as a dense curve, from surface nodes; parameters are those of `free_surface`."""
     edge, free = free_surface(
         radius, height, depth, spacing=spacing, tolerance=tolerance, tip=tip, crown=crown
     )
@@ -289,37 +290,38 @@ def surface_curve(
 
 
 POISSON_RATIOS = (0.48, 0.49)
-"""Poisson's ratios that are solved [-]."""
+"""Poisson's ratios at which presses are solved [-]."""
 NEARLY_INCOMPRESSIBLE = 0.499
-"""Poisson's ratio of the result [-]."""
+"""Poisson's ratio to which solved presses are extrapolated [-]."""
 
 
 def extrapolation_weight() -> float:
-    """Share of the difference between the two solves that is added to the stiffer one [-]: 0.9."""
+    """Factor by which the change from Poisson's ratio 0.48 to 0.49 is continued to reach 0.499 [-]: 0.9."""
     soft, stiff = POISSON_RATIOS
     return (NEARLY_INCOMPRESSIBLE - stiff) / (stiff - soft)
 
 
 def nearly_incompressible(soft: SmoothPress, stiff: SmoothPress) -> SmoothPress:
-    """Extrapolate the presses at the two `POISSON_RATIOS`, solved at the same depths on the same mesh."""
+    """Extrapolate presses solved at the two `POISSON_RATIOS`, at the same depths on the same mesh, to ν = 0.499."""
     difference = stiff.coefficients - soft.coefficients
     return replace(stiff, coefficients=stiff.coefficients + extrapolation_weight() * difference)
 
 
 LONGEST = math.sqrt(2.0) - 1.0
-"""Longest distance over which the curve runs out, over the half width [-]: to the corner of the square."""
+"""Longest distance over which the curve fades out, over the half width [-]: to the corner of the square."""
 POINTS = 16
-"""Number of points over that distance."""
+"""Number of points on the part of the curve that fades out."""
 
 
 def run_out(curve: TopCurve, half_width: float, length: float | None = None) -> TopCurve:
-    """The curve to half the width of a square pad, then run out; unchanged where it ends before.
+    """Follow a curve to half the width of a square pad, then let it fade to the undeformed height.
 
     Parameters
     ----------
-    curve : the top of a round pad
-    half_width : of the square pad, or where else its own curve ends
-    length : longest distance over which it runs out; None: to the corner of the square
+    curve : the top of a round pad; returned unchanged if it ends before `half_width`
+    half_width : radius at which the curve starts to fade: half the square pad's width, or the distance to the nearest
+        wall
+    length : longest distance over which the curve fades; None: to the corner of the square
     """
     beyond = np.flatnonzero(curve.radius >= half_width)
     if beyond.size == 0:
@@ -330,7 +332,7 @@ def run_out(curve: TopCurve, half_width: float, length: float | None = None) -> 
     height, slope = float(piece(half_width)), float(piece(half_width, 1))
     length = LONGEST * half_width if length is None else length
     if height * slope < 0.0:
-        length = min(length, -3.0 * height / slope)  # a longer cubic would cross the undisturbed height
+        length = min(length, -3.0 * height / slope)  # a longer cubic would cross the undeformed height
     tail = CubicHermiteSpline([half_width, half_width + length], [height, 0.0], [slope, 0.0])
     radius = np.linspace(half_width, half_width + length, POINTS)
     return TopCurve(
@@ -342,10 +344,10 @@ def run_out(curve: TopCurve, half_width: float, length: float | None = None) -> 
 
 
 FIRST_SPACING, SPACING_GROWTH, LARGEST_SPACING = 0.003, 1.04, 0.015
-"""First spacing, ratio of neighbouring ones and bound of the surface samples [share of the arc length]."""
+"""First spacing, growth ratio and largest spacing of the free surface's samples [share of its arc length]."""
 _RUN_BACK = 1e-6
 LOAD_SHARES = np.linspace(0.0, 1.0, 17)
-"""Shares of the contact's outline at which the load inside is kept [-]."""
+"""Fractions of the arc length from the tip's apex to the contact edge at which the load inside is stored [-]."""
 
 
 @cache
@@ -358,20 +360,20 @@ def _arc_shares() -> FloatArray:
 
 
 def arc_shares() -> FloatArray:
-    """(sample,) shares of the free surface's arc length, from 0 at the contact edge to 1 at the wall [-]."""
+    """Samples (sample,) on the free surface as shares of its arc length, 0 at the contact edge, 1 at the wall."""
     return _arc_shares().copy()
 
 
 def sample_arcs(length: float, wall_radius: float) -> FloatArray:
-    """(sample,) arcs of the samples from the contact edge on, from 0 to the whole length [tip radii].
+    """Arc lengths (sample,) of the free surface's samples, from 0 at the contact edge to `length` [tip radii].
 
-    Near the contact they hardly depend on the wall's position, so presses in pads of different sizes can be
-    interpolated; with a wall at `WALL_RADIUS` they are the `arc_shares` of the length.
+    Near the contact the samples hardly depend on the wall's position, so presses in pads of different sizes can be
+    interpolated. With a wall at `WALL_RADIUS` they are `arc_shares` times the length.
 
     Parameters
     ----------
-    length : arc from the contact edge to the wall [tip radii]
-    wall_radius : of the bonded wall [tip radii]
+    length : arc length from the contact edge to the wall [tip radii]
+    wall_radius : radius of the bonded wall [tip radii]
     """
     stretch = WALL_RADIUS / wall_radius
     shares = _arc_shares()
@@ -380,27 +382,27 @@ def sample_arcs(length: float, wall_radius: float) -> FloatArray:
 
 SAMPLES = _arc_shares().size
 VALUES = 2 + 2 * SAMPLES + LOAD_SHARES.size
-"""Count of the numbers that describe a state: ln force, ln edge, radii, heights, shares of the load."""
+"""How many numbers describe a state: ln force, ln edge, sample radii, sample heights, shares of the load."""
 
 
 def runs_back(curve: TopCurve) -> BoolArray:
-    """(n,) points nearer to the axis than one before them."""
+    """Mask (n,) of the points that are nearer to the axis than an earlier point of the curve."""
     return np.asarray(curve.radius < np.maximum.accumulate(curve.radius) - _RUN_BACK)
 
 
 def outward(curve: TopCurve) -> tuple[FloatArray, FloatArray]:
-    """Radius, increasing, and height of a curve; where it runs back, the lowest point is kept."""
+    """Radius (increasing) and height of a curve as a function; where the curve overhangs, its lowest point is kept."""
     kept = np.append(True, np.diff(np.maximum.accumulate(curve.radius)) > _RUN_BACK)
     return curve.radius[kept], curve.height[kept]
 
 
 def above_crown(curve: TopCurve, crown: float) -> TopCurve:
-    """The same points with heights above the untouched crown at their radius, and that curve's inclination.
+    """Convert a curve's heights and angles from the apex's plane to the undeformed crown as reference.
 
     Parameters
     ----------
-    curve : the top, heights above the untouched apex
-    crown : tip radius over the radius of the untouched top [-]
+    curve : the top, with heights above the undeformed apex
+    crown : tip radius over the radius of the undeformed top [-]
     """
     if crown == 0.0:
         return curve
@@ -413,18 +415,18 @@ def above_crown(curve: TopCurve, crown: float) -> TopCurve:
 
 
 def on_crown(curve: TopCurve, crown: float) -> TopCurve:
-    """The inverse of `above_crown`."""
+    """Convert heights above the undeformed crown back to heights above its apex: the inverse of `above_crown`."""
     return above_crown(curve, -crown)
 
 
 def off_crown(points: FloatArray, wall_radius: float, crown: float) -> FloatArray:
-    """(n, 2) points with heights above the untouched crown instead of above its apex [tip radii].
+    """Convert heights of points (n, 2) above the crown's apex to heights above the undeformed crown.
 
     Parameters
     ----------
     points : (n, 2) radius and height; a fitted radius may be a little beyond the wall [tip radii]
     wall_radius : radius at which the crown ends [tip radii]
-    crown : tip radius over the radius of the untouched top; negative is the inverse [-]
+    crown : tip radius over the radius of the undeformed top; a negative value gives the inverse conversion [-]
     """
     if crown == 0.0:
         return points
@@ -434,14 +436,15 @@ def off_crown(points: FloatArray, wall_radius: float, crown: float) -> FloatArra
 
 @dataclass(frozen=True, kw_only=True)
 class StateValues:
-    """One state as the numbers that are fitted by splines; the module explains their meaning.
+    """The numbers that describe a press at one depth, and are fitted by splines over depth.
 
     Attributes
     ----------
-    log_force, log_edge : ln of the force [E R²], ln of the edge's outline coordinate [tip radii]
-    free : (SAMPLES, 2) radius and height of the free surface less those of its first point, the contact edge; heights
-        are above the untouched top (`off_crown`) [tip radii]
-    load : (share,) part of the load inside `LOAD_SHARES` of the contact [-]
+    log_force, log_edge : ln of the force [E R²], ln of the arc length along the tip's outline to the contact edge [tip
+        radii]
+    free : (SAMPLES, 2) radius and height of the free surface relative to its first point, the contact edge; heights are
+        above the undeformed top (`off_crown`) [tip radii]
+    load : (share,) share of the load inside each of `LOAD_SHARES` of the contact [-]
     """
 
     log_force: float
@@ -450,25 +453,25 @@ class StateValues:
     load: FloatArray
 
     def packed(self) -> FloatArray:
-        """(VALUES,) all numbers in a row."""
+        """All numbers as one array (VALUES,), in the order of the attributes."""
         return np.concatenate([[self.log_force, self.log_edge], self.free.T.ravel(), self.load])
 
     @classmethod
     def unpacked(cls, row: FloatArray) -> StateValues:
-        """The inverse of `packed`."""
+        """From one array (VALUES,): the inverse of `packed`."""
         free, load = row[2 : 2 + 2 * SAMPLES], row[2 + 2 * SAMPLES :]
         return cls(log_force=float(row[0]), log_edge=float(row[1]), free=free.reshape(2, -1).T, load=load)
 
 
 @dataclass(frozen=True, kw_only=True)
 class FitResidual:
-    """Distance of the solved states from the splines, over all depths.
+    """Distance of the solved states from the splines over all depths: root mean square, and largest.
 
     Attributes
     ----------
-    force_rms, force_largest : of the force [-]
-    edge_rms, edge_largest : of the contact edge's outline coordinate [tip radii]
-    surface_rms, surface_largest : of the free surface's samples [tip radii]
+    force_rms, force_largest : relative error of the force [-]
+    edge_rms, edge_largest : error of the arc length along the tip's outline to the contact edge [tip radii]
+    surface_rms, surface_largest : error of the free surface's samples [tip radii]
     """
 
     force_rms: float
@@ -480,11 +483,11 @@ class FitResidual:
 
     @classmethod
     def from_array(cls, figures: FloatArray) -> FitResidual:
-        """From (6,) figures in the order of the attributes."""
+        """From an array (6,) in the order of the attributes."""
         return cls(**{field.name: float(figure) for field, figure in zip(fields(cls), figures, strict=True)})
 
     def as_array(self) -> FloatArray:
-        """(6,) in the order of the attributes."""
+        """As an array (6,) in the order of the attributes."""
         return np.array([getattr(self, field.name) for field in fields(self)])
 
 
@@ -494,15 +497,15 @@ class SmoothPress:
 
     Attributes
     ----------
-    layer_depth, wall_radius : elastic depth of the layer, radius of the bonded wall
-    mesh_size : node spacing under the tip
-    first, deepest : shallowest and deepest solved press
-    knots : (knot,) of the cubic splines in ln(depth / deepest), with repeated ends [-]
-    coefficients : (coefficient, VALUES) of the splines
+    layer_depth, wall_radius : layer thickness, radius of the bonded wall
+    mesh_size : node spacing under the tip in the solved mesh
+    first, deepest : depths of the shallowest and of the deepest solved press
+    knots : (knot,) knots of the cubic splines in ln(depth / deepest), with repeated ends [-]
+    coefficients : (coefficient, VALUES) spline coefficients of the numbers in `StateValues`
     residual : distance of the fit from the solved states
-    tip : the tip that presses
+    tip : outline of the pressing tip
     versions : names and versions of the programs that computed it
-    crown : tip radius over the radius of the untouched top, pressed at its apex; 0 is flat [-]
+    crown : tip radius over the radius of the undeformed top, pressed at its apex; 0 is flat [-]
     """
 
     layer_depth: float
@@ -523,7 +526,7 @@ class SmoothPress:
 
     @cached_property
     def far(self) -> FarPress:
-        """The loads that represent these presses far from the tip.
+        """Loads on a linear elastic layer that raise its top as these presses do outside the dimple.
 
         Raises
         ------
@@ -542,12 +545,12 @@ class SmoothPress:
         return far_press(self.layer_depth, self.wall_radius, self.deepest, top)
 
     def _place(self, depth: float) -> float:
-        """The splines' argument, kept inside the knots."""
+        """The splines' argument ln(depth / deepest), clipped to the range of the knots."""
         place = float(np.log(min(max(depth, self.first), self.deepest) / self.deepest))
         return min(max(place, float(self.knots[0])), float(self.knots[-1]))
 
     def values_at(self, depth: float) -> StateValues:
-        """The describing numbers at a solved depth; shallower depths are moved into the solved range."""
+        """The numbers that describe the press at a depth; depths below the first solved one are clipped to it."""
         return StateValues.unpacked(np.asarray(self._values(self._place(depth)), dtype=np.float64))
 
     def force_at(self, depth: float) -> float:
@@ -559,7 +562,7 @@ class SmoothPress:
         return float(np.exp(log_force + (1.0 + self.tip.contact_power) * shallower))
 
     def edge_at(self, depth: float) -> float:
-        """Outline coordinate of the contact edge at a depth between 0 and the deepest one [tip radii]."""
+        """Arc length along the tip's outline to the contact edge [tip radii], at a depth from 0 to the deepest one."""
         if depth <= 0.0:
             return 0.0
         shallower = min(0.0, float(np.log(depth / self.first)))
@@ -567,7 +570,7 @@ class SmoothPress:
         return float(np.exp(log_edge + self.tip.contact_power * shallower))
 
     def curve_at(self, depth: float) -> TopCurve:
-        """The top from axis to wall at a depth between 0 and the deepest one; heights above the untouched apex."""
+        """The top from axis to wall at a depth between 0 and the deepest one; heights above the undeformed apex."""
         if depth <= 0.0:
             flat = sample_arcs(self.wall_radius, self.wall_radius)
             nothing = np.zeros_like(flat)
@@ -589,9 +592,10 @@ class SmoothPress:
         return on_crown(shallower, self.crown)
 
     def _free(self, relative: FloatArray, edge: float, depth: float) -> FloatArray:
-        """(SAMPLES, 2) free surface that starts on the tip and ends where the layer is bonded.
+        """Free surface (SAMPLES, 2) from the contact edge on the tip to where the layer is bonded.
 
-        Separate fits of edge and surface move the end by about a micrometre; that is distributed along the arc.
+        The separate fits of edge and surface miss the bonded end by about a micrometre; this error is distributed along
+        the arc.
         """
         start = np.stack(tip_outline(np.array(edge), depth, self.tip))
         above = off_crown(start[None], self.wall_radius, self.crown) + relative

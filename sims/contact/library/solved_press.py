@@ -1,21 +1,23 @@
-"""A press of one tip into one layer in mm and N, at every depth.
+"""Presses at every depth: in mm and N (`SolvedPress`), and at one location of a rectangular pad (`PlacedPress`).
 
-A press at one location of a rectangular pad: the round pad's press between other walls.
+The library holds presses into a round pad. `PlacedPress` corrects them for the walls of a rectangular pad.
 
 Model
 -----
-The walls change a press by D(x, y), a small and smooth lift of the top (`sims.contact.walls`). Near the tip D is
-nearly constant, D₀: so the tip meets a top that is D₀ higher, and the press is that of the round pad at the depth
-d' = d + D₀(d'), lifted by D₀. Force and contact are those of d'. With h the round pad's top at d', G the rise by the
-press's loads in the round pad, and w falling from 1 at `NEAR` to 0 at `FAR`, the whole top is
+The walls lift the top by a small and smooth D(x, y) (`sims.contact.walls`). Near the tip D is nearly constant, D₀. So
+the tip meets a top that is D₀ higher: the press is that of the round pad at the depth d' = d + D₀(d'), lifted by D₀.
+Force and contact are those at d'. The top is
 
-    S(x, y) = w h(r) + (1 - w) G(r) + D(x, y):
+    S(x, y) = w h(r) + (1 - w) G(r) + D(x, y)
 
-which is the solved press near the tip, the linear layer beyond, and zero at the walls. Walls may add some depth beyond
-the deepest solved one; there the free surface continues to sink as over the last `STEP`.
+with distance r from the press axis, the round pad's top h at d', the top G of a linear elastic round pad under loads
+that replace the press, and a weight w that falls from 1 at r = `NEAR` to 0 at `FAR`. So S is the solved press near the
+tip, the linear layer beyond, and zero at the walls. If d' exceeds the deepest solved depth, the free surface continues
+to sink as over the last `STEP`.
 
-Left out: the tilt of the contact by D (inside it D - D₀ is 50 µm at most on the published pad); walls nearer than
-`NEAREST_WALL`, or that change the depth by more than `LARGEST_CHANGE`. Lengths in tip radii, forces in E R².
+Left out: the tilt of the contact by D (inside it D - D₀ is 50 µm at most on the published pad). Refused are walls
+nearer than `NEAREST_WALL`, or that change the depth by more than `LARGEST_CHANGE`. Lengths in tip radii, forces in E
+R².
 """
 
 from __future__ import annotations
@@ -39,7 +41,7 @@ from sims.press import Indentation
 
 NEAR, FAR = 2.0, 3.5
 LARGEST_CHANGE = 0.25
-"""Largest change of the depth by walls over the depth [-]: at 0.14 the change has an error of a twentieth."""
+"""Largest accepted change of the depth by walls, over the depth [-]; at 0.14 the change has an error of a twentieth."""
 STEP = 0.03
 ROUNDS, SETTLED = 30, 1e-10
 SIDES = ("west", "east", "south", "north")
@@ -47,16 +49,17 @@ SIDES = ("west", "east", "south", "north")
 
 @dataclass(frozen=True, kw_only=True)
 class PlacedPress:
-    """Presses at one location.
+    """Presses at one location of a rectangular pad, at every depth; lengths in tip radii, forces in E R².
 
     Attributes
     ----------
-    smooth : the presses in the round pad
-    size, at : length and width of the pad; x, y of the axis from its corner
+    smooth : the presses in the round pad of the same area
+    size, at : length and width of the pad; (x, y) of the press axis from its corner
 
     Raises
     ------
-    InputError, ModelScopeError : the location is no number, or too near to a wall
+    InputError : the location is not finite
+    ModelScopeError : the location is too near to a wall
     """
 
     smooth: SmoothPress
@@ -64,7 +67,7 @@ class PlacedPress:
     at: tuple[float, float]
 
     def __post_init__(self) -> None:
-        """Refuse locations that the walls' model does not cover."""
+        """Refuse locations that are not finite, or too near to a wall for the wall model."""
         (x, y), (length, width) = self.at, self.size
         for side, distance in zip(SIDES, (x, length - x, y, width - y), strict=True):
             if not math.isfinite(distance):
@@ -81,11 +84,11 @@ class PlacedPress:
         return surroundings(self.smooth.layer_depth, self.smooth.wall_radius, self.size, self.at)
 
     def round_depth(self, depth: float) -> float:
-        """Depth d' of the round pad's press that equals this location's at a depth.
+        """Depth in the round pad that gives the same force and contact as a depth here (d' in the module's model).
 
         Raises
         ------
-        ModelScopeError : the walls change it by more than `LARGEST_CHANGE`
+        ModelScopeError : the walls change the depth by more than `LARGEST_CHANGE`
         """
         found = depth
         if depth <= 0.0:
@@ -104,7 +107,7 @@ class PlacedPress:
         return found
 
     def force_at(self, depth: float) -> float:
-        """Force at a depth."""
+        """Force at a depth [E R²]."""
         inner, deepest = self.round_depth(depth), self.smooth.deepest
         if inner <= deepest:
             return self.smooth.force_at(inner)
@@ -112,7 +115,7 @@ class PlacedPress:
         return last + (inner - deepest) * (last - before) / STEP
 
     def curve_at(self, depth: float) -> TopCurve:
-        """The solved press around the axis, lifted by D₀ near the tip, out to the round pad's wall."""
+        """The round pad's top at the equivalent depth, out to its wall; near the tip lifted by the walls' effect D₀."""
         if depth <= 0.0:
             return self.smooth.curve_at(0.0)
         inner = self.round_depth(depth)
@@ -121,7 +124,10 @@ class PlacedPress:
         return _raised(curve, (inner - depth) * kept, (inner - depth) * slope)
 
     def near_at(self, depth: float) -> TopCurve:
-        """w (h + D₀): the part that is a curve around the axis, to `FAR`; it never runs back; `beside` is the rest."""
+        """The part of the top that is symmetric about the press axis, w (h + D₀) in the module's model.
+
+        It ends with height 0 at radius `FAR`, and overhangs are removed. `beside` gives the rest of the top.
+        """
         if depth <= 0.0:
             return self.smooth.curve_at(0.0)
         inner = self.round_depth(depth)
@@ -138,7 +144,7 @@ class PlacedPress:
         )
 
     def beside(self, depth: float, x: FloatArray, y: FloatArray) -> FloatArray:
-        """(nx, ny) S - w (h + D₀) at x (nx,) and y (ny,) from the pad's corner: smooth everywhere."""
+        """Height (nx, ny) of the top minus that of `near_at`, at x (nx,) and y (ny,) from the pad's corner."""
         if depth <= 0.0:
             return np.zeros((len(x), len(y)))
         inner = self.round_depth(depth)
@@ -153,7 +159,7 @@ class PlacedPress:
 
 
 def _fading(radius: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """w and dw/dr at radii: 1 to `NEAR`, 0 from `FAR`, with two continuous derivatives between."""
+    """Weight w of the solved press at radii, and its slope dw/dr: 1 up to `NEAR`, 0 from `FAR`, smooth between."""
     t = np.clip((radius - NEAR) / (FAR - NEAR), 0.0, 1.0)
     return 1.0 - t**3 * (10.0 - 15.0 * t + 6.0 * t * t), -30.0 * (t * (1.0 - t)) ** 2 / (FAR - NEAR)
 
@@ -161,7 +167,7 @@ def _fading(radius: FloatArray) -> tuple[FloatArray, FloatArray]:
 def _raised(
     curve: TopCurve, height: FloatArray, slope: FloatArray, scale: FloatArray | float = 1.0
 ) -> TopCurve:
-    """A curve with heights added; its slopes scaled, then added to, where anything is."""
+    """Add heights to a curve, and change its tangents: their slopes are multiplied by `scale`, then `slope` added."""
     changed = (slope != 0.0) | (np.broadcast_to(scale, slope.shape) != 1.0)
     steeper = np.arctan(np.tan(curve.inclination) * scale + slope)
     return replace(
@@ -170,7 +176,7 @@ def _raised(
 
 
 def _solved(smooth: SmoothPress, depth: float) -> TopCurve:
-    """The round pad's top; beyond the deepest solved press the free surface continues to sink as before."""
+    """The round pad's top; beyond the deepest solved press, the free surface continues to sink at its last rate."""
     further = depth - smooth.deepest
     if further <= 0.0:
         return smooth.curve_at(depth)
@@ -184,7 +190,7 @@ def _solved(smooth: SmoothPress, depth: float) -> TopCurve:
 
 
 LEAST_RUN_OUT = 0.02
-"""Largest excess of the farthest wall over the nearest one at which the curve still ends at the wall [-]."""
+"""Relative excess of the farthest wall's distance over the nearest's, up to which the curve ends at the wall [-]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -193,12 +199,13 @@ class SolvedPress:
 
     Attributes
     ----------
-    smooth : the presses in tip radii and E R²
-    tip_radius_mm : radius of the hemispherical tip [mm]
+    smooth : the presses in the round pad, in tip radii and E R²
+    tip_radius_mm : radius of the tip [mm]
     youngs_modulus_mpa : modulus of the layer [MPa]; it scales the force only
-    placed : the presses at a location of the pad; None: those of the round pad
-    walls_mm : between round walls, the nearest and the farthest from the press axis; None: all walls are straight [mm]
-    unit : the solver's states, where the press was solved live; None from the library
+    placed : the presses at a location between the walls of a rectangular pad; None: `smooth` applies as it is
+    walls_mm : distances of the nearest and the farthest wall from the press axis, in a pad with round walls [mm]; None:
+        all walls are straight
+    unit : the solver's states if the press was solved live; None if it is from the library
     notes : notes for the user about this solution
     """
 
@@ -221,11 +228,11 @@ class SolvedPress:
         return self.smooth.mesh_size * self.tip_radius_mm
 
     def scaled_depth(self, depth_mm: float) -> float:
-        """A depth in tip radii, at most the deepest solved one.
+        """Convert a depth from mm to tip radii.
 
         Raises
         ------
-        ModelScopeError : the depth is deeper than solved
+        ModelScopeError : the depth exceeds the deepest solved one
         """
         depth = depth_mm / self.tip_radius_mm
         if not depth <= self.smooth.deepest * (1.0 + 1e-9):
@@ -236,23 +243,24 @@ class SolvedPress:
         return min(depth, self.smooth.deepest)
 
     def round_depth(self, depth_mm: float) -> float:
-        """Depth of the round pad's press that equals this location's at a depth [mm], in tip radii; errors of `at`."""
+        """Depth in the round pad [tip radii] that gives the same force as a depth [mm] here; errors are as in `at`."""
         depth = self.scaled_depth(depth_mm)
         return depth if self.placed is None else self.placed.round_depth(depth)
 
     def force_n(self, depth_mm: float) -> float:
-        """Press force at a depth [mm], in N."""
+        """Force [N] at a depth [mm]; errors are those of `at`."""
         depth, unit_n = self.scaled_depth(depth_mm), self.youngs_modulus_mpa * self.tip_radius_mm**2
         return unit_n * (self.placed or self.smooth).force_at(depth)
 
     def at(self, depth_mm: float) -> Indentation:
-        """The press at a depth [mm], its surface run out to the pad's farthest walls; 0 or less is untouched.
+        """The press at a depth [mm], its surface continued to the farthest walls; at 0 or less there is no contact.
 
-        Heights are above the untouched top, along its normal; under a crown they are no sphere even in the contact.
+        Heights are above the undeformed top, along its normal. So on a crowned pad the curve is not spherical, even in
+        the contact.
 
         Raises
         ------
-        ModelScopeError : the depth is deeper than solved, or the walls change the press too much
+        ModelScopeError : the depth exceeds the deepest solved one, or the walls change the press too much
         """
         curve = above_crown(
             (self.placed or self.smooth).curve_at(self.scaled_depth(depth_mm)), self.smooth.crown
@@ -260,31 +268,31 @@ class SolvedPress:
         if self.walls_mm is None:
             return self._indentation(run_out(curve, half_width_of(self.smooth.wall_radius)), depth_mm)
         nearest, farthest = (wall / self.tip_radius_mm for wall in self.walls_mm)
-        if self.smooth.wall_radius < 0.5 * (nearest + farthest) - 1e-9:  # a wall that the pad does not have
+        if self.smooth.wall_radius < 0.5 * (nearest + farthest) - 1e-9:  # the pad has no wall there
             nearest = min(nearest, half_width_of(self.smooth.wall_radius))
         if farthest - nearest > LEAST_RUN_OUT * nearest:
             curve = run_out(curve, nearest, farthest - nearest)
         return self._indentation(curve, depth_mm)
 
     def near_at(self, depth_mm: float) -> Indentation:
-        """The part of the press at a depth [mm] that is a curve around its axis (`PlacedPress.near_at`).
+        """The part of the press at a depth [mm] that is symmetric about its axis (`PlacedPress.near_at`).
 
         Raises
         ------
-        ModelScopeError : as `at`
+        ModelScopeError : the depth exceeds the deepest solved one, or the walls change the press too much
         """
         if self.placed is None:
             return self.at(depth_mm)
         return self._indentation(self.placed.near_at(self.scaled_depth(depth_mm)), depth_mm)
 
     def round_pad_at(self, depth_mm: float) -> Indentation:
-        """The press at a depth [mm] in the round pad: its surface out to its wall, and its force; errors of `at`."""
+        """The press at a depth [mm] in the round pad of the same area: surface and force; errors are those of `at`."""
         plain = replace(self, placed=None)
         curve = self.smooth.curve_at(self.scaled_depth(depth_mm))
         return plain._indentation(above_crown(curve, self.smooth.crown), depth_mm)
 
     def _indentation(self, curve: TopCurve, depth_mm: float) -> Indentation:
-        """A curve in tip radii and the force of its depth."""
+        """Convert a curve from tip radii to mm, and add the force at its depth."""
         return Indentation(
             depth_mm=depth_mm,
             tip_radius_mm=self.tip_radius_mm,

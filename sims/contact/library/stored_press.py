@@ -1,10 +1,8 @@
-"""Solved states of one layer: kept in this process and on disk, and solved where they are in neither.
+"""Solved states of one layer: cached in memory and on disk, and solved if they are in neither cache.
 
-Solved presses on disk: one .npz per entry, named by a hash of all inputs of the solution.
-
-An entry has plain arrays only, so nothing in it is executed on reading. It is written whole or not at
-all, so readers and concurrent writers see whole files only. An entry that cannot be read, or does not
-match its name, counts as absent and is replaced.
+On disk there is one .npz file per entry, named by a hash of all inputs of the solution. A file has plain arrays only,
+so reading it executes nothing. It is written completely or not at all, also with concurrent writers. A file that cannot
+be read, or does not match its name, counts as absent and is replaced.
 """
 
 from __future__ import annotations
@@ -30,15 +28,15 @@ from sims.contact.scope import WALL_RADIUS
 from sims.contact.tip import HEMISPHERE, TipOutline
 
 RECIPE = 13
-"""Version of the solver of stored solutions. Raise it when results change."""
+"""Version of the solver that computes stored solutions. Raise it when results change."""
 
 _SOLVED: dict[str, UnitPress] = {}
-"""Solutions of this process by key; each is a pure function of its key."""
+"""Solutions of this process by key (hash of their inputs); each depends on its key only."""
 
 
 @cache
 def _mujoco_version() -> str:
-    """Version of MuJoCo, looked up once, as the installed package's record is read from disk."""
+    """Version of MuJoCo, looked up once, because the package's metadata is read from disk."""
     return version("mujoco")
 
 
@@ -48,11 +46,11 @@ class PressInputs:
 
     Attributes
     ----------
-    layer : elastic depth
-    mesh_size : node spacing under the tip
+    layer : layer thickness
+    mesh_size : node spacing under the tip in the mesh
     depths : increasing depths to solve
-    poisson_ratio : of the layer [-]
-    tip : the tip that presses
+    poisson_ratio : Poisson's ratio of the layer [-]
+    tip : outline of the pressing tip
     wall_radius : radius of the bonded wall
     crown : tip radius over the radius of the top's sphere; 0 is flat [-]
     """
@@ -66,7 +64,7 @@ class PressInputs:
     crown: float = 0.0
 
     def key(self) -> str:
-        """Name of the stored solution; a flat layer's key has no crown."""
+        """Name of the stored solution: a hash of all inputs, without `crown` if it is 0."""
         return entry_key(
             {
                 "layer": round(self.layer, 9),
@@ -83,7 +81,7 @@ class PressInputs:
 
 
 def _solve(inputs: PressInputs, on_step: Callable[[float], None] | None) -> UnitPress:
-    """Run MuJoCo; imported here so that stored solutions need no solver."""
+    """Run MuJoCo, imported only here, so that reading stored solutions does not need it."""
     from sims.contact.library.unit_press import solve_unit_press
 
     return solve_unit_press(
@@ -101,12 +99,12 @@ def _solve(inputs: PressInputs, on_step: Callable[[float], None] | None) -> Unit
 def stored_press(
     inputs: PressInputs, on_step: Callable[[float], None] | None = None
 ) -> tuple[UnitPress, tuple[str, ...]]:
-    """The solved states, with notes for the user.
+    """The solved states from a cache, or else solved and stored now; with notes for the user.
 
     Parameters
     ----------
     inputs : all inputs of the solution
-    on_step : called with the fraction done while solving
+    on_step : called with the fraction done (0 to 1) while solving
 
     Raises
     ------
@@ -125,17 +123,17 @@ def stored_press(
 
 
 FORMAT = 1
-"""Version of the entry's layout."""
+"""Version of the entry file's layout."""
 MOST_BYTES = 50_000_000
-"""Largest size of an entry; the largest in use have some hundred kB."""
+"""Largest accepted size of an entry file [bytes]; the largest in use have some hundred kB."""
 _SCALARS = ("layer_depth", "wall_radius", "crown", "mesh_size", "wedge_angle", "poisson_ratio")
 _MAY_LACK = {"crown": 0.0}
-"""Fields that an entry of a flat layer may lack, and their values there."""
+"""Fields that the entry of a flat layer may lack, and their values then."""
 _PER_STATE = ("radii", "heights", "normal_force")
 
 
 def cache_folder() -> Path:
-    """Folder of the stored presses."""
+    """Cache folder of the stored presses."""
     return folder_of_all() / "contact"
 
 
@@ -146,12 +144,12 @@ def entry_key(inputs: Mapping[str, object]) -> str:
 
 
 def entry_path(key: str) -> Path:
-    """Path of an entry."""
+    """Path of the file of a stored press with a key."""
     return cache_folder() / f"{key}.npz"
 
 
 def _is_whole(press: UnitPress) -> bool:
-    """Whether all arrays are finite and fit together."""
+    """Whether all arrays of a press are finite and their shapes agree."""
     depths, nodes = press.depths.size, press.rest_radii.size
     shapes = dict.fromkeys(_PER_STATE, (depths, nodes)) | {
         "rest_radii": (nodes,),
@@ -165,7 +163,7 @@ def _is_whole(press: UnitPress) -> bool:
 
 
 def read_entry(key: str) -> UnitPress | None:
-    """The stored press, or None where there is no usable one."""
+    """The stored press with a key, or None if there is none or its file cannot be used."""
     try:
         entry = plain_arrays(entry_path(key), most_bytes=MOST_BYTES)
         if str(entry["key"]) != key:
@@ -183,7 +181,7 @@ def read_entry(key: str) -> UnitPress | None:
 
 
 def _arrays(press: UnitPress) -> dict[str, np.ndarray[Any, Any]]:
-    """Every field as an array."""
+    """Every field of a press as an array, by name."""
     return {field.name: np.array(getattr(press, field.name)) for field in fields(press)}
 
 

@@ -29,17 +29,17 @@ def solve_unit_press(
 
     Parameters
     ----------
-    layer_depth, mesh_size : elastic depth on the axis, node spacing under the tip [tip radii]
+    layer_depth, mesh_size : layer thickness on the axis, node spacing under the tip [tip radii]
     depths : increasing press depths [tip radii]
-    poisson_ratio : of the layer [-]
-    on_step : called with the fraction done
-    tip : the tip that presses
+    poisson_ratio : Poisson's ratio of the layer [-]
+    on_step : called with the fraction done (0 to 1)
+    tip : outline of the pressing tip
     wall_radius : radius of the bonded wall [tip radii]
     crown : tip radius over the radius of the top's sphere, pressed at its apex; 0 is flat [-]
 
     Raises
     ------
-    InputError, ModelScopeError : the crown is no number from 0 on, or leaves too thin a rim
+    InputError, ModelScopeError : the crown is not finite or is negative, or leaves too thin a rim
     ContactSolveError : a state fails its checks
     """
     mesh = radial_mesh(layer_depth, wall_radius, mesh_size, crown)

@@ -1,10 +1,10 @@
-"""Extremely randomised trees for (x, y, depth): scikit-learn grows them, flat arrays keep them.
+"""Fit extremely randomised trees that estimate (x, y, depth): scikit-learn grows them, flat arrays store them.
 
-Features are the readings in counts: a split uses one pair at a time, so scales have no effect. Every tree sees all
-samples and draws its splits at random; the mean over trees is smooth enough to interpolate between pressed locations.
-x, y and depth have equal weight, each in units of its spread: in millimetres depth would hardly affect the splits.
-Two and four times the weight of depth was tried at held-out locations of three simulated data sets: its mean error
-falls by 12 and 19 %, location's grows by 8 and 22 %, and the sum is larger.
+Features are the readings in counts. A split uses one pair at a time, so scales have no effect. Every tree uses all
+samples and draws its splits at random. The mean over trees is smooth enough to interpolate between pressed locations.
+x, y and depth have equal weight, each divided by its spread; in millimetres depth would hardly affect the splits. Two
+and four times the weight of depth were tried at held-out locations of three simulated data sets. The mean error of
+depth falls by 12 and 19 %, that of location grows by 8 and 22 %, and the sum is larger.
 
 Left out: trees return means of training samples, so the deepest presses are estimated too shallow.
 """
@@ -32,7 +32,7 @@ from sims.readings.dataset import PressData
 FEWEST_IN_LEAF = 2
 SHARE_OF_FEATURES = 0.33
 TREES_OF_TRUST = 40
-"""Number of trees from which the spread is known well enough."""
+"""Number of trees in the forest that is fitted only to measure how its spread relates to its error."""
 
 
 def fit_extra_trees(
@@ -42,11 +42,11 @@ def fit_extra_trees(
     on_step: OnStep = lambda _stage, _share: None,
     settings: FitSettings = DEFAULT,
 ) -> ExtraTreesModel:
-    """Train touch and forest.
+    """Train the touch classifier and the forest.
 
     Raises
     ------
-    InputError : there are too few data, or the data have no information.
+    InputError : there are too few data or usable pairs, or the signals hardly vary.
     """
     start = begun(train, seed, settings, on_step)
     data, rng, samples = start.data, start.rng, start.samples
@@ -79,7 +79,7 @@ def _forest(
     trees: int,
     rng: np.random.Generator,
 ) -> Forest:
-    """A forest grown on the used samples."""
+    """Grow a forest on the used samples; `used` is a mask (sample,)."""
     grown = ExtraTreesRegressor(
         n_estimators=trees,
         min_samples_leaf=FEWEST_IN_LEAF,
@@ -92,17 +92,18 @@ def _forest(
 
 
 def flat_forest(trees: list[Any], scale_mm: FloatArray) -> Forest:
-    """scikit-learn's trees one after another in shared arrays.
+    """Convert scikit-learn's trees to one `Forest` in shared arrays.
 
     Parameters
     ----------
-    trees : their leaves have the press in units of scale_mm (3,)
+    trees : scikit-learn's trees; their leaves have x, y, depth in units of `scale_mm`
+    scale_mm : (3,) units of x, y, depth [mm]
 
     Notes
     -----
 
-    scikit-learn compares single-precision features with double-precision thresholds; rounded down to single precision
-    these give the same decisions. A left child follows its parent directly, as trees are grown depth first.
+    scikit-learn compares single-precision features with double-precision thresholds. Thresholds rounded down to single
+    precision give the same decisions. A left child follows its parent directly, as trees are grown depth first.
     """
     feature, threshold, other, leaf_mm, roots = [], [], [], [], []
     nodes = leaves = 0
@@ -126,7 +127,7 @@ def flat_forest(trees: list[Any], scale_mm: FloatArray) -> Forest:
 
 
 def _rounded_down(threshold: FloatArray) -> NDArray[np.float32]:
-    """(node,) largest single-precision numbers that are not above the thresholds."""
+    """Round thresholds (node,) down to single precision, never up."""
     near = threshold.astype(np.float32)
     below = np.nextafter(near, np.float32(-np.inf))
     return np.asarray(np.where(near > threshold, below, near))

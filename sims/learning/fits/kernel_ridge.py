@@ -1,38 +1,39 @@
-"""The paper's learner: kernel ridge with the Laplacian kernel for (x, y, depth), behind the touch classifier.
+"""The paper's learner: a touch classifier, then kernel ridge regression with a Laplacian kernel for (x, y, depth).
 
-It is trained on depth 0 and more. Features are the readings less the off state, in counts, unscaled: the noise is about
-equal in all of them, and dividing each pair by its own spread would raise weak pairs' noise to strong pairs' signal. As
-in the paper half of the training data, here half of the presses, tunes γ and λ: the model is fitted on four fifths of
-their locations and tested on the last fifth (`mean_error_mm`). Fewer locations in the fit would test a coarser grid of
-presses than the final one. The grid of γ scales with the data: γ times the median L1 distance of two training samples
-takes fixed values, as the paper's own numbers belong to its own units. The final fit uses samples of all presses. The
-mean of the targets is subtracted: far from every sample the estimate is the mean press, not the origin.
+The regression is trained on depths of 0 and more. Features are the readings minus the off state, in counts, unscaled.
+The noise is about equal in all of them; dividing each pair by its own spread would raise weak pairs' noise to strong
+pairs' signal. As in the paper half of the training data, here half of the presses, tunes γ and λ. The model is fitted
+on four fifths of their locations and tested on the last fifth (`mean_error_mm`). With fewer locations in the fit, the
+grid of presses would be coarser than in the final one. The grid of γ scales with the data: γ times the median L1
+distance of two training samples has fixed values, as the paper's own numbers depend on its units. The final fit uses
+samples of all presses. The mean of the targets is subtracted, so that far from every sample the estimate is the mean
+press, not the origin.
 
-Start of every fit: data check and touch classifier; for a better learner also the choice of touched samples.
+`touch_told` and `begun` are the common start of all fits: data check, touch classifier, choice of samples in contact.
 
-Cholesky factor of a large symmetric matrix in its own memory, block by block.
-
+Cholesky factor of a large symmetric matrix in its own memory
+-------------------------------------------------------------
     A = L Lᵀ,   for each block column k:   L_kk = chol(A_kk),   L_ik = A_ik L_kk⁻ᵀ,   A_ij -= L_ik L_jkᵀ   (i ≥ j > k)
 
-Only the lower triangle is read and written. LAPACK's own routine does the same in one call; with the OpenBLAS that
+Only the lower triangle is read and written. LAPACK's own routine does the same in one call. With the OpenBLAS that
 SciPy 1.17 ships, that call ended in a memory fault for 24,000 rows on two threads. Here every call works on blocks of
 `BLOCK` rows, and their products take nearly all of the time. Source: Golub and Van Loan, Matrix computations (2013),
 section 4.2.
 
-The linear system of kernel ridge regression, solved in the available memory.
-
+The linear system of kernel ridge regression, solved in the available memory
+----------------------------------------------------------------------------
     (K + λ I) a = y,    K_ij = exp(-γ |s_i - s_j|₁)
 
-`exact`     double precision, Cholesky in place: 8 n² bytes. 24,000 samples take 4.6 GB.
-`single`    where that does not fit: single precision, 4 n² bytes, and one step of iterative refinement, whose residual
-            is computed in double precision from the samples: r = y - (K + λ I) a, then a += (K + λ I)⁻¹ r.
-`nystroem`  where that does not fit either: all samples, but kernels of m of them only (landmarks z),
+`exact`     double precision, Cholesky in place: 8 n² bytes. 24,000 samples take 4.6 GB. `single`    if that does not
+fit: single precision, 4 n² bytes, and one step of iterative refinement. Its residual is
+            computed in double precision from the samples: r = y - (K + λ I) a, then a += (K + λ I)⁻¹ r.
+`nystroem`  if that does not fit either: all samples, but the kernels of only m of them (landmarks z),
             min |y - K_nm a|² + λ aᵀ K_mm a, by its normal equations accumulated in blocks: 8 m² bytes. Source: Williams
             and Seeger, Using the Nystroem method to speed up kernel machines, NIPS 13 (2001); Rudi, Camoriano and
             Rosasco, Less is more, NIPS 28 (2015).
 
-The method is part of the result: nothing is approximated silently. The matrix is built a block of rows at a time, lower
-triangle only, so no other array has its size.
+The model's header states the method, so an approximation is never silent. The matrix is built a block of rows at a
+time, lower triangle only, so no other array has its size.
 """
 
 from __future__ import annotations
@@ -74,13 +75,14 @@ FitTouch = Callable[[TrainingData, np.random.Generator, int], tuple[TouchSvm, di
 
 @dataclass(frozen=True, kw_only=True)
 class ToldTouch:
-    """Data of a fit after the touch classifier is fitted.
+    """State of a fit after the touch classifier is fitted.
 
     Attributes
     ----------
-    data : checked data
-    rng : generator for all further choices of the fit
-    touch : the classifier; `facts` of its fit are for the header
+    data : checked training data
+    rng : random generator for all further choices of the fit
+    touch : the touch classifier
+    facts : figures of the classifier's fit, for the model's header
     """
 
     data: TrainingData
@@ -91,7 +93,7 @@ class ToldTouch:
 
 @dataclass(frozen=True, kw_only=True)
 class Begun(ToldTouch):
-    """The same, with touched `samples`, some of them held out to scale deviations."""
+    """State of a fit after samples in contact are chosen; some are held out, to scale the model's deviations."""
 
     samples: PressSamples
 
@@ -99,11 +101,11 @@ class Begun(ToldTouch):
 def touch_told(
     train: PressData, fit_touch: FitTouch, *, seed: int, settings: FitSettings, on_step: OnStep
 ) -> ToldTouch:
-    """Check the data and fit the classifier.
+    """Check the training data and fit the touch classifier with the function `fit_touch`.
 
     Raises
     ------
-    InputError : there are too few data, or the data have no information.
+    InputError : there are too few data or usable pairs, or the signals hardly vary.
     """
     data, rng = prepared(train), np.random.default_rng(seed)
     on_step("touch", 0.0)
@@ -113,7 +115,7 @@ def touch_told(
 
 
 def begun(train: PressData, seed: int, settings: FitSettings, on_step: OnStep) -> Begun:
-    """Begin the fit of a better learner; errors of `touch_told`."""
+    """Start the fit of trees or network: check data, fit the tuned touch classifier, choose samples in contact."""
     told = touch_told(train, fit_tuned_touch, seed=seed, settings=settings, on_step=on_step)
     samples = press_samples(told.data, settings.network_samples, told.rng)
     return Begun(
@@ -129,16 +131,16 @@ BLOCK = 1_500
 
 
 def factorise_in_place(matrix: NDArray[Any]) -> None:
-    """Put L into the lower triangle of a matrix (n, n), single or double precision.
+    """Overwrite the lower triangle of a symmetric matrix (n, n) by its Cholesky factor L; single or double precision.
 
     Raises
     ------
-    numpy.linalg.LinAlgError : it is not positive definite in this precision; the matrix is then overwritten.
+    numpy.linalg.LinAlgError : the matrix is not positive definite in this precision; it is then partly overwritten.
     """
     size = len(matrix)
     for start in range(0, size, BLOCK):
         here = slice(start, min(start + BLOCK, size))
-        # without the upper triangle: a signalling NaN there would count as a matrix that is not positive definite
+        # skip the upper triangle: a signalling NaN there would count as a matrix that is not positive definite
         matrix[here, here] = np.linalg.cholesky(np.tril(matrix[here, here]))
         for rows in _below(here.stop, size):
             matrix[rows, here] = solve_triangular(
@@ -150,7 +152,7 @@ def factorise_in_place(matrix: NDArray[Any]) -> None:
 
 
 def substituted(factor: NDArray[Any], targets: FloatArray) -> FloatArray:
-    """(n, output) solution of L Lᵀ x = targets (n, output); L in the lower triangle of a factor (n, n)."""
+    """Solution (n, output) of L Lᵀ x = targets; L is in the lower triangle of `factor` (n, n)."""
     found = np.array(targets, dtype=factor.dtype)
     blocks = list(_below(0, len(factor)))
     for here in blocks:
@@ -163,7 +165,7 @@ def substituted(factor: NDArray[Any], targets: FloatArray) -> FloatArray:
 
 
 def _below(start: int, size: int) -> list[slice]:
-    """Blocks of rows from a start to the end."""
+    """Slices of at most `BLOCK` rows, from a start to the end."""
     return [slice(row, min(row + BLOCK, size)) for row in range(start, size, BLOCK)]
 
 
@@ -174,20 +176,20 @@ def _solved(triangle: NDArray[Any], right: NDArray[Any], trans: str) -> NDArray[
 BLOCK_ROWS = 500
 CHECKED_ROWS = 1_000
 RIDGE_OF_LANDMARKS = 1e-9
-"""Added to K_mm in proportion to its diagonal, which is 1: keeps its Cholesky factor real despite rounding errors."""
+"""Added to the diagonal of K_mm, which is 1, so that its Cholesky factor exists despite rounding errors."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class KernelSolution:
-    """Weights of the kept samples.
+    """Solution of the kernel system: weights of the samples that the model stores.
 
     Attributes
     ----------
-    kept : (kept,) numbers of the samples with weights
-    weights : (kept, output) in units of the targets
+    kept : (kept,) indices of the stored samples
+    weights : (kept, output) weights in the unit of the targets
     method : exact, single or nystroem
-    largest_residual : residual of `CHECKED_ROWS` rows of the system, over the largest target [-]; NaN for `nystroem`,
-        which solves another one
+    largest_residual : largest residual of `CHECKED_ROWS` rows of the system, over the largest target [-]; NaN for
+        `nystroem`, which solves another system
     """
 
     kept: NDArray[np.intp]
@@ -197,7 +199,7 @@ class KernelSolution:
 
 
 def method_for(samples: int, memory_gb: float) -> str:
-    """The most exact method whose matrix fits."""
+    """The most exact of the three methods whose matrix fits into `memory_gb`, for a number of samples."""
     if 8e-9 * samples**2 <= memory_gb:
         return "exact"
     return "single" if 4e-9 * samples**2 <= memory_gb else "nystroem"
@@ -214,16 +216,17 @@ def solve_kernel(
     refinements: int = 1,
     on_share: OnShare = lambda _share: None,
 ) -> KernelSolution:
-    """Solve by one of the methods.
+    """Solve the kernel ridge system by one of the three methods.
 
     Parameters
     ----------
     features : (sample, feature) [-]
-    targets : (sample, output), their mean subtracted
-    gamma : per unit of L1 distance [-]
-    ridge : λ [-]
-    landmarks : numbers of the samples that `nystroem` keeps
-    refinements : number of steps of `single`; 0 is for the comparison with it
+    targets : (sample, output) targets with their mean subtracted
+    gamma : γ of the kernel, per unit of L1 distance [-]
+    ridge : λ, added to the diagonal [-]
+    method : `exact`, `single` or `nystroem`
+    landmarks : indices of the samples that `nystroem` stores; required for it only
+    refinements : number of refinement steps of `single`; 0 is for comparisons
 
     Raises
     ------
@@ -253,7 +256,7 @@ def solve_kernel(
 def kernel_matrix(
     features: FloatArray, gamma: float, kind: type[Any], on_share: OnShare = lambda _share: None
 ) -> NDArray[Any]:
-    """(sample, sample) kernel, lower triangle only; zeros above it, which use no memory until they are accessed."""
+    """Kernel matrix (sample, sample), lower triangle only; the zeros above use no memory until they are accessed."""
     samples = len(features)
     matrix = np.zeros((samples, samples), kind)
 
@@ -273,7 +276,7 @@ def kernel_matrix(
 
 
 def kernel_threads() -> int:
-    """Number of threads that fill the matrix: that of BLAS by `OMP_NUM_THREADS`, else the machine's cores."""
+    """Number of threads that fill the matrix: that of BLAS by `OMP_NUM_THREADS`, otherwise the number of cores."""
     wanted = os.environ.get("OMP_NUM_THREADS", "")
     return max(1, int(wanted) if wanted.isdecimal() else os.cpu_count() or 1)
 
@@ -283,7 +286,7 @@ def factorise(matrix: NDArray[Any], ridge: float) -> NDArray[Any]:
 
     Raises
     ------
-    InputError : it is not positive definite in this precision.
+    InputError : the matrix is not positive definite in this precision.
     """
     matrix.flat[:: len(matrix) + 1] += ridge
     try:
@@ -303,7 +306,7 @@ def _residual(
     ridge: float,
     rows: NDArray[np.intp],
 ) -> FloatArray:
-    """(row, output) y - (K + λ I) a of some rows, in double precision, a block of them at a time."""
+    """Residual y - (K + λ I) a (row, output) of some rows, computed block by block in double precision."""
     residual = targets[rows] - ridge * weights[rows]
 
     def subtract(start: int) -> None:
@@ -324,7 +327,7 @@ def _nystroem(
     ridge: float,
     on_share: OnShare,
 ) -> FloatArray:
-    """Weights of the landmarks; the Cholesky factor of K_mm conditions the normal equations."""
+    """Weights of the landmarks by the Nyström method, preconditioned by the Cholesky factor of their kernel matrix."""
     points = features[landmarks]
     among = np.exp(-gamma * cdist(points, points, "cityblock"))
     among.flat[:: len(among) + 1] += RIDGE_OF_LANDMARKS
@@ -345,11 +348,11 @@ def _nystroem(
 GAMMA_TIMES_MEDIAN = (0.25, 0.5, 1.0, 2.0, 4.0, 8.0)
 RIDGES = (1e-2, 1e-1, 1.0, 10.0)
 TUNING_SHARE = 0.5
-"""Share of the presses."""
+"""Share of the presses that tune γ and λ."""
 JUDGED_SHARE = 0.2
-"""Share of the tuning presses' locations."""
+"""Share of the tuning presses' locations at which candidates are tested."""
 PAIRS_FOR_MEDIAN = 20_000
-"""Number of pairs of samples for the median of distances; its error is then about 1 %."""
+"""Number of random pairs of samples for the median distance; its error is then about 1 %."""
 
 
 def fit_kernel_ridge(
@@ -359,11 +362,11 @@ def fit_kernel_ridge(
     on_step: OnStep = lambda _stage, _share: None,
     settings: FitSettings = DEFAULT,
 ) -> KernelRidgeModel:
-    """Train the cascade.
+    """Train the touch classifier and the kernel ridge regression behind it.
 
     Raises
     ------
-    InputError : there are too few data, or the data have no information.
+    InputError : there are too few data or usable pairs, or the signals hardly vary.
     """
     told = touch_told(train, fit_plain_touch, seed=seed, settings=settings, on_step=on_step)
     data, rng = told.data, told.rng
@@ -415,7 +418,7 @@ def _fitted_samples(
     settings: FitSettings,
     rng: np.random.Generator,
 ) -> tuple[NDArray[np.intp], NDArray[np.intp] | None]:
-    """Samples of the final fit, and for the approximation the landmarks among them."""
+    """Indices of the samples of the final fit, and of the landmarks among them (None unless `method` is nystroem)."""
     chosen = touched[
         spread_samples(data.press[touched], data.press_mm[touched, 2], settings.fit_samples, rng)
     ]
@@ -431,9 +434,9 @@ def searched_grid(
     rng: np.random.Generator,
     on_share: Callable[[float], None],
 ) -> dict[str, Any]:
-    """γ and λ with the smallest mean error at held-out locations, and figures of the search.
+    """Search γ and λ for the smallest mean error at held-out locations; return both, and figures of the search.
 
-    The systems are solved in single precision: from λ = 0.01 up that moves presses by less than 0.01 mm.
+    The systems are solved in single precision. For λ of 0.01 and more that moves estimates by less than 0.01 mm.
     """
     half = touched[held_out(data.press[touched], TUNING_SHARE, rng)]
     chosen = half[spread_samples(data.press[half], data.press_mm[half, 2], most_samples, rng)]
@@ -466,7 +469,7 @@ def searched_grid(
 
 
 def _at_border(relative: float, ridge: float) -> list[str]:
-    """Which of the two is at an end of its grid, so that better values may be outside."""
+    """Whether γ, λ or both are at an end of their grid, where a better value may be outside; their names."""
     return [
         name
         for name, value, grid in (("gamma", relative, GAMMA_TIMES_MEDIAN), ("lambda", ridge, RIDGES))
@@ -475,7 +478,7 @@ def _at_border(relative: float, ridge: float) -> list[str]:
 
 
 def median_distance(features: FloatArray, rng: np.random.Generator) -> float:
-    """Median L1 distance of two samples (n, feature).
+    """Median L1 distance between two random samples of `features` (n, feature).
 
     Raises
     ------

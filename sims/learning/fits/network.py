@@ -1,9 +1,10 @@
-"""A small neural network for (x, y, depth): scikit-learn's MLPRegressor, its weights kept as arrays.
+"""Fit a small neural network that estimates (x, y, depth): scikit-learn's MLPRegressor, with weights stored as arrays.
 
-Inputs are the readings, standardised pair by pair (at least the noise's spread); outputs too. Loss: squared error plus
-α |W|², by Adam, whose step falls along a cosine in stages: the last steps' noise would otherwise stay in the weights.
-The number of passes is fixed: early stopping by held-out samples would test locations that the network has seen.
-Sources: Rumelhart, Hinton and Williams, Nature 323 (1986); Kingma and Ba, Adam, ICLR 2015.
+Inputs are the readings, each pair standardised by its spread (at least that of the noise). Outputs are standardised
+too. The loss is the squared error plus α |W|², minimised by Adam. Its step falls along a cosine in stages, as otherwise
+the last steps' noise would remain in the weights. The number of passes over the data is fixed, because early stopping
+by held-out samples would test locations that the network was trained on. Sources: Rumelhart, Hinton and Williams,
+Nature 323 (1986); Kingma and Ba, Adam, ICLR 2015.
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ WEIGHT_DECAY = 1e-2
 BATCH = 200
 FIRST_STEP = 2e-3
 STAGES = 10
-"""Number of stages of the falling step."""
+"""Number of stages in which Adam's step falls."""
 
 
 def fit_network(
@@ -40,11 +41,11 @@ def fit_network(
     on_step: OnStep = lambda _stage, _share: None,
     settings: FitSettings = DEFAULT,
 ) -> NetworkModel:
-    """Train touch and network.
+    """Train the touch classifier and the network.
 
     Raises
     ------
-    InputError : there are too few data, or the data have no information.
+    InputError : there are too few data or usable pairs, or the signals hardly vary.
     """
     start = begun(train, seed, settings, on_step)
     data, rng, samples = start.data, start.rng, start.samples
@@ -77,7 +78,7 @@ def fit_network(
 
 
 def _network(features: FloatArray, targets: FloatArray, epochs: int, seed: int, on_share: OnShare) -> Network:
-    """Weights after all passes."""
+    """Train a network; returns its weights after `epochs` passes over the samples."""
     machine = MLPRegressor(
         hidden_layer_sizes=HIDDEN,
         alpha=WEIGHT_DECAY,
@@ -100,7 +101,7 @@ def _network(features: FloatArray, targets: FloatArray, epochs: int, seed: int, 
 
 
 def _fit(machine: MLPRegressor, features: FloatArray, targets: FloatArray) -> None:
-    """All passes of a stage; Ctrl-C, at which the library only warns and returns a half-trained network, is raised."""
+    """Run all passes of a stage; raise on Ctrl-C, as scikit-learn only warns and returns a half-trained network."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", ConvergenceWarning)  # the fixed number of passes is intended
         warnings.filterwarnings("error", "Training interrupted", UserWarning)

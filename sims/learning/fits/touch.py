@@ -1,34 +1,37 @@
-"""The touch classifier: a linear support vector machine on both sides of zero depth, depth 0 labelled as touched.
+"""Fit the touch classifier, a linear support vector machine, and scale a model's own deviations (`trust_of`).
 
-scikit-learn's LinearSVC: min ½ |w|² + C Σ max(0, 1 - y (w · s + b))², the offset b counted with w. There are two
-settings:
+Touch classifier
+----------------
+It separates samples above the surface from samples at depth 0 or more, which count as touched. It is scikit-learn's
+LinearSVC: min ½ |w|² + C Σ max(0, 1 - y (w · s + b))², with the offset b counted as part of w. There are two settings:
 
-    plain   the paper's: it tunes its regression only, so C stays at scikit-learn's default of 1, and the readings
-            keep one scale for all pairs, their median untouched signal
-    tuned   for the better learners: readings standardised pair by pair, C from a grid by the share of correct results
-    at held-out locations
+    plain   the paper's: it tunes its regression only, so C is scikit-learn's default of 1, and the readings
+            have one scale for all pairs, their median untouched signal
+    tuned   for trees and network: readings standardised pair by pair, C from a grid by the share of correct results
+            at held-out locations
 
-The second detects lighter touches (docs/how-to/train-learner.md has both tables). No row of depths is tuned in either.
+The tuned one detects lighter touches (docs/how-to/train-learner.md has both tables). Neither setting is tuned for
+particular depths.
 
-The hinge loss has no bound on false alarms. Where one plane cannot separate the touches of all locations from the
-untouched frames, as on pads of few pairs, the plane runs through the untouched frames, since touched samples are the
-majority. So both planes are moved, where needed, until a new set is expected to have at most `FALSE_ALARMS` of its
-untouched frames classified as touched. The score of these frames has the variance
+The hinge loss does not limit false alarms. On pads of few pairs one plane may not separate the touches of all locations
+from the untouched frames. The plane then runs through the untouched frames, since touched samples are the majority. So
+both planes are shifted, if necessary, until at most `FALSE_ALARMS` of the untouched frames of a new set are expected to
+count as touched. The score of these frames has the variance
 
     worst variance within a set + (1 + 1/sets) x variance between sets
 
-between sets the gain of every emitter and every receiver changes, by a standard deviation that is estimated from the
-sets' mean untouched signals; the rest is independent for each pair. A single set gives no estimate of it.
+Between sets the gain of every emitter and every receiver changes. The standard deviation of these changes is estimated
+from the sets' mean untouched signals; the rest is independent for each pair. A single set gives no estimate.
 
-Scale of a model's own spread, measured at locations on which it was not trained.
-
-The learner is fitted without a share of the locations; its estimates there are compared with the truth, by depth:
+Scale of a model's own deviations
+---------------------------------
+A learner is fitted without a share of the locations. Its estimates there are compared with the truth, by depth:
 
     factor = rms(error) / rms(raw spread)
 
-as a table over depth (`SigmaTable`). The final model is fitted with all locations and keeps the table. A held-out
-location is a grid step from the nearest trained one, a random press only part of a step, so the table is
-conservative.
+as a table over depth (`SigmaTable`). The final model is fitted with all locations and has this table. A held-out
+location is a grid step from the nearest trained one, but a random press only part of a step. So the table overestimates
+the errors a little.
 """
 
 from __future__ import annotations
@@ -60,21 +63,21 @@ from sims.learning.samples import (
 
 DEFAULT_COST = 1.0
 COSTS = (0.01, 0.1, 1.0, 10.0)
-"""Values of C in the grid."""
+"""Values of C that the tuned setting tries."""
 MOST_SAMPLES = 40_000
 SHARE_HELD_OUT = 0.5
-"""Share of the training data for tuning, as in the paper."""
+"""Share of the training data that is held out for tuning, as in the paper."""
 MOST_ITERATIONS = 2_000
 FALSE_ALARMS = 0.01
-"""Allowed share of the untouched frames of a new set classified as touched, as for a signal map."""
+"""Expected share of a new set's untouched frames that may be classified as touched; the same as for a signal map."""
 FEWEST_OF_SET = 10
-"""Least number of untouched frames of a set for an estimate of their variance."""
+"""Least number of untouched frames that a set needs for an estimate of their variance."""
 
 
 def fit_plain_touch(
     data: TrainingData, rng: np.random.Generator, most_samples: int
 ) -> tuple[TouchSvm, dict[str, Any]]:
-    """The paper's classifier, and figures of its fit: `touch_cost`, `touch_is_converged`."""
+    """Fit the classifier with the paper's setting; also returns figures of the fit for the model's header."""
     chosen = _chosen(data, rng, most_samples)
     untouched = float(np.median(np.abs(data.untouched_counts[data.kept])))
     plain = counts_scaling(data.kept)
@@ -89,7 +92,7 @@ def fit_plain_touch(
 def fit_tuned_touch(
     data: TrainingData, rng: np.random.Generator, most_samples: int
 ) -> tuple[TouchSvm, dict[str, Any]]:
-    """The better learners' classifier, and figures of its fit: the above and `touch_held_out_right`."""
+    """Fit the classifier with C tuned at held-out locations; also returns figures of the fit for the model's header."""
     chosen = _chosen(data, rng, most_samples)
     scaling = standard_scaling(data.kept, data.signals[chosen])
     features, labels = scaling.features(data.signals[chosen]), data.is_touched[chosen]
@@ -109,13 +112,13 @@ def fit_tuned_touch(
 
 
 def with_few_false_alarms(plane: TouchSvm, data: TrainingData) -> tuple[TouchSvm, dict[str, Any]]:
-    """The plane, moved where a new set would exceed `FALSE_ALARMS`, and `touch_moved`, the distance [-]."""
+    """Shift a classifier's plane if a new set would have too many false alarms; also returns the shift [-]."""
     moved = max(untouched_limit(plane, data), 0.0)
     return replace(plane, bias=plane.bias - moved), {"touch_moved": moved}
 
 
 def untouched_limit(plane: TouchSvm, data: TrainingData) -> float:
-    """The score that `FALSE_ALARMS` of a new set's untouched frames are expected to exceed [-]."""
+    """Score that a share `FALSE_ALARMS` of a new set's untouched frames is expected to exceed [-]."""
     quiet = np.flatnonzero(data.press_mm[:, 2] <= CLEARLY_UNTOUCHED_MM)
     if len(quiet) < FEWEST_OF_SET:
         quiet = np.flatnonzero(~data.is_touched)
@@ -130,18 +133,18 @@ def untouched_limit(plane: TouchSvm, data: TrainingData) -> float:
 
 
 def _variance_between(plane: TouchSvm, means: FloatArray, emitters: int) -> float:
-    """Variance of the untouched score from set to set [-].
+    """Variance from set to set of the score of untouched frames [-].
 
     Parameters
     ----------
-    means : (set, pair) mean untouched signals, emitter outermost [counts]
+    means : (set, pair) mean untouched signals of each set, receivers of the first emitter first [counts]
     """
     if len(means) < 2:
         return 0.0
     kept = plane.scaling.kept
     untouched, weights = means.mean(axis=0)[kept], plane.weights / plane.scaling.scale
     emitter, receiver = np.divmod(kept, means.shape[1] // emitters)
-    # counts per relative change of a component's gain: (pair, part)
+    # counts per relative change of an emitter's or a receiver's gain: (pair, component)
     parts = [(column == number) * untouched for column in (emitter, receiver) for number in np.unique(column)]
     columns = np.array(parts).T
     changes = (means[:, kept] - untouched).T
@@ -166,7 +169,7 @@ def _plane(machine: LinearSVC, scaling: FeatureScaling) -> TouchSvm:
 
 
 def _fitted(features: FloatArray, labels: BoolArray, cost: float) -> tuple[LinearSVC, bool]:
-    """A machine, and whether its solver converged."""
+    """A fitted support vector machine, and whether its solver converged."""
     machine = LinearSVC(C=cost, dual=False, max_iter=MOST_ITERATIONS)
     with warnings.catch_warnings():
         warnings.simplefilter("error", ConvergenceWarning)
@@ -185,15 +188,15 @@ LEAST_FACTOR = 1e-3
 
 
 class KnowsSpread(Protocol):
-    """A model that reports the spread of its members."""
+    """A model that estimates presses and reports a raw deviation (the spread of its members)."""
 
     def press_and_spread_mm(self, signals: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """(n, 3) presses and (n, 3) raw deviations of signals (n, pair) [mm]."""
+        """Presses (n, 3) and their raw deviations (n, 3) for signals (n, pair) [mm]."""
         ...
 
 
 def trust_of(model: KnowsSpread, samples: PressSamples) -> tuple[SigmaTable, dict[str, float]]:
-    """Table and figures for the header, of a model fitted without the held-out samples."""
+    """Deviation factors and figures for the header, of a model that was fitted without the held-out samples."""
     held_out = samples.is_held_out
     press_mm = samples.press_mm[held_out]
     told_mm, spread_mm = model.press_and_spread_mm(samples.signals[held_out])
@@ -203,12 +206,12 @@ def trust_of(model: KnowsSpread, samples: PressSamples) -> tuple[SigmaTable, dic
 def sigma_table(
     told_mm: FloatArray, spread_mm: FloatArray, press_mm: FloatArray, bins: int = BINS
 ) -> SigmaTable:
-    """Factors from held-out samples.
+    """Factors from raw deviations to errors, by estimated depth, from held-out samples.
 
     Parameters
     ----------
-    told_mm, spread_mm : (n, 3) estimates of the model, and their raw deviation, above 0 [mm]
-    press_mm : (n, 3) the truth [mm]
+    told_mm, spread_mm : (n, 3) estimates of the model, and their raw deviations, which are above 0 [mm]
+    press_mm : (n, 3) true presses [mm]
     bins : number of bins of depth, with equal numbers of samples
     """
     order = np.argsort(told_mm[:, 2], kind="stable")

@@ -1,9 +1,9 @@
-"""A forest of regression trees as flat arrays.
+"""Estimate (x, y, depth) with a forest of regression trees, stored as flat arrays.
 
-A node means: if feature `f` is at most `threshold`, go to the next node, else to node `other`. A leaf has feature -1,
-and `other` is its row of `leaf_mm`. The result is the mean over the trees' leaves, their spread the raw deviation. All
-trees descend one level at a time together. Source: Geurts, Ernst and Wehenkel, Extremely randomized trees, Machine
-Learning 63 (2006).
+A node means: if its feature is at most `threshold`, go to the next node, otherwise to node `other`. A leaf has the
+feature -1, and `other` is its row of `leaf_mm`. The result is the mean over the trees' leaves; the spread over the
+trees is the raw deviation. All trees descend one level at a time together. Source: Geurts, Ernst and Wehenkel,
+Extremely randomized trees, Machine Learning 63 (2006).
 """
 
 from __future__ import annotations
@@ -24,20 +24,20 @@ from sims.learning.inference.trusted_model import TrustedModel
 
 FRAMES_AT_ONCE = 1_000
 LEAST_SPREAD_MM = 0.05
-"""Least spread [mm]: trees that all end at samples of one location agree exactly, but are not exact."""
+"""Least raw deviation [mm]: trees that all end at samples of one location agree exactly, but are not exact."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Forest:
-    """Trees one after another in shared arrays.
+    """Regression trees for x, y, depth, one after another in shared arrays.
 
     Attributes
     ----------
     roots : (tree,) number of each tree's first node
     feature : (node,) feature of the split; -1 at a leaf
-    threshold : (node,) in units of the feature
-    other : (node,) next node above the threshold; at a leaf, its row of leaf_mm
-    leaf_mm : (leaf, 3) x, y, depth [mm]
+    threshold : (node,) threshold of the split, in units of the feature
+    other : (node,) node to go to above the threshold; at a leaf, its row of `leaf_mm`
+    leaf_mm : (leaf, 3) estimated x, y, depth [mm]
     """
 
     roots: NDArray[np.int32]
@@ -47,7 +47,7 @@ class Forest:
     leaf_mm: NDArray[np.float32]
 
     def leaves_mm(self, features: NDArray[np.float32]) -> NDArray[np.float32]:
-        """(n, tree, 3) estimate of each tree for features (n, feature) [mm]."""
+        """Estimates (n, tree, 3) of each tree for features (n, feature) [mm]."""
         node = np.broadcast_to(self.roots, (len(features), len(self.roots))).copy()
         row = np.arange(len(features))[:, None]
         while True:
@@ -59,7 +59,7 @@ class Forest:
             node = np.where(is_inner, np.where(is_low, node + 1, self.other[node]), node)
 
     def arrays(self) -> dict[str, NDArray[np.generic]]:
-        """The numbers, named for a model's file."""
+        """The forest's arrays, by their names in a model file."""
         return {
             "forest_roots": self.roots,
             "forest_feature": self.feature,
@@ -71,17 +71,20 @@ class Forest:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ExtraTreesModel(TrustedModel):
-    """A touch classifier, a forest for the press, and the scale of its spread.
+    """A touch classifier, and a forest of trees that estimates x, y, depth with their deviations.
 
-    Attributes, in addition to those of every `TrustedModel`
+    Attributes
     ----------
-    forest : estimates x, y, depth
+    forest : the trees; the other attributes are those of every `TrustedModel`
     """
 
     forest: Forest
 
     def press_and_spread_mm(self, signals: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """(n, 3) mean over the trees, and (n, 3) their standard deviation joined with LEAST_SPREAD_MM [mm]."""
+        """Mean (n, 3) over the trees and raw deviation (n, 3) [mm].
+
+        The deviation is that over the trees, with `LEAST_SPREAD_MM` added in quadrature.
+        """
         features = self.scaling.features(signals).astype(np.float32)
         press_mm, spread_mm = np.empty((2, len(features), 3))
         for start in range(0, len(features), FRAMES_AT_ONCE):
@@ -91,12 +94,12 @@ class ExtraTreesModel(TrustedModel):
         return press_mm, spread_mm
 
     def arrays(self) -> Arrays:
-        """The arrays in its file."""
+        """The model's arrays, by their names in its file."""
         return self.touch.arrays() | self.scaling.arrays("trees") | self.forest.arrays() | self.sigma.arrays()
 
 
 def extra_trees_of_arrays(header: ModelHeader, arrays: Arrays) -> ExtraTreesModel:
-    """The model from `ExtraTreesModel.arrays`; raises InputError where the arrays do not fit."""
+    """The model from the arrays of `ExtraTreesModel.arrays`; raises `InputError` if they are inconsistent."""
     pairs = len(header.untouched_counts)
     scaling = scaling_of_arrays(arrays, "trees", pairs)
     return ExtraTreesModel(
@@ -109,7 +112,7 @@ def extra_trees_of_arrays(header: ModelHeader, arrays: Arrays) -> ExtraTreesMode
 
 
 def _forest(arrays: Arrays, features: int) -> Forest:
-    """Trees in which every path ends: each step goes to a later node of the array."""
+    """A forest from a file's arrays, checked so that every path ends: each step goes to a later node."""
     feature = taken_whole(arrays, "forest_feature", (None,))
     other = taken_whole(arrays, "forest_other", feature.shape)
     roots = taken_whole(arrays, "forest_roots", (None,))

@@ -1,11 +1,13 @@
-"""The pairs that a model uses, and their units.
+"""Select the pairs that a model uses, and scale their counts to features.
 
     feature = (counts - centre) / scale
 
-There are three kinds (docs/how-to/train-learner.md has that of each learner): `counts` (centre 0, one common scale, so
-that distances are those of the readings), `standard` (a pair's own mean and standard deviation over the training
-samples), and `untouched` (a pair's own mean and its spread over the training samples, at least the reading noise, so
-that noise of weak pairs is not amplified).
+There are three kinds of scaling (docs/how-to/train-learner.md has that of each learner):
+
+* `counts`: centre 0 and one common scale, so that distances are those of the readings.
+* `standard`: each pair's mean and standard deviation over the training samples.
+* `untouched`: each pair's mean and its spread over the training samples, at least the reading noise, so that the noise
+  of weak pairs is not amplified.
 """
 
 from __future__ import annotations
@@ -27,7 +29,7 @@ class FeatureScaling:
 
     Attributes
     ----------
-    kept : (feature,) pairs that are used, as positions in the frame
+    kept : (feature,) indices of the pairs that are used, in the order of a frame
     centre, scale : (feature,) offset and divisor of each feature [counts]
     """
 
@@ -36,11 +38,11 @@ class FeatureScaling:
     scale: FloatArray
 
     def features(self, signals: NDArray[np.floating[Any]]) -> FloatArray:
-        """(n, feature) of frames (n, pair) [-]."""
+        """Features (n, feature) of frames (n, pair) [-]."""
         return np.asarray((signals[:, self.kept] - self.centre) / self.scale)
 
     def arrays(self, prefix: str) -> dict[str, NDArray[np.generic]]:
-        """The arrays, named for a model's file."""
+        """The scaling's arrays for a model file, by names that start with `prefix`."""
         return {
             f"{prefix}_kept": self.kept.astype(np.int32),
             f"{prefix}_centre": self.centre,
@@ -49,12 +51,12 @@ class FeatureScaling:
 
 
 def scaling_of_arrays(arrays: Arrays, prefix: str, pairs: int) -> FeatureScaling:
-    """The scaling that `FeatureScaling.arrays` stored in a model's file.
+    """The scaling from the arrays that `FeatureScaling.arrays` returned.
 
     Parameters
     ----------
     arrays : arrays of the file by name
-    prefix : beginning of the names of the three arrays
+    prefix : start of the names of the three arrays
     pairs : number of pairs in a frame
 
     Raises

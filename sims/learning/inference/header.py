@@ -1,4 +1,4 @@
-"""The header of a model: its kind, its design, its training data."""
+"""The header of a model file: kind of model, design, and training data."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from design.arrays import FloatArray
 from design.errors import InputError
 
 LARGEST_NUMBER = 1e30
-"""Largest number in a model's file: well within single precision, in which many of its arrays are stored."""
+"""Largest number in a model file: well within single precision, in which many of its arrays are stored."""
 FORMAT = "optopad-model"
 VERSION = 1
 
 
 @dataclass(frozen=True, kw_only=True)
 class ForceCurve:
-    """Force against depth of a press away from the walls.
+    """Force against depth of a press in the middle of the pad, away from the walls.
 
     Attributes
     ----------
@@ -31,24 +31,24 @@ class ForceCurve:
     force_n: tuple[float, ...]
 
     def at(self, depth_mm: FloatArray) -> FloatArray:
-        """(n,) force, linear between the depths, 0 above the surface, constant below the deepest [N]."""
+        """Force (n,) at depths (n,) [N]: interpolated linearly, 0 above the surface, constant beyond the deepest."""
         return np.interp(depth_mm, self.depth_mm, self.force_n, left=0.0)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ModelHeader:
-    """The description of a model.
+    """Description of a trained model.
 
     Attributes
     ----------
-    kind : the learner that made it, a name of the kind table
-    design_digest : content hash of the design whose sensor was read; None where the data do not have it
-    emitter_names, receiver_names : in the order of the features, emitter outermost
-    untouched_counts : (pair,) mean features of the untouched training frames, to detect drift [counts]
-    trained_on : data sets, counts of samples and locations, data left out
-    settings : settings chosen by the fit or given to it
-    created_with : versions of the software
-    force_curve : None where the design was not available
+    kind : name of the kind of model, which is also that of the learner that trained it
+    design_digest : digest of the design whose sensor gave the data; None if unknown
+    emitter_names, receiver_names : names of the components; features are in the order E1-R1, E1-R2, ...
+    untouched_counts : (pair,) mean signals of the training frames without contact, to detect drift [counts]
+    trained_on : facts on the training data: data sets, numbers of samples and locations, data left out
+    settings : settings that were given to the fit or chosen by it
+    created_with : versions of the software that trained the model
+    force_curve : force against depth; None if the design was not available
     """
 
     kind: str
@@ -65,11 +65,11 @@ class ModelHeader:
 
     @property
     def pair_names(self) -> tuple[str, ...]:
-        """Names of the features, as E1-R1, emitter outermost."""
+        """Names of the pairs, in the order of the features: E1-R1, E1-R2, ..."""
         return tuple(f"{one}-{other}" for one in self.emitter_names for other in self.receiver_names)
 
     def to_json(self) -> dict[str, Any]:
-        """As plain data; `header_of_json` reads it."""
+        """The header as plain data, which `header_of_json` reads."""
         curve = self.force_curve
         return {
             "format": self.format,
@@ -93,7 +93,7 @@ def header_of_json(document: Any) -> ModelHeader:
 
     Raises
     ------
-    InputError : it is no such header, or one of another version; the message names the entry.
+    InputError : an entry is missing or wrong, or the version differs; the message names the entry.
     """
     if not isinstance(document, dict) or document.get("format") != FORMAT:
         raise InputError("is no optopad model; `optopad train` makes one")
@@ -123,7 +123,7 @@ def header_of_json(document: Any) -> ModelHeader:
 
 
 def require_design(header: ModelHeader, design_digest: str) -> None:
-    """Refuse a model of another design; one without a design is accepted.
+    """Refuse a model of another design; a model without a digest is accepted.
 
     Raises
     ------

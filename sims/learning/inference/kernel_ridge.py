@@ -1,9 +1,9 @@
-"""Kernel ridge regression with the Laplacian kernel: the paper's (x, y, depth).
+"""Estimate (x, y, depth) by kernel ridge regression with the Laplacian kernel, as in the paper.
 
     f(s) = m + Σ_i a_i exp(-γ |s - s_i|₁)        sum over the kept training samples s_i
 
-with |.|₁ the sum of absolute differences of the features. The samples are kept in single precision: a frame is
-compared with each of them, and reading from memory sets the time.
+with features s, mean press m, weights a_i, and |.|₁ the sum of absolute differences. The samples are stored in single
+precision, because a frame is compared with each of them, and reading them from memory takes most of the time.
 """
 
 from __future__ import annotations
@@ -24,20 +24,20 @@ from sims.learning.inference.touch_svm import TouchSvm, touch_svm_of_arrays
 Float32Array = NDArray[np.float32]
 
 BLOCK = 512
-"""Number of kept samples that are compared at once: their differences stay in the processor's cache."""
+"""Number of stored samples that are compared at once: their differences fit into the processor's cache."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class KernelRidgeModel:
-    """The cascade of the paper: a support vector machine for touch, kernel ridge for the press.
+    """The paper's model: a support vector machine for touch, then kernel ridge regression for the press.
 
     Attributes
     ----------
     header : description of the model and its training data
-    touch : classifier of the first stage
-    scaling : scaling of the second stage
-    samples : (kept, feature) features of training samples [-]
-    weights : (kept, 3) weights of x, y, depth [mm]
+    touch : touch classifier
+    scaling : scaling of the features of the regression
+    samples : (kept, feature) features of the stored training samples [-]
+    weights : (kept, 3) weights of each stored sample for x, y, depth [mm]
     mean_mm : (3,) mean press of the training samples [mm]
     gamma : γ of the kernel, per unit of L1 distance of features [-]
     """
@@ -62,7 +62,7 @@ class KernelRidgeModel:
         return np.asarray(self.mean_mm + kernel @ self.weights)
 
     def arrays(self) -> Arrays:
-        """The arrays in its file."""
+        """The model's arrays, by their names in its file."""
         return (
             self.touch.arrays()
             | self.scaling.arrays("ridge")
@@ -76,7 +76,7 @@ class KernelRidgeModel:
 
 
 def l1_distances(samples: Float32Array, feature: Float32Array) -> Float32Array:
-    """(kept,) L1 distances of one sample (feature,) to many (kept, feature)."""
+    """L1 distances (kept,) between one sample (feature,) and the stored samples (kept, feature)."""
     distances = np.empty(len(samples), np.float32)
     ones = np.ones(samples.shape[1], np.float32)
     work = np.empty((min(BLOCK, len(samples)), samples.shape[1]), np.float32)
@@ -90,7 +90,7 @@ def l1_distances(samples: Float32Array, feature: Float32Array) -> Float32Array:
 
 
 def kernel_ridge_of_arrays(header: ModelHeader, arrays: Arrays) -> KernelRidgeModel:
-    """The model from `KernelRidgeModel.arrays`; raises InputError where the arrays do not fit."""
+    """The model from the arrays of `KernelRidgeModel.arrays`; raises `InputError` if they are inconsistent."""
     pairs = len(header.untouched_counts)
     scaling = scaling_of_arrays(arrays, "ridge", pairs)
     samples = taken(arrays, "ridge_samples", (None, len(scaling.kept)))

@@ -1,10 +1,10 @@
-"""A trained model in one file, `.optomodel`: a NumPy archive of plain arrays and a JSON header.
+"""Write and read a trained model in one file, `.optomodel`: a NumPy archive of plain arrays and a JSON header.
 
 The archive (.npz, a zip file) holds an array `header` (the JSON text's UTF-8 bytes), the arrays of the model, and
-`sha256` (the checksum's 32 bytes) over header and arrays: names, types, shapes and contents, in the order of the
-names. Nothing in the file is executed on reading. It is written whole or not at all.
+`sha256`, the 32 bytes of a checksum over header and arrays: names, types, shapes and contents, in the order of the
+names. Reading executes nothing in the file. It is written completely or not at all.
 
-The kinds of models, each with its constructor from arrays.
+`KINDS` lists the kinds of models.
 """
 
 from __future__ import annotations
@@ -35,20 +35,22 @@ KINDS: dict[str, Callable[[ModelHeader, Arrays], TouchModel]] = {
     "network": network_of_arrays,
     "signal-map": signal_map_of_arrays,
 }
-"""Constructors of models from header and arrays, by kind; they raise InputError where the arrays do not fit."""
+"""Constructors of models from header and arrays, by kind; they raise `InputError` if the arrays are inconsistent."""
 
 NEEDED = "a model (.optomodel), which `optopad train` writes"
 MOST_BYTES = 400_000_000
-"""Largest size of the unpacked arrays: twice that of a kernel-ridge model of 49,000 samples of 1,024 pairs."""
+"""Largest accepted size of the unpacked arrays [bytes]: twice that of a kernel-ridge model with 49,000 samples of 1,024
+pairs.
+"""
 _HEADER, _CHECKSUM = "header", "sha256"
 
 
 def save_model(file: str | os.PathLike[str], model: TouchModel) -> None:
-    """Write a model; an older file stays until the new one is complete.
+    """Write a model to a file; an older file remains until the new one is complete.
 
     Raises
     ------
-    InputError, OutputError : as for `design.files.whole_file`.
+    InputError, OutputError : the file cannot be written, see `design.files.whole_file`.
     """
     text = json.dumps(model.header.to_json(), allow_nan=False).encode()
     arrays: dict[str, NDArray[Any]] = {name: np.asarray(array) for name, array in model.arrays().items()}
@@ -59,11 +61,11 @@ def save_model(file: str | os.PathLike[str], model: TouchModel) -> None:
 
 
 def load_model(file: str | os.PathLike[str]) -> TouchModel:
-    """Read a model.
+    """Read a model from a file.
 
     Raises
     ------
-    InputError : the file is missing, damaged, of another version, or of a kind that this optopad does not know.
+    InputError : the file is missing or damaged, or has a version or kind of model that this optopad does not support.
     """
     path = Path(file)
     arrays = _read(path)
@@ -81,7 +83,7 @@ def load_model(file: str | os.PathLike[str]) -> TouchModel:
 
 
 def _read(path: Path) -> dict[str, NDArray[Any]]:
-    """The arrays of a file with a valid checksum, without the checksum."""
+    """The arrays of a file, except for its checksum, which is checked."""
     if not path.is_file():
         what = "a folder" if path.is_dir() else "no such file"
         raise InputError(f"{path}: {what}; needs {NEEDED}")

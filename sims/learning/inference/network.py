@@ -1,9 +1,9 @@
-"""Small neural networks: layers of weighted sums, each but the last followed by the rectifier or hyperbolic tangent.
+"""Estimate (x, y, depth) with small neural networks: layers of weighted sums with an activation function between them.
 
     h_0 = features;  h_k = act(h_{k-1} W_k + b_k);  (x, y, depth) = mean + scale × (h_{n-1} W_n + b_n)
 
-Several networks that differ by their random start form an ensemble: their mean is the estimate, their spread part of
-the raw deviation.
+The activation `act` is the rectifier or the hyperbolic tangent. Several networks that differ by their random start form
+an ensemble: their mean is the estimate. The raw deviation is 1 mm for every frame.
 """
 
 from __future__ import annotations
@@ -31,9 +31,9 @@ class Network:
 
     Attributes
     ----------
-    weights : weights of each layer (inputs, outputs)
-    biases : biases of each layer (outputs,)
-    activation : relu or tanh
+    weights : weights of each layer, (inputs, outputs) each
+    biases : biases of each layer, (outputs,) each
+    activation : `relu` (rectifier) or `tanh`
     """
 
     weights: tuple[NDArray[np.float32], ...]
@@ -41,7 +41,7 @@ class Network:
     activation: str
 
     def outputs(self, features: NDArray[np.float32]) -> NDArray[np.float32]:
-        """(n, output) outputs for features (n, feature) [-]."""
+        """Outputs (n, output) of the network for features (n, feature) [-]."""
         found = features
         for weights, bias in zip(self.weights[:-1], self.biases[:-1], strict=True):
             found = found @ weights + bias
@@ -51,12 +51,12 @@ class Network:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class NetworkModel(TrustedModel):
-    """A touch classifier, networks for the press, and the scale of their deviations.
+    """A touch classifier, and neural networks that estimate x, y, depth with their deviations.
 
-    Attributes, in addition to those of every `TrustedModel`
+    Attributes
     ----------
-    networks : the networks of the ensemble
-    mean_mm, scale_mm : (3,) mean and scale of the outputs [mm]
+    networks : networks of the ensemble; attributes not listed here are those of every `TrustedModel`
+    mean_mm, scale_mm : (3,) offset and scale of the networks' outputs [mm]
     """
 
     networks: tuple[Network, ...]
@@ -64,14 +64,14 @@ class NetworkModel(TrustedModel):
     scale_mm: FloatArray
 
     def press_and_spread_mm(self, signals: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """(n, 3) mean over the networks, and (n, 3) raw deviation: 1 mm, as single networks have no own [mm]."""
+        """Mean over the networks (n, 3) [mm], and a raw deviation (n, 3) of 1 mm everywhere."""
         features = self.scaling.features(signals).astype(np.float32)
         said = np.mean([one.outputs(features) for one in self.networks], axis=0, dtype=np.float64)
         press_mm = np.asarray(self.mean_mm + said * self.scale_mm)
         return press_mm, np.ones_like(press_mm)
 
     def arrays(self) -> Arrays:
-        """The arrays in its file."""
+        """The model's arrays, by their names in its file."""
         layers = {
             f"network_{number}_{layer}_{name}": array
             for number, one in enumerate(self.networks)
@@ -94,7 +94,7 @@ class NetworkModel(TrustedModel):
 
 
 def network_of_arrays(header: ModelHeader, arrays: Arrays) -> NetworkModel:
-    """The model from `NetworkModel.arrays`; raises InputError where the arrays do not fit."""
+    """The model from the arrays of `NetworkModel.arrays`; raises `InputError` if they are inconsistent."""
     pairs = len(header.untouched_counts)
     scaling = scaling_of_arrays(arrays, "network", pairs)
     count, layers = (int(number) for number in taken(arrays, "network_shape", (2,)))
@@ -118,7 +118,7 @@ def network_of_arrays(header: ModelHeader, arrays: Arrays) -> NetworkModel:
 
 
 def _network(arrays: Arrays, number: int, layers: int, inputs: int, activation: str) -> Network:
-    """One network whose layers fit together and end in three outputs."""
+    """One network from a file's arrays, checked: consecutive layers must fit, and there must be three outputs."""
     weights: list[NDArray[np.float32]] = []
     biases: list[NDArray[np.float32]] = []
     for layer in range(layers):

@@ -1,4 +1,4 @@
-"""Predictions of a model from readings: touch, location, depth, their deviations, force."""
+"""A model's predictions for frames: touch, location, depth, their deviations, force."""
 
 from __future__ import annotations
 
@@ -13,12 +13,13 @@ class Prediction:
 
     Attributes
     ----------
-    is_touched : (n,) the model's decision
-    touch_score : (n,) score of the decision: higher above 0 means a more certain touch; it is no probability [-]
-    press_mm : (n, 3) x, y, depth [mm]; given for every frame, meaningful where there is touch
-    sigma_mm : (n, 3) standard deviations of press_mm [mm]; NaN where the model has none. They refer to the tip (signal
-        map), or to the stage's position with its errors (learners), as `sigma_of` in the header's settings states
-    force_n : (n,) from the force curve of the model's header, 0 where untouched [N]; None without such a curve
+    is_touched : (n,) whether the model detects a touch
+    touch_score : (n,) score of this decision [-]: touch above 0, the more certain the higher; not a probability
+    press_mm : (n, 3) x, y, depth [mm]; given for every frame, but meaningful only if there is touch
+    sigma_mm : (n, 3) standard deviations of `press_mm` [mm]; NaN if the model has none. For a signal map they refer to
+        the tip's true position, for other models to the position that the stage reports; `sigma_of` in the header's
+        settings states which
+    force_n : (n,) force from the force curve of the model's header [N], 0 without touch; None if there is no such curve
     """
 
     is_touched: BoolArray

@@ -1,9 +1,11 @@
-"""Factors of a model's own spread by depth, measured at locations on which it was not trained.
+"""Factors that scale a model's raw deviation to its real error, by depth.
+
+They are measured at locations on which the model was not trained:
 
     sigma = raw sigma × factor(estimated depth)
 
-Factors are linear in depth between the table's depths, and constant outside. A model without its own spread reports
-1 mm, and the factor is its error.
+Factors are linear in depth between the table's depths, and constant outside. A model without its own spread has a raw
+deviation of 1 mm, so the factor is its error in mm.
 """
 
 from __future__ import annotations
@@ -20,33 +22,33 @@ from sims.learning.inference.touch_model import Arrays, taken
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SigmaTable:
-    """Factors of the standard deviation.
+    """Factors from a model's raw deviation to its standard deviation, by depth.
 
     Attributes
     ----------
-    depth_mm : (depth,) rising depths [mm]
-    factor : (depth, 3) of x, y, depth [-]
+    depth_mm : (depth,) increasing depths [mm]
+    factor : (depth, 3) factors for x, y, depth [-]
     """
 
     depth_mm: FloatArray
     factor: FloatArray
 
     def sigma_mm(self, depth_mm: FloatArray, raw_mm: FloatArray) -> FloatArray:
-        """(n, 3) standard deviations [mm] from raw ones (n, 3) [mm] at estimated depths (n,) [mm]."""
+        """Standard deviations (n, 3) [mm], from raw ones (n, 3) [mm] at estimated depths (n,) [mm]."""
         factors = [np.interp(depth_mm, self.depth_mm, column) for column in self.factor.T]
         return np.asarray(raw_mm * np.stack(factors, axis=1))
 
     def arrays(self) -> dict[str, NDArray[np.generic]]:
-        """The arrays, named for a model's file."""
+        """The table's arrays, by their names in a model file."""
         return {"sigma_depth_mm": self.depth_mm, "sigma_factor": self.factor}
 
 
 UNIT_SIGMA = SigmaTable(depth_mm=np.zeros(1), factor=np.ones((1, 3)))
-"""Table of a model without measured factors."""
+"""Table of factors 1, for a model whose factors were not measured."""
 
 
 def sigma_table_of_arrays(arrays: Arrays) -> SigmaTable:
-    """The table from `SigmaTable.arrays`; raises InputError where the arrays do not fit."""
+    """The table from the arrays that `SigmaTable.arrays` returned; raises `InputError` if they are inconsistent."""
     depth_mm = taken(arrays, "sigma_depth_mm", (None,))
     factor = taken(arrays, "sigma_factor", (len(depth_mm), 3))
     if not len(depth_mm) or (np.diff(depth_mm) <= 0.0).any() or factor.min() < 0.0:

@@ -1,68 +1,65 @@
-"""Signals of many pairs over location and depth as one cubic spline, with gradients; numpy only.
+"""The model "signal-map": presses by least squares against the simulated signals of a design; needs numpy only.
 
-Model
------
+Signals as a cubic spline over location and depth (`TensorSpline`)
+------------------------------------------------------------------
 On nodes at equal steps in (x, y, s), s = √depth, every pair's signal is a sum of products of uniform cubic B-splines,
 
     f(x, y, s) = Σ c[i + a, j + b, k + c] wₐ(x) w_b(y) w_c(s),   a, b, c = 0 ... 3  (de Boor 1978, chapter IX),
 
-which passes through the values at the nodes. The root spreads the nodes as signals need them: the contact radius grows
-like √depth, and mode 1 of a pair can be over within 0.3 mm. Its slope by s is zero at s = 0, so that the signal leaves
-its untouched value in proportion to depth; the other ends have a third derivative that is continuous across the
-neighbouring node ("not a knot"). Beyond its nodes the spline is not defined: locations and depths are clamped to them.
+which passes through the values at the nodes. Equal steps of the root suit the signals: the contact radius grows like
+√depth, and mode 1 of a pair can be over within 0.3 mm. The slope by s is zero at s = 0, so that the signal leaves its
+untouched value in proportion to depth. The other ends have a third derivative that is continuous across the
+neighbouring node ("not a knot"). The spline is not defined beyond its nodes: locations and depths are clamped to them.
 
 Left out: kinks at the ends of shadows, which are rounded over a step.
 
-Errors of readings as one normal distribution per frame; numpy only.
-
-Model
------
-Signals y of all pairs (lit reading less the off state) have the covariance
+Errors of readings as one normal distribution per frame (`ReadingNoise`, `Whitening`)
+-------------------------------------------------------------------------------------
+Signals y of all pairs (lit reading minus the off state) have the covariance
 
     C = V + G Gᵀ,   V = diag (floor² + shot y + (relative y)²),   G = [δₑ y by emitter | δᵣ y by receiver]
 
 V is independent noise of every reading (electronics and rounding of both readings, photons, other noise that grows with
-the signal, the map's own error). G is a gain of each emitter and of each receiver with the uncertainty δ: an LED's
-fluctuation from frame to frame, and drift since the untouched signals were taken. Marginalising over a normal prior of
-the gains adds G Gᵀ (Rasmussen and Williams 2006, eq. 2.40). So
+the signal, the map's own error). G has a column for the gain of each emitter and of each receiver, with uncertainty δ:
+an LED's fluctuation from frame to frame, and drift since the untouched signals were taken. Marginalising over a normal
+prior of the gains adds G Gᵀ (Rasmussen and Williams 2006, eq. 2.40). So
 
     aᵀC⁻¹b = aᵀWb - (Ha)ᵀ(Hb),   W = V⁻¹,   H = L⁻¹GᵀW,   LLᵀ = 1 + GᵀWG        (Woodbury)
 
-with the measured signals instead of their means: one factorisation per frame, the same for every press that is tried,
-so that likelihoods of presses, and of none, are comparable. A reading at full scale has the weight 0.
+with the measured signals instead of their means. There is one factorisation per frame, the same for every press that is
+tried, so that likelihoods of all presses, and of no press, can be compared. A reading at full scale has the weight 0.
 
 Left out: the log-determinant's change with the press, drift of the off state, other errors that pairs share.
 
-The press that explains a frame best: a coarse table, then Gauss-Newton steps; numpy only.
-
-Model
------
-For a press θ = (x, y, depth) the signals have the mean m(θ) and the covariance C of `ReadingNoise`. The search
-minimises the square of the residual in C⁻¹, which is minus twice the log-likelihood except for a constant,
+The press that explains a frame best (`found_presses`)
+------------------------------------------------------
+For a press θ = (x, y, depth) the signals have the mean m(θ) and the covariance C. The search minimises the square of
+the residual in C⁻¹, which is minus twice the log-likelihood except for a constant,
 
     χ²(θ) = (y - m)ᵀ C⁻¹ (y - m),      step: (A + λ diag A) Δ = g,   A = JᵀC⁻¹J,   g = JᵀC⁻¹(y - m)
 
-(Levenberg 1944, Marquardt 1963; J by the spline). The search starts at the table's best press and at its best ones
-elsewhere, and stays inside a box: a coordinate at its border that would leave is held. At the end A⁻¹ is the
-covariance of the press, the gains marginalised. Pairs that remain beyond `OUTLIER` deviations get Huber's weights,
-and the search continues from there: a reading that the model does not explain moves the press less.
+(Levenberg 1944, Marquardt 1963; J by the spline). It starts at the best press of a coarse table, and at the best ones
+elsewhere, and remains inside a box: a coordinate at the border does not move beyond it. At the end A⁻¹ is the
+covariance of the press, with the gains marginalised. Pairs whose residual is still beyond `OUTLIER` deviations get
+Huber's weights, and the search continues from there, so that a reading that the model does not explain moves the press
+less.
 
-Left out: presses beyond the box, two tips at once, other minima (the second start is compared by χ² only), the spread
-of a flat χ² where the touch is too light to be located: there A⁻¹ is only approximate.
+Left out: presses beyond the box, two tips at once, other minima (the other starts are compared by χ² only), and the
+spread of a flat χ²: if the touch is too light to be located, A⁻¹ is only approximate.
 
-The kind "signal-map": presses by least squares against the simulated signals of the design; numpy only.
-
+The model (`SignalMapModel`)
+----------------------------
     signal of a pair = its untouched signal x (spline of √ratio over x, y, √depth)²,    limited at full scale
 
-The untouched signals are those of the sensor itself, so gains need not be known; the ratio is the light model's.
-Touch is decided by the ratio of likelihoods of the best press and of none, both under the same noise and with the same
-unknown gains (`press_search`, `reading_noise`):
+The untouched signals are those of the sensor itself, so gains need not be known. The ratio of a signal to its untouched
+value comes from the light model. Touch is decided by the ratio of likelihoods of the best press and of no press, both
+under the same noise and with the same unknown gains:
 
     score = ½ (χ²(no press) - χ²(best press)) - threshold
 
-Untouched training frames rarely exceed the threshold. `sigma_mm` refers to the tip's position from one frame: it is the
-curvature of χ² there, times a factor by depth (`sigma_table`), since the map's own error, an average over depths in the
-noise, grows with depth. Errors of the stage, and of contact and light model, are not included.
+Untouched training frames rarely exceed the threshold. `sigma_mm` is for the tip's position from one frame. It is the
+curvature of χ² there, times a factor by depth (`sigma_table`), since the map's own error grows with depth, but is in
+the noise as an average over depths. Errors of the stage, and of contact and light model, are not included.
 """
 
 from __future__ import annotations
@@ -82,11 +79,11 @@ from sims.learning.inference.sigma_table import UNIT_SIGMA, SigmaTable, sigma_ta
 from sims.learning.inference.touch_model import Arrays, checked_signals, prediction_of, taken
 
 CHUNK = 256
-"""Number of points evaluated at once: 64 coefficients of every pair are gathered for each, 4 MB with 64 pairs."""
+"""Number of points that are evaluated at once: 64 coefficients of every pair each, 4 MB with 64 pairs."""
 FEWEST_NODES = 5
-"""Least nodes along an axis: the condition at an end takes five coefficients."""
+"""Least number of nodes along an axis: the condition at an end of the spline needs five coefficients."""
 SMALLEST_ROOT = 1e-3
-"""Smallest √depth in the slope by depth [√mm]: (df/ds) / 2s has a limit at 0, its parts do not."""
+"""Smallest √depth used in the slope by depth [√mm]: (df/ds) / 2s has a limit at 0, but is 0/0 there."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -95,9 +92,10 @@ class TensorSpline:
 
     Attributes
     ----------
-    coefficients : (nx + 2, ny + 2, ns + 2, pair) of the B-splines, in the unit of the signals
-    start : (3,) first node of x [mm], y [mm] and s [√mm]
-    step : (3,) distance of the nodes, likewise
+    coefficients : (nx + 2, ny + 2, ns + 2, pair) coefficients of the B-splines over x, y, s = √depth, in the unit of
+        the signals
+    start : (3,) first node of x [mm], y [mm] and √depth [√mm]
+    step : (3,) distance between nodes, in the same units
     """
 
     coefficients: NDArray[np.float32]
@@ -106,13 +104,13 @@ class TensorSpline:
 
     @property
     def nodes(self) -> tuple[int, int, int]:
-        """Number of nodes of x, y and s."""
+        """Number of nodes in x, y and √depth."""
         nx, ny, ns = (count - 2 for count in self.coefficients.shape[:3])
         return nx, ny, ns
 
     @property
     def end(self) -> FloatArray:
-        """(3,) last node of x [mm], y [mm] and s [√mm]."""
+        """Last node (3,) of x [mm], y [mm] and √depth [√mm]."""
         return np.asarray(self.start + self.step * (np.array(self.nodes) - 1))
 
     @property
@@ -121,13 +119,13 @@ class TensorSpline:
         return float(self.end[2] ** 2)
 
     def values(self, press_mm: FloatArray) -> FloatArray:
-        """(n, pair) signals at (n, 3) locations and depths [mm]."""
+        """Signals (n, pair) at locations and depths (n, 3) [mm]."""
         return self._at(press_mm, with_slopes=False)[:, 0]
 
     def with_gradient(self, press_mm: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """(n, pair) signals and (n, 3, pair) their slopes by x, y and depth [1/mm] at (n, 3) locations and depths [mm].
+        """Signals (n, pair) and their slopes (n, 3, pair) by x, y and depth [per mm], at presses (n, 3) [mm].
 
-        Beyond the nodes both are those of the nearest point on the border.
+        Beyond the nodes, both are those at the nearest point on the border.
         """
         found = self._at(press_mm, with_slopes=True)
         return found[:, 0], found[:, 1:]
@@ -156,7 +154,7 @@ class TensorSpline:
         return np.asarray(products.reshape(*rows.shape[:2], 64) @ self._gathered(cell), dtype=np.float64)
 
     def _gathered(self, cell: IntArray) -> NDArray[np.float32]:
-        """(n, 64, pair) coefficients around each cell."""
+        """Coefficients (n, 64, pair) of the 4 x 4 x 4 B-splines that reach each cell (n, 3) between nodes."""
         across, along = self.coefficients.shape[1:3]
         corner = (cell[:, 0] * across + cell[:, 1]) * along + cell[:, 2]
         offsets = _offsets(across, along)
@@ -165,13 +163,13 @@ class TensorSpline:
 
 
 def fitted_spline(signals: FloatArray, start: FloatArray, step: FloatArray) -> TensorSpline:
-    """The spline through signals at its nodes.
+    """The spline that passes through signals at its nodes.
 
     Parameters
     ----------
-    signals : (nx, ny, ns, pair), the first s is 0
+    signals : (nx, ny, ns, pair) signals at the nodes of x, y and s = √depth, whose first node is 0
     start : (3,) first node of x [mm], y [mm], s [√mm]
-    step : (3,) distance of the nodes
+    step : (3,) distance between nodes, in the same units
     """
     coefficients = np.asarray(signals, dtype=np.float64)
     for axis in range(3):
@@ -185,7 +183,7 @@ def fitted_spline(signals: FloatArray, start: FloatArray, step: FloatArray) -> T
 
 
 def _solver(count: int, is_flat_at_start: bool) -> FloatArray:
-    """(count + 2, count) from values at nodes to coefficients."""
+    """Matrix (count + 2, count) that turns values at the nodes of one axis into spline coefficients."""
     if count < FEWEST_NODES:
         raise ValueError(f"{count} nodes along an axis, needs {FEWEST_NODES} or more")
     rows = np.zeros((count + 2, count + 2))
@@ -197,7 +195,7 @@ def _solver(count: int, is_flat_at_start: bool) -> FloatArray:
 
 
 def _weights(t: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """(n, 3, 4) values and slopes of the four B-splines that reach (n, 3) shares of a cell."""
+    """Values and slopes (n, 3, 4) of the four B-splines that reach each position `t` (n, 3) in a cell, 0 to 1."""
     value, slope = np.empty((*t.shape, 4)), np.empty((*t.shape, 4))
     u, t2 = 1.0 - t, t * t
     u2 = u * u
@@ -213,7 +211,7 @@ def _weights(t: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 
 def _products(weights: FloatArray) -> FloatArray:
-    """(n, 64) products of (n, 3, 4) weights, the last axis fastest."""
+    """Products (n, 64) of the three axes' weights (n, 3, 4); the index of the last axis runs fastest."""
     first, second, third = weights[:, 0], weights[:, 1], weights[:, 2]
     plane = (first[:, :, None] * second[:, None, :]).reshape(len(weights), 16)
     return np.asarray((plane[:, :, None] * third[:, None, :]).reshape(len(weights), 64))
@@ -221,27 +219,27 @@ def _products(weights: FloatArray) -> FloatArray:
 
 @cache
 def _offsets(across: int, along: int) -> IntArray:
-    """(64,) distance in the flat table from a cell's first coefficient to each of its 64."""
+    """Offsets (64,), in the flattened coefficients, of a cell's 64 coefficients from its first one."""
     i, j, k = np.meshgrid(np.arange(4), np.arange(4), np.arange(4), indexing="ij")
     return ((i * across + j) * along + k).ravel()
 
 
 CLIP_MARGIN = 3.0
-"""Standard deviations from full scale within which a reading counts as clipped."""
+"""A reading counts as clipped within this many standard deviations from full scale [-]."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ReadingNoise:
-    """Noise of a sensor's signals.
+    """Noise of a sensor's signals, which are readings minus those of the off state.
 
     Attributes
     ----------
     floor_counts : (pair,) standard deviation of a signal without light [counts]
-    shot : variance over signal [counts]
-    relative : standard deviation of a signal over itself, independent for each pair [-]
-    emitter_drift, receiver_drift : standard deviation of a gain, independent for each component [-]
-    emitters : number of emitters; the pairs are emitter by emitter
-    clip_counts : (pair,) signal above which the converter clips [counts]; infinite where that is not known
+    shot : variance of the shot noise over the signal [counts]
+    relative : further noise over the signal, independent for each pair [-]
+    emitter_drift, receiver_drift : relative standard deviation of a gain, independent for each component [-]
+    emitters : number of emitters; pairs are in the order E1-R1, E1-R2, ...
+    clip_counts : (pair,) signal above which the converter clips [counts]; infinite if unknown
     """
 
     floor_counts: FloatArray
@@ -258,18 +256,18 @@ class ReadingNoise:
         return len(self.floor_counts) // self.emitters
 
     def variance(self, signals: FloatArray) -> FloatArray:
-        """(n, pair) variance of each signal on its own [counts²]."""
+        """Variance (n, pair) of each signal by independent noise, without gains [counts²]."""
         shot = self.shot * np.maximum(signals, 0.0)
         return np.asarray(self.floor_counts**2 + shot + (self.relative * signals) ** 2)
 
     def gain_columns(self, signals: FloatArray) -> FloatArray:
-        """(n, gain, pair) change of the signals by a standard deviation of each gain [counts]."""
+        """Change (n, gain, pair) of the signals by one standard deviation of each gain [counts]."""
         by_emitter = np.repeat(np.eye(self.emitters), self.receivers, axis=1) * self.emitter_drift
         by_receiver = np.tile(np.eye(self.receivers), (1, self.emitters)) * self.receiver_drift
         return np.concatenate([by_emitter, by_receiver]) * signals[:, None, :]
 
     def seen_in(self, signals: FloatArray) -> Whitening:
-        """The covariance of frames (n, pair), prepared for products."""
+        """The inverse covariance of frames (n, pair), prepared for products."""
         variance = self.variance(signals)
         is_clipped = signals >= self.clip_counts - CLIP_MARGIN * np.sqrt(variance)
         return whitening(np.where(is_clipped, 0.0, 1.0 / variance), self.gain_columns(signals))
@@ -277,13 +275,13 @@ class ReadingNoise:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Whitening:
-    """The inverse covariance of n frames, aᵀC⁻¹b = aᵀWb - (Ha)ᵀ(Hb).
+    """The inverse covariance C⁻¹ of n frames, as aᵀC⁻¹b = aᵀWb - (Ha)ᵀ(Hb) for signals a and b.
 
     Attributes
     ----------
-    weight : (n, pair) W [1/counts²]
-    gains : (n, gain, pair) G
-    shared : (n, gain, pair) H [1/counts]
+    weight : (n, pair) W, the inverse variances of independent noise [1/counts²]
+    gains : (n, gain, pair) G, change of the signals by one standard deviation of each gain [counts]
+    shared : (n, gain, pair) H, the correction for gains that pairs share [1/counts]
     """
 
     weight: FloatArray
@@ -291,16 +289,16 @@ class Whitening:
     shared: FloatArray
 
     def square(self, residual: FloatArray) -> FloatArray:
-        """(n,) rᵀC⁻¹r of residuals (n, pair) [counts]."""
+        """χ² = rᵀC⁻¹r (n,) of residuals r (n, pair) [counts], with the frames' covariance C."""
         shared = (self.shared @ residual[:, :, None])[:, :, 0]
         return np.asarray((self.weight * residual**2).sum(axis=1) - (shared**2).sum(axis=1))
 
     def of(self, rows: FloatArray | slice | NDArray[np.intp]) -> Whitening:
-        """Some of the frames."""
+        """The inverse covariance of some of the frames."""
         return Whitening(weight=self.weight[rows], gains=self.gains[rows], shared=self.shared[rows])
 
     def own_deviations(self, residual: FloatArray) -> FloatArray:
-        """(n, pair) residuals less the part explained by gains, in each pair's own standard deviations [-]."""
+        """Residuals (n, pair) minus the part that gains explain, over each pair's own standard deviation [-]."""
         shared = (self.shared @ residual[:, :, None])[:, :, 0]
         factor = _factor(self.weight, self.gains)
         gains = np.linalg.solve(np.swapaxes(factor, 1, 2), shared[:, :, None])[:, :, 0]
@@ -308,55 +306,56 @@ class Whitening:
         return np.asarray((residual - explained) * np.sqrt(self.weight))
 
     def softened(self, own_deviations: FloatArray, limit: float) -> Whitening:
-        """The same with less weight to pairs (n, pair) whose own deviation exceeds a limit (Huber's weights)."""
+        """The inverse covariance with less weight for pairs whose own deviation (n, pair) exceeds `limit` (Huber)."""
         excess = np.maximum(np.abs(own_deviations) / limit, 1.0)
         return whitening(self.weight / excess, self.gains)
 
 
 def whitening(weight: FloatArray, gains: FloatArray) -> Whitening:
-    """The whitening by weights (n, pair) and gains (n, gain, pair)."""
+    """The inverse covariance from weights (n, pair) and the effect of gains (n, gain, pair)."""
     shared = np.asarray(np.linalg.solve(_factor(weight, gains), gains * weight[:, None, :]))
     return Whitening(weight=weight, gains=gains, shared=shared)
 
 
 def _factor(weight: FloatArray, gains: FloatArray) -> FloatArray:
-    """(n, gain, gain) lower triangle L of 1 + GᵀWG."""
+    """Lower triangular matrix L (n, gain, gain) with L Lᵀ = 1 + GᵀWG."""
     inner = (gains * weight[:, None, :]) @ np.swapaxes(gains, 1, 2)
     return np.asarray(np.linalg.cholesky(inner + np.eye(gains.shape[1])))
 
 
 Answers = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
-"""Signals (n, pair) and their slopes (n, 3, pair) at presses (n, 3)."""
+"""Function from presses (n, 3) to signals (n, pair) and their slopes (n, 3, pair)."""
 
 STARTS = 3
 ELSEWHERE_MM = 3.0
-"""Least distance of a further start from those before it."""
+"""Least distance between two starts of the search in x and y [mm]."""
 STEPS = 9
 AFTER_STEPS = 4
-"""Most steps, and most steps after Huber's weights."""
+"""Most steps of the search from each start, and most further steps with Huber's weights."""
 MOST_PRODUCTS, MOST_ROWS = 250_000, 40
-"""A block of the table times this many rows stays below the 262,144 products from which OpenBLAS splits a product of
-matrices among threads: for one frame that has no gain, and costs milliseconds where other work occupies the cores."""
+"""A block of the table of starts times this many rows makes fewer than 262,144 products. From that size on OpenBLAS
+splits a product of matrices among threads. For one frame this gains nothing, and costs milliseconds on busy cores.
+"""
 DONE_MM = 1e-3
-"""Smallest step of the search: far below the noise of any frame."""
+"""Step at which the search ends [mm]: far below the noise of any frame."""
 DONE_SQUARE = 0.02
-"""Least gain in χ² of a step: a tenth of a standard deviation of the press; untouched frames are flat."""
+"""Gain of a step in χ² at which the search ends: about a tenth of a standard deviation of the press."""
 FIRST_DAMPING = 1e-2
 FACTOR = 6.0
 OUTLIER = 4.0
-"""Own deviations of a pair above which it loses weight."""
+"""Deviation of a pair's signal, in its own standard deviations, above which the pair loses weight [-]."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Box:
-    """Range of the search for presses: (3,) lowest and highest x, y, depth [mm]."""
+    """Range of the search for presses: lowest and highest (x, y, depth) [mm], (3,) each."""
 
     low: FloatArray
     high: FloatArray
 
     @property
     def prior_information(self) -> FloatArray:
-        """(3, 3) information of a uniform prior in the box [1/mm²]; it keeps the covariance finite without data."""
+        """Inverse covariance (3, 3) of a uniform prior in the box [1/mm²], which limits the covariance without data."""
         return np.asarray(np.diag(12.0 / (self.high - self.low) ** 2))
 
 
@@ -366,9 +365,10 @@ class Found:
 
     Attributes
     ----------
-    press_mm : (n, 3) x, y, depth; covariance : (n, 3, 3) [mm²]
-    square : (n,) χ² there [-]
-    untouched_square : (n,) χ² of no press, with the same weights [-]
+    press_mm : (n, 3) x, y, depth [mm]
+    covariance : (n, 3, 3) covariance of x, y, depth [mm²]
+    square : (n,) χ² of this press, see the module docstring [-]
+    untouched_square : (n,) χ² without any press, with the same weights [-]
     """
 
     press_mm: FloatArray
@@ -379,13 +379,13 @@ class Found:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class CoarseTable:
-    """Presses (t, 3) to start from and their signals (t, pair)."""
+    """Presses (t, 3) from which a search may start, and their signals (t, pair)."""
 
     press_mm: FloatArray
     signals: FloatArray
 
     def starts(self, signals: FloatArray, seen: Whitening) -> FloatArray:
-        """(n, STARTS, 3) presses to start from: the best one, and the best ones far from those before."""
+        """Presses to start from (n, STARTS, 3): the best of the table for each frame, then the best far from it."""
         square = self._squares(signals, seen)
         chosen = []
         for _ in range(STARTS):
@@ -397,14 +397,14 @@ class CoarseTable:
 
     @cached_property
     def _blocks(self) -> tuple[tuple[NDArray[np.float32], NDArray[np.float32]], ...]:
-        """Signals (pair, few) and their squares, block by block, in single precision: they only choose starts."""
+        """Signals (pair, few) of the table and their squares, in blocks of few presses; single precision is enough."""
         by_pair = np.asarray(self.signals.T, dtype=np.float32)
         few = max(MOST_PRODUCTS // (by_pair.shape[0] * MOST_ROWS), 1)
         parts = (by_pair[:, start : start + few] for start in range(0, by_pair.shape[1], few))
         return tuple((np.ascontiguousarray(part), np.ascontiguousarray(part**2)) for part in parts)
 
     def _squares(self, signals: FloatArray, seen: Whitening) -> FloatArray:
-        """(n, t) χ² of every press of the table, less their common part."""
+        """χ² (n, t) of n frames for every press of the table, up to a constant per frame."""
         count, gains, pairs = seen.shared.shape
         own = (seen.shared @ signals[:, :, None]).astype(np.float32)
         shared = seen.shared.reshape(count * gains, pairs).astype(np.float32)
@@ -424,13 +424,16 @@ def found_presses(
     untouched: FloatArray,
     seen: Whitening,
 ) -> Found:
-    """The best press of every frame.
+    """Find the press that explains each frame best.
 
     Parameters
     ----------
-    answers : the signals of presses and their slopes [counts, counts/mm]
-    signals : (n, pair) frames; untouched : (pair,) signals without a press [counts]
-    seen : the frames' covariance
+    answers : function that gives the signals of presses [counts] and their slopes [counts/mm]
+    table : presses from which the search may start
+    box : range of the search
+    signals : (n, pair) measured frames [counts]
+    untouched : (pair,) signals without a press [counts]
+    seen : inverse covariance of the frames
     """
     count = len(signals)
     starts = table.starts(signals, seen)
@@ -456,18 +459,18 @@ def found_presses(
 
 @dataclass(frozen=True, eq=False)
 class _Place:
-    """Presses (n, 3), χ² there (n,) and A (n, 3, 3)."""
+    """State of the search: presses (n, 3), their χ² (n,), and A (n, 3, 3), the information on them."""
 
     press: FloatArray
     square: FloatArray
     matrix: FloatArray
 
     def of(self, rows: NDArray[np.intp]) -> _Place:
-        """Some of the frames."""
+        """The state of some of the frames."""
         return _Place(self.press[rows], self.square[rows], self.matrix[rows])
 
     def replaced(self, rows: NDArray[np.intp], other: _Place) -> _Place:
-        """The same with some frames' presses replaced."""
+        """The state with the presses of some frames replaced by those of `other`."""
         merged = [one.copy() for one in (self.press, self.square, self.matrix)]
         for one, new in zip(merged, (other.press, other.square, other.matrix), strict=True):
             one[rows] = new
@@ -476,7 +479,7 @@ class _Place:
 
 @dataclass(frozen=True, eq=False)
 class _Search:
-    """Gauss-Newton steps of many frames in parallel."""
+    """Least squares search for the presses of many frames in parallel, by damped Gauss-Newton steps."""
 
     answers: Answers
     box: Box
@@ -484,7 +487,7 @@ class _Search:
     seen: Whitening
 
     def descend(self, press: FloatArray, steps: int) -> _Place:
-        """Some steps downhill."""
+        """Search from given presses (n, 3) for at most `steps` steps; only steps that lower χ² are taken."""
         press = np.clip(press, self.box.low, self.box.high)
         square, matrix, slope = self._normal(press)
         damping = np.full(len(press), FIRST_DAMPING)
@@ -505,7 +508,7 @@ class _Search:
         return _Place(press, square, matrix)
 
     def _normal(self, press: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """χ² (n,), A (n, 3, 3) and g (n, 3)."""
+        """χ² (n,), A (n, 3, 3) and g (n, 3) of the normal equations, at given presses (n, 3)."""
         mean, slopes = self.answers(press)
         residual = self.signals - mean
         weighted = slopes * self.seen.weight[:, None, :]
@@ -520,7 +523,7 @@ class _Search:
     def _step(
         self, press: FloatArray, matrix: FloatArray, slope: FloatArray, damping: FloatArray
     ) -> FloatArray:
-        """(n, 3) damped steps; a coordinate that would leave the box stays."""
+        """Damped steps (n, 3) from the normal equations; a coordinate at the box's border does not move beyond it."""
         is_held = ((press <= self.box.low) & (slope < 0)) | ((press >= self.box.high) & (slope > 0))
         is_free = ~is_held
         both = is_free[:, :, None] & is_free[:, None, :]
@@ -533,29 +536,29 @@ class _Search:
 
 KIND = "signal-map"
 FRAMES_AT_ONCE = 200
-"""Number of frames searched in parallel: their products stay within a few megabytes."""
+"""Number of frames that are searched in parallel, so that arrays do not exceed a few megabytes."""
 TABLE_PITCH_MM = 2.0
 LARGEST_BOX_MM = 1_000.0
-"""Largest coordinate of the box [mm]: no pad is larger, and the table of starts grows with its area."""
+"""Largest accepted coordinate of the box [mm]: no pad is larger, and the table of starts grows with the box's area."""
 LARGEST_TABLE = 50_000_000
-"""Most signals of the table of starts, 0.4 GB; a pad of 100 x 100 mm with 256 pairs has 7 million."""
+"""Largest accepted number of signals in the table of starts (0.4 GB); 100 x 100 mm with 256 pairs has 7 million."""
 TABLE_DEPTHS = 10
-"""Spacing of the presses from which a search may start; the search itself bridges the gaps between them."""
+"""Spacing of the presses in the table of starts: distance in x and y [mm], and number of depths."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SignalMapModel:
-    """A map of signals and how to invert it.
+    """Estimates presses by least squares, from a map of simulated signals over location and depth.
 
     Attributes
     ----------
-    header : description of the model; its untouched counts are the sensor's readings, including clipped ones
-    ratio_root : √(signal / untouched signal) of every pair
-    full_counts : (pair,) untouched signals as they would be without full scale [counts]
-    noise : noise of the readings, the map's own error included
-    box : range of presses
-    threshold : threshold of the touch decision [half units of χ²]
-    sigma : factors of the deviations by depth
+    header : description of the model; its `untouched_counts` are the sensor's readings, including clipped ones
+    ratio_root : √(signal / untouched signal) of every pair, as a spline over location and depth
+    full_counts : (pair,) untouched signals as they would be without clipping [counts]
+    noise : noise of the readings, including the map's own error
+    box : range of the search for presses
+    threshold : score, half a difference in χ², above which a touch is detected [-]
+    sigma : factors of the standard deviations, by depth
     """
 
     header: ModelHeader
@@ -567,7 +570,7 @@ class SignalMapModel:
     sigma: SigmaTable = UNIT_SIGMA
 
     def __post_init__(self) -> None:
-        """Make the table of starts once."""
+        """Compute the table of presses from which searches start."""
         press_mm = table_presses_mm(self.box)
         table = CoarseTable(press_mm=press_mm, signals=self.signals(press_mm))
         object.__setattr__(self, "_table", table)
@@ -585,7 +588,7 @@ class SignalMapModel:
         return prediction_of(self.header, score, press_mm, self.sigma.sigma_mm(press_mm[:, 2], raw_mm))
 
     def found(self, signals: FloatArray) -> Found:
-        """The best press of each of (n, pair) frames [counts]."""
+        """The press that explains each frame (n, pair) [counts] best."""
         table: CoarseTable = self._table  # type: ignore[attr-defined]
         return found_presses(
             self.answers,
@@ -597,12 +600,12 @@ class SignalMapModel:
         )
 
     def signals(self, press_mm: FloatArray) -> FloatArray:
-        """(n, pair) signals of presses (n, 3), limited at full scale [counts]."""
+        """Signals (n, pair) of presses (n, 3), limited at full scale [counts]."""
         ratio = self.ratio_root.values(press_mm) ** 2
         return np.asarray(np.minimum(ratio * self.full_counts, self.noise.clip_counts))
 
     def answers(self, press_mm: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Signals of presses, limited, and their slopes [counts/mm], which are 0 at full scale."""
+        """Signals (n, pair) of presses, limited at full scale, and slopes (n, 3, pair) [counts/mm], 0 at full scale."""
         root, slopes = self.ratio_root.with_gradient(press_mm)
         signals = root**2 * self.full_counts
         slopes *= (2.0 * root * self.full_counts)[:, None, :]
@@ -612,7 +615,7 @@ class SignalMapModel:
         )
 
     def arrays(self) -> Arrays:
-        """The arrays in its file."""
+        """The model's arrays, by their names in its file."""
         noise = self.noise
         return {
             "map_coefficients": self.ratio_root.coefficients,
@@ -629,7 +632,7 @@ class SignalMapModel:
 
 
 def table_presses_mm(box: Box) -> FloatArray:
-    """(t, 3) presses all over a box to start from [mm]; depths at equal steps of their root."""
+    """Presses (t, 3) all over a box, from which searches start [mm]; depths are at equal steps of their root."""
     sides = [
         np.linspace(low, high, int(np.ceil((high - low) / TABLE_PITCH_MM)) + 1)
         for low, high in zip(box.low[:2], box.high[:2], strict=True)
@@ -640,11 +643,11 @@ def table_presses_mm(box: Box) -> FloatArray:
 
 
 def signal_map_of_arrays(header: ModelHeader, arrays: Arrays) -> SignalMapModel:
-    """The model from `SignalMapModel.arrays`.
+    """The model from the arrays that `SignalMapModel.arrays` returned.
 
     Raises
     ------
-    InputError : arrays are missing or do not fit each other.
+    InputError : arrays are missing or inconsistent.
     """
     pairs = len(header.untouched_counts)
     full = taken(arrays, "full_counts", (pairs,))
@@ -680,7 +683,7 @@ def signal_map_of_arrays(header: ModelHeader, arrays: Arrays) -> SignalMapModel:
         ),
         box=Box(low=box[0], high=box[1]),
         threshold=float(taken(arrays, "threshold", (1,))[0]),
-        # files from before factors were measured have none
+        # older files have no measured factors
         sigma=sigma_table_of_arrays(arrays) if "sigma_factor" in arrays else UNIT_SIGMA,
     )
 

@@ -1,4 +1,4 @@
-"""The interface of every model, and the last step common to all of them."""
+"""The interface of every trained model, and helpers that all models share."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from sims.learning.inference.header import LARGEST_NUMBER, ModelHeader
 from sims.learning.inference.prediction import Prediction
 
 Arrays = Mapping[str, NDArray[np.generic]]
-"""The arrays of a model by name; its file contains them in addition to the header."""
+"""The arrays of a model by name; its file contains them and the header."""
 
 
 class TouchModel(Protocol):
-    """A trained model.
+    """Interface of a trained model, which predicts touch and press from frames.
 
     Attributes
     ----------
@@ -31,25 +31,25 @@ class TouchModel(Protocol):
         ...
 
     def predict(self, signals: FloatArray) -> Prediction:
-        """Predictions for frames.
+        """Predict touch, location, depth and force for n frames.
 
         Parameters
         ----------
-        signals : (n, pair) readings less the off state, emitter outermost [counts]
+        signals : (n, pair) readings minus those of the off state, in the order E1-R1, E1-R2, ... [counts]
         """
         ...
 
     def arrays(self) -> Arrays:
-        """The arrays in its file."""
+        """The model's arrays, by their names in its file."""
         ...
 
 
 def checked_signals(header: ModelHeader, signals: FloatArray) -> FloatArray:
-    """Frames as a model takes them, (n, pair) [counts].
+    """Check frames, and return them in double precision, (n, pair) [counts].
 
     Raises
     ------
-    InputError : the shape is not that of the header's pairs, or a value is not finite.
+    InputError : the number of pairs differs from the header's, or a value is not finite.
     """
     found = np.asarray(signals, dtype=np.float64)
     pairs = len(header.untouched_counts)
@@ -66,12 +66,12 @@ def checked_signals(header: ModelHeader, signals: FloatArray) -> FloatArray:
 def prediction_of(
     header: ModelHeader, touch_score: FloatArray, press_mm: FloatArray, sigma_mm: FloatArray | None = None
 ) -> Prediction:
-    """Decide touch at a score of 0, and add the force.
+    """Make a `Prediction`: decide touch by the score, and add the force from the header's curve.
 
     Parameters
     ----------
-    touch_score : (n,) above 0: touched
-    press_mm, sigma_mm : (n, 3) [mm]; without deviations they are NaN
+    touch_score : (n,) score of the touch decision; touch if above 0
+    press_mm, sigma_mm : (n, 3) x, y, depth and their standard deviations [mm]; None makes the latter NaN
     """
     is_touched = touch_score > 0.0
     curve = header.force_curve
@@ -87,16 +87,16 @@ def prediction_of(
 def taken(
     arrays: Arrays, name: str, axes: tuple[int | None, ...], *, largest: float = LARGEST_NUMBER
 ) -> FloatArray:
-    """One array of numbers from a model's file, in double precision.
+    """Check one array of numbers from a model file, and return it in double precision.
 
     Parameters
     ----------
-    axes : length of every axis; None accepts any
-    largest : largest magnitude of a number
+    axes : required length of every axis; None accepts any
+    largest : largest accepted magnitude of a number
 
     Raises
     ------
-    InputError : it is absent, of another shape, or not finite.
+    InputError : the array is absent, has another shape, or has a number that is not finite or too large.
     """
     if name not in arrays:
         raise InputError(f"{name}: is missing")
@@ -113,5 +113,5 @@ def taken(
 
 
 def taken_whole(arrays: Arrays, name: str, axes: tuple[int | None, ...]) -> NDArray[np.int32]:
-    """One array of whole numbers from a model's file; raises InputError like `taken`."""
+    """Check one array of whole numbers from a model file, and return it; raises `InputError` like `taken`."""
     return taken(arrays, name, axes, largest=np.iinfo(np.int32).max).astype(np.int32)

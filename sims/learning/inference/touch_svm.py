@@ -1,7 +1,7 @@
-"""Touch or not: the plane of a linear support vector machine.
+"""Detect touch by the plane of a linear support vector machine.
 
-score = w · feature + b; touched where it is above 0. Source: Cortes and Vapnik, Support-vector networks, Machine
-Learning 20 (1995); the paper's touch classifier.
+score = w · feature + b; touch if it is above 0. This is the paper's touch classifier. Source: Cortes and Vapnik,
+Support-vector networks, Machine Learning 20 (1995).
 """
 
 from __future__ import annotations
@@ -18,13 +18,13 @@ from sims.learning.inference.touch_model import Arrays, taken
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class TouchSvm:
-    """A plane in the space of the features.
+    """A plane in the space of the features that separates touch from no touch.
 
     Attributes
     ----------
     scaling : scaling of counts to features
-    weights : (feature,) normal of the plane [-]
-    bias : its offset [-]
+    weights : (feature,) w, normal of the plane [-]
+    bias : b, offset of the plane [-]
     """
 
     scaling: FeatureScaling
@@ -32,11 +32,14 @@ class TouchSvm:
     bias: float
 
     def score(self, signals: FloatArray) -> FloatArray:
-        """(n,) signed distance to the plane, in units of the margin, of frames (n, pair) [-]."""
+        """Score (n,) of frames (n, pair); above 0 means touch [-].
+
+        It is the signed distance from the plane, in units of the margin.
+        """
         return np.asarray(self.scaling.features(signals) @ self.weights + self.bias)
 
     def arrays(self) -> dict[str, NDArray[np.generic]]:
-        """The arrays, named for a model's file."""
+        """The classifier's arrays, by their names in a model file."""
         return self.scaling.arrays("touch") | {
             "touch_weights": self.weights,
             "touch_bias": np.array([self.bias]),
@@ -44,7 +47,7 @@ class TouchSvm:
 
 
 def touch_svm_of_arrays(arrays: Arrays, pairs: int) -> TouchSvm:
-    """The plane from `TouchSvm.arrays`; raises InputError where the arrays do not fit."""
+    """The classifier from the arrays that `TouchSvm.arrays` returned; raises `InputError` if they are inconsistent."""
     scaling = scaling_of_arrays(arrays, "touch", pairs)
     weights = taken(arrays, "touch_weights", scaling.kept.shape)
     return TouchSvm(scaling=scaling, weights=weights, bias=float(taken(arrays, "touch_bias", (1,))[0]))

@@ -1,4 +1,4 @@
-"""Common part of models that estimate their own deviations: touch first, then a press and its deviation."""
+"""Common part of models that estimate their own deviations: first touch, then the press and its deviation."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from sims.learning.inference.touch_svm import TouchSvm
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class TrustedModel(ABC):
-    """A touch classifier, an estimator of the press with a raw deviation, and the scale of that deviation.
+    """Base of models that combine a touch classifier with an estimator of the press and its deviation.
 
     Attributes
     ----------
     header : description of the model and its training data
-    touch : classifier of the first stage
-    scaling : scaling of the press's features
-    sigma : factors of the raw deviation
+    touch : touch classifier
+    scaling : scaling of the features of the press estimator
+    sigma : factors from the estimator's raw deviation to the standard deviation, by depth
     """
 
     header: ModelHeader
@@ -40,8 +40,8 @@ class TrustedModel(ABC):
 
     @abstractmethod
     def press_and_spread_mm(self, signals: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """(n, 3) press and (n, 3) raw deviation of frames (n, pair), before scaling [mm]."""
+        """Estimated presses (n, 3) of frames (n, pair), and their raw deviations (n, 3) before scaling [mm]."""
 
     @abstractmethod
     def arrays(self) -> Arrays:
-        """The arrays in its file."""
+        """The model's arrays, by their names in its file."""

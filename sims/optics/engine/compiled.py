@@ -1,5 +1,5 @@
 # mypy: no-warn-return-any
-"""The compiled entry points, cached on disk; all functions that they call are compiled into them."""
+"""Entry points of the light model for flat rectangular pads, compiled and cached on disk."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ put_further = njit(inline="always", error_model="numpy")(states.reflected_furthe
 def flat_matrix(
     emitters: FloatArray, receivers: FloatArray, box: FloatArray, rules: StraightRules
 ) -> FloatArray:
-    """(2, emitter, receiver) direct and mirrored flux under a flat top."""
+    """(2, emitter, receiver) direct flux, and flux mirrored by the flat untouched top."""
     nodes_e, weights_e, nodes_u, weights_u, nodes_z, weights_z = rules
     out = np.zeros((2, emitters.shape[0], receivers.shape[0]))
     for i in range(emitters.shape[0]):
@@ -71,7 +71,7 @@ def untouched_deposits(
     sources: FloatArray, gathers: bool, receivers: FloatArray, box: FloatArray, top: Top, points: FloatArray,
     count: int, shift: FloatArray, first: float, layout: IntArray,
 ) -> tuple[FloatArray, FloatArray]:  # fmt: skip
-    """(source, patch) deposits under the untouched top; (source, receiver) light mirrored there by smooth walls."""
+    """(source, patch) light deposited under the untouched top; (source, receiver) light that smooth walls mirror."""
     out = np.zeros((sources.shape[0], layout[5, 2] + layout[5, 0] * layout[5, 1]))
     seen = np.zeros((sources.shape[0], receivers.shape[0]))
     for i in range(sources.shape[0]):
@@ -85,7 +85,7 @@ def joined(
     given: FloatArray, taken: FloatArray, receivers: FloatArray, areas: FloatArray, layout: IntArray,
     reflectances: FloatArray,
 ) -> FloatArray:  # fmt: skip
-    """(emitter, receiver) once-scattered flux from deposits."""
+    """(emitter, receiver) flux scattered once, from the light deposited on patches."""
     out = np.zeros((given.shape[0], taken.shape[0]))
     for i in range(given.shape[0]):
         for j in range(taken.shape[0]):
@@ -99,7 +99,7 @@ def scattered(
     given: FloatArray, taken: FloatArray, receivers: FloatArray, patches: Patches, reflectances: FloatArray,
     orders: Orders, box: FloatArray, top: Top,
 ) -> FloatArray:  # fmt: skip
-    """(emitter, receiver) scattered flux of all orders from deposits."""
+    """(emitter, receiver) flux scattered once or more often, from the light deposited on patches."""
     none = np.zeros((0, 0))
     return all_orders(given, taken, receivers, patches, reflectances, orders, none, box, top)[0]
 
@@ -108,7 +108,7 @@ def scattered(
 def bounce_matrix(
     layout: IntArray, receivers: FloatArray, box: FloatArray, top: Top, points: FloatArray, count: int
 ) -> FloatArray:
-    """(patch, patch) share of one patch's scattered light that lands on another, untouched top."""
+    """(patch, patch) share of one patch's scattered light that lands on another under the untouched top."""
     return bounces(layout, receivers, box, top, points, count)
 
 
@@ -118,7 +118,7 @@ def trace_once(
     field: FloatArray, flat: UntouchedLight, scale: FloatArray, rules: StraightRules, image_rules: ImageRules,
     shifts: FloatArray, settings: FloatArray,
 ) -> None:  # fmt: skip
-    """Fill (replicate, class, emitter, receiver) with direct flux and flux mirrored once, over emitted power."""
+    """Fill `out` (replicate, class, emitter, receiver) with direct flux and flux mirrored once, over emitted power."""
     put_once(
         out,
         wanted,
@@ -141,7 +141,7 @@ def trace_further(
     field: FloatArray, flat: UntouchedLight, scale: FloatArray, points: FloatArray, shifts: FloatArray,
     patches: Patches, reflectances: FloatArray, orders: Orders, settings: FloatArray, flat_rays: UntouchedRays,
 ) -> None:  # fmt: skip
-    """Add flux mirrored several times by the top, flux mirrored by walls, and scattered flux."""
+    """Add to `out` the flux mirrored several times by the top, the flux mirrored by walls, and the scattered flux."""
     put_further(
         out, wanted, emitters, receivers, box, Top(rows, field), flat, scale, points, shifts, patches, reflectances,
         orders, settings, flat_rays,
@@ -150,13 +150,13 @@ def trace_further(
 
 @kernel
 def patch_layout(box: FloatArray, size: float) -> IntArray:
-    """(6, 3) columns, rows, first index of the patches on walls 0-3, bottom and tip."""
+    """(6, 3) number of columns, number of rows, and first index of the patches on walls 0-3, bottom and tip."""
     return layout_of(box, size)
 
 
 @kernel
 def patch_areas(layout: IntArray, receivers: FloatArray, box: FloatArray) -> FloatArray:
-    """(patch,) area without receiver faces; 0 for the tip's patches, which change with the press."""
+    """(patch,) area without receivers' faces [mm²]; 0 for the tip's patches, which change with the press."""
     return areas_of(layout, receivers, box)
 
 

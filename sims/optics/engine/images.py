@@ -1,20 +1,17 @@
 """Kernels: light with exactly one reflection at the deformed top.
 
-Light is summed island by island. An image is whole if every point of the emitter sends it to every point of
-the receiver, hidden nowhere and without a fold; it is summed path by path (`sims.optics.engine.mirrored`). Any
-other image, cut by a contact edge or a shadow or folded in a caustic, is summed over the top
-(`sims.optics.engine.mirrored`) on a lattice of points so dense that the image moves by a share of its size
-from one to the next; the share is smaller for brighter images. Every replicate moves the lattice by another
-fraction of its spacing.
+The top is divided into cells. A path from emitter point e over the top's point p to receiver point q has the length F =
+|p - e| + |q - p|. It is a mirror path if the gradient of F along the top vanishes (Fermat). Gradient and second
+derivatives of F are sums of an emitter's part and a receiver's part. So both are tabulated once for every patch (the
+face of an emitter or receiver) at the corners of the cells. A pair's light can only come from cells where the gradient
+is zero for some points of the two faces. To first order, the faces' points move the gradient within a sum of two
+parallelograms, the pair's *range*.
 
-Kernels: cells in which a pair's singly reflected light meets the top.
-
-A path from e over the top's point p to q has the length F = |p - e| + |q - p|. It is a mirror path where the
-gradient of F along the top vanishes (Fermat). Gradient and second derivatives of F are sums of an emitter's part and
-a receiver's part, so both are tabulated once for every patch on the nodes of `sims.optics.surface.tops`. A pair's
-light can only come from cells where the sum of gradients passes through zero for some points of the two patches; to
-first order these points move it within a sum of two parallelograms. Such cells form islands: one image each, or
-several that meet in a caustic.
+Connected cells of this kind form an *island*: one image of the emitter, or several that meet in a caustic. An image is
+*whole* if every point of the emitter sends it to every point of the receiver, without shadow or fold; it is summed path
+by path (`sims.optics.engine.mirrored`). An image that a contact edge or shadow cuts, or a caustic folds, is summed over
+a grid of points of the top. The points are so dense that the image moves by a share of its size from one to the next;
+the share is smaller for brighter images. Every replicate shifts the grid by another fraction of its spacing.
 """
 
 from __future__ import annotations
@@ -44,10 +41,12 @@ from sims.optics.surface.tops import (
 
 FINEST = 96
 COARSE, FINEST_STEP, BRIGHT = 2.5, 0.5, 0.03
-"""Steps of the first and finest lattice over the setting's; share of the untouched flux with the setting's own step."""
+"""Step of the first and of the finest grid of points, over the accuracy's `image_step`; and the share of the untouched
+flux at which an image is summed with that step itself."""
 NEAR_RANGE, BENT, CHANGED, MOST_CHANGE = 1.02, 1.4, 0.05, 4.0
-"""A point counts within this many half ranges, and more where a cell's middle differs from the mean of its corners, and
-where these differ: of 1.7 million points, benchmark and paper's pad, none with light was left out."""
+"""Tolerances of the test whether a point can mirror light from face to face (`_range_corners`): in general, more if a
+cell's middle differs from the mean of its corners, and more if the corners differ. Of 1.7 million points on two
+pads, no point with light was left out."""
 
 
 @kernel
@@ -55,8 +54,11 @@ def _range_corners(
     emitter: FloatArray, receiver: FloatArray, middle_e: FloatArray, middle_q: FloatArray, a: int, b: int, e: int,
     corner: FloatArray,
 ) -> None:  # fmt: skip
-    """Fill corner[side, 5] with the gradient across each edge direction over half the range at a cell's corners, and
-    its largest distance from 0 for a point in the range.
+    """Fill corner[side, 5] for a test whether points of a cell can mirror light from face to face.
+
+    The points of both faces span a parallelogram sum of gradients, with four edge directions (sides). Columns 0 to 3
+    are the gradient across the edge at the cell's corners, over half the span. Column 4 is the largest value at which a
+    point still counts.
     """
     close = closeness(emitter, receiver, a, b, e)
     for side in range(4):
@@ -76,7 +78,7 @@ def _range_corners(
 
 @kernel
 def _is_far(corner: FloatArray, fu: float, fv: float) -> bool:
-    """Whether a point in a cell is outside the pair's range."""
+    """Whether the point at fractions fu, fv of a cell mirrors no light from face to face, by `_range_corners`."""
     for side in range(4):
         low = corner[side, 0] + fu * (corner[side, 1] - corner[side, 0])
         high = corner[side, 2] + fu * (corner[side, 3] - corner[side, 2])
@@ -91,7 +93,7 @@ def cell_sum(
     skip_flat: bool, rings: int, phase: float, columns: FloatArray, sectors: FloatArray, box: FloatArray, top: Top,
     corner: FloatArray, poly: FloatArray, other: FloatArray,
 ) -> tuple[float, float]:  # fmt: skip
-    """Flux through one cell of the grid: (outside the skirt, inside it); `corner`: see `_range_corners`."""
+    """Flux mirrored in one cell, outside and inside the dimple's steep skirt; `corner` as from `_range_corners`."""
     nu = int(min(max(math.ceil(steps[0] / step), 1.0), FINEST))
     nv = int(min(max(math.ceil(steps[1] / step), 1.0), FINEST))
     u0 = ring_edge(a, rings, phase)
@@ -122,7 +124,8 @@ def island_sum(
     shifts: FloatArray, rings: int, phase: float, columns: FloatArray, sectors: FloatArray, box: FloatArray, top: Top,
     corner: FloatArray, poly: FloatArray, other: FloatArray, out: FloatArray,
 ) -> float:  # fmt: skip
-    """Fill out[replicate, (outside, inside the skirt)] with the flux through an island; the brightest replicate's."""
+    """Fill out[replicate, (outside, inside the skirt)] with the flux mirrored in a group of cells; return the largest
+    sum."""
     out[:] = 0.0
     for k in range(count):
         a = cells[k] // columns.shape[0]
@@ -148,8 +151,10 @@ def lattice_sum(
     shifts: FloatArray, rings: int, phase: float, columns: FloatArray, sectors: FloatArray, box: FloatArray, top: Top,
     corner: FloatArray, poly: FloatArray, other: FloatArray, out: FloatArray,
 ) -> None:  # fmt: skip
-    """Fill out[replicate, (outside, inside the skirt)] with an island's flux: on a coarse lattice, and where that shows
-    light on a finer one, finest for the brightest image over the pair's untouched flux `unit`.
+    """Fill out[replicate, (outside, inside the skirt)] with the flux that is mirrored in a group of adjacent cells.
+
+    A coarse grid of points comes first, and a finer one if there is light. It is finest for the images that are
+    brightest over the pair's untouched flux `unit`.
     """
     brightest = island_sum(
         source, target, emitter, receiver, middle_e, middle_q, cells, count, steps, COARSE * step, skip_flat, shifts,
@@ -172,10 +177,10 @@ def single_reflection(
     steps: FloatArray, corner: FloatArray, one: FloatArray, two: FloatArray, poly: FloatArray, other: FloatArray,
     part: FloatArray, out: FloatArray,
 ) -> None:  # fmt: skip
-    """Add a pair's singly reflected flux to out[replicate, (outside, inside the skirt)].
+    """Add a pair's flux with one reflection at the top to out[replicate, (outside, inside the steep skirt)].
 
-    `unit` is its untouched flux; `skip_flat`: light from beyond every deformed part is left out (the untouched value
-    replaces it).
+    unit : the pair's untouched flux
+    skip_flat : whether light mirrored outside every deformed part is left out, because its untouched value is used
     """
     if lit_cells(emitter, receiver, box_e, box_q, columns, steps, tag) == 0:
         return
@@ -218,26 +223,28 @@ ACROSS_U = ACROSS_S + 3
 PATCH_COLUMNS = 17
 BOX_COLUMNS = 5
 MARGIN = 0.35
-"""Share of a cell's change of gradient by which its corners may fail to bound it."""
+"""Tolerance of a cell's bounds on the gradient of the path length, as a share of the gradient's change in the cell."""
 GRAZE = 1.2
 CORE = 1.6
 FOLD_U, FOLD_V = 4, 2
-"""Distance outside the pair's range, in its sizes, up to which a point shows whether an image folds; points a cell."""
+"""Distance up to which a point near an image is tested for a fold of the image, in half sizes of the image; and number
+of such points per cell along u and v."""
 CLOSE_SHARE = 0.5
-"""Half a patch's diagonal over its distance, from which on it is close."""
+"""A face of an emitter or receiver is close to a point if half its diagonal is above this share of its distance."""
 ANYWHERE = 4.0
-"""Addition of a close patch to the range of the gradient: more than the sum of two unit vectors' plan parts."""
+"""Bound on the gradient of the path length for points near a face, more than the sum of two unit vectors can be."""
 SECOND_ORDER = 0.58
-"""Addition of any other patch, over the square of share / (1 - share): half the largest second derivative of a unit
-vector by its start, sqrt(4/3) over its length squared. Without it up to 2.5 % of a pair's light was lost, more on a
-finer grid."""
+"""Bound on second-order changes of the path length's gradient over a face: this times the square of s / (1 - s), with s
+half the face's diagonal over its distance. It is half the largest second derivative of a unit vector, sqrt(4/3) over
+length squared. Without it up to 2.5 % of a pair's light was lost, more on a finer grid."""
 CLOSE_STEPS = 2.0
 NEVER = 1e30
 
 
 @kernel
 def _put_across(row: FloatArray, edge: int, other: int, out: int) -> None:
-    """Fill three columns: the unit vector across one edge direction, and the reach of the other edge along it."""
+    """Fill three columns from `out`: unit vector across one edge of a parallelogram, and the other edge's extent along
+    it."""
     nx = -row[edge + 1]
     ny = row[edge]
     size = 1.0 / max(math.sqrt(nx * nx + ny * ny), 1e-12)
@@ -251,9 +258,11 @@ def leg_row(
     patch: FloatArray, x: float, y: float, z: float, gx: float, gy: float, hxx: float, hxy: float, hyy: float,
     box: FloatArray, out: FloatArray,
 ) -> None:  # fmt: skip
-    """Fill a row: gradient in plan of the leg's length from the patch's centre; its change from the centre to the
-    side and to the upper edge; second derivatives; cosine of the top's underside to the patch; addition to the
-    range, which is of first order only.
+    """Fill a row of `patch_table` for one point of the top.
+
+    Columns are for the distance from a face's centre to the point: its gradient in plan; the gradient's change from the
+    centre to the side and to the upper edge; second derivatives; cosine at which the face meets the top's underside;
+    bound on second-order changes; unit vector and extent of `_put_across`, twice.
     """
     wall = int(patch[0])
     ex, ey, ez = wall_point(wall, patch[1], patch[2], box)
@@ -289,7 +298,7 @@ def leg_row(
 
 @kernel
 def patch_table(patch: FloatArray, nodes: FloatArray, box: FloatArray, out: FloatArray) -> None:
-    """Fill (ring + 1, column, n) with the rows of one patch."""
+    """Fill (ring + 1, column, n) with the columns of `leg_row` for one face, at all corners of the cells."""
     for a in range(nodes.shape[0]):
         for b in range(nodes.shape[1]):
             leg_row(
@@ -300,7 +309,7 @@ def patch_table(patch: FloatArray, nodes: FloatArray, box: FloatArray, out: Floa
 
 @kernel
 def closeness(emitter: FloatArray, receiver: FloatArray, a: int, b: int, e: int) -> float:
-    """Addition beyond first order to the range of a cell's gradient; `ANYWHERE` or more next to a close patch."""
+    """Bound on second-order changes of a cell's gradient over both faces; `ANYWHERE` or more next to a close face."""
     close = 0.0
     for k in range(4):
         i = a + k % 2
@@ -311,7 +320,8 @@ def closeness(emitter: FloatArray, receiver: FloatArray, a: int, b: int, e: int)
 
 @kernel
 def _passes_box(emitter: FloatArray, receiver: FloatArray, a: int, b: int, e: int) -> bool:
-    """Whether both gradient components may vanish somewhere in the cell, and both patches see its underside."""
+    """Whether the path length's gradient may vanish somewhere in the cell, and both faces see the top's underside
+    there."""
     low_x = NEVER
     high_x = -NEVER
     low_y = NEVER
@@ -355,9 +365,7 @@ def _passes_box(emitter: FloatArray, receiver: FloatArray, a: int, b: int, e: in
 
 @kernel
 def across(emitter: FloatArray, receiver: FloatArray, side: int) -> tuple[float, float]:
-    """Gradient at a node, by its rows of both patches, across one of the four edge directions of the pair's range, and
-    half that range.
-    """
+    """Path length's gradient at a node across one of four edge directions of both faces' span, and half that span."""
     own = emitter if side < 2 else receiver
     other = receiver if side < 2 else emitter
     first = ACROSS_S if side % 2 == 0 else ACROSS_U
@@ -373,7 +381,7 @@ def across(emitter: FloatArray, receiver: FloatArray, side: int) -> tuple[float,
 
 @kernel
 def image_steps(emitter: FloatArray, receiver: FloatArray, a: int, b: int, e: int) -> tuple[float, float]:
-    """Motion of the pair's image across a cell along u and v, in its sizes; (-1, -1): no light from there."""
+    """How far a pair's image moves across a cell along u and along v, over its size; (-1, -1): no light from there."""
     if not _passes_box(emitter, receiver, a, b, e):
         return -1.0, -1.0
     along_u = 0.0
@@ -399,8 +407,9 @@ def image_steps(emitter: FloatArray, receiver: FloatArray, a: int, b: int, e: in
 
 @kernel
 def patch_boxes(table: FloatArray, columns: FloatArray, out: FloatArray) -> None:
-    """Fill (ring, column, 5): bounds of the gradient of a patch and of its range over a cell (low x, high x, low y,
-    high y), and the largest cosine of the cell to the patch.
+    """Fill (ring, column, 5) with bounds of a face's gradient over each cell, and its largest cosine there.
+
+    The bounds hold for all points of the face: low x, high x, low y, high y.
     """
     for a in range(table.shape[0] - 1):
         for b in range(table.shape[1]):
@@ -437,7 +446,10 @@ def lit_cells(
     emitter: FloatArray, receiver: FloatArray, box_e: FloatArray, box_q: FloatArray, columns: FloatArray,
     steps: FloatArray, tag: IntArray,
 ) -> int:  # fmt: skip
-    """Fill steps[ring, column, 2] and set tag to 1 where a cell may hold a mirror path, else 0; their number."""
+    """Set `tag` to 1 for cells that may mirror light between the pair's faces, else to 0; return how many have 1.
+
+    steps : (ring, column, 2) filled as by `image_steps`
+    """
     count = 0
     for a in range(emitter.shape[0] - 1):
         for b in range(emitter.shape[1]):
@@ -461,7 +473,7 @@ def lit_cells(
 def take_island(
     first: int, number: int, columns: FloatArray, tag: IntArray, stack: IntArray, cells: IntArray
 ) -> int:
-    """Give one island of cells tagged 1 (neighbours by side or corner) its number; returns its number of cells."""
+    """Set `tag` to `number` for adjacent cells with tag 1 and put them into `cells`; return how many they are."""
     rings, width = tag.shape
     found = 0
     tag[first // width, first % width] = number
@@ -488,7 +500,7 @@ def take_island(
 def island_start(
     emitter: FloatArray, receiver: FloatArray, columns: FloatArray, cells: IntArray, count: int
 ) -> tuple[int, int]:
-    """Ring and column of an island's node that is nearest to a mirror path."""
+    """Ring and column of the corner in a group of cells that is nearest to a mirror path from face to face."""
     width = emitter.shape[1]
     nearest = NEVER
     best_a = 0
@@ -508,7 +520,7 @@ def island_start(
 
 @kernel
 def _range_share(emitter: FloatArray, receiver: FloatArray) -> float:
-    """Distance of a point from a mirror path of the pair, over the pair's range; up to 1 inside."""
+    """How far a point is from mirroring light between the pair's faces: up to 1 if it does."""
     off = 0.0
     for side in range(4):
         f, w = across(emitter, receiver, side)
@@ -521,8 +533,10 @@ def island_fold(
     source: FloatArray, target: FloatArray, cells: IntArray, count: int, rings: int, phase: float,
     columns: FloatArray, sectors: FloatArray, box: FloatArray, top: Top, one: FloatArray, two: FloatArray,
 ) -> int:  # fmt: skip
-    """Sign of det d²F/dp² over an island, at `FOLD_U` x `FOLD_V` points a cell in or near the pair's range; 0 where it
-    changes, if no point is near, or if a patch is close.
+    """Sign of the determinant of d²F/dp² over a group of cells, F the path length and p the point of the top.
+
+    It is tested at `FOLD_U` x `FOLD_V` points per cell near the image. It is 0 if the sign changes, if no point is
+    near, or if a face is close.
     """
     width = columns.shape[0]
     sign = 0

@@ -1,12 +1,12 @@
-"""One emitter's light in one state as a row of numbers, and its name: a hash of all its inputs.
+"""One emitter's light in one state as a row of numbers, with a name: a hash of all its inputs.
 
-A row depends on: the block and its materials; all receivers (their faces absorb); this emitter, and its number (which
-selects its points); the top of this state; the requested pairs (several reflections are sampled for them); settings
-and seed; the sources of the light model, its libraries, and the processor for which they are compiled. It depends on
-no other emitter and no other state, and neither is in its name.
+A row depends on the block and its materials, all receivers (their faces absorb), this emitter, its number (which
+selects its sample points), this state's top, the requested pairs (several reflections are sampled for them), settings
+and seed. It also depends on the sources of the light model, its libraries, and the processor for which they are
+compiled. No other emitter or state matters, so neither is in its name.
 
-A row's name requires its top. Where tops come from presses of a design, the names are kept too, under one name of all
-their inputs: the light of the same presses is then found without any top.
+A row's name requires its top. If tops come from presses of a design, the names of all rows are stored, too, under one
+name for all their inputs. The light of the same presses is then found without computing any top.
 """
 
 from __future__ import annotations
@@ -27,34 +27,35 @@ from sims.optics.scene.optical_scene import OpticalScene
 
 NAME_BYTES = 20
 FORMAT = 1
-"""Version of a row's layout."""
+"""Version of the layout of rows; it is part of every name."""
 
 
 class KeptRows(Protocol):
-    """Rows of light that outlive a trace."""
+    """Store of rows of light that remain after a trace; rows are found by name."""
 
     def read(self, names: Sequence[bytes]) -> dict[bytes, bytes]:
-        """The stored rows."""
+        """Stored rows by name; missing ones are left out."""
 
     def write(self, rows: Mapping[bytes, bytes]) -> None:
-        """Keep rows."""
+        """Store rows under their names."""
 
 
 class Tops(Protocol):
-    """Tops of states as arrays, on which light depends.
+    """Tops of all states as arrays, which determine the light.
 
     Attributes
     ----------
-    rows : (state, ...) numbers and tables of the presses; field : (state, ...) nodes of smooth fields
+    rows : (state, ...) numbers and tables of the presses
+    field : (state, ...) nodes of smooth fields
     """
 
     @property
     def rows(self) -> FloatArray:
-        """Numbers and tables of the presses."""
+        """(state, ...) numbers and tables of the presses."""
 
     @property
     def field(self) -> FloatArray:
-        """Nodes of smooth fields."""
+        """(state, ...) nodes of smooth fields."""
 
 
 def row_names(
@@ -65,12 +66,15 @@ def row_names(
     settings: Accuracy,
     seed: int,
 ) -> list[list[bytes]]:
-    """Per state and emitter, the name of its row.
+    """Name of the row of each state and emitter.
 
     Parameters
     ----------
-    states : (n,) numbers of the tops
-    asked : (n, emitter, receiver) requested pairs
+    scene : the pad
+    tops : tops of all states
+    states : (n,) numbers of the states
+    asked : (n, emitter, receiver) mask of the requested pairs
+    settings, seed : accuracy and seed
     """
     common = _hash_of(FORMAT, _origin(), settings, seed, *_shared_fields(scene))
     emitters = [
@@ -86,7 +90,7 @@ def row_names(
 
 
 def names_of(content: bytes | None, states: int, emitters: int) -> list[list[bytes]] | None:
-    """Kept names of rows, per state and emitter; None where their number differs."""
+    """Names of rows by state and emitter, from stored bytes; None if their number does not fit."""
     if content is None or len(content) != NAME_BYTES * states * emitters:
         return None
     each = [content[start : start + NAME_BYTES] for start in range(0, len(content), NAME_BYTES)]
@@ -94,17 +98,19 @@ def names_of(content: bytes | None, states: int, emitters: int) -> list[list[byt
 
 
 def name_of_names(source: bytes, asked: BoolArray, settings: Accuracy, seed: int) -> bytes:
-    """Name under which the names of the rows of many states are kept.
+    """Name under which the names of the rows of many states are stored.
 
     Parameters
     ----------
     source : identifies the inputs of the tops of all states; equal bytes always give the same tops
+    asked : (n, emitter, receiver) mask of the requested pairs
+    settings, seed : accuracy and seed
     """
     return _hash_of(FORMAT, _origin(), source, asked, settings, seed).digest()
 
 
 def row_of(content: bytes, shape: tuple[int, ...]) -> FloatArray | None:
-    """A kept row as an array of the given shape; None where it is of another size or not finite."""
+    """A stored row as an array of the given shape; None if it has another size or is not finite."""
     if len(content) != 8 * int(np.prod(shape)):
         return None
     row = np.frombuffer(content, dtype="<f8").reshape(shape)
@@ -112,7 +118,7 @@ def row_of(content: bytes, shape: tuple[int, ...]) -> FloatArray | None:
 
 
 def content_of(row: FloatArray) -> bytes:
-    """A row's bytes."""
+    """Bytes of a row, for the store."""
     return row.astype("<f8").tobytes()
 
 
@@ -130,14 +136,14 @@ def _hash_of(*parts: object) -> hashlib.blake2b:
 
 
 def _bytes_of(part: object) -> bytes:
-    """Kind, shape and content, so that no two lists of parts have the same bytes."""
+    """Kind, shape and content of a value as bytes; different lists of values never give the same bytes."""
     if isinstance(part, np.ndarray):
         return f"{part.dtype.str}{part.shape}:".encode() + part.tobytes()
     return f"{part!r}:".encode()
 
 
 def _shared_fields(scene: OpticalScene) -> list[object]:
-    """All fields of a scene except its emitters, by name: a field added to scenes is in every name at once."""
+    """Names and values of all fields of a scene except its emitters', including fields that are added later."""
     return [
         item
         for field in fields(scene)
@@ -164,7 +170,7 @@ def _emitter_rows(scene: OpticalScene) -> list[list[object]]:
 
 @cache
 def _origin() -> str:
-    """Sources, libraries and processor that determine a row's bits."""
+    """Fingerprint of sources, libraries and processor, which determine a row's bits."""
     import numba
     import scipy
     from numba.core.registry import cpu_target

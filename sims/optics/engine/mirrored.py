@@ -1,26 +1,29 @@
 # mypy: no-warn-return-any
-"""Kernels: flux of a pair through one point of the top.
+"""Kernels: flux of a pair that the top mirrors once, through one point of the top or path by path.
 
-At a point p of the top the receiver's corners are reflected in the tangent plane and projected through p
-onto the emitter's plane; the projection clipped against the emitter is the lit area A_p, so
+Through one point
+-----------------
+At a point p of the top the receiver's corners are reflected in the tangent plane and projected through p onto the
+emitter's plane. The projection, clipped to the emitter, is the lit area A_p, so
 
     flux = integral over the top of r dr dphi  (g . d) (d . n_e) L / d^4  A_p / A_e  response
 
 with d from emitter to p, g = (-dh/dx, -dh/dy, 1), L the emitter's radiance. No ray is sampled, and a caustic is no
-singularity. The lit area is weighted by three points in each of its triangles: near the critical
-angle the mirrored share changes too fast for its centroid alone, and so does the response of a receiver that depends
-on direction. Angular tables may bend within the lit area: where their light differs between that rule and
-the triangles' centroids, the triangles are divided.
+singularity. The lit area is weighted at three points in each of its triangles, because near the critical angle the
+mirrored share changes too fast for its centroid alone. Triangles are divided if this rule differs from the triangles'
+centroids, as angular tables may bend within the lit area.
 
-Shadows: a leg that falls faster than the top can along its way is clear. Any other is tested at the centroid and the
-corners of the lit area, and at every point of the triangles where these differ.
+Shadows: the straight line from p down to a patch is free if it falls faster than the top can. Otherwise it is tested at
+the centroid and the corners of the lit area, and at every point of the triangles if these differ.
 
-Kernels: one image of a pair in the top, path by path.
-
-Where exactly one mirror path joins each emitter point e and receiver point q, Newton steps find its point p
-and Hamilton's characteristic function F = |p - e| + |q - p| gives the flux without a divergence of rays:
+Path by path
+------------
+If exactly one mirror path joins each emitter point e and receiver point q, Newton steps find its point p. Hamilton's
+characteristic function F = |p - e| + |q - p| gives the flux without a divergence of rays:
 
     d flux = radiance |det d²F/de dq| dA_e dA_q,   det = det(F_ep) det(F_pq) / det(F_pp).
+
+A patch is the face of an emitter (`source`) or receiver (`target`).
 """
 
 from __future__ import annotations
@@ -53,7 +56,7 @@ from sims.optics.surface.tops import (
 
 INWARD = 0.97
 UNEVEN, PARTS = 0.01, 4
-"""Share by which the two rules may differ; number of parts of each side of a divided triangle."""
+"""Largest relative difference of the two rules before triangles are divided; number of pieces per side."""
 
 
 @kernel
@@ -61,7 +64,10 @@ def _project(
     source: FloatArray, target: FloatArray, px: float, py: float, pz: float, gx: float, gy: float, ex: float,
     ey: float, ez: float, depth: float, box: FloatArray, poly: FloatArray,
 ) -> int:  # fmt: skip
-    """Receiver corners reflected at p and projected onto the emitter's plane, homogeneous; their number."""
+    """Reflect the receiver's corners at p and project them onto the emitter's plane, in homogeneous coordinates.
+
+    Returns the number of corners in `poly`.
+    """
     norm2 = 1.0 / (1.0 + gx * gx + gy * gy)
     n0, n1 = wall_normal(int(source[0]))
     on_x = int(source[0]) % 2 == 0
@@ -88,7 +94,7 @@ def _project(
 def _counted(
     dx: float, dy: float, dz: float, px: float, py: float, gx: float, gy: float, target: FloatArray, box: FloatArray,
 ) -> float:  # fmt: skip
-    """Share of the light along d, mirrored at p, that reaches the receiver's plane and is counted, over pi."""
+    """Share of the light along d, mirrored at p, that reaches the receiver's plane and is counted, divided by pi."""
     d = 1.0 / math.sqrt(dx * dx + dy * dy + dz * dz)
     back = 2.0 * (dz - gx * dx - gy * dy) * d / (1.0 + gx * gx + gy * gy)
     dx = dx * d + back * gx
@@ -105,9 +111,10 @@ def _emission(
     a: float, b: float, px: float, py: float, pz: float, gx: float, gy: float, ex: float, ey: float, ez: float,
     source: FloatArray, target: FloatArray, box: FloatArray,
 ) -> tuple[float, float, float, float, float, float]:  # fmt: skip
-    """Emission and absorption weight of the emitter point at offset (a, b), 0 where it and p do not face each other,
-    with `_counted` unless the receiver counts all directions equally; component of the way to p into the top, its
-    length, and the way.
+    """Weight and direction of the light from the emitter's point at offset (a, b) to p.
+
+    Returns the weight by emission and absorption (0 if point and p do not face each other), times `_counted` unless the
+    receiver counts all directions equally; component of the vector to p into the top; its length; the vector.
     """
     n0, n1 = wall_normal(int(source[0]))
     on_x = int(source[0]) % 2 == 0
@@ -134,7 +141,7 @@ def _spread(
     a: float, b: float, px: float, py: float, pz: float, gx: float, gy: float, ex: float, ey: float, ez: float,
     source: FloatArray, target: FloatArray, box: FloatArray,
 ) -> float:  # fmt: skip
-    """The same weight with the share mirrored by the top."""
+    """Weight of `_emission` times the share that the top mirrors."""
     f, into, d, _, _, _ = _emission(a, b, px, py, pz, gx, gy, ex, ey, ez, source, target, box)
     if f == 0.0:
         return 0.0
@@ -143,7 +150,7 @@ def _spread(
 
 @kernel
 def _may_be_shaded(px: float, py: float, pz: float, patch: FloatArray, box: FloatArray, top: Top) -> bool:
-    """Whether a leg from the top down to a patch may meet the top again: none does that falls faster all the way."""
+    """Whether the line from the top down to a patch may meet the top again, because it does not fall fast enough."""
     x0, y0, z = wall_point(int(patch[0]), patch[1] - patch[3], patch[2] + patch[4], box)
     x1, y1, _ = wall_point(int(patch[0]), patch[1] + patch[3], patch[2] + patch[4], box)
     run = max(plan_distance(x0, y0, x0, y0, px, py), plan_distance(x1, y1, x1, y1, px, py))
@@ -174,9 +181,9 @@ def _sees(
     a: float, b: float, dim_e: bool, dim_q: bool, px: float, py: float, pz: float, gx: float, gy: float, ex: float,
     ey: float, ez: float, source: FloatArray, target: FloatArray, box: FloatArray, top: Top,
 ) -> bool:  # fmt: skip
-    """Whether the emitter point at offset (a, b) reaches p, and its mirrored ray the receiver's plane.
+    """Whether light from the emitter's point at offset (a, b) reaches p and then the receiver's plane.
 
-    Only legs that may be shaded are tested.
+    dim_e, dim_q : whether the lines to emitter and receiver may be shaded; only then they are tested
     """
     on_x = int(source[0]) % 2 == 0
     dx = px - ex - (a if on_x else 0.0)
@@ -212,7 +219,7 @@ def _seen_share(
     gx: float, gy: float, ex: float, ey: float, ez: float, source: FloatArray, target: FloatArray, box: FloatArray,
     top: Top,
 ) -> float:  # fmt: skip
-    """1 where the centroid and all corners (drawn in a little) of the lit area are seen, 0 where none, else 0.5."""
+    """Visible share of the lit area: 1 if its centroid and corners are visible, 0 if none of these is, else 0.5."""
     seen = _sees(cx, cy, dim_e, dim_q, px, py, pz, gx, gy, ex, ey, ez, source, target, box, top)
     for c in range(n):
         x = cx + INWARD * (poly[c, 0] - cx)
@@ -245,8 +252,9 @@ def _mirrored_weight(
     n: int, poly: FloatArray, area: float, cx: float, cy: float, px: float, py: float, pz: float, gx: float,
     gy: float, ex: float, ey: float, ez: float, source: FloatArray, target: FloatArray, box: FloatArray,
 ) -> float:  # fmt: skip
-    """The same as `_mean_weight` with two thirds of the points, for totally reflected and visible areas, where it is
-    smooth: by the middles of the triangles' edges; two triangles share the inner ones (second order).
+    """Mean weight over a lit area that is visible and totally reflected, so that two thirds of the points are enough.
+
+    Points are the middles of the triangles' edges; two triangles share the inner edges (second order).
     """
     total = 0.0
     before = (poly[n - 1, 0] - cx) * (poly[0, 1] - cy) - (poly[n - 1, 1] - cy) * (poly[0, 0] - cx)
@@ -271,10 +279,9 @@ def _mean_weight(
     px: float, py: float, pz: float, gx: float, gy: float, ex: float, ey: float, ez: float, source: FloatArray,
     target: FloatArray, box: FloatArray, top: Top,
 ) -> float:  # fmt: skip
-    """Mean weight over the lit area, three points in each of parts² parts of each triangle from centroid to edge, which
-    is second order.
+    """Mean weight over the lit area, at three points in each of parts² pieces of each triangle (second order).
 
-    Where a shadow divides the area, a hidden point counts 0.
+    If a shadow divides the area, a hidden point counts 0.
     """
     total = 0.0
     for c in range(n):
@@ -286,7 +293,7 @@ def _mean_weight(
             a = part // parts
             b = part % parts
             side = 1.0 / parts
-            if a + b >= parts:  # a part whose corners point the other way
+            if a + b >= parts:  # a piece whose corners are in reverse order
                 a = parts - a
                 b = parts - b
                 side = -side
@@ -307,7 +314,7 @@ def _is_uneven(
     mean: float, n: int, poly: FloatArray, area: float, cx: float, cy: float, px: float, py: float, pz: float,
     gx: float, gy: float, ex: float, ey: float, ez: float, source: FloatArray, target: FloatArray, box: FloatArray,
 ) -> bool:  # fmt: skip
-    """Whether the mean of the weights at the centroids of the triangles differs."""
+    """Whether `mean` differs from the mean of the weights at the triangles' centroids by more than `UNEVEN`."""
     total = 0.0
     for c in range(n):
         e = c + 1 if c + 1 < n else 0
@@ -326,7 +333,7 @@ def pinhole(
 ) -> tuple[float, float]:  # fmt: skip
     """Flux through the top at (u, v) per du dv, and the radius of the point over the skirt's radius.
 
-    `skip_flat`: no flux from beyond every deformed part.
+    skip_flat : whether light from outside every deformed part is left out
     """
     px, py, pz, gx, gy, _, plan = top_point(sector, u, v, sectors, top)
     tip, share = touching_tip(px, py, top)
@@ -386,15 +393,15 @@ def pinhole(
 
 NEWTON_STEPS = 8
 CONVERGED_MM = 1e-5
-"""Largest last step of Newton's rule: steps shrink quadratically, so the error after the last is far below this."""
+"""Largest last step of Newton's rule [mm]. Steps shrink quadratically, so the remaining error is far smaller."""
 LONGEST_STEP_MM = 6.0
 FEW_RATIO = 3.0
 WHOLE_TOLERANCE = 0.01
-"""Largest over smallest flux density of an image's corner paths for the coarse rule; share by which Simpson's rule,
-corners and middle, may differ from it, which reveals a jump of the top's curvature within an image."""
+"""Largest over smallest flux density of an image's corner paths up to which the coarse rule is used. Also the largest
+relative difference of Simpson's rule, by corners and middle, which reveals a jump of the top's curvature."""
 TABLE_TOLERANCE = 3e-4
-"""Share by which the two rules may differ for patches with angular tables: where one bends sharply within an image, or
-has a step, no rule of few paths is right, by up to 1.3 % of a pair's light."""
+"""The same largest difference for patches with angular tables. If a table bends sharply or has a step within an image,
+a rule of few paths errs by up to 1.3 % of a pair's light."""
 
 
 @kernel
@@ -402,7 +409,7 @@ def mirror_point(
     ex: float, ey: float, ez: float, qx: float, qy: float, qz: float, x: float, y: float, sign: float,
     box: FloatArray, top: Top,
 ) -> tuple[bool, float, float, float]:  # fmt: skip
-    """Newton steps to the path's point: (found, x, y, det F_pp)."""
+    """Find the point where a path is mirrored, by Newton steps from (x, y): whether found, x, y, det F_pp."""
     for _ in range(NEWTON_STEPS):
         tip, _ = touching_tip(x, y, top)
         if tip >= 0 or not (0.0 < x < box[0] and 0.0 < y < box[1]):
@@ -445,7 +452,7 @@ def mirror_point(
 def _mixed_bend(
     wall: int, ax: float, ay: float, az: float, ap: float, aq: float, gx: float, gy: float, d: float
 ) -> float:
-    """Determinant of the mixed derivatives of a leg's length: end on a wall (along, up), end on the top."""
+    """Determinant of the mixed second derivatives of the distance from a wall's point (along, up) to the top."""
     along = ax if wall % 2 == 0 else ay
     tx = (1.0 if wall % 2 == 0 else 0.0) - along * ap
     ty = (0.0 if wall % 2 == 0 else 1.0) - along * aq
@@ -457,7 +464,7 @@ def path_flux(
     ex: float, ey: float, ez: float, qx: float, qy: float, qz: float, x: float, y: float, det: float,
     source: FloatArray, target: FloatArray, box: FloatArray, top: Top,
 ) -> float:  # fmt: skip
-    """Flux per emitter and receiver area of the path over (x, y); -1 if a leg is hidden."""
+    """Flux per emitter and receiver area of the path over the top at (x, y) [1/mm⁴]; -1 if the path is hidden."""
     h, gx, gy = surface_gradient(x, y, top)
     ax, ay, az = x - ex, y - ey, h - ez
     bx, by, bz = x - qx, y - qy, h - qz
@@ -494,7 +501,7 @@ def path_flux(
 
 @kernel
 def _patch_point(patch: FloatArray, a: float, b: float, box: FloatArray) -> tuple[float, float, float]:
-    """Point of a patch at fractions of its width and height."""
+    """Point (x, y, z) of a patch at a, b, in half sizes from its centre."""
     return wall_point(
         int(patch[0]), patch[1] + patch[3] * (2.0 * a - 1.0), patch[2] + patch[4] * (2.0 * b - 1.0), box
     )
@@ -505,8 +512,9 @@ def corner_paths(
     source: FloatArray, target: FloatArray, cx: float, cy: float, sign: float, number: int, tag: IntArray, rings: int,
     phase: float, columns: FloatArray, sectors: FloatArray, box: FloatArray, top: Top,
 ) -> tuple[float, float]:  # fmt: skip
-    """Largest over smallest, and mean, flux density of the 16 paths between corners; -1 unless each exists, is clear,
-    and reflects in or next to the image's own island.
+    """Largest over smallest, and mean, flux density of the 16 paths between corners of emitter and receiver.
+
+    -1 unless each path exists, is free, and is mirrored in or next to the image's own island.
     """
     low = 1e30
     high = 0.0
@@ -541,7 +549,7 @@ def image_sum(
     source: FloatArray, target: FloatArray, cx: float, cy: float, sign: float, box: FloatArray, top: Top,
     nodes_e: FloatArray, weights_e: FloatArray, nodes_q: FloatArray, weights_q: FloatArray,
 ) -> float:  # fmt: skip
-    """Mean flux density of an image by Gauss nodes on both patches; -1 if a path is not found or not clear."""
+    """Mean flux density of an image by Gauss nodes on both patches; -1 if a path is not found or not free."""
     total = 0.0
     for a in range(nodes_e.shape[0]):
         for b in range(nodes_e.shape[0]):
@@ -568,7 +576,7 @@ def whole_image(
     phase: float, columns: FloatArray, sectors: FloatArray, box: FloatArray, top: Top, rules: ImageRules,
     whole_ratio: float,
 ) -> tuple[float, float, float]:  # fmt: skip
-    """Flux of the image that begins near (x, y), and its centre; -1 unless it is whole and simple."""
+    """Flux of the image that begins near (x, y), and its centre; the flux is -1 if the image is not whole."""
     few_e, few_we, few_q, few_wq, most_e, most_we, most_q, most_wq = rules
     ex, ey, ez = wall_point(int(source[0]), source[1], source[2], box)
     qx, qy, qz = wall_point(int(target[0]), target[1], target[2], box)

@@ -1,36 +1,32 @@
 # mypy: no-warn-return-any
-"""Kernels: light that walls, bottom and tip scatter more than once.
+"""Kernels: light that is scattered more than once, or mirrored more than once by the deformed top.
 
-With first deposits g of an emitter and t of a receiver, reflectances R and the share K of one patch's scattered light
-that lands on another, all orders together are
+Scattered more than once
+------------------------
+Walls, bottom and tip are divided into patches. Rays deposit an emitter's light g on them, and by reciprocity a
+receiver's t. With reflectances R and the share K of one patch's scattered light that lands on another, light scattered
+any number of times is
 
     flux = sum over patches of  R x (Q g) x t x A_r / A_patch,    Q = (I - (R K)^T)^-1.
 
-g and t are the pressed pad's; K is the untouched pad's: the effect of the dimple on light from patch to patch is left
-out. On a reflecting tip g and t contain, in addition to first deposits, the light that walls and bottom scatter on it
-in the pressed pad, after all their orders; light scattered twice by a tip is left out.
+g and t are the pressed pad's. K is the untouched pad's, which leaves out the dimple's effect on light from patch to
+patch. On a reflecting tip, g and t include the light that walls and bottom scatter there in the pressed pad. Light that
+a tip scatters twice is left out.
 
-A tip's patches are wide for parts 2 mm away, where joining their sums made its light 9 % too bright. The first-hand
-light from emitters and to receivers is therefore joined by cells of the lattice on which it was summed, both by the
-same point, or over the cell's area where it is divided for a part near to it. The patches keep the light by way of the
-top, walls and bottom.
+Patches of the tip are too wide for parts 2 mm away, whose light they made 9 % too bright. So light that comes straight
+from emitters and goes straight to receivers is combined by the much smaller cells of the sampling grid on the top. The
+other light uses the patches.
 
-Kernels: cells of the top whose light is reflected again and may reach a receiver, found by dividing larger ones.
+Mirrored more than once
+-----------------------
+Light that is mirrored a second time and then goes towards a receiver first meets small islands of the top. Rays of
+`sims.optics.engine.scattered` show roughly where. Cells of the grid there are divided, guided by the paths from the
+emitter's centre over the cell's corners to the walls. A cell is dropped if these do not end near a requested receiver.
+It is divided if they end far apart or differ in kind. Else it is kept. Each kept cell has at least one point per
+replicate, more by its power, with three rays from points evenly spread over the emitter. The *unit* of a receiver is
+the largest power that one point may represent near it.
 
-The paths from the emitter's centre over the corners of a cell show where its light ends. A cell is dropped if that is
-not near a requested receiver, divided if its corners' ends are far apart or have different fates, and else kept, with
-a number of points that grows with its power for the dimmest receiver near.
-
-Kernels: light with two or more specular reflections at the deformed top.
-
-First reflections whose light goes to a second one and on towards a receiver are in small islands of the top. The rays
-of `sims.optics.engine.scattered` show roughly where, the cells there are divided, and every remaining cell has one
-point per replicate, or more by its power, each with three rays from points evenly spread over the emitter, moved from
-point to point.
-
-A ray counts where it ends. Earlier it represented the parallelogram lit by a part of the emitter, by the rays around
-it; but two convex mirrors bend light within any part, which made this light 75 % too bright on one pair and 15 % too
-dark on others at every setting, and its scatter was no less. Left out: an island that the rays of all replicates miss.
+A ray counts where it ends. Left out: an island that the rays of all replicates miss.
 """
 
 from __future__ import annotations
@@ -83,14 +79,14 @@ from sims.optics.surface.tops import Top, surface_gradient
 
 LEAST_AREA_MM2 = 1e-9
 TIP_RAYS = 64
-"""Rays from each patch of a reflecting tip back to walls and bottom: 2 % error of the light scattered by these."""
+"""Rays from each patch of a reflecting tip to walls and bottom: 2 % error of the light that the tip scatters."""
 
 
 @array_kernel
 def coarsened(
     deposits: FloatArray, layout: IntArray, coarse: IntArray, box: FloatArray, top: Top
 ) -> FloatArray:
-    """(source, coarse patch) deposits on walls and bottom, moved to patches of a coarser layout; none on the tip."""
+    """(source, coarse patch) light on walls and bottom, moved from fine to coarser patches; 0 on the tip."""
     out = np.zeros((deposits.shape[0], coarse[TIP, 2] + coarse[TIP, 0] * coarse[TIP, 1]))
     for k in range(TIP):
         across = (box[0] if k == 0 or k == 2 or k == BOTTOM else box[1]) / layout[k, 0]
@@ -109,7 +105,7 @@ def coarsened(
 
 @array_kernel
 def scattered_on(deposits: FloatArray, transfer: FloatArray) -> FloatArray:
-    """(source, patch) deposits of the orders beyond the first: row n of `transfer` is the result of a deposit on n."""
+    """(source, patch) light that lands on patches after scattering; row n of `transfer` is for light 1 on patch n."""
     out = np.zeros(deposits.shape)
     for n in range(transfer.shape[0]):
         for i in range(deposits.shape[0]):
@@ -122,7 +118,7 @@ def scattered_on(deposits: FloatArray, transfer: FloatArray) -> FloatArray:
 
 @kernel
 def _cosine_direction(one: float, two: float, gx: float, gy: float) -> tuple[float, float, float]:
-    """A direction from the top down into the pad, by the cosine to its normal there (gx, gy, -1)."""
+    """Random direction from the top down into the pad, Lambertian about the normal (gx, gy, -1); one, two in 0 to 1."""
     slope = math.sqrt(gx * gx + gy * gy)
     norm = 1.0 / math.sqrt(1.0 + slope * slope)
     ux = gx / slope if slope > 0.0 else 1.0
@@ -138,7 +134,7 @@ def _cosine_direction(one: float, two: float, gx: float, gy: float) -> tuple[flo
 
 @array_kernel
 def shares_on_tip(receivers: FloatArray, orders: Orders, box: FloatArray, top: Top) -> FloatArray:
-    """(coarse patch, tip patch) share of a patch's scattered light that lands on the tip, by rays from there back."""
+    """(coarse patch, tip patch) share of a patch's scattered light that lands on the tip, by rays from the tip."""
     coarse, areas, _ = orders
     first = coarse[TIP, 2]
     out = np.zeros((first, TIP_RINGS * TIP_SECTORS))
@@ -167,8 +163,11 @@ def with_walls_on_tip(
     deposits: FloatArray, first: FloatArray, higher: FloatArray, layout: IntArray, coarse: IntArray,
     reflectances: FloatArray, shares: FloatArray,
 ) -> FloatArray:  # fmt: skip
-    """(source, patch) deposits, on the tip with the light from first and higher deposits on walls and bottom (source,
-    coarse patch). It uses loops, as Numba takes seconds to compile sums and copies of arrays.
+    """(source, patch) light on patches, increased on the tip by what walls and bottom scatter onto it.
+
+    first, higher : (source, coarse patch) light on walls and bottom, before and after scattering
+
+    The function uses loops, as Numba takes seconds to compile sums and copies of arrays.
     """
     out = np.zeros(deposits.shape)
     for i in range(deposits.shape[0]):
@@ -189,10 +188,10 @@ def first_hand_on_tip(
     given: FloatArray, taken: FloatArray, lattice: FloatArray, sectors: FloatArray, emitters: FloatArray,
     receivers: FloatArray, reflectance: float, layout: IntArray, box: FloatArray, top: Top,
 ) -> FloatArray:  # fmt: skip
-    """(emitter, receiver) difference between joins of first-hand light on the tip by cells of the lattice (row, column,
-    n) and by patches.
+    """(emitter, receiver) correction of light from emitter to tip to receiver: sum by grid cells less sum by patches.
 
-    given, taken : (emitter or receiver, row, column) first-hand light on the contact's rows of the lattice
+    given, taken : (emitter or receiver, row, column) light on the grid's cells in the contact
+    lattice : (row, column, n) the grid
     """
     out = np.zeros((given.shape[0], taken.shape[0]))
     if given.shape[1] == 0:
@@ -232,11 +231,13 @@ def all_orders(
     given: FloatArray, taken: FloatArray, receivers: FloatArray, patches: Patches, reflectances: FloatArray,
     orders: Orders, on_tip: FloatArray, box: FloatArray, top: Top,
 ) -> FloatArray:  # fmt: skip
-    """(2, emitter, receiver) scattered flux of all orders, without the tip and by way of it, from first deposits
-    (source, patch).
+    """(2, emitter, receiver) flux scattered any number of times: without the tip, and by way of it.
 
-    patches: layout and areas of the deposits' patches; orders: layout, areas and transfer of the higher orders' ones;
-    on_tip: `shares_on_tip`, or (0, 0) where no tip reflects.
+    given, taken : (source, patch) light on patches before any scattering, from emitters and from receivers
+        (reciprocity)
+    patches : layout and areas of these patches
+    orders : layout, areas and transfer of the coarser patches for light scattered more than once
+    on_tip : as from `shares_on_tip`, or (0, 0) if no tip reflects
     """
     layout, areas = patches
     coarse, coarse_areas, transfer = orders
@@ -258,40 +259,46 @@ def all_orders(
     return out
 
 
-# columns of a cell: borders, halvings, then its corners' echoes, whose power is that of a unit of (u, v):
+# columns of a cell: borders, halvings, then the ends of its corners' paths, with the power per unit of (u, v):
 # (low u, low v), (low u, high v), (high u, low v), (high u, high v)
 LOW_U, HIGH_U, LOW_V, HIGH_V, LEVEL, CORNERS = range(6)
 CELL_COLUMNS = CORNERS + 4 * ECHO_COLUMNS
 DROP, DIVIDE, KEEP = range(3)
 UNKNOWN = -1.0
-"""Power of a corner that is not yet traced."""
+"""Stands for the power at a cell's corner if the path over it is not yet traced."""
 
 STEP_MM = 1.0
-"""Distance between the ends of a cell's corners below which it is not divided further."""
+"""A cell is not divided further if the paths over its corners end within this distance [mm]."""
 CURVE = 0.15
-"""Share of that distance by which light from within a cell may end beyond that of its corners."""
+"""Share of that distance by which light from inside a cell may end beyond the paths over its corners."""
 MIXED_MM = 2.0
-"""Additional distance where corners have different fates [mm]."""
+"""Additional distance if the paths over a cell's corners differ in kind [mm]."""
 DEEPEST, DEEPEST_MIXED, DEEPEST_UNSEEN = 6, 4, 2
-"""Most halvings of a cell, of one whose corners have different fates, and of one lit by edges of emitters only."""
+"""Largest number of halvings of a cell: in general, if the paths over its corners differ in kind, and if only the
+emitter's edges light it."""
 KEPT_UNITS = 4.0
-"""Most units of power of a kept cell: points in it cost less than the paths over the corners of its quarters."""
+"""A cell with less power than this many times the power that one sample may represent is not divided further: samples
+cost less than the paths over its quarters' corners."""
 MOST_PARTS = 4.0
-"""Most parts of a kept cell along each side, one point in each."""
+"""Largest number of pieces of a sampled cell along each side, with one sample each."""
 STACK = 3 * DEEPEST + 4
 BLUR_MM = 4.0
-"""Farthest distance from the end of the emitter's centre ray at which light of its edges is searched. Two rays next to
-the centre's show too little of it where mirrors bend: that cost up to 0.3 % of a pair's signal."""
+"""Distance from the end of the emitter's centre ray within which light of the emitter's edges is searched [mm]. Rays
+next to the centre's alone cost up to 0.3 % of a pair's signal."""
 
 
 @kernel
 def power_near(
     a: int, b: int, first: int, columns: FloatArray, echoes: FloatArray, receivers: FloatArray, units: FloatArray,
 ) -> tuple[float, float]:  # fmt: skip
-    """Largest power of the twice-reflected rays by a cell or a neighbour, of all replicates, on walls where they end
-    around a requested receiver, and the unit there; 0 if there is none; negative if no ray is reflected again.
+    """Largest power of rays, over a cell or its neighbours, that are mirrored again and end near a requested receiver.
 
-    first : the first row that is not in the contact; units : see `sims.optics.engine.repeated`
+    first : first row of the grid that is not in the contact
+    units : (receiver,) power that one sample may represent near it
+
+    Returns
+    -------
+    power over all replicates, 0 if there is none, negative if no ray is mirrored again; the receiver's entry in `units`
     """
     most = 0.0
     unit = 0.0
@@ -331,13 +338,13 @@ def power_near(
 
 @kernel
 def corner(cell: FloatArray, c: int, column: int) -> float:
-    """A number of the echo of a cell's corner."""
+    """Column of the end of the path over a cell's corner c; the path starts at the emitter's centre."""
     return cell[CORNERS + c * ECHO_COLUMNS + column]
 
 
 @kernel
 def put_echo(cell: FloatArray, c: int, echo: FloatArray) -> None:
-    """Copy an echo to a cell's corner."""
+    """Copy the end of a path to a cell, as the end of the path over its corner c."""
     for k in range(ECHO_COLUMNS):
         cell[CORNERS + c * ECHO_COLUMNS + k] = echo[k]
 
@@ -347,8 +354,9 @@ def put_corner(
     echo: FloatArray, sector: int, u: float, v: float, source: FloatArray, sectors: FloatArray, box: FloatArray,
     top: Top, p: FloatArray,
 ) -> None:  # fmt: skip
-    """Fill the echo of the path from the emitter's centre over a point of the top; its power is 0 if it is not
-    mirrored again on its way to a wall.
+    """Fill `echo` with the end of the path from the emitter's centre over the top at (u, v).
+
+    Its power is 0 unless the path is mirrored again and ends on a wall.
     """
     put_point(p, sector, u, v, sectors, top)
     power, kind, s, z, tops, _, _ = landing(p, source[1], source[2], source, box, top)
@@ -362,7 +370,7 @@ def put_corner(
 
 @kernel
 def _bounds(cell: FloatArray, wall: int) -> tuple[int, bool, float, float, float, float]:
-    """Number of lit corners that end on a wall, whether after equally many reflections, and the box of their ends."""
+    """Number of a cell's corner paths that end on a wall, whether after equally many reflections, box of their ends."""
     count = 0
     is_alike = True
     tops = 0.0
@@ -384,10 +392,11 @@ def _bounds(cell: FloatArray, wall: int) -> tuple[int, bool, float, float, float
 def fate_of(
     cell: FloatArray, unseen: float, unseen_unit: float, receivers: FloatArray, units: FloatArray
 ) -> tuple[int, int]:
-    """Decision on a cell; if it is kept, its number of parts along each side.
+    """Whether to drop, divide or sample a cell; and into how many pieces along each side a sampled cell is divided.
 
     unseen : power that the emitter's edges may send over the undivided cell where its centre sends none
-    unseen_unit : power that a sample of it may represent; units : (receiver,) the same by the receiver near its end
+    unseen_unit : power that one sample of it may represent
+    units : (receiver,) power that one sample may represent near each receiver
     """
     brightest = max(
         max(corner(cell, 0, POWER), corner(cell, 1, POWER)),
@@ -429,7 +438,7 @@ def fate_of(
 
 @kernel
 def _parts(power: float, unit: float) -> int:
-    """Parts along each side of a cell for points that represent a unit of power each."""
+    """Number of pieces along each side of a cell, so that a sample in each represents a power of at most `unit`."""
     return int(min(max(math.ceil(math.sqrt(power / unit)), 1.0), MOST_PARTS))
 
 
@@ -438,7 +447,7 @@ def put_first(
     cell: FloatArray, root: tuple[int, float, float, float, float], next_column: int, a: int, b: int,
     known: FloatArray, source: FloatArray, sectors: FloatArray, box: FloatArray, top: Top, p: FloatArray,
 ) -> None:  # fmt: skip
-    """Fill a cell from ring a and column b of the lattice; `known` (ring, column, echo) remembers corners."""
+    """Fill a cell with ring a and column b of the grid; `known` (ring, column, 5) has the ends found so far."""
     sector, low_u, high_u, low_v, high_v = root
     cell[LOW_U] = low_u
     cell[HIGH_U] = high_u
@@ -467,7 +476,7 @@ def divide(
     cells: FloatArray, n: int, sector: int, source: FloatArray, sectors: FloatArray, box: FloatArray, top: Top,
     p: FloatArray, nine: FloatArray,
 ) -> None:  # fmt: skip
-    """Put the quarters of cells[n] in its place and behind it."""
+    """Replace cells[n] by its four quarters, in cells[n] to cells[n + 3]."""
     cell = cells[n]
     us = (cell[LOW_U], 0.5 * (cell[LOW_U] + cell[HIGH_U]), cell[HIGH_U])
     vs = (cell[LOW_V], 0.5 * (cell[LOW_V] + cell[HIGH_V]), cell[HIGH_V])
@@ -492,7 +501,7 @@ def divide(
 
 
 RAYS = 3
-"""Rays of a sample, from points evenly spread over the emitter."""
+"""Number of rays of a sample, which is a point of the top; rays start at points evenly spread over the emitter."""
 
 
 @kernel
@@ -500,8 +509,9 @@ def add_sample(
     p: FloatArray, one: float, two: float, source: FloatArray, receivers: FloatArray, units: FloatArray,
     box: FloatArray, top: Top, out: FloatArray,
 ) -> None:  # fmt: skip
-    """Add a point's light to out[receiver, (outside, inside the skirt)], by rays from the emitter at (one, two) and
-    around it, wrapped at its edges.
+    """Add the light over a point of the top to out[receiver, (outside, inside the skirt)].
+
+    Its rays start at the emitter's point (one, two), 0 to 1, and at points shifted from there, wrapped at the edges.
     """
     for k in range(RAYS):
         a = one + k / RAYS
@@ -523,8 +533,10 @@ def add_samples(
     units: FloatArray, shifts: FloatArray, sectors: FloatArray, box: FloatArray, top: Top, p: FloatArray,
     out: FloatArray,
 ) -> int:  # fmt: skip
-    """Add a cell's light to out[replicate, receiver, (outside, inside the skirt)], by one point a replicate in each of
-    parts² parts; the number of points so far with these.
+    """Add a cell's light to out[replicate, receiver, (outside, inside the skirt)], by a point in each of parts² pieces.
+
+    count : number of points before
+    Returns the number of points after.
     """
     wide = (cell[HIGH_U] - cell[LOW_U]) / parts
     high = (cell[HIGH_V] - cell[LOW_V]) / parts
@@ -546,11 +558,12 @@ def repeated_reflections(
     columns: FloatArray, shifts: FloatArray, sectors: FloatArray, box: FloatArray, top: Top, p: FloatArray,
     out: FloatArray,
 ) -> None:  # fmt: skip
-    """Add flux of chains with two or more top reflections to out[replicate, receiver, (outside, inside the skirt)].
+    """Add light that the top mirrors twice or more to out[replicate, receiver, (outside, inside the steep skirt)].
 
-    lattice, echoes : a replicate's lattice, and (replicate, row, column, 5) ends of the rays over their points
+    lattice : one replicate's grid of points
+    echoes : (replicate, row, column, 5) ends of the rays over the grid's points
     shifts : (replicate, 3 or more) position in a cell along u and v, and start of the first ray on the emitter, 0 to 1
-    units : (receiver,) power that a sample near it may represent; 0 where not requested
+    units : (receiver,) power that one sample may represent near it; 0 if not requested
     """
     first = first_free_row(lattice)
     rings = lattice.shape[0] - first

@@ -1,33 +1,32 @@
 # mypy: no-warn-return-any
-"""Kernels: the end of light from one point of an emitter after it met one point of the deformed top.
+"""Kernels: light that walls, bottom or tip scatter once, and the change of it by the pressed top.
 
-Kernels: light that walls, bottom or tip scatter once.
-
-The power of every emitter is deposited on patches of walls, bottom and tip by rays that follow the whole specular
-chain through the top; the same is done from every receiver, and by reciprocity
+Scattered once
+--------------
+Walls, bottom and tip are divided into patches. Rays from an emitter deposit its power on them, following all mirrorings
+by the top. The same is done from every receiver, and by reciprocity
 
     flux = sum over patches of  reflectance x deposit_e x deposit_r x A_r / A_patch.
 
-A deposit is shared between the four patches around it, so it changes smoothly with the ray. Receiver faces absorb;
-emitter faces reflect like the wall around them. Smooth walls mirror their Fresnel share. Patches of walls and bottom
-have a finite size, a bias of the join that is the same with and without a press; `sims.optics.engine.trace_states`
-divides it out with the untouched pad's join. The untouched pad has no tip, so light by way of the tip is taken as
-joined.
+A deposit is shared between the four patches around it, so it changes smoothly with the ray. Receivers' faces absorb.
+Emitters' faces reflect like the wall around them. Smooth walls mirror their Fresnel share. The finite size of patches
+on walls and bottom causes a bias, which is equal with and without a press. `sims.optics.engine.trace_states` cancels it
+by the ratio to the untouched pad's sum. Light scattered by the tip has no untouched value and is taken as it is.
 
-Kernels: effect of the pressed top on its first-hand light, on a lattice of its points.
+Change by the press
+-------------------
+Rays from an emitter or receiver to a grid of points of the pressed top, contact included, end somewhere now, and ended
+elsewhere under the untouched top. The difference of the two, summed over the grid with the weight
 
-A ray from a patch to a point p of the top, contact included, has a fate now and had one in the untouched pad. The
-difference of the two, summed over the lattice with the weight
+    radiance x cos x (g . d) / d^3 dA,    g = (-dh/dx, -dh/dy, 1), d from the part to the point,
 
-    radiance x cos x (g . d) / d^3 dA,    g = (-dh/dx, -dh/dy, 1), d from the patch to p,
+is the exact change of the light on walls and bottom, as the press changes only rays that meet the top first. The grid
+includes the part of the top that is still flat, since light mirrored there may then meet a dimple. One ray serves both,
+so a top that hardly changes has hardly any effect.
 
-is the exact change of the light that falls on walls and bottom: a ray that does not meet the top first never meets it.
-The lattice continues over the part of the top that is still flat, since light mirrored there may then meet a dimple.
-One ray serves both, so a top that hardly changes has hardly any effect.
-
-Rays of one lattice differ in power by orders of magnitude. Cells that are large for their distance from a patch are
-divided for it, and a ray of little power is followed by chance: one of power w < w0 with probability w / w0, and then
-with power w0 (Russian roulette: Arvo and Kirk 1990), which leaves the mean as it is.
+The rays' powers differ by orders of magnitude. Cells that are large for their distance from a part are divided for it.
+A ray of little power is followed at random: one of power w < w0 with probability w / w0, and then with power w0
+(Russian roulette: Arvo and Kirk 1990), which leaves the mean unchanged.
 """
 
 from __future__ import annotations
@@ -69,7 +68,7 @@ from sims.optics.surface.tops import TIP as TIP_OF
 
 @kernel
 def put_point(p: FloatArray, sector: int, u: float, v: float, sectors: FloatArray, top: Top) -> None:
-    """Fill a lattice row with a point of the top and the plan area of a unit of (u, v) there."""
+    """Fill `p` with the point of the top at (u, v), its gradient, and the plan area per du dv."""
     p[PX], p[PY], _, p[AREA] = place_on_top(sector, u, v, sectors, top)
     p[PZ], p[GX], p[GY] = surface_gradient(p[PX], p[PY], top)
 
@@ -78,8 +77,10 @@ def put_point(p: FloatArray, sector: int, u: float, v: float, sectors: FloatArra
 def landing(
     p: FloatArray, along: float, up: float, source: FloatArray, box: FloatArray, top: Top
 ) -> tuple[float, int, float, float, int, float, float]:
-    """Power, wall and point, further reflections, nearest one and cosine of arrival of the path from an emitter point
-    over p; the power is 0 if there is none.
+    """End of the path from a point of the emitter over the top's point p.
+
+    Returns power (0: no such path), wall, position along it and height, number of further reflections, smallest
+    distance of these from an axis over the skirt radius, cosine of arrival
     """
     ex, ey, ez = wall_point(int(source[0]), along, up, box)
     if ez >= surface_height(ex, ey, top):
@@ -96,7 +97,10 @@ def landing(
 def unit_there(
     kind: int, low_s: float, high_s: float, low_z: float, high_z: float, receivers: FloatArray, units: FloatArray,
 ) -> float:  # fmt: skip
-    """The smallest unit of the receivers that a box on a wall overlaps; 0 if none with one."""
+    """Smallest power, not 0, that a sample may represent near the receivers that a box on a wall overlaps; 0: none.
+
+    units : (receiver,) power that one sample may represent near it; 0 if not requested
+    """
     least = 0.0
     for j in range(receivers.shape[0]):
         if units[j] == 0.0 or receivers[j, 0] != kind or (least > 0.0 and units[j] >= least):
@@ -112,24 +116,24 @@ def unit_there(
 TIP_RINGS = 3
 TIP_SECTORS = 12
 MIRRORINGS = 64
-"""Most reflections at smooth walls on one path."""
+"""Largest number of reflections at smooth walls on one path."""
 
 
 @kernel
 def fraction(x: float) -> float:
-    """Part after the point."""
+    """Fractional part of a number."""
     return x - math.floor(x)
 
 
 @kernel
 def golden_pair(n: int, one: float, two: float) -> tuple[float, float]:
-    """n-th point of an additive sequence in the unit square, moved by (one, two)."""
+    """n-th point of a low-discrepancy sequence in the unit square, moved by (one, two)."""
     return fraction(n * 0.7548776662466927 + one), fraction(n * 0.5698402909980532 + two)
 
 
 @array_kernel
 def golden_shift(k: float) -> FloatArray:
-    """(4,) k-th point of an additive sequence with irrational, mutually unrelated steps, in 0..1."""
+    """(4,) k-th point of a low-discrepancy sequence in 0 to 1, by irrational steps."""
     out = np.empty(4)
     out[0] = fraction(k * 0.8566748838545029)
     out[1] = fraction(k * 0.7338918566271260)
@@ -140,7 +144,7 @@ def golden_shift(k: float) -> FloatArray:
 
 @array_kernel
 def layout_of(box: FloatArray, size: float) -> IntArray:
-    """(6, 3) columns, rows, first index of the patches on walls 0-3, bottom and tip (5)."""
+    """(6, 3) number of columns, number of rows, first index of the patches on walls 0-3, bottom (4) and tip (5)."""
     out = np.zeros((6, 3), np.int64)
     first = 0
     for k in range(6):
@@ -158,7 +162,7 @@ def layout_of(box: FloatArray, size: float) -> IntArray:
 
 @kernel
 def tip_patch(x: float, y: float, layout: IntArray, tip: int, rows: FloatArray) -> int:
-    """Index of the tip's patch at a point: rings of equal area, a wrapped shank included."""
+    """Index of the tip's patch at a point: rings of equal area divided by angle, a wrapped shank included."""
     px = x - rows[tip, X]
     py = y - rows[tip, Y]
     r2 = px * px + py * py
@@ -174,7 +178,7 @@ def tip_patch(x: float, y: float, layout: IntArray, tip: int, rows: FloatArray) 
 
 @kernel
 def place_on_tip(patch: int, one: float, two: float, tip: int, rows: FloatArray) -> tuple[float, float]:
-    """Point (x, y) on one of the tip's patches, at fractions of its area outward and of its angle."""
+    """Point (x, y) on one of the tip's patches, at a fraction of its area outward and of its angle."""
     r2, _ = contact_radius_2((patch // TIP_SECTORS + one) / TIP_RINGS, tip, rows)
     r = math.sqrt(r2)
     angle = 2.0 * math.pi * ((patch % TIP_SECTORS + two) / TIP_SECTORS - 0.5)
@@ -183,7 +187,7 @@ def place_on_tip(patch: int, one: float, two: float, tip: int, rows: FloatArray)
 
 @kernel
 def tip_patch_area(tip: int, rows: FloatArray) -> float:
-    """Area of each of a tip's patches."""
+    """Area of each of a tip's patches, which are equal [mm²]."""
     return rows[tip, CONTACT_AREA] / (TIP_RINGS * TIP_SECTORS)
 
 
@@ -218,7 +222,7 @@ def add_deposit(
 
 @kernel
 def receiver_at(kind: int, x: float, y: float, z: float, receivers: FloatArray) -> int:
-    """The receiver whose face contains a wall point; -1 if none."""
+    """Number of the receiver whose face contains a point of wall `kind`; -1 if there is none."""
     along = x if kind == 0 or kind == 2 else y
     for j in range(receivers.shape[0]):
         if (
@@ -232,7 +236,7 @@ def receiver_at(kind: int, x: float, y: float, z: float, receivers: FloatArray) 
 
 @array_kernel
 def patch_areas(layout: IntArray, receivers: FloatArray, box: FloatArray) -> FloatArray:
-    """Area of every wall and bottom patch without receiver faces; 0 for the tip's."""
+    """(patch,) area of wall and bottom patches without receivers' faces [mm²]; 0 for the tip's."""
     out = np.zeros(layout[5, 2] + layout[5, 0] * layout[5, 1])
     for k in range(5):
         du = (box[0] if k == 0 or k == 2 or k == BOTTOM else box[1]) / layout[k, 0]
@@ -256,7 +260,11 @@ def patch_areas(layout: IntArray, receivers: FloatArray, box: FloatArray) -> Flo
 def leaving(
     patch: FloatArray, p: FloatArray, shift: FloatArray, box: FloatArray
 ) -> tuple[float, float, float, float, float, float, float]:
-    """A point of a wall patch and a direction by its cosine order (a table: Lambertian): start, direction, weight."""
+    """Start, direction and weight of a ray from a part's face, by four random numbers `p`.
+
+    Directions follow the Lambertian order; for a part with a table, they are Lambertian and the weight includes the
+    table.
+    """
     wall = int(patch[0])
     along = patch[1] + patch[3] * (2.0 * fraction(p[0] + shift[0]) - 1.0)
     other = patch[2] + patch[4] * (2.0 * fraction(p[1] + shift[1]) - 1.0)
@@ -280,10 +288,10 @@ def follow(
     x: float, y: float, z: float, dx: float, dy: float, dz: float, weight: float, gathers: bool,
     receivers: FloatArray, layout: IntArray, box: FloatArray, top: Top, out: FloatArray, seen: FloatArray,
 ) -> None:  # fmt: skip
-    """Deposit a ray's light on walls, bottom and tip; add to seen the light that smooth walls mirror onto receivers.
+    """Deposit a ray's light on walls, bottom and tip; add to `seen` the light that smooth walls mirror onto receivers.
 
-    Light loses the mirrored share where it enters a smooth wall to be scattered, not where it leaves it again; a ray
-    that gathers light for a receiver, backwards, loses nothing there.
+    gathers : True for a ray that follows a receiver's light backwards. Only light that enters a smooth wall to be
+        scattered loses the mirrored share, not light that leaves the wall, so such a ray loses nothing
     """
     for mirrorings in range(MIRRORINGS):
         kind, x, y, z, dx, dy, dz, left, _, _ = chain(x, y, z, dx, dy, dz, 1.0, box, top)
@@ -317,9 +325,7 @@ def deposit(
     source: FloatArray, gathers: bool, receivers: FloatArray, box: FloatArray, top: Top, points: FloatArray,
     count: int, shift: FloatArray, layout: IntArray, out: FloatArray, seen: FloatArray,
 ) -> None:  # fmt: skip
-    """Add the share of a patch's emission that lands on every patch after any specular chain, by rays into the
-    half space; and the light that smooth walls mirror onto receivers.
-    """
+    """Deposit the light of a part's face on patches by rays; add to `seen` what smooth walls mirror onto receivers."""
     for k in range(count):
         x, y, z, dx, dy, dz, weight = leaving(source, points[k], shift, box)
         if z < surface_height(x, y, top):
@@ -331,7 +337,7 @@ def join(
     from_emitter: FloatArray, from_receiver: FloatArray, receiver_area: float, areas: FloatArray, layout: IntArray,
     reflectances: FloatArray,
 ) -> float:  # fmt: skip
-    """Flux of a pair scattered once by walls and bottom, from its two deposits."""
+    """Flux of a pair that walls and bottom scatter once, from light of emitter and receiver on patches."""
     total = 0.0
     for k in range(TIP):
         part = 0.0
@@ -348,7 +354,7 @@ def join_on_tip(
     from_emitter: FloatArray, from_receiver: FloatArray, receiver_area: float, layout: IntArray,
     reflectances: FloatArray, top: Top,
 ) -> float:  # fmt: skip
-    """Flux of a pair scattered once by a tip, from its two deposits."""
+    """Flux of a pair that a tip scatters once, from light of emitter and receiver on its patches."""
     if reflectances[TIP] == 0.0:
         return 0.0
     total = 0.0
@@ -362,7 +368,7 @@ def join_on_tip(
 def bounces(
     layout: IntArray, receivers: FloatArray, box: FloatArray, top: Top, points: FloatArray, count: int
 ) -> FloatArray:
-    """(patch, patch) share of one patch's scattered light that lands on another, untouched top."""
+    """(patch, patch) share of one patch's scattered light that lands on another under the untouched top."""
     patches = layout[5, 2]
     out = np.zeros((patches, patches + layout[5, 0] * layout[5, 1]))
     source = np.zeros(7)
@@ -384,33 +390,31 @@ def bounces(
 # columns of a lattice row
 PX, PY, PZ, GX, GY, AREA, TOUCHED, SECTOR, U0, U1, V0, V1, FLAT, MX, MY, MZ, SIZE = range(17)
 POINT_COLUMNS = 17
-# columns of an echo row: end of a ray from the emitter; in the contact its power is all light landing on the cell
+# columns of an echo row, the end of a ray from the emitter; in the contact, power is all light landing on the cell
 POWER, KIND, ALONG, UP, TOPS = range(5)
 ECHO_COLUMNS = 5
 NEAR = 0.4
-"""Largest size of a cell of the lattice over its distance from a patch: a larger one is divided for that patch. On the
-paper's pad, whose parts reach to 0.7 mm below the top, undivided cells made errors of scattered light three times
-those with it, up to 16 % of a signal."""
+"""Largest size of a cell of the grid over its distance from a part; a larger cell is divided for the part. Without it
+errors of scattered light were three times as large on the paper's pad, up to 16 % of a signal."""
 MOST_PARTS = 8
 FEWEST_CONTACT_RINGS = 3
 COLUMNS_A_CONTACT_RING = 10
-"""Columns of the lattice for each ring in the contact: cells half as wide as high at a tip that is all the way in. With
-three rings light behind such a tip, where almost none remains, erred by 0.4 % of the signal for any number of
-columns."""
+"""Columns of the grid for each ring in the contact: a cell is half as wide as high at a tip that is all the way in.
+With three rings only, light behind such a tip, where almost none remains, erred by 0.4 % of the signal."""
 COSINES = 16
 THIRD_TURN = 0.381966011250105
-"""2 less the golden ratio: a separate sequence from that of the emitter's points."""
+"""2 minus the golden ratio: step of a sequence that is independent of the emitter's points."""
 
 
 @kernel
 def contact_rings(columns: float) -> int:
-    """Rings of a lattice in the contact, for so many columns around a tip."""
+    """Number of the grid's rings in the contact, for a number of columns around a tip."""
     return max(int(columns) // COLUMNS_A_CONTACT_RING, FEWEST_CONTACT_RINGS)
 
 
 @kernel
 def first_free_row(lattice: FloatArray) -> int:
-    """The first row of a lattice that is not in the contact."""
+    """First row of the grid that is not in the contact."""
     row = 0
     while row < lattice.shape[0] and lattice[row, 0, TOUCHED] == 1.0:
         row += 1
@@ -422,8 +426,9 @@ def lattice_points(
     in_contact: int, columns: FloatArray, shift_u: float, shift_v: float, sectors: FloatArray, top: Top,
     out: FloatArray,
 ) -> None:  # fmt: skip
-    """Fill zeros (row, column, 17) with points of the pressed top, middles and sizes of their cells; rows are the given
-    number of rings in the contact, whose u is its s, then rings of u.
+    """Fill `out` (row, column, 17), zeros before, with a grid of points of the pressed top and the sizes of its cells.
+
+    The first `in_contact` rows are rings in the contact by share of its area; the others are rings of u outside.
     """
     rings = out.shape[0] - in_contact
     for b in range(columns.shape[0]):
@@ -455,7 +460,7 @@ def lattice_points(
 
 @kernel
 def _place(row: FloatArray, u: float, v: float, sectors: FloatArray, top: Top) -> tuple[float, float, float]:
-    """Point (x, y) of (u, v) in a lattice row's sector, in or outside the contact like it, and plan area per du dv."""
+    """Point (x, y) at (u, v) of a grid row's sector, in contact or not as the row is, and plan area per du dv."""
     if row[TOUCHED] == 1.0:
         return place_in_contact(int(row[SECTOR]), u, v, sectors, top)
     x, y, _, area = place_on_top(int(row[SECTOR]), u, v, sectors, top)
@@ -464,7 +469,10 @@ def _place(row: FloatArray, u: float, v: float, sectors: FloatArray, top: Top) -
 
 @kernel
 def put_on_top(row: FloatArray, u: float, v: float, share: float, sectors: FloatArray, top: Top) -> None:
-    """Fill place, gradient and area of a point of a row's sector that represents a share of a unit of (u, v)."""
+    """Fill position, gradient and area of a point (u, v) in a grid row's sector.
+
+    share : the area du dv that the point represents
+    """
     row[PX], row[PY], area = _place(row, u, v, sectors, top)
     row[AREA] = area * share
     row[FLAT] = 0.0
@@ -478,7 +486,7 @@ def put_on_top(row: FloatArray, u: float, v: float, share: float, sectors: Float
 
 @kernel
 def contact_cell_area(row: FloatArray, rings: int, sectors: FloatArray, top: Top) -> float:
-    """Area of the top in a lattice row's cell of the contact, for this number of rings of equal area."""
+    """Area of the top in a grid cell of the contact, if there are `rings` rings of equal area [mm²]."""
     k = int(row[SECTOR])
     x0 = sectors[k, AX] + row[V0] * sectors[k, BX]
     y0 = sectors[k, AY] + row[V0] * sectors[k, BY]
@@ -490,7 +498,7 @@ def contact_cell_area(row: FloatArray, rings: int, sectors: FloatArray, top: Top
 
 @kernel
 def _whole_power(patch: FloatArray) -> float:
-    """Share that a patch sends or counts over all directions: 1 for an emitter, the mean response for a receiver."""
+    """Light of a face over all directions: 1 for an emitter, the mean response for a receiver."""
     power = 0.0
     for k in range(COSINES):
         cosine = (k + 0.5) / COSINES
@@ -500,7 +508,7 @@ def _whole_power(patch: FloatArray) -> float:
 
 @kernel
 def parts_of(cell: FloatArray, patch: FloatArray, box: FloatArray) -> int:
-    """Parts along each side into which a cell of the lattice is divided for a patch near to it."""
+    """Number of pieces along each side into which a cell of the grid is divided for a nearby part."""
     x0, y0, z = wall_point(int(patch[0]), patch[1], patch[2], box)
     on_x = int(patch[0]) % 2 == 0
     along = max(abs(cell[MX] - x0 if on_x else cell[MY] - y0) - patch[3], 0.0)
@@ -515,9 +523,10 @@ def first_leg(
     p: FloatArray, ex: float, ey: float, ez: float, source: FloatArray, box: FloatArray, top: Top, least: float,
     luck: float,
 ) -> tuple[float, float, float, float, float]:  # fmt: skip
-    """Weight of the leg from e to a lattice point, 0 if it is hidden or the wrong side; direction; cosine there.
+    """Weight, direction and cosine of arrival of the ray from e to the grid's point p; weight 0: hidden or facing away.
 
-    A weight below `least` becomes `least` if it is above `luck` (0 to 1) of it, and else 0.
+    A weight below `least` becomes `least` with the probability weight / least, else 0; `luck` is the random number, 0
+    to 1.
     """
     n0, n1 = wall_normal(int(source[0]))
     dx = p[PX] - ex
@@ -545,9 +554,7 @@ def first_leg(
 def echo(
     p: FloatArray, dx: float, dy: float, dz: float, cos_in: float, box: FloatArray, top: Top
 ) -> tuple[int, float, float, float, float, float, float, float, int, float]:
-    """End of the ray after its reflection at a lattice point: kind, point, direction, share left, further
-    reflections, nearest one (over the skirt's radius).
-    """
+    """Follow a ray after its reflection at the grid's point p to its end; returns what `straight.chain` returns."""
     norm = 1.0 / math.sqrt(1.0 + p[GX] * p[GX] + p[GY] * p[GY])
     back = 2.0 * cos_in * norm
     return chain(
@@ -560,7 +567,7 @@ def echo(
 def _untouched_fate(
     x: float, y: float, z: float, dx: float, dy: float, dz: float, height: float, box: FloatArray
 ) -> tuple[int, float, float, float, float]:
-    """End of the ray under an undisturbed top: kind, point, share of its power at z that is left."""
+    """End of a ray under an untouched top: surface, point, and share of its power at z that is left."""
     t, kind = wall_hit(x, y, z, dx, dy, dz, box)
     left = 1.0
     run = 0.0
@@ -581,10 +588,13 @@ def top_change(
     box: FloatArray, top: Top, out: FloatArray, echoes: FloatArray, ray_share: float, offset: FloatArray,
     sectors: FloatArray, p: FloatArray,
 ) -> None:  # fmt: skip
-    """Add the change of a patch's deposits to out (patch,); fill echoes (row, column, 5) with the end of each cell's
-    ray, of several the brightest that is mirrored again, and in the contact with the light landing there.
+    """Add the press's change of a part's light on patches to `out` (patch,); fill `echoes` (row, column, 5).
 
-    ray_share : power over the mean below which a ray is followed by chance; offset : position in a divided cell's parts
+    `echoes` has the ends of rays over the grid's cells: of several rays, the brightest that is mirrored again; in the
+    contact, all light there.
+
+    ray_share : power over the mean below which a ray is followed at random
+    offset : (2,) position of points in the pieces of a divided cell
     """
     height = top.rows[0, TOP]
     least = ray_share * _whole_power(source) / (lattice.shape[0] * lattice.shape[1])
@@ -619,10 +629,10 @@ def _follow(
     n: int, p: FloatArray, source: FloatArray, receivers: FloatArray, shift: FloatArray, height: float, least: float,
     parts: int, layout: IntArray, box: FloatArray, top: Top, out: FloatArray, found: FloatArray,
 ) -> None:  # fmt: skip
-    """Add one ray's change of deposits to out, the n-th of its patch, by one of parts² points of a cell.
+    """Add the change of light on patches by a part's n-th ray to `out`, for a point in one of a cell's parts² pieces.
 
-    Its end is stored in `found` (5,), with the power of the whole cell, if that is empty, or if it is mirrored again
-    and the stored one is not, or is fainter. Light that lands on the contact is summed there.
+    Its end is stored in `found` (5,), with the power of the whole cell, if `found` is empty, or if the ray is mirrored
+    again and brighter than the stored one. In the contact the light is summed there.
     """
     one, two = golden_pair(n, shift[0], shift[1])
     along = source[1] + source[3] * (2.0 * one - 1.0)

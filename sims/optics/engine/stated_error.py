@@ -1,9 +1,10 @@
 """Standard error of each pair's light, from the differences of replicates and the known error of each rule.
 
-Two replicates give a pair one degree of freedom, by chance often a far too small error: the estimate of each pair is
-shrunk towards the average of its emitter's pairs in its state, source by source, relative to a flux that scales the
-source's errors. For 12,000 pairs of two pads at "score" and "standard" the errors over the stated ones have a root
-mean square of 0.8 and 0.6, 0.7 and 0.2 % of them are beyond 3, and the largest are 6.5 and 4.4.
+Two replicates give a pair one degree of freedom, and by chance often a far too small error. So the estimate of each
+pair is shrunk towards the mean over its emitter's pairs in the state. This is done for each source of error, relative
+to a flux to which the source's errors are proportional. For 12,000 pairs of two pads at "score" and "standard" the true
+errors over the stated ones have a root mean square of 0.8 and 0.6; 0.7 and 0.2 % of them are above 3, and the largest
+are 6.5 and 4.4.
 """
 
 from __future__ import annotations
@@ -17,32 +18,34 @@ from sims.optics.accuracy import Accuracy
 from sims.optics.engine.untouched import Untouched
 
 RULES_ERROR = 1e-4
-"""Median error of pairs whose replicates agree: docs/validation/light.md [-]."""
+"""Median relative error of pairs whose replicates agree: docs/validation/light.md [-]."""
 HIDDEN_ERROR = 2e-3
-"""Error of the direct light of a pair that a dimple hides in part, over its untouched direct flux, which no replicate
-shows: root mean square of 100 such pairs. A hidden or visible share below this has at most its own size as error [-].
-"""
+"""Error of a pair's direct light that a dimple hides in part, over its untouched direct flux [-]: root mean square of
+100 such pairs, which replicates do not show. If the hidden or visible share is smaller, that share is the error."""
 POOLED_WEIGHT = 2.0
-"""Weight of the average of an emitter's pairs, over that of a pair's own replicates."""
+"""Weight of the mean over an emitter's pairs, over the weight of a pair's own replicates."""
 LEAST_FLUX, LEAST_SCATTERED, ROUNDING = 1e-4, 0.1, 1e-9
-"""Least flux that scales a source's errors, over the untouched one; spread that counts as none [-]."""
+"""Smallest fluxes to which a source's errors are proportional, over the untouched flux: in general, and for scattered
+light; difference that counts as none [-]."""
 LEAST_STEP = 0.2
-"""Least image step for the error of lattices: a contact smaller than the step is hit or missed."""
+"""Smallest image step used for the error of grids: even finer grids hit or miss a smaller contact."""
 
 
 def standard_error(values: FloatArray, once: FloatArray, fixed: Untouched, settings: Accuracy) -> FloatArray:
-    """(state, emitter, receiver) standard error of the mean over replicates; no emitter's depends on another.
+    """(state, emitter, receiver) standard error of the mean over replicates; emitters do not depend on each other.
 
-    Lattices of light mirrored once have offsets spread evenly over R replicates, whose mean keeps only every R-th
-    harmonic of one lattice's error: those of a jump fall as 1/k, so it is at most 1/R of one lattice's. Replicates are
-    also mirror images about the middles of cells and differ mostly by terms that cancel in their mean; the remainder is
-    twice the share by which an image moves from point to point. All else is independent, 1/sqrt(R); light mirrored
-    several times errs at least by the chance of its samples, each of which may represent a share of a pair's flux.
+    Grids of points for light mirrored once have offsets spread evenly over R replicates. So the mean keeps only every
+    R-th harmonic of one grid's error. Those of a jump decrease as 1/k, so the error is at most 1/R of one grid's.
+    Replicates are also mirror images about the middles of cells, and differ mostly by terms that cancel in their mean.
+    The remainder is twice the share by which an image moves from point to point. All other errors are independent,
+    1/sqrt(R). Light mirrored several times errs at least by the statistics of its samples.
 
     Parameters
     ----------
-    values : (state, replicate, class, emitter, receiver) flux, classes in the order of `sims.optics.engine.states`
+    values : (state, replicate, class, emitter, receiver) flux; classes in the order of `sims.optics.engine.states` [-]
     once : (state, replicate, emitter, receiver) flux that the top mirrors once [-]
+    fixed : light of the untouched pad
+    settings : the accuracy
     """
     from sims.optics.engine.states import DIFFUSE, DIM, DIRECT, SKIRT, TOPS
 
@@ -79,16 +82,17 @@ def standard_error(values: FloatArray, once: FloatArray, fixed: Untouched, setti
 
 
 def _drawn_together(spread: FloatArray, yardstick: FloatArray, count: int) -> FloatArray:
-    """(state, emitter, receiver) variance of spreads over this many replicates, with a variance that scales them; 0
-    where there is no spread.
+    """(state, emitter, receiver) variance from the spread of `count` replicates, pooled over an emitter's pairs.
 
-    The average is that of the spreads, not of their squares: a pair crossed by a contact edge says little about others.
+    yardstick : variance to which the expected one is proportional; the result is 0 if there is no spread
+
+    The mean is that of the spreads, not of their squares: a pair at a contact edge says little about others.
     """
     share = spread / np.sqrt(yardstick)
     is_spread = share > ROUNDING
     mean = np.where(is_spread, share, 0.0).sum(axis=2, keepdims=True)
     mean /= np.maximum(is_spread.sum(axis=2, keepdims=True), 1)
     short = math.sqrt(2.0 / (count - 1)) * math.gamma(count / 2) / math.gamma((count - 1) / 2)
-    # for normal errors the mean spread is smaller than their deviation by this factor
+    # for normal errors the mean spread is smaller than the standard deviation by this factor
     pooled = (mean / short) ** 2 * yardstick
     return np.where(is_spread, (POOLED_WEIGHT * pooled + spread**2) / (POOLED_WEIGHT + 1.0), 0.0)

@@ -1,8 +1,8 @@
-"""Kernels: all states, one after the other on each thread; a state's result depends on no other state.
+"""Kernels: light of one pressed state by path class; a state's result depends on no other state.
 
-Path classes: `DIRECT`; `TOPS` specular, every reflection at the top outside the skirt radius; `SKIRT`
-specular with a reflection inside it; `WALL` specular with a reflection at a smooth wall; `DIFFUSE` scattered by wall,
-bottom or tip at least once.
+Path classes: `DIRECT`; `TOPS` mirrored by the top only, each time outside the skirt radius; `SKIRT` mirrored by the top
+only, at least once inside it; `WALL` never scattered, mirrored by a smooth wall at least once; `DIFFUSE` scattered by
+wall, bottom or tip at least once.
 """
 
 from __future__ import annotations
@@ -37,10 +37,10 @@ CELL_SHIFT, RAY_SHIFT, GRID_PHASE = 0, 2, 6
 RINGS, COLUMNS, STEP, TOP_RINGS, TOP_COLUMNS, REPEAT_SHARE, RAYS, WHOLE_RATIO, RAY_SHARE = range(9)
 CLIP_CORNERS = 14
 DIM = 0.03
-"""Least brightness of a pair over that of the emitter's brightest one, where brightness sets the effort."""
+"""Smallest brightness of a pair, over that of its emitter's brightest pair, that is used to choose the effort."""
 SEARCH_SHARE = 0.1
-"""The emitters' rays over the top also find light mirrored again: they are left to chance below this share of the
-setting's power. At 0.3 of it islands were missed, and 0.05 % of the light of all pairs with them."""
+"""Share of the setting's power below which an emitter's ray over the top is followed at random. It is small because
+these rays also find light that is mirrored again: at 0.3, parts of the top were missed, and 0.05 % of all light."""
 
 
 @array_kernel
@@ -48,8 +48,10 @@ def straight(
     out: FloatArray, keeps: BoolArray, wanted: BoolArray, emitters: FloatArray, receivers: FloatArray,
     flat: FloatArray, box: FloatArray, top: Top, rules: StraightRules,
 ) -> None:  # fmt: skip
-    """Direct light, by `flat` (untouched direct, mirrored, gain; emitter; receiver); where a pair's bundle misses every
-    deformed part in plan, the untouched mirrored light too.
+    """Fill the direct light, and set `keeps` for pairs whose straight lines stay clear of every deformed part in plan.
+
+    Pairs with `keeps` also get the untouched mirrored light. `flat` (3, emitter, receiver) has the untouched direct
+    flux, mirrored flux, and correction factor of direct flux.
     """
     nodes_e, weights_e, nodes_u, weights_u, nodes_z, weights_z = rules
     radii = np.empty(top.rows.shape[0])
@@ -78,7 +80,7 @@ def mirrored_once(
     scale: FloatArray, sectors: FloatArray, box: FloatArray, top: Top, image_rules: ImageRules, shifts: FloatArray,
     settings: FloatArray,
 ) -> None:  # fmt: skip
-    """Add light with one reflection at the deformed top to TOPS and SKIRT of every replicate."""
+    """Add light that the deformed top mirrors once to TOPS and SKIRT of every replicate."""
     rings = int(settings[RINGS])
     phase_u = shifts[0, GRID_PHASE]
     columns = columns_of(settings[COLUMNS], shifts[0, GRID_PHASE + 1], sectors)
@@ -133,9 +135,10 @@ def several_times(
     receivers: FloatArray, scale: FloatArray, sectors: FloatArray, box: FloatArray, top: Top, shifts: FloatArray,
     lattices: FloatArray, columns: FloatArray, layout: IntArray, settings: FloatArray,
 ) -> None:  # fmt: skip
-    """Add light with several reflections at the top to TOPS and SKIRT of every replicate; and, between dull walls, the
-    change by the top of the emitters' deposits to from_emitter[replicate]. Fill on_contact[replicate, emitter, row,
-    column] with the first-hand light on the contact's cells.
+    """Add light that the top mirrors several times to TOPS and SKIRT of every replicate.
+
+    If walls are not smooth, the press's change of the emitters' deposits is added to from_emitter[replicate].
+    on_contact[replicate, emitter, row, column] is filled with the light that lands on the contact's cells.
     """
     count = shifts.shape[0]
     echoes = np.zeros((count, lattices.shape[1], lattices.shape[2], ECHO_COLUMNS))
@@ -171,7 +174,7 @@ def several_times(
 
 @kernel
 def put_power(echoes: FloatArray, out: FloatArray) -> None:
-    """Fill (row, column) with the light on the first rows' cells."""
+    """Copy the power from the first rows of `echoes` to `out` (row, column)."""
     for a in range(out.shape[0]):
         for b in range(out.shape[1]):
             out[a, b] = echoes[a, b, POWER]
@@ -184,7 +187,7 @@ def beyond_one(
     box: FloatArray, top: Top, points: FloatArray, shifts: FloatArray, patches: Patches, reflectances: FloatArray,
     orders: Orders, settings: FloatArray, flat_rays: UntouchedRays,
 ) -> None:  # fmt: skip
-    """Add light with several reflections to TOPS and SKIRT, light mirrored by walls to WALL, and scattered light."""
+    """Add light mirrored several times by the top to TOPS and SKIRT, mirrored by walls to WALL, and scattered light."""
     flat_diffuse, flat_wall, given, taken, flat_join = flat
     layout = patches[0]
     count = shifts.shape[0]
@@ -259,8 +262,9 @@ def walled(
     receivers: FloatArray, box: FloatArray, top: Top, points: FloatArray, count: int, shift: FloatArray,
     layout: IntArray, flat_rays: UntouchedRays,
 ) -> None:  # fmt: skip
-    """Between smooth walls: add the change of all deposits, and of light mirrored onto receivers, by the same rays as
-    in the untouched pad.
+    """Between smooth walls, add the change by the press of deposits on patches and of light mirrored onto receivers.
+
+    The rays are the same as in the untouched pad.
     """
     given, taken, flat_seen = flat_rays
     from_emitter -= given
@@ -309,8 +313,9 @@ def reflected_once(
     flat: UntouchedLight, scale: FloatArray, rules: StraightRules, image_rules: ImageRules, shifts: FloatArray,
     settings: FloatArray,
 ) -> None:  # fmt: skip
-    """Fill (replicate, class, emitter, receiver) with direct flux and flux mirrored once by the top, over emitted
-    power; for an untouched state with all flux.
+    """Fill (replicate, class, emitter, receiver) with direct flux and flux that the top mirrors once.
+
+    An untouched state gets all its flux.
     """
     flat_straight, flat_diffuse, flat_wall, _, _, _ = flat
     if not is_touched(top):
@@ -331,7 +336,7 @@ def reflected_further(
     flat: UntouchedLight, scale: FloatArray, points: FloatArray, shifts: FloatArray, patches: Patches,
     reflectances: FloatArray, orders: Orders, settings: FloatArray, flat_rays: UntouchedRays,
 ) -> None:  # fmt: skip
-    """Add all other flux of a pressed state."""
+    """Add the flux that `reflected_once` leaves out to a pressed state."""
     _, flat_diffuse, flat_wall, given, taken, flat_join = flat
     if is_touched(top):
         beyond_one(

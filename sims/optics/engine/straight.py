@@ -1,35 +1,34 @@
 # mypy: no-warn-return-any
-"""Kernels: convex polygons of homogeneous points (x, y, w) in rows of an array: cut, area, centroid.
+"""Kernels: polygons, where one ray meets the deformed top, and direct light between two rectangles on walls.
 
-Sutherland and Hodgman's clipping, one half plane at a time; w allows a point behind the eye.
+Polygons
+--------
+Convex polygons of homogeneous points (x, y, w) are rows of an array. They are cut by Sutherland and Hodgman's clipping,
+one half plane at a time; w allows a point behind the eye.
 
-Kernels: one ray and the deformed top. Arrays only; lengths mm, directions unit vectors.
+A ray and the top
+-----------------
+A march along a ray finds an interval with a crossing, and Newton's steps find the point. The top is the sum of every
+tip's curve and of a smooth field (`sims.optics.surface.tops`). The gap g(t) = h(x(t), y(t)) - z(t) closes at most at
+the rate dz + M |d_plan|, with M the largest slope of the surface still ahead (of its falling part once the ray moves
+outward). So steps of g over that rate cannot jump over a crossing. Nor can steps to the root of g + g' s - K |d_plan|^2
+s^2 / 2, with K the largest bend (downward curvature) ahead; the longer of both is taken. No step is shorter than
+`MIN_STEP_MM`, so a shorter chord through the tip is missed (in a 3 mm tip, less than 2e-5 mm deep).
 
-A march finds whether a ray meets the top, and Newton's steps in its bracket find the point.
+One tip without a field: beyond the outer radius the top is a plane and needs no steps. A ray below the undisturbed top
+is followed only where the top may come below the ray's highest point. One tip with a field, a pad's usual top: slopes
+and bends of both add up. Several tips: by slopes alone.
 
-Kernels: intervals of a ray in which it may cross the deformed top.
-
-The top is the sum of every tip's curve and of a smooth field (`sims.optics.surface.tops`). The gap
-g(t) = h(x(t), y(t)) - z(t) closes at most at the rate dz + M |d_plan|, M the largest slope of the part of the surface
-still ahead (of its falling part once the ray moves outward), so steps of g over that rate cannot jump over a
-crossing. Nor can those to the root of g + g' s - K |d_plan|^2 s^2 / 2, K the largest bend ahead; the longer of both is
-taken. No step is shorter than `MIN_STEP_MM`, so a chord through the tip shorter than that is missed (it would be
-less than 2e-5 mm deep in a 3 mm tip).
-
-One tip without a field: beyond the outer radius the top is a plane and needs no steps, and a ray that stays below the
-undisturbed top is followed only where the top may come below the ray's highest point. One tip with a field, a pad's
-usual top: slopes and bends of both add up. Several tips: by slopes alone.
-
-Kernels: direct light, and light mirrored by a flat top, between two rectangles on walls.
-
-The rule is Gauss quadrature over the emitter's area, the receiver's columns and, in each column, the part of
-its height that the emitter point sees. That part is known without sampling: in the vertical plane through
-emitter point e and column u the top's horizon over the column is
+Direct light
+------------
+Direct light, and light mirrored by a flat top, is integrated by Gauss quadrature over the emitter's area, the
+receiver's columns and, in each column, the part of its height that the emitter's point sees. In the vertical plane
+through emitter point e and a column, the top's horizon is
 
     Z* = z_e + min over the chord of (h(s) - z_e) / s,     s = fraction of the way in plan,
 
-and direct light is visible below Z*. Several tips: the smallest of their horizons. Patches are clipped to the clear
-layer; Fresnel at the top, Beer-Lambert along the path.
+and direct light is visible below Z*. Several tips: the smallest of their horizons. Patches, the faces of emitters and
+receivers, are clipped to the clear layer. Fresnel at the top, Beer-Lambert along the path.
 """
 
 from __future__ import annotations
@@ -90,7 +89,7 @@ from sims.optics.surface.tops import (
 
 @kernel
 def cut(n: int, poly: FloatArray, other: FloatArray, along: float, up: float, whole: float) -> int:
-    """Clip a polygon of homogeneous points (x, y, w) to along x + up y + whole w >= 0; its number of corners."""
+    """Clip a polygon of homogeneous points (x, y, w) to along x + up y + whole w >= 0; return its number of corners."""
     outside = 0
     for c in range(n):
         if along * poly[c, 0] + up * poly[c, 1] + whole * poly[c, 2] < 0.0:
@@ -122,7 +121,7 @@ def cut(n: int, poly: FloatArray, other: FloatArray, along: float, up: float, wh
 
 @kernel
 def cut_to_rectangle(n: int, poly: FloatArray, other: FloatArray, half_x: float, half_y: float) -> int:
-    """Clip a polygon in front of the eye to |x| <= half_x, |y| <= half_y; its number of corners."""
+    """Clip a polygon in front of the eye to |x| <= half_x, |y| <= half_y; return its number of corners."""
     n = cut(n, poly, other, -1.0, 0.0, half_x)
     if n > 0:
         n = cut(n, poly, other, 1.0, 0.0, half_x)
@@ -135,7 +134,7 @@ def cut_to_rectangle(n: int, poly: FloatArray, other: FloatArray, half_x: float,
 
 @kernel
 def area_and_centroid(n: int, poly: FloatArray) -> tuple[float, float, float]:
-    """Signed area and centroid of a polygon whose w are 1."""
+    """Signed area and centroid (x, y) of a polygon whose w are 1."""
     x0 = poly[0, 0]
     y0 = poly[0, 1]
     area = 0.0
@@ -156,7 +155,7 @@ def area_and_centroid(n: int, poly: FloatArray) -> tuple[float, float, float]:
 
 
 CLOSED_MM = 1e-10
-"""A gap at which a crossing is found."""
+"""Height of the top above a ray at which the ray counts as meeting the top [mm]."""
 BOTTOM, TIP, LOST = 4, 5, -1
 MAX_BOUNCES = 24
 LOST_WEIGHT = 1e-9
@@ -166,7 +165,7 @@ LOST_WEIGHT = 1e-9
 def crossing(
     x: float, y: float, z: float, dx: float, dy: float, dz: float, t0: float, t1: float, top: Top
 ) -> tuple[float, float]:
-    """Bracket of a crossing from below to above the top in [t0, t1]; (t0, -1) if there is none."""
+    """Interval of a crossing from below to above the top in [t0, t1]; (t0, -1) if there is none."""
     if is_plain(top):
         return march(x, y, z, dx, dy, dz, t0, t1, True, 0, top.rows)
     if top.rows.shape[0] == 1:
@@ -176,7 +175,7 @@ def crossing(
 
 @kernel
 def is_clear(x: float, y: float, z: float, dx: float, dy: float, dz: float, length: float, top: Top) -> bool:
-    """Whether the leg of this length that leaves a point of the top stays below the top."""
+    """Whether a straight line of this length from a point of the top stays below the top."""
     t0 = min(MIN_STEP_MM, 0.5 * length)
     _, hit = crossing(x, y, z, dx, dy, dz, t0, length, top)
     return hit < 0.0
@@ -184,7 +183,7 @@ def is_clear(x: float, y: float, z: float, dx: float, dy: float, dz: float, leng
 
 @inlined
 def top_hit(x: float, y: float, z: float, dx: float, dy: float, dz: float, t1: float, top: Top) -> float:
-    """First distance in (0, t1) where the ray meets the top; -1 if it does not."""
+    """First distance in (0, t1) where the ray meets the top [mm]; -1 if it does not."""
     if is_plain(top):
         return _tip_hit(x, y, z, dx, dy, dz, t1, top.rows)
     return _any_hit(x, y, z, dx, dy, dz, t1, top)
@@ -201,7 +200,7 @@ def _tip_hit(
 
 @kernel
 def _any_hit(x: float, y: float, z: float, dx: float, dy: float, dz: float, t1: float, top: Top) -> float:
-    """`top_hit` for several tips or a field: in the bracket Newton's steps, halved where they leave it."""
+    """`top_hit` for several tips or a field, by Newton's steps, halved if they leave the crossing's interval."""
     if top.rows.shape[0] == 1:
         low, high = march_field(x, y, z, dx, dy, dz, 0.0, t1, False, top)
     else:
@@ -231,7 +230,7 @@ def _any_hit(x: float, y: float, z: float, dx: float, dy: float, dz: float, t1: 
 def _refined(
     x: float, y: float, z: float, dx: float, dy: float, dz: float, low: float, high: float, rows: FloatArray
 ) -> float:
-    """Crossing of one tip's top in a bracket: Newton's steps, halved where they leave it."""
+    """Crossing of one tip's top in an interval, by Newton's steps, halved if they leave it."""
     px = x - rows[0, X]
     py = y - rows[0, Y]
     plan2 = dx * dx + dy * dy
@@ -261,10 +260,10 @@ def _refined(
 def chain(
     x: float, y: float, z: float, dx: float, dy: float, dz: float, weight: float, box: FloatArray, top: Top
 ) -> tuple[int, float, float, float, float, float, float, float, int, float]:
-    """Follow a ray through specular reflections at the top to a wall, the bottom or a tip.
+    """Follow a ray through reflections at the top to a wall, the bottom or a tip.
 
     Returns kind (0-3 wall, 4 bottom, 5 tip, -1 lost), point, direction, weight with Fresnel and absorption, number of
-    top reflections, smallest distance of one from a tip's axis over that tip's skirt radius.
+    reflections at the top, and smallest distance of these from a tip's axis, over the radius of the tip's steep skirt.
     """
     tops = 0
     nearest = 1e30
@@ -306,14 +305,15 @@ def chain(
 
 MIN_STEP_MM = 0.02
 LEAST_BEND = 1e-12
-"""Added to divisors [1/mm]."""
+"""Added to divisors so that none is 0 [1/mm]."""
 NEAREST_AHEAD_MM, AHEAD_SHARE = 0.25, 0.35
-"""Look-ahead of a step towards one of several tips [mm], or share of the distance to its axis."""
+"""Distance within which slopes ahead are bounded, for a step towards one of several tips: at least so many mm, and this
+share of the distance to its axis."""
 
 
 @inlined
 def _plane_hit(z: float, dz: float, t0: float, t1: float, top: float) -> float:
-    """Where a ray meets the undisturbed top in [t0, t1]; -1 if it does not."""
+    """Distance at which a ray meets the undisturbed top in [t0, t1]; -1 if it does not."""
     if dz <= 0.0:
         return -1.0
     t = (top - z) / dz
@@ -325,9 +325,9 @@ def march(
     x: float, y: float, z: float, dx: float, dy: float, dz: float, t0: float, t1: float, takes_any: bool, tip: int,
     rows: FloatArray,
 ) -> tuple[float, float]:  # fmt: skip
-    """Bracket of the first crossing from below to above one tip's top in [t0, t1]; (t0, -1) if there is none.
+    """Interval of the first crossing from below to above one tip's top in [t0, t1]; (t0, -1) if there is none.
 
-    `takes_any`: any crossing is enough; a ray that has one is nearly always above the top where it is nearest the axis.
+    takes_any : whether any crossing is enough; it is nearly always found where the ray is nearest to the axis
     """
     highest = max(z + dz * t0, z + dz * t1)
     if highest < rows[tip, LOWEST]:
@@ -367,7 +367,7 @@ def march(
 
 @inlined
 def _on_curve(r2: float, tip: int, rows: FloatArray) -> tuple[float, float, int]:
-    """Height of one tip's top within its outer radius, dh/dr over r, and the start of its piece."""
+    """Height of one tip's top within its outer radius, dh/dr over r, and the column where its piece begins."""
     if r2 <= rows[tip, SPHERE_2]:
         root = math.sqrt(rows[tip, TIP_2] - r2)
         return rows[tip, SPHERE_Z] - root, 1.0 / root, PIECES
@@ -383,7 +383,8 @@ def _on_curve(r2: float, tip: int, rows: FloatArray) -> tuple[float, float, int]
 
 @inlined
 def _bent_step(gap: float, opening: float, bend: float) -> float:
-    """Distance within which a gap cannot close that opens at this rate, and bends shut at this one at most."""
+    """Distance within which a ray does not reach the top: `gap` opens at rate `opening`, which falls by `bend` per mm
+    at most."""
     root = math.sqrt(opening * opening + 2.0 * bend * gap)
     return (opening + root) / bend if opening >= 0.0 else 2.0 * gap / (root - opening)
 
@@ -392,7 +393,7 @@ def _bent_step(gap: float, opening: float, bend: float) -> float:
 def _march_within(
     z: float, dz: float, t: float, end: float, closest: float, near2: float, plan2: float, tip: int, rows: FloatArray,
 ) -> tuple[float, float]:  # fmt: skip
-    """The bracket in [t, end], inside a tip's outer radius; its upper end is -1 if there is none."""
+    """Interval of the first crossing in [t, end], inside a tip's outer radius; its upper end is -1 if there is none."""
     plan = math.sqrt(plan2)
     inward_rate = dz + slope_bound(near2, tip, rows) * plan
     previous = t
@@ -423,7 +424,7 @@ def _march_within(
 def march_field(
     x: float, y: float, z: float, dx: float, dy: float, dz: float, t0: float, t1: float, takes_any: bool, top: Top,
 ) -> tuple[float, float]:  # fmt: skip
-    """The same as `march`, for one tip and a field: their gaps, slopes and bends add up."""
+    """Interval of a crossing as from `march`, for one tip and a smooth field, whose slopes and curvatures add up."""
     rows = top.rows
     reach = max(z + dz * t0, z + dz * t1) - rows[0, FIELD_LOWEST]
     if reach < rows[0, LOWEST]:
@@ -456,7 +457,7 @@ def _march_on_field(
     x: float, y: float, z: float, dx: float, dy: float, dz: float, t: float, end: float, closest: float, near2: float,
     plan2: float, top: Top,
 ) -> tuple[float, float]:  # fmt: skip
-    """The bracket in [t, end]; its upper end is -1 if there is none. Outside the tip's curve the field is alone."""
+    """Interval of the first crossing in [t, end], for one tip and a field; its upper end is -1 if there is none."""
     rows = top.rows
     plan = math.sqrt(plan2)
     outer2 = rows[0, OUTER_2]
@@ -502,7 +503,7 @@ def _march_on_field(
 def march_any(
     x: float, y: float, z: float, dx: float, dy: float, dz: float, t0: float, t1: float, top: Top
 ) -> tuple[float, float]:
-    """The same as `march`, for several tips and a field: the rates of all of them add up."""
+    """Interval of a crossing as from `march`, for several tips and a field: their slopes add up."""
     tips = top.rows.shape[0]
     lowest = top.rows[0, FIELD_LOWEST]
     for k in range(tips):
@@ -554,7 +555,7 @@ OPEN = 1e9
 
 @kernel
 def blocking_radius(z: float, tip: int, rows: FloatArray) -> float:
-    """Radius beyond which the top is nowhere below z; -1: nowhere at all."""
+    """Radius beyond which one tip's top is nowhere below z [mm]; -1: nowhere at all."""
     if rows[tip, ACTIVE] == 0.0 or z <= rows[tip, LOWEST]:
         return -1.0
     return math.sqrt(reach2(z, tip, rows)) if z < rows[tip, TOP] else rows[tip, OUTER_R]
@@ -562,7 +563,7 @@ def blocking_radius(z: float, tip: int, rows: FloatArray) -> float:
 
 @kernel
 def plan_distance(ax: float, ay: float, bx: float, by: float, cx: float, cy: float) -> float:
-    """Distance of (cx, cy) to the segment a-b in plan."""
+    """Distance of (cx, cy) from the segment from a to b in plan [mm]."""
     dx = bx - ax
     dy = by - ay
     t = min(max(((cx - ax) * dx + (cy - ay) * dy) / max(dx * dx + dy * dy, 1e-30), 0.0), 1.0)
@@ -573,7 +574,7 @@ def plan_distance(ax: float, ay: float, bx: float, by: float, cx: float, cy: flo
 def bundle_misses(
     source: FloatArray, target: FloatArray, radius: float, box: FloatArray, x: float, y: float
 ) -> bool:
-    """Whether no straight line in plan from source to target comes within radius of the press axis."""
+    """Whether no straight line in plan from source to target comes within a radius of the press axis (x, y)."""
     a0, b0, _ = wall_point(int(source[0]), source[1] - source[3], 0.0, box)
     a1, b1, _ = wall_point(int(source[0]), source[1] + source[3], 0.0, box)
     c0, d0, _ = wall_point(int(target[0]), target[1] - target[3], 0.0, box)
@@ -597,14 +598,14 @@ def _left_of(ax: float, ay: float, bx: float, by: float, cx: float, cy: float) -
 
 @kernel
 def reach_of(z: float, top: Top, radii: FloatArray) -> None:
-    """Fill radii (tip,) beyond which no tip's dimple can block a line that stays below z."""
+    """Fill `radii` (tip,): beyond each, the tip's dimple cannot block a line that stays below z [mm]."""
     for k in range(top.rows.shape[0]):
         radii[k] = blocking_radius(z + top.rows[0, SLACK], k, top.rows)
 
 
 @kernel
 def misses_all(source: FloatArray, target: FloatArray, radii: FloatArray, box: FloatArray, top: Top) -> bool:
-    """Whether the pair's bundle in plan stays clear of every tip's radius."""
+    """Whether all straight lines between two patches stay outside every tip's radius in plan."""
     for k in range(top.rows.shape[0]):
         if top.rows[k, ACTIVE] > 0.0 and not bundle_misses(
             source, target, radii[k], box, top.rows[k, X], top.rows[k, Y]
@@ -625,7 +626,7 @@ def _rise_any(s: float, x: float, y: float, dx: float, dy: float, z: float, top:
 
 @kernel
 def horizon(x: float, y: float, z: float, qx: float, qy: float, radii: FloatArray, top: Top) -> float:
-    """Height at q below which the straight line from (x, y, z) passes under the top; OPEN if none can block."""
+    """Height at (qx, qy) below which the straight line from (x, y, z) passes under the top; OPEN: any height."""
     lowest = OPEN
     for k in range(top.rows.shape[0]):
         if radii[k] > 0.0:
@@ -637,7 +638,7 @@ def horizon(x: float, y: float, z: float, qx: float, qy: float, radii: FloatArra
 def _horizon_of(
     tip: int, x: float, y: float, z: float, qx: float, qy: float, radius: float, top: Top
 ) -> float:
-    """The horizon of the part of the chord within `radius` of a tip's axis."""
+    """Height as from `horizon`, for the part of the line within `radius` of one tip's axis."""
     plain = is_plain(top)
     dx = qx - x
     dy = qy - y
@@ -690,7 +691,7 @@ def column_flux(
     x: float, y: float, z: float, source: FloatArray, target: FloatArray, qx: float, qy: float, z0: float, z1: float,
     mirrored: bool, box: FloatArray, nodes: FloatArray, weights: FloatArray,
 ) -> float:  # fmt: skip
-    """Flux from an emitter point through a column's heights z0..z1, per column width and emitter share."""
+    """Flux from an emitter's point through heights z0 to z1 of a column, per column width and emitter share."""
     if z1 <= z0:
         return 0.0
     n0, n1 = wall_normal(int(source[0]))
@@ -725,7 +726,7 @@ def direct_flux(
     source: FloatArray, target: FloatArray, radii: FloatArray, box: FloatArray, top: Top, nodes_e: FloatArray,
     weights_e: FloatArray, nodes_u: FloatArray, weights_u: FloatArray, nodes_z: FloatArray, weights_z: FloatArray,
 ) -> float:  # fmt: skip
-    """Straight flux of a pair under a press, as a fraction of the emitter's power."""
+    """Direct flux of a pair under a press, as a fraction of the emitter's power."""
     total = 0.0
     low = target[2] - target[4]
     high = target[2] + target[4]
@@ -749,7 +750,7 @@ def flat_flux(
     source: FloatArray, target: FloatArray, box: FloatArray, mirrored: bool, nodes_e: FloatArray, weights_e: FloatArray,
     nodes_u: FloatArray, weights_u: FloatArray, nodes_z: FloatArray, weights_z: FloatArray,
 ) -> float:  # fmt: skip
-    """Straight or mirrored flux of a pair under a flat top."""
+    """Flux of a pair under a flat top, direct or mirrored once by the top, as a fraction of the emitter's power."""
     total = 0.0
     low = target[2] - target[4]
     high = target[2] + target[4]

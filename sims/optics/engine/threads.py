@@ -1,7 +1,7 @@
-"""One piece of work per thread: compiled code that releases the interpreter lock runs in parallel.
+"""Run pieces of work in parallel threads; compiled code releases the interpreter lock.
 
-The number of threads is numba's (`NUMBA_NUM_THREADS`, `numba.set_num_threads`). Numba's own parallel loops do the
-same, but compile all functions that they call twice.
+The number of threads is numba's (`NUMBA_NUM_THREADS`, `numba.set_num_threads`). Numba's own parallel loops do the same,
+but compile every called function twice.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ _WAITING = threading.local()
 
 @contextmanager
 def between_pieces(call: Callable[[], None]) -> Iterator[None]:
-    """Have a function called between pieces of the work that this thread waits for; an error that it raises ends it."""
+    """Within this context, call a function between the pieces of work that this thread waits for."""
     former = getattr(_WAITING, "call", None)
     _WAITING.call = call
     try:
@@ -26,9 +26,9 @@ def between_pieces(call: Callable[[], None]) -> Iterator[None]:
 
 
 def run_each(work: Callable[[int], object], count: int) -> None:
-    """Call `work` with 0 to `count` - 1. The others wait while the first compiles, as Numba compiles behind a lock.
+    """Call `work` with 0 to `count` - 1 in threads; the first call is done alone, as Numba compiles under a lock.
 
-    An error, or an interruption, ends it as soon as the running pieces are done.
+    An error or an interruption ends the work as soon as the running pieces are done.
     """
     import numba
 

@@ -2,40 +2,48 @@
 
 Model
 -----
-Geometric optics in a block of one index whose top is the deformed surface: unpolarised Fresnel and total
-reflection at the top, Beer-Lambert absorption along every path, an absorbing or diffuse tip inside the
-contact, diffuse walls and bottom, walls that also mirror their Fresnel share where the scene gives an index behind
-them, absorbing receiver faces. Emitters have an order or a table, receivers a response table. Light that leaves
-through the top is lost.
+Geometric optics in a block of one index whose top is the deformed surface, with unpolarised Fresnel and total
+reflection. Absorption follows Beer and Lambert along every path. The tip in contact absorbs or scatters. Walls and
+bottom scatter; if the scene gives an index behind the walls, they also mirror their Fresnel share. Receivers' faces
+absorb. Emitters have a Lambertian order or a table, receivers a response table. Light that leaves through the top is
+lost.
 
-Path classes: `direct` light, occluded by the dimple; `top` specular chains whose every reflection
-is outside the skirt radius (the outermost radius where a tip's curve is steeper than 0.1); `skirt` specular
-chains with a reflection inside it; `wall` light mirrored by a wall at least once and never scattered; `diffuse` light
-scattered at least once. All light mirrored by the top alone is `top` + `skirt`.
+Path classes
+------------
+- `direct`: straight light, in part hidden by the dimple.
+- `top`: mirrored by the top only, each time outside the skirt radius, the outermost radius where a tip's curve is
+  steeper than 0.1.
+- `skirt`: mirrored by the top only, at least once inside the skirt radius.
+- `wall`: mirrored by a wall at least once and never scattered.
+- `diffuse`: scattered at least once.
 
 Method, class by class
 ----------------------
-- integrated: direct light, by quadrature with an analytic horizon (`direct`); light mirrored once, image by image
-  (`images`): path by path where an image is whole, else on a lattice of points of the top with the lit area of the
-  emitter cut exactly (`pinhole`).
-- traced: light mirrored several times, by three rays per point of the top, on cells that are divided where it
-passes (`repeated`).
-- traced and joined: scattered light, as the untouched pad's times the ratio of deposits on patches, joined over all
-  orders (`orders`), with and without the press; the press changes the deposits by rays of a lattice on the pressed top,
-  finer near each part, faint rays left to chance (`scattered`).
-- traced: light between smooth walls, by the same rays with and without the press.
+- direct light is integrated, by quadrature with an analytic horizon (`straight`).
+- light mirrored once is integrated image by image (`images`): path by path if possible, else over points of the top
+  with the lit area of the emitter cut exactly (`mirrored.pinhole`).
+- light mirrored several times is traced by three rays per point of the top, in cells that are divided where the light
+  passes (`repeated`).
+- scattered light is the untouched pad's, times a ratio of radiosity sums over patches of walls and bottom, with and
+  without the press. The press changes the light deposited on patches by rays to a grid on the pressed top, finer near
+  each part, with faint rays followed at random (`scattered`).
+- light between smooth walls is traced by the same rays with and without the press.
 
-Replicates with other offsets give the standard error (`stated_error`). It covers lattices and rays, direct light that
-is partly hidden, and with 0.01 % of the untouched flux the usual error of the Gauss rules. It does not cover: images
-narrower than the cells that search for them, the patch size, chains beyond 24 reflections, light scattered twice by
-the tip, and obstruction by the dimple of light scattered more than once. With a tip of 30 % between walls of 40 % the
-last has no measurable effect to 3 mm, and is 0.8 % of the scattered light deeper than the tip's radius. Light
-reflected several times is sampled for the requested pairs, and the error is pooled over them, so a pair mask changes
-both within that error; all else is the same to the bit.
+Standard error
+--------------
+Replicates with other offsets give the standard error (`stated_error`). It covers grids and rays, direct light that is
+partly hidden, and the usual error of the Gauss rules (0.01 % of the untouched flux). It does not cover images narrower
+than the cells that search for them, the patch size, more than 24 reflections, light that the tip scatters twice, and
+obstruction by the dimple of light scattered more than once. With a tip of 30 % between walls of 40 % this obstruction
+has no measurable effect to 3 mm, and is 0.8 % of the scattered light deeper than the tip's radius. A pair mask changes
+light mirrored several times, which is sampled for the requested pairs, within this error; all other light stays the
+same to the bit.
 
-Reuse: a pair whose bundle misses every deformed part keeps its untouched value; presses that a symmetry of the layout
-carries onto each other are traced once (`scene_symmetry`); one emitter's light in one state depends on no other emitter
-and no other state, so stored rows can be passed in (`light_rows`): read or traced, the bits are the same.
+Reuse
+-----
+A pair whose straight lines miss every deformed part keeps its untouched value. Presses that are symmetric to each other
+are traced once (`scene.symmetry`). One emitter's light in one state depends on no other emitter or state, so stored
+rows can be used (`light_rows`).
 
 Left out: roughness and haze, polarisation, light that leaves the top and comes back across the crater (measured in
 docs/validation/crossing.md), sockets and part bodies behind the walls.
@@ -70,21 +78,21 @@ BATCH_STATES = 32
 OF_CLASSES = slice(0, len(CLASS_NAMES))
 ERROR, SCALE, CHANGE_ERROR = range(len(CLASS_NAMES), len(CLASS_NAMES) + 3)
 ROW = len(CLASS_NAMES) + 3
-"""Lines of a row, each over receivers: flux of each class, standard error, untouched flux (above 0), and the part of
-the error that states do not share."""
+"""Number of lines of a row, each over receivers: flux of each class, standard error, untouched flux (above 0), and the
+part of the error that differs from state to state."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class RawLight:
-    """Flux over emitted power.
+    """Flux over emitted power, with its errors.
 
     Attributes
     ----------
-    flux : (class, state, emitter, receiver), classes in the order of `CLASS_NAMES` [-]
-    standard_error : (state, emitter, receiver) standard error of the sum over classes [-]
-    change_error : same shape, the part of it that states do not share [-]
-    relative_error : (state,) root mean square over the requested pairs of standard error over untouched flux [-]
-    is_met : (state,) whether that is within the required relative error; True where none was required
+    flux : (class, state, emitter, receiver) flux, classes in the order of `CLASS_NAMES` [-]
+    standard_error : (state, emitter, receiver) standard error of the flux summed over classes [-]
+    change_error : (state, emitter, receiver) part of the standard error that differs from state to state [-]
+    relative_error : (state,) root mean square of standard error over untouched flux, over the requested pairs [-]
+    is_met : (state,) whether `relative_error` is within the required error; True if none was required
     """
 
     flux: FloatArray
@@ -107,21 +115,21 @@ def trace_scene(
     on_step: Callable[[int, int], None] | None = None,
     kept: KeptRows | None = None,
 ) -> RawLight:
-    """Trace a scene for a list of presses.
+    """Trace a scene for a list of presses. A state is the untouched pad or one set of simultaneous presses.
 
     Parameters
     ----------
     scene : walls, emitters, receivers and materials
-    centres_mm : (state, 2) or (state, tip, 2) press axes; ignored where untouched [mm]
-    indentations : per state one, None where untouched, or a sequence of these, one for each tip
-    fields : one per state, added to the top; None: none
-    classes : states of equal light; with it, centres, indentations and fields are one per class
-    accuracy : draft, score, standard, fine, reference, settings, or a required relative error: settings are then
-        refined for the states that miss it (`RawLight.relative_error`), up to reference; see `is_met`
+    centres_mm : (state, 2) or (state, tip, 2) press axes; ignored if untouched [mm]
+    indentations : per state one press, None (untouched), or a sequence of these, one for each tip
+    fields : per state a smooth height added to the top, or None; None: no fields
+    classes : groups of states of equal light; with it, centres, indentations and fields have one entry per group
+    accuracy : draft, score, standard, fine or reference; own settings; or a required relative error: settings are then
+        refined up to reference for the states that miss it (`RawLight.relative_error`, `is_met`)
     seed : seed of all offsets; the same seed gives the same bits for any number of threads
-    pairs : (emitter, receiver) or (state, emitter, receiver) mask; a pair left out is 0
-    on_step : called with (states done, states)
-    kept : store of rows, which are read, or traced and written; None: all are traced
+    pairs : (emitter, receiver) or (state, emitter, receiver) mask of the pairs to trace; the flux of others is 0
+    on_step : function called with (states done, states)
+    kept : store of rows; stored rows are read, others are traced and stored; None: all are traced
 
     Raises
     ------
@@ -142,13 +150,13 @@ def trace_scene(
 
 @dataclass(frozen=True)
 class Tops:
-    """Tops of classes of states, lowered when they are needed.
+    """Tops of groups of equal states, converted to arrays when they are first needed.
 
     Attributes
     ----------
     scene : the scene of the tops
-    made : gives centres, indentations and fields of the classes, as `trace_scene` takes them
-    source : identifies their inputs; the same bytes give the same tops. None: they are identified by content
+    made : function that returns centres, indentations and fields of the groups, as `trace_scene` takes them
+    source : bytes that identify the inputs; the same bytes give the same tops. None: tops are identified by content
     """
 
     scene: OpticalScene
@@ -157,7 +165,7 @@ class Tops:
 
     @cached_property
     def stack(self) -> TopStack | FormedStack:
-        """The tops as kernels read them."""
+        """The tops as arrays that kernels read."""
         centres, indentations, fields = self.made()
         if self.scene.form is None:
             return stack_tops(indentations, centres, self.scene, fields)
@@ -175,7 +183,7 @@ def trace_tops(
     on_step: Callable[[int, int], None] | None = None,
     kept: KeptRows | None = None,
 ) -> RawLight:
-    """Trace the tops of classes of states; parameters, result and errors are those of `trace_scene`."""
+    """Trace the tops of groups of equal states; parameters, result and errors are those of `trace_scene`."""
     scene = tops.scene
     check_scene(scene)
     states = len(classes.member)
@@ -222,8 +230,10 @@ class _Work:
 
     Attributes
     ----------
-    states : (n,) their tops
-    asked : (n, emitter, receiver) pairs to trace
+    tops : tops of all groups
+    states : (n,) numbers of their tops
+    asked : (n, emitter, receiver) mask of the pairs to trace
+    settings, seed : accuracy and seed
     """
 
     tops: Tops
@@ -234,7 +244,10 @@ class _Work:
 
 
 def _rows_of(work: _Work, kept: KeptRows | None, on_done: Callable[[int], None]) -> FloatArray:
-    """(n, emitter, line, receiver) rows of light, kept or traced; `on_done` gets the number of states left."""
+    """(n, emitter, line, receiver) rows of light, read from the store or traced.
+
+    on_done : function called with the number of states left
+    """
     rows = np.zeros((*work.asked.shape[:2], ROW, work.asked.shape[2]))
     rows[:, :, SCALE] = 1.0
     missing = np.asarray(work.asked.any(axis=2))
@@ -256,7 +269,7 @@ def _rows_of(work: _Work, kept: KeptRows | None, on_done: Callable[[int], None])
 
 
 def _names(work: _Work, kept: KeptRows) -> list[list[bytes]]:
-    """Per state and emitter, the name of its row: the kept one, else from the tops."""
+    """Name of the row of each state and emitter: from the store if possible, else computed from the tops."""
     source = work.tops.source
     if source is None:
         return row_names(work.tops.scene, work.tops.stack, work.states, work.asked, work.settings, work.seed)
@@ -269,7 +282,7 @@ def _names(work: _Work, kept: KeptRows) -> list[list[bytes]]:
 
 
 def _read(rows: FloatArray, wanted: BoolArray, names: list[list[bytes]], kept: KeptRows) -> BoolArray:
-    """(n, emitter) which of the requested rows are kept; those are filled in."""
+    """Fill `rows` with the requested rows of light that are stored; return the mask (n, emitter) of those found."""
     places = [(int(k), int(i)) for k, i in np.argwhere(wanted)]
     found = kept.read([names[k][i] for k, i in places])
     there = np.zeros(wanted.shape, dtype=np.bool_)
@@ -281,7 +294,7 @@ def _read(rows: FloatArray, wanted: BoolArray, names: list[list[bytes]], kept: K
 
 
 def _traced_rows(work: _Work, part: IntArray, wanted: BoolArray) -> FloatArray:
-    """(n, emitter, line, receiver) rows of some states."""
+    """(n, emitter, line, receiver) rows of some states, traced."""
     rows = np.empty((*wanted.shape[:2], ROW, wanted.shape[2]))
     scene, stack = work.tops.scene, work.tops.stack
     if isinstance(stack, FormedStack):
@@ -302,7 +315,7 @@ def _traced_rows(work: _Work, part: IntArray, wanted: BoolArray) -> FloatArray:
 def _as_share_of_states(
     on_step: Callable[[int, int], None] | None, classes: int, states: int
 ) -> Callable[[int], None]:
-    """Convert the number of classes of states left to (states done, states)."""
+    """Convert a callback for (states done, states) to one for the number of groups left."""
 
     def on_done(left: int) -> None:
         if on_step is not None:
@@ -317,7 +330,7 @@ def _classes(
     indentations: Presses,
     fields: Sequence[SmoothField | None] | None,
 ) -> StateClasses:
-    """Classes of equal light; every state is its own class where fields are given, as fields have no other identity."""
+    """Groups of states of equal light; if fields are given, each state is its own group, as fields are not compared."""
     if fields is not None and any(field is not None for field in fields):
         return each_its_own(scene, len(indentations))
     pressed = [[one] if one is None or isinstance(one, Indentation) else list(one) for one in indentations]
@@ -325,7 +338,7 @@ def _classes(
 
 
 def _class_pairs(wanted: BoolArray, classes: StateClasses) -> BoolArray:
-    """(class, emitter, receiver) every pair that some state of a class requests."""
+    """(class, emitter, receiver) mask of the pairs that at least one state of a group requests."""
     asked = np.zeros((len(classes.first), *wanted.shape[1:]), dtype=np.bool_)
     for state, number in enumerate(classes.member):
         asked[number][np.ix_(classes.emitters[state], classes.receivers[state])] |= wanted[state]
@@ -333,7 +346,7 @@ def _class_pairs(wanted: BoolArray, classes: StateClasses) -> BoolArray:
 
 
 def _pooled(share: FloatArray, asked: BoolArray) -> FloatArray:
-    """(state,) root mean square over the requested pairs of a (state, emitter, receiver) share."""
+    """(state,) root mean square of `share` (state, emitter, receiver) over the requested pairs."""
     count = np.maximum(asked.sum(axis=(1, 2)), 1)
     return np.asarray(np.sqrt(np.where(asked, share**2, 0.0).sum(axis=(1, 2)) / count))
 
@@ -341,7 +354,7 @@ def _pooled(share: FloatArray, asked: BoolArray) -> FloatArray:
 def _trace_batch(
     wanted: BoolArray, tops: TopStack, part: IntArray, fixed: Untouched, settings: Accuracy
 ) -> tuple[FloatArray, FloatArray]:
-    """(state, replicate, class, emitter, receiver) flux, and (state, replicate, emitter, receiver) mirrored once."""
+    """(state, replicate, class, emitter, receiver) flux of some states, and the part of it that is mirrored once."""
     from sims.optics.engine.compiled import trace_further, trace_once
     from sims.optics.engine.states import CLASSES, SKIRT, TOPS
 

@@ -1,4 +1,4 @@
-"""Data that a scene, settings and a seed determine once: packed patches, the untouched pad's light, point sets."""
+"""Data that a scene, settings and a seed determine once: faces as arrays, the untouched pad's light, sample points."""
 
 from __future__ import annotations
 
@@ -22,31 +22,34 @@ Kept = TypeVar("Kept")
 POINT_SEED = 20170603
 PATCH_MM = 2.0
 REFERENCE_PATCH_MM = 0.5
-"""Patches of the untouched pad's first order [mm]. At 1 mm it was 0.2 to 0.3 % too faint, at 0.25 mm it agrees."""
+"""Size of patches for the untouched pad's light scattered once [mm]. With 1 mm this light was 0.2 to 0.3 % too faint;
+0.25 mm gives the same as 0.5 mm."""
 RADIOSITY_PATCHES = 600
 BOUNCE_RAYS = 128
 """Rays from each patch that show where its scattered light lands."""
 WALL_REFERENCE_RAYS = 65536
-"""Rays per emitter and replicate for light mirrored by smooth walls in the untouched pad, counted by hit or miss."""
+"""Rays per emitter and replicate for light mirrored by smooth walls in the untouched pad, counted if they hit a
+receiver."""
 PHASE_SPREAD = 0.3
 REMEMBERED_PADS = 8
 DARK_SCALE = 1e-3
-"""Scale of an emitter that lights no receiver [-]."""
+"""Scale of flux for an emitter that lights no receiver [-]."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class UnshiftedPad:
-    """The part of the untouched pad that does not depend on the seed.
+    """The part of the untouched pad's light that does not depend on the seed.
 
     Attributes
     ----------
-    box, emitters, receivers : packed for the kernels, see `sims.optics.surface.radial`
-    straight : (2, emitter, receiver) direct and mirrored flux
-    diffuse : (emitter, receiver) scattered flux of all orders
-    given, taken : (patch row, patch) deposits of emitters and of receivers
-    joined : (emitter, receiver) scattered flux of all orders, from these deposits
-    orders : layout, areas and transfer of the patches of the orders beyond the first, see
-    `sims.optics.engine.repeated` points : (ray, 4) Sobol points in the unit cube
+    box, emitters, receivers : arrays for the kernels, see `sims.optics.surface.radial`
+    straight : (2, emitter, receiver) direct flux and mirrored flux
+    diffuse : (emitter, receiver) scattered flux
+    given, taken : (emitter, patch) and (receiver, patch) light deposited on patches
+    joined : (emitter, receiver) scattered flux computed from these deposits
+    orders : layout, areas and transfer of the patches for light scattered more than once, see
+        `sims.optics.engine.repeated`
+    points : (ray, 4) Sobol points in the unit cube
     layout, areas, reflectances : data of the patches, see `sims.optics.engine.scattered`
     """
 
@@ -67,16 +70,16 @@ class UnshiftedPad:
 
 @dataclass(frozen=True, kw_only=True)
 class Untouched(UnshiftedPad):
-    """The untouched pad.
+    """Untouched light of a pad for one seed, with the offsets that all states use.
 
     Attributes
     ----------
-    shifts : (replicate, 8) offsets of lattices and rays
+    shifts : (replicate, 8) offsets of grids and rays
     wall : (replicate, emitter, receiver) flux mirrored by smooth walls
-    rays : deposits and wall-mirrored flux of the rays that states use between smooth walls, per replicate
+    rays : per replicate, deposits and wall-mirrored flux by the rays that states use between smooth walls
     scale : (emitter, receiver) flux of all classes, above 0
-    gain : (emitter, receiver) direct flux over its value by the rule of pressed states, so that a press which hides
-        nothing changes nothing, even with uneven angular tables
+    gain : (emitter, receiver) direct flux over its value by the coarser rule of pressed states, so that a press which
+        hides nothing changes nothing
     """
 
     shifts: FloatArray
@@ -88,11 +91,11 @@ class Untouched(UnshiftedPad):
 
 _UNSHIFTED: dict[str, UnshiftedPad] = {}
 _UNTOUCHED: dict[str, Untouched] = {}
-"""Untouched pads of this process by content; each is a pure function of its key."""
+"""Untouched pads remembered in this process, by all inputs that determine them."""
 
 
 def untouched_pad(scene: OpticalScene, settings: Accuracy, seed: int) -> Untouched:
-    """The untouched pad of a scene, remembered within this process; settings and seeds share common data."""
+    """Untouched light of a scene, remembered within this process; settings and seeds share common data."""
     content = "|".join(_content_of(getattr(scene, field.name)) for field in dataclass_fields(scene))
 
     def unshifted() -> UnshiftedPad:
@@ -106,14 +109,14 @@ def untouched_pad(scene: OpticalScene, settings: Accuracy, seed: int) -> Untouch
 
 
 def _content_of(value: object) -> str:
-    """A field of a scene as text; different values have different texts. A form has every number in its text."""
+    """A field of a scene as text; different values have different texts."""
     if value is None or isinstance(value, PadForm):
         return repr(value)
     return np.asarray(value, dtype=np.float64).tobytes().hex()
 
 
 def _remembered(store: dict[str, Kept], key: str, made: Callable[[], Kept]) -> Kept:
-    """The entry of a store under a key, made where there is none; the oldest entry is dropped."""
+    """Entry of a dictionary under a key, computed if it is missing; then the oldest entry is dropped."""
     found = store.get(key)
     if found is None:
         found = made()
@@ -124,13 +127,13 @@ def _remembered(store: dict[str, Kept], key: str, made: Callable[[], Kept]) -> K
 
 
 def gauss(count: int) -> tuple[FloatArray, FloatArray]:
-    """Gauss-Legendre nodes and weights on 0..1."""
+    """Gauss-Legendre nodes and weights on 0 to 1."""
     nodes, weights = np.polynomial.legendre.leggauss(count)
     return (nodes + 1) / 2, weights / 2
 
 
 def packed(scene: OpticalScene) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Box (6,), emitters (e, 7 or more) and receivers (r, 7 or more), clipped to the clear layer."""
+    """Box (6,), emitters (e, 7 or more), receivers (r, 7 or more); faces are clipped to the clear layer."""
     box = np.array(
         [
             scene.length_mm, scene.width_mm, scene.height_mm, scene.refractive_index, scene.absorption_per_mm,
@@ -155,7 +158,7 @@ def _clipped(walls: IntArray, patches: FloatArray, orders: FloatArray, height: f
 
 
 def _with_table(rows: FloatArray, table: FloatArray | None) -> FloatArray:
-    """Rows with their radiance tables behind, marked by an order of -1; a table of NaN leaves the order."""
+    """Rows with their radiance tables appended, marked by an order of -1; a table of NaN leaves the row's order."""
     if table is None:
         return rows
     given = np.asarray(np.isfinite(table).all(axis=1))
@@ -164,7 +167,7 @@ def _with_table(rows: FloatArray, table: FloatArray | None) -> FloatArray:
 
 
 def straight_rules(settings: Accuracy) -> StraightRules:
-    """Gauss rules of direct light under a press."""
+    """Gauss nodes and weights of direct light under a press."""
     counts = (settings.nodes_emitter, settings.nodes_column, settings.nodes_height)
     one, two, three = (gauss(count) for count in counts)
     return *one, *two, *three
@@ -181,7 +184,7 @@ def _no_press(box: FloatArray) -> Top:
 
 @dataclass(frozen=True, kw_only=True)
 class _Parts:
-    """Data that every join of the untouched pad needs."""
+    """Data of a scene that every sum of scattered light in the untouched pad needs."""
 
     box: FloatArray
     emitters: FloatArray
@@ -231,7 +234,7 @@ class _Parts:
         )
 
     def orders(self) -> Orders:
-        """Data for light scattered more than once: layout and areas of patches, and the sum over their bounces."""
+        """Data for light scattered more than once: layout, areas and transfer of patches."""
         from sims.optics.engine import compiled
 
         box = self.box
@@ -245,10 +248,10 @@ class _Parts:
 
 
 def _shifts(settings: Accuracy, seed: int) -> FloatArray:
-    """(replicate, 8) offsets of lattices in their cells, of rays, and of the grid.
+    """(replicate, 8) offsets of grids in their cells, of rays, and of the search grid.
 
-    Those in cells are evenly spread over the replicates, and each has its mirror image about the cell's middle: their
-    mean is exact for functions that vary linearly in a cell, up to its borders.
+    Offsets in cells are evenly spread over the replicates, and each has its mirror image about the cell's middle. So
+    their mean is exact for functions that vary linearly in a cell, up to its borders.
     """
     count = settings.replicates
     shifts = np.random.default_rng(seed).random((count, 8))
@@ -262,7 +265,7 @@ def _shifts(settings: Accuracy, seed: int) -> FloatArray:
 
 
 def _most_rays(scene: OpticalScene, settings: Accuracy) -> int:
-    """Most rays that the untouched pad or a state sends from a patch."""
+    """Largest number of rays that the untouched pad or a state sends from a face."""
     wall_reference = _wall_reference_rays(settings) if scene.wall_index else 0
     return max(wall_reference, settings.reference_rays, settings.wall_rays, 1024)
 
@@ -305,7 +308,7 @@ def _solved(scene: OpticalScene, settings: Accuracy, rays: int) -> UnshiftedPad:
 
 
 def _shifted(scene: OpticalScene, pad: UnshiftedPad, settings: Accuracy, seed: int) -> Untouched:
-    """The pad with the offsets of a seed; between smooth walls also the light of the rays with these offsets."""
+    """The untouched pad's light with the offsets of a seed, including rays between smooth walls."""
     from sims.optics.engine import compiled
 
     shifts = _shifts(settings, seed)
@@ -337,7 +340,7 @@ def _shifted(scene: OpticalScene, pad: UnshiftedPad, settings: Accuracy, seed: i
 
 
 def above_zero(flux: FloatArray) -> FloatArray:
-    """(emitter, receiver) flux; 0 is replaced by the mean of the same emitter's other pairs."""
+    """(emitter, receiver) flux in which 0 is replaced by the mean of the same emitter's other pairs."""
     lit = flux > 0
     mean = flux.sum(axis=1) / np.maximum(lit.sum(axis=1), 1)
     return np.asarray(np.where(lit, flux, np.where(mean > 0, mean, DARK_SCALE)[:, None]))

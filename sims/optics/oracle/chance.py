@@ -1,10 +1,10 @@
-"""Chance in the oracle: a random stream for each ray, and directions drawn from lobes and tables.
+"""Random numbers of the ray tracer: a random stream for each ray, and directions drawn from emission patterns.
 
-Every ray has a random stream of its own (splitmix64; Steele, Lea & Flood 2014), started from a hash of
-seed, state, emitter and ray number, so results do not depend on threads or on the requested number of rays.
+Every ray has its own random stream (splitmix64; Steele, Lea & Flood 2014), started from a hash of seed, state, emitter
+and ray number. So results do not depend on threads or on the requested number of rays.
 
-A tabulated radiance L(c), linear in the cosine c between the nodes c_i = i / (n - 1), is drawn exactly: the share
-of power up to c is 2 π ∫ c L dc, a cubic between nodes, which is inverted by Newton steps kept in a bracket.
+A tabulated radiance L(c) is linear in the cosine c between the nodes c_i = i / (n - 1) and is drawn exactly. The share
+of power up to c is 2 π ∫ c L dc, a cubic between nodes. It is inverted by Newton steps within a bracket.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from design.arrays import FloatArray
 
 @njit()
 def scramble(key: np.uint64) -> np.uint64:
-    """Mix 64 bits so that neighbouring keys give unrelated ones (splitmix64's finaliser)."""
+    """Mix 64 bits so that neighbouring keys give unrelated numbers (the final step of splitmix64)."""
     key = (key ^ (key >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
     key = (key ^ (key >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
     return key ^ (key >> np.uint64(31))
@@ -27,7 +27,7 @@ def scramble(key: np.uint64) -> np.uint64:
 
 @njit()
 def ray_stream(seed: int, state: int, emitter: int, ray: int) -> np.uint64:
-    """Start of the random stream of one ray."""
+    """Initial state of one ray's random stream."""
     golden = np.uint64(0x9E3779B97F4A7C15)
     key = scramble(np.uint64(seed) + golden)
     key = scramble((key ^ np.uint64(state)) + golden)
@@ -37,14 +37,14 @@ def ray_stream(seed: int, state: int, emitter: int, ray: int) -> np.uint64:
 
 @njit()
 def draw(stream: np.uint64) -> tuple[np.uint64, float]:
-    """Advance a stream; a number in [0, 1)."""
+    """Advance a stream; return its new state and a random number in [0, 1)."""
     stream = stream + np.uint64(0x9E3779B97F4A7C15)
     return stream, float(scramble(stream) >> np.uint64(11)) * 2.0**-53
 
 
 @njit()
 def direction_about(nx: float, ny: float, nz: float, cosine: float, v: float) -> tuple[float, float, float]:
-    """The direction at a cosine to a unit normal and at the azimuth 2 π v; v in [0, 1)."""
+    """Unit direction at the angle of a cosine to a unit normal, and at the azimuth 2 π v; v in [0, 1)."""
     sine = math.sqrt(max(1.0 - cosine * cosine, 0.0))
     if abs(nz) < 0.9:
         across = math.hypot(nx, ny)
@@ -61,7 +61,7 @@ def direction_about(nx: float, ny: float, nz: float, cosine: float, v: float) ->
 def lobe_direction(
     nx: float, ny: float, nz: float, order: float, u: float, v: float
 ) -> tuple[float, float, float]:
-    """A direction about a unit normal, distributed as cosᵐθ per solid angle; u, v in [0, 1)."""
+    """Random direction about a unit normal with an intensity of cosᵐθ, m = `order`; u, v are random in [0, 1)."""
     return direction_about(nx, ny, nz, (1.0 - u) ** (1.0 / (order + 1.0)), v)
 
 
@@ -87,9 +87,10 @@ def pattern_shares(radiance: FloatArray) -> FloatArray:
 
 @njit()
 def pattern_cosine(radiance: FloatArray, shares: FloatArray, u: float) -> float:
-    """A cosine drawn from one radiance table.
+    """Random cosine, distributed as the power of one radiance table.
 
-    radiance, shares : (n,) as in `pattern_shares` [1/sr, -]; u : in [0, 1).
+    radiance, shares : (n,) table [1/sr], and share of power below each node as from `pattern_shares` [-]
+    u : random number in [0, 1)
     """
     last = radiance.shape[0] - 1
     width = 1.0 / last
@@ -117,7 +118,7 @@ def pattern_cosine(radiance: FloatArray, shares: FloatArray, u: float) -> float:
 
 @njit()
 def table_value(table: FloatArray, cosine: float) -> float:
-    """A table (n,) over the cosines linspace(0, 1, n), read linearly; cosine in [0, 1]."""
+    """Linear interpolation in a table (n,) over the cosines linspace(0, 1, n); cosine in [0, 1]."""
     last = table.shape[0] - 1
     place = min(max(cosine, 0.0), 1.0) * last
     node = min(int(place), last - 1)

@@ -1,7 +1,7 @@
-"""Single light paths for pictures, drawn from the oracle's own walk.
+"""Single light paths for pictures, from the random walk of the ray tracer.
 
-A ray is named by its number: the same number leaves an emitter at the same point in the same direction
-under any press, so the effect of a press on one ray can be followed.
+Every ray has a number. Under any press, the same number leaves an emitter at the same point in the same direction, so
+the effect of a press on one ray can be followed.
 """
 
 from __future__ import annotations
@@ -21,11 +21,11 @@ from sims.optics.oracle.walk import FATES
 from sims.optics.scene.optical_scene import OpticalScene, SmoothField
 
 LOST = -1
-"""Replaces a receiver's number for light that reaches no receiver."""
+"""Stands for a receiver's number where light reaches no receiver."""
 TRIES_PER_PATH = 1_000_000
-"""Most rays tried for each requested path, before fewer paths are returned."""
+"""Largest number of rays tried for each requested path; then fewer paths are returned."""
 PLACES = 200
-"""Most points on one path; a longer path is skipped."""
+"""Largest number of points on one path; a longer path is skipped."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -34,8 +34,9 @@ class LightPath:
 
     Attributes
     ----------
-    fate : name of the class or of the loss, from `sims.optics.oracle.walk.FATES`
-    emitter, receiver : numbers; receiver -1 where the light is lost
+    fate : how the ray ends: name of its class if it reaches a receiver, else of the loss
+        (`sims.optics.oracle.walk.FATES`)
+    emitter, receiver : numbers; receiver -1 if the light is lost
     ray : number of the ray
     places_mm : (n, 3) points along the path [mm]
     """
@@ -60,19 +61,21 @@ def sample_paths(
 ) -> list[tuple[str, FloatArray]]:
     """Random paths of one emitter's light, each with a probability in proportion to its power.
 
-    A path that leaves the elastomer and enters it again has points in air too; one that escapes ends at its last
-    interaction. Paths are drawn as without absorption: the picture shows the way of light, not its power.
+    A path that leaves the elastomer and enters it again has points in air too. A path that escapes ends at its last
+    interaction. Absorption along the way is left out: the picture shows where light goes, not its power.
 
     Parameters
     ----------
+    scene : the pad
     centre_mm, indentation, field : as for `LightWalker`
-    emitter, receiver : numbers; with a receiver only paths that end on it, without any fate
-    count : requested paths; fewer are returned where light that reaches the receiver is too rare
+    emitter : number of the emitter
+    receiver : number of the only receiver that counts; None: all light, however it ends
+    count : requested paths; fewer are returned if light that reaches the receiver is too rare
     seed : seed of the random streams, >= 0
 
     Returns
     -------
-    name of the class or fate (`sims.optics.oracle.walk.FATES`), and (n, 3) points along the path [mm]
+    for each path how it ends (`sims.optics.oracle.walk.FATES`), and its (n, 3) points [mm]
     """
     walker = LightWalker(scene, centre_mm, indentation, seed, field)
     if receiver is not None:
@@ -83,12 +86,13 @@ def sample_paths(
 
 
 class LightWalker:
-    """A scene in one state, ready to walk single rays.
+    """The pad under one set of presses, ready to trace single rays.
 
     Parameters
     ----------
-    centre_mm : (2,) press axis, or (tip, 2) axes where several tips press at once [mm]
-    indentation : the press, None where untouched, or a sequence of these, one per tip
+    scene : the pad
+    centre_mm : (2,) press axis, or (tip, 2) axes if several tips press at once [mm]
+    indentation : the press, None for the untouched pad, or a sequence of these, one per tip
     seed : seed of the random streams, >= 0
     field : height added to the top, or None; as for `sims.optics.oracle.tracer.trace_oracle`
     """
@@ -111,12 +115,14 @@ class LightWalker:
     def random_paths(
         self, emitter: int, ends: Sequence[int] | None = None, *, count: int, most_rays: int
     ) -> list[LightPath]:
-        """Random paths of one emitter's light in the order of the rays, with probabilities proportional to their power.
+        """Random paths of one emitter's light, with probabilities proportional to their power, sorted by ray number.
 
         Parameters
         ----------
-        ends : receivers that count, and `LOST` for all light that reaches no receiver; None: every end
-        most_rays : rays tried in all, before fewer paths than `count` are returned
+        emitter : number of the emitter
+        ends : receivers that count, and `LOST` for light that reaches no receiver; None: every end counts
+        count : requested paths
+        most_rays : largest number of rays tried; then fewer paths than `count` are returned
         """
         wanted = _wanted_ends(ends, self._receivers)
         paths: list[LightPath] = []
@@ -130,18 +136,19 @@ class LightWalker:
         return paths
 
     def follow(self, emitter: int, rays: Sequence[int]) -> list[LightPath]:
-        """Paths of rays of given numbers; a ray that starts above the surface is left out.
+        """Paths of the rays with given numbers; a ray that starts above the surface is left out.
 
         Parameters
         ----------
-        rays : numbers, as in `LightPath.ray`, found with the same seed under any press
+        emitter : number of the emitter
+        rays : numbers as in `LightPath.ray`, from any press with the same seed
         """
         anywhere = _wanted_ends(None, self._receivers)
         found = (self._next_path(emitter, ray, 1, anywhere) for ray in rays)
         return [path for path in found if path is not None]
 
     def _next_path(self, emitter: int, ray: int, tries: int, wanted: BoolArray) -> LightPath | None:
-        """The next ray from a number on that has a requested end."""
+        """First ray from number `ray` on, of at most `tries`, that has a requested end; None if there is none."""
         _check_number("emitter", emitter, self._emitters)
         number, fate, receiver, places = next_path(
             self._scene, self._top, emitter, wanted, self._seed, ray, tries, PLACES
@@ -152,7 +159,7 @@ class LightWalker:
 
 
 def _wanted_ends(ends: Sequence[int] | None, receivers: int) -> BoolArray:
-    """(receiver + 1,) which ends count; the last for lost light."""
+    """(receiver + 1,) mask of the ends that count; the last entry is for lost light."""
     wanted = np.full(receivers + 1, ends is None)
     for end in ends or ():
         if end != LOST:

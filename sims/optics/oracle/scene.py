@@ -1,14 +1,11 @@
-"""The pad as the oracle sees it: the optical scene as checked numbers, its walls, bottom, crown and patches.
+"""The pad as the ray tracer takes it: checked numbers of walls, bottom, crown and patches; Fresnel's and Snell's laws.
 
-In plan the pad is convex: flat walls, each with a position, a tangent and an outward normal, and round ones, each with
-a sector. A rectangle is four flat walls. The bottom is flat, z = 0; the untouched top is flat or a crown.
+In plan the pad is convex. Its flat walls have a position, a tangent and an outward normal each; its round walls have a
+sector each. A rectangle is four flat walls. The bottom is the plane z = 0; the untouched top is flat or a crown. A
+patch is the rectangular face of an emitter or receiver.
 
-Effect of a smooth border between two media on a ray: Fresnel's and Snell's laws.
-
-Unpolarised light at each meeting (Born & Wolf, Principles of Optics, § 1.5). `ratio` is the index on the ray's side
-over the index behind the border; above 1 reflection is total beyond the critical angle.
-
-A pad's outline in plan: its walls as rows, the extent of each, and the limits of a form.
+Light is unpolarised at each reflection (Born & Wolf, Principles of Optics, § 1.5). `ratio` is the index on the ray's
+side over the index behind the border. If it is above 1, reflection is total beyond the critical angle.
 """
 
 from __future__ import annotations
@@ -28,9 +25,10 @@ from sims.optics.scene.optical_scene import OpticalScene, PadForm
 
 @njit()
 def fresnel_reflectance(cosine: float, ratio: float) -> float:
-    """Share of unpolarised light that a border reflects.
+    """Share of unpolarised light that a border between two media reflects.
 
-    cosine : of the angle of incidence [-]; ratio : index here over index behind [-].
+    cosine : cosine of the angle of incidence [-]
+    ratio : index on the ray's side over the index behind the border [-]
     """
     refracted = 1.0 - ratio * ratio * (1.0 - cosine * cosine)
     if refracted <= 0.0:
@@ -45,13 +43,13 @@ def fresnel_reflectance(cosine: float, ratio: float) -> float:
 def refracted_direction(
     dx: float, dy: float, dz: float, nx: float, ny: float, nz: float, ratio: float
 ) -> tuple[float, float, float]:
-    """Direction behind a border, for light that is not totally reflected (Snell's law).
+    """Direction behind a border of light that is not totally reflected (Snell's law).
 
     Parameters
     ----------
-    dx, dy, dz : unit direction before [-]
+    dx, dy, dz : unit direction before the border [-]
     nx, ny, nz : unit normal that points to the far side [-]
-    ratio : index here over index behind [-]
+    ratio : index on the ray's side over the index behind the border [-]
     """
     cosine = dx * nx + dy * ny + dz * nz
     turn = math.sqrt(max(1.0 - ratio * ratio * (1.0 - cosine * cosine), 0.0)) - ratio * cosine
@@ -61,14 +59,14 @@ def refracted_direction(
 
 
 UNIT_TOLERANCE = 1e-9
-"""Rounding of unit vectors and of points on a wall [-, mm]."""
+"""Tolerance of unit vectors [-] and of points on a wall [mm] for rounding."""
 BOX_TOLERANCE_MM = 1e-6
 ROUND_POINTS = 3600
-"""Number of points of a round wall; between two of them the wall bulges by 4e-7 of its radius."""
+"""Number of points that represent a round wall; between two points the wall bulges by 4e-7 of its radius."""
 
 
 def rectangle_walls(length_mm: float, width_mm: float) -> FloatArray:
-    """(4, 6) walls of a rectangle from 0, 0: south, east, north, west, as rows of a form."""
+    """(4, 6) south, east, north and west wall of a rectangle that begins at 0, 0; columns as in `PadForm.walls`."""
     return np.array(
         [
             (0.0, 0.0, 1.0, 0.0, 0.0, -1.0),
@@ -80,9 +78,9 @@ def rectangle_walls(length_mm: float, width_mm: float) -> FloatArray:
 
 
 def wall_runs(walls: FloatArray, arcs: FloatArray) -> FloatArray:
-    """(k, 2) start and end of each flat wall along its tangent, cut by all others [mm]; start after end: no wall.
+    """(k, 2) start and end of each flat wall along its tangent, where other walls cut it [mm].
 
-    walls (k, 6), arcs (m, 6) as in a form.
+    A start after the end means that nothing of the wall is left. `walls` (k, 6) and `arcs` (m, 6) are as in `PadForm`.
     """
     runs = np.empty((len(walls), 2))
     for number, (x, y, tx, ty, _, _) in enumerate(walls):
@@ -108,7 +106,7 @@ def _line_cuts(walls: FloatArray, x: float, y: float, tx: float, ty: float) -> l
 
 
 def _arc_cuts(arcs: FloatArray, x: float, y: float, tx: float, ty: float) -> list[float]:
-    """Positions along a line at which it crosses circles, or is nearest to one that it passes [mm]."""
+    """Positions along a line where it crosses the arcs' circles or, if it misses one, is nearest to it [mm]."""
     cuts = []
     for cx, cy, radius, *_ in arcs:
         px, py = x - cx, y - cy
@@ -122,7 +120,7 @@ def _arc_cuts(arcs: FloatArray, x: float, y: float, tx: float, ty: float) -> lis
 def _lies_in(
     walls: FloatArray, arcs: FloatArray, x: float, y: float, tx: float, ty: float, along: FloatArray
 ) -> BoolArray:
-    """(n,) whether points along a line are in the pad or on its border."""
+    """(n,) mask of the positions `along` a line that are in the pad or on its border."""
     places = np.stack([x + along * tx, y + along * ty], axis=-1)
     beyond = _beyond_mm(walls, arcs, places)
     return np.asarray(beyond.max(axis=-1, initial=-math.inf) <= UNIT_TOLERANCE)
@@ -137,18 +135,21 @@ def _beyond_mm(walls: FloatArray, arcs: FloatArray, places: FloatArray) -> Float
 
 
 def beyond_walls_mm(form: PadForm, places_mm: FloatArray) -> FloatArray:
-    """(..., k + m) distance of (..., 2) points outside each flat wall and each round one, negative inside [mm]."""
+    """(..., k + m) distance of (..., 2) points outside each flat wall and each round wall, negative inside [mm].
+
+    It is -inf for a round wall if the point is not in its sector.
+    """
     return _beyond_mm(*form_rows(form), np.asarray(places_mm, dtype=np.float64))
 
 
 def form_rows(form: PadForm) -> tuple[FloatArray, FloatArray]:
-    """Walls (k, 6) and arcs (m, 6) of a form."""
+    """Flat walls (k, 6) and round walls (m, 6) of a `PadForm`, as contiguous arrays."""
     walls, arcs = (np.ascontiguousarray(rows, dtype=np.float64) for rows in (form.walls, form.arcs))
     return walls, arcs
 
 
 def outline_mm(form: PadForm) -> FloatArray:
-    """(n, 2) ends of the flat walls and points of the round ones, which together enclose the plan [mm]."""
+    """(n, 2) ends of the flat walls and points of the round walls; their convex hull is the plan [mm]."""
     walls, arcs = form_rows(form)
     ends = walls[:, None, :2] + wall_runs(walls, arcs)[:, :, None] * walls[:, None, 2:4]
     angle = np.linspace(0.0, 2.0 * math.pi, ROUND_POINTS, endpoint=False)
@@ -161,7 +162,12 @@ def outline_mm(form: PadForm) -> FloatArray:
 
 
 def check_form(scene: OpticalScene, form: PadForm) -> None:
-    """Refuse a form that encloses no pad, or whose crown does not reach over it."""
+    """Check the walls and the crown of a pad.
+
+    Raises
+    ------
+    InputError : the walls do not enclose a pad, or the crown does not reach over it.
+    """
     _check_numbers(form)
     for number, (low, high) in enumerate(wall_runs(*form_rows(form))):
         if not high - low > UNIT_TOLERANCE:
@@ -247,22 +253,22 @@ def _check_crown(scene: OpticalScene, form: PadForm, outline: FloatArray) -> Non
 
 
 NO_FACE, BOTTOM_FACE, ROUND_FACE = -1, -2, -3
-"""Faces other than the flat walls, which are numbered from 0; the round ones from ROUND_FACE downward."""
+"""Codes for what a ray meets besides flat walls, which are numbered from 0; round walls count down from ROUND_FACE."""
 POWER_TOLERANCE = 1e-6
-"""Largest distance of a radiance table's power from 1 [-]: rounding of tables that were written down."""
+"""Largest deviation of a radiance table's power from 1 [-], for tables that were rounded."""
 
 
 class Scene(NamedTuple):
-    """`OpticalScene` as a tuple that compiled code takes.
+    """`OpticalScene` as a tuple that compiled code takes; only the attributes that differ from it are listed.
 
-    Attributes that differ from the scene's
-    ---------------------------------------
+    Attributes
+    ----------
     walls, arcs : (k, 6) flat and (m, 6) round walls, as in `PadForm`
     crown : (4,) curvatures of the untouched top along x and y [1/mm]; x, y of its apex [mm]
-    wall_ratio : index of the elastomer over that behind smooth walls [-]; 0 where walls only scatter
-    emitter_pattern : (2, e, n) radiance table [1/sr] and the share of power below each node [-]; a NaN row, or no
-        column, is an emitter by order
-    receiver_response : (r, n) share of arriving light that is counted [-]; no column: all of it
+    wall_ratio : index of the elastomer over the index behind smooth walls [-]; 0 if walls only scatter
+    emitter_pattern : (2, e, n) radiance table [1/sr] and the share of power below each node [-]. An emitter has its
+        Lambertian order instead if its row is NaN or n is 0
+    receiver_response : (r, n) share of arriving light that is counted [-]; if n is 0, all of it
     """
 
     walls: FloatArray
@@ -285,7 +291,12 @@ class Scene(NamedTuple):
 
 
 def lower_scene(scene: OpticalScene) -> Scene:
-    """Check a scene and turn it into a tuple for compiled code."""
+    """Check a scene and convert it to a tuple for compiled code.
+
+    Raises
+    ------
+    InputError : a number of the scene is out of range, or its walls, crown or patches do not fit together.
+    """
     for name in ("length_mm", "width_mm", "height_mm"):
         _require(name, getattr(scene, name), 0.0, np.inf, open_low=True)
     _require("refractive_index", scene.refractive_index, 1.0, np.inf)
@@ -323,7 +334,7 @@ def lower_scene(scene: OpticalScene) -> Scene:
 
 
 def _lowered_form(scene: OpticalScene) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Walls, arcs and crown of `Scene`."""
+    """Walls, arcs and crown of `Scene` from those of a pad, after checking them."""
     form = scene.form
     if form is None:
         walls = rectangle_walls(float(scene.length_mm), float(scene.width_mm))
@@ -340,7 +351,7 @@ def _wall_ratio(scene: OpticalScene) -> float:
 
 
 def _table(given: FloatArray | None, name: str, rows: int) -> FloatArray:
-    """A table over cosines, (rows, n), or (rows, 0) where the scene has none."""
+    """(rows, n) table over cosines as an array; (rows, 0) if the scene has none."""
     if given is None:
         return np.empty((rows, 0))
     table = np.ascontiguousarray(given, dtype=np.float64)
@@ -373,7 +384,7 @@ def _lowered_responses(scene: OpticalScene) -> FloatArray:
 
 
 def _require(name: str, value: float, low: float, high: float, *, open_low: bool = False) -> None:
-    """Refuse a number outside its range, NaN and infinity."""
+    """Refuse a number outside its range, NaN or infinity."""
     if not (np.isfinite(value) and low <= value <= high and not (open_low and value == low)):
         sign = ">" if open_low else ">="
         limit = f"{sign} {low:g}" + ("" if np.isinf(high) else f" and <= {high:g}")
@@ -381,7 +392,7 @@ def _require(name: str, value: float, low: float, high: float, *, open_low: bool
 
 
 def _check_patches(scene: OpticalScene, kind: str) -> None:
-    """Refuse emitters or receivers that are not rectangles on a flat wall of the pad."""
+    """Refuse emitters or receivers (`kind`) that are not rectangles on a flat wall of the pad."""
     walls, patches = np.asarray(getattr(scene, f"{kind}_wall")), np.asarray(getattr(scene, f"{kind}_patch"))
     if walls.ndim != 1 or patches.shape != (walls.size, 4):
         raise InputError(f"{kind}_patch: shape {patches.shape}, needs ({walls.size}, 4)")
@@ -419,7 +430,7 @@ def untouched_top(scene: Scene, x: float, y: float) -> float:
 
 @njit()
 def inward_normal(scene: Scene, face: int, x: float, y: float) -> tuple[float, float, float]:
-    """Unit normal, which points into the elastomer, of a wall or the bottom at a point."""
+    """Unit normal of a wall or the bottom at a point, pointing into the elastomer."""
     if face == BOTTOM_FACE:
         return 0.0, 0.0, 1.0
     if face <= ROUND_FACE:
@@ -432,7 +443,7 @@ def inward_normal(scene: Scene, face: int, x: float, y: float) -> tuple[float, f
 
 @njit(forceinline=True)
 def emission_point(scene: Scene, emitter: int, u: float, v: float) -> tuple[float, float, float]:
-    """A point of an emitter's rectangle; u, v in [0, 1)."""
+    """Point of an emitter's rectangle at fractions u, v in [0, 1) of its width and height."""
     along, height, half_width, half_height = scene.emitter_patch[emitter]
     along += (2.0 * u - 1.0) * half_width
     height += (2.0 * v - 1.0) * half_height
@@ -444,7 +455,7 @@ def emission_point(scene: Scene, emitter: int, u: float, v: float) -> tuple[floa
 def face_hit(
     scene: Scene, x: float, y: float, z: float, dx: float, dy: float, dz: float
 ) -> tuple[float, int]:
-    """Distance to the nearest wall or the bottom, and which; walls extend upward without end."""
+    """Distance to the nearest wall or the bottom [mm], and its code; walls extend upward without end."""
     best, face = math.inf, NO_FACE
     for wall in range(scene.walls.shape[0]):
         ox, oy, _, _, nx, ny = scene.walls[wall]
@@ -464,7 +475,7 @@ def face_hit(
 
 @njit()
 def _round_distance(arc: FloatArray, x: float, y: float, dx: float, dy: float) -> float:
-    """Distance at which a ray from inside passes a round wall outward [mm]; infinite if it leaves by another wall."""
+    """Distance at which a ray from inside leaves through a round wall [mm]; infinite if it leaves by another wall."""
     px, py, radius = x - arc[0], y - arc[1], arc[2]
     a, b, c = dx * dx + dy * dy, px * dx + py * dy, px * px + py * py - radius * radius
     if a < 1e-28:
@@ -478,7 +489,7 @@ def _round_distance(arc: FloatArray, x: float, y: float, dx: float, dy: float) -
 
 @njit(forceinline=True)
 def receiver_at(scene: Scene, face: int, x: float, y: float, z: float) -> int:
-    """The receiver that covers a point of a wall below the undisturbed top, or -1."""
+    """Number of the receiver that covers a point of a wall below the undisturbed top; -1 if there is none."""
     if face >= 0 and z <= untouched_top(scene, x, y):
         ox, oy, tx, ty, _, _ = scene.walls[face]
         along = tx * (x - ox) + ty * (y - oy)

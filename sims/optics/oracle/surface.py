@@ -1,48 +1,51 @@
-"""The top of the pad in one state as numbers, and the points where rays meet it, from inside and from outside.
+"""The top of the pad for the ray tracer, and the points where rays meet it, from inside and from outside.
 
 Model
 -----
-The top is in a frame whose third axis is the normal of the untouched top at the location of the press. Along it the
-top is a sum of heights: with the curvatures kx and ky of the untouched top [1/mm], and q = kx² x² + ky² y²,
+The top is given in the *frame of the press*. Its third axis is the normal of the untouched top at the location of the
+press. Along it the top is a sum of heights: with the curvatures kx and ky of the untouched top [1/mm], and q = kx² x² +
+ky² y²,
 
     h(x, y) = -(kx x² + ky y²) / (1 + √(1 - q)) + Σ d_k(r_k) + f(x, y),    |curvature| <= max(kx, ky) / (1 - q)^1.5,
 
 with one profile d_k over the radius r_k around each tip's axis, and a bicubic Hermite field f. kx = ky = 0 is flat.
-Beyond `STEEPEST_SHARE`² of q the crown continues straight: no point of a pad is there (`REACH_SHARE`), and no light in
-air meets it, as a ball and the cone that touches it are convex together.
+Where q is above `STEEPEST_SHARE`² the crown continues straight. No point of a pad is there (`REACH_SHARE`), and light
+in air does not meet this part, as a ball and the cone that touches it are convex together.
 
-Where a sphere is in contact d_k is the tip's height less the *mean crown*, a sphere of the curvature (kx + ky) / 2:
-on a sphere the top there is the tip, on a cylinder it is so with the f of the press. The rest of a profile is a cubic
-in each piece of radius. Beyond a profile's last point d_k is 0, beyond its grid f is 0; where either ends with a step,
-a vertical face closes it. Inside a tip's contact radius the top is contact.
+In contact with a sphere, d_k is the tip's height less that of the *mean crown*, a sphere of the curvature (kx + ky) /
+2. So on a sphere the top in contact is the tip; on a cylinder it is the tip once the press's f is added. The rest of a
+profile is a cubic in each piece of radius. Beyond a profile's last point d_k is 0, beyond its grid f is 0. Where either
+ends with a step, a vertical face closes it. Inside a tip's contact radius the top is contact.
 
-A flat top with one tip or none, and no field, needs no sum (`is_sum`): the plane, an exact sphere, and cone frusta that
-follow the profile, which may run back under itself. A quadratic gives the point where a ray meets each.
+A flat top without a field and with one tip at most needs no sum (`is_sum`). It consists of the plane, an exact sphere,
+and cone frusta that follow the profile, which may run back under itself. A ray meets each of these where a quadratic
+equation is zero.
 
 Where a ray meets a sum
 -----------------------
-Along a ray the clearance c(t), top less ray or, in air, ray less top, is followed from 0 up. Circles of contact
-and edge and the field's border cut the ray into parts on which c is once differentiable and |c''| has a bound K,
-kept in tables over radius: with unit steps of which w² are in plan, |c''| <= w² (max(|d''|, |d'| / r) + field's).
-A crown adds the bound of its curvature at the part's greatest q, for the component across a straight direction; it is
-convex, so it adds only downward from inside and only upward from outside: c'' is in -K_down to K_up.
-A step s is safe if the clearances at its ends are above K_up s² / 8, or if c cannot fall within it; it contains the
-first zero if its end is below zero and c must fall within it, or K_up is 0, and Newton's steps within a bracket then
-find it; otherwise it is halved. Steps end at `FINEST_MM`, so it only misses a graze less than
-K `FINEST_MM`² / 8 deep.
+The *clearance* c(t) along a ray is its height below the top or, in air, above the top. The ray is followed to the first
+zero of c. The edges of contacts, profiles and field cut it into parts on which c is once differentiable and |c''| has a
+bound K from tables over radius: |c''| <= w² (max(|d''|, |d'| / r) + field's), with w² the squared share of a unit step
+in plan. A crown adds the bound of its curvature at the part's greatest q, for the component across a straight
+direction. It is convex, so it adds only downward from inside and only upward from outside: c'' is in -K_down to K_up.
 
-Light in air also meets the tips. What is known of them is the press, so they are taken as solid and endless:
-under a hemisphere the lower half sphere and a cylinder of its radius above; under any other tip a cylinder of the
-contact radius on the end of the contact, which hides no more than the tip does. A press without contact
-has no tip. Where other heights raise the top into a tip, light there counts as absorbed by the tip.
+A step s is safe if the clearances at its ends are above K_up s² / 8, or if c cannot fall within it. A step contains the
+first zero if its end is below zero and either c must fall within it or K_up is 0. Then Newton's steps within a bracket
+find the zero. Any other step is halved, down to `FINEST_MM`. So only a grazing contact less than K `FINEST_MM`² / 8
+deep is missed.
+
+Light in air also meets the tips. Only the press is known of them, so they are taken as solid and endless. A hemisphere
+is a half sphere and a cylinder of its radius above. Any other tip is a cylinder of the contact radius on the end of the
+contact, which hides no more than the tip does. A press without contact has no tip. Where other heights raise the top
+into a tip, light there counts as absorbed by the tip.
 
 Left out
 --------
-In a sum, profiles with more than one height at a radius, and the tips' shape where other heights lift or lower the top
-under them: contact is the top itself. The wall's hold on the surface (a profile passes through the wall unchanged and
-is cut off there).
+In a sum: profiles with more than one height at a radius, and the tip's shape where other heights lift or lower the top
+under it (contact is the top itself). The wall's hold on the surface: a profile passes through the wall unchanged and is
+cut off there.
 
-This file shares no code with the fast engine on purpose: it is the other half of a comparison.
+This file shares no code with the fast light model on purpose: the two are compared with each other.
 """
 
 from __future__ import annotations
@@ -56,59 +59,62 @@ from design.arrays import FloatArray, IntArray
 
 NOTHING, FREE, CONTACT = 0, 1, 2
 INSIDE, OUTSIDE = 1.0, -1.0
-"""Sides of the top from which a ray comes: in the elastomer, in air."""
+"""Side of the top from which a ray comes: in the elastomer, or in air."""
 SEAM_MM = 1e-6
-"""Overlap of neighbouring pieces of a surface [mm], so that no ray slips through a seam; points nearer are one."""
+"""Overlap of neighbouring pieces of a surface [mm], so that no ray slips through a seam. Points nearer than this are
+one."""
 REACH_SHARE = 0.97
-"""Largest extent of a pad from the axis of a frame on its crown, over the crown's radius [-]."""
+"""Largest distance of a pad's points from the axis of the press's frame, over the crown's radius [-]."""
 STEEPEST_SHARE = 0.985
-"""Share of its radius beyond which a crown continues straight, so that every point has one height [-]."""
+"""Share of its radius beyond which a crown continues straight, so that every point in plan has one height [-]."""
 BLOCK = 16
 """Number of cones that share one bounding box."""
 BINS = 512
-"""Number of rings of equal width from a tip's axis to its edge, each with a bound on curvature."""
+"""Number of rings of equal width from a tip's axis to its edge; each has a bound on curvature."""
 X, Y, EDGE, CONTACT_RADIUS, SPHERE, DROP, FIRST, LAST = range(8)
 
 FINEST_MM = 2e-5
 """Shortest step along a ray [mm]."""
 BORDER_MM = 1e-9
-"""Distance of the ends of a part of a ray from the circles and lines that bound it [mm]."""
+"""Distance that the ends of a part of a ray keep from the circles and lines that bound it [mm]."""
 MARGIN_MM = 1e-6
-"""Extension of a field beyond its border [mm], so that rounding at a wall where it ends is no step."""
+"""Extension of a field beyond its border [mm], so that rounding at a wall where the field ends makes no step."""
 FACE_MM = 1e-7
-"""Fall of the clearance across a border that is a vertical face, not rounding [mm]."""
+"""Smallest jump of the top across a border that counts as a vertical face, not as rounding [mm]."""
 
 Vector = tuple[float, float, float]
 Ray = tuple[float, float, float, float, float, float]
-"""Place [mm] and unit direction [-]."""
+"""A ray: start x, y, z [mm], and unit direction [-]."""
 Line = tuple[float, float, float, float, float]
-"""A ray as one about an axis: squared radius a t² + 2 b t + c [mm²], height z + dz t [mm]."""
+"""A ray relative to an axis, as a, b, c, z, dz: squared radius a t² + 2 b t + c [mm²], height z + dz t [mm]."""
 Meeting = tuple[float, int, float, float, float]
-"""Distance [mm], surface (`NOTHING`, `FREE`, `CONTACT`), and the unit normal that points away from the ray's side."""
+"""Where a ray meets a surface: distance [mm], kind of surface (`NOTHING`, `FREE`, `CONTACT`), and the unit normal that
+points away from the ray's side."""
 
 
 class Surface(NamedTuple):
-    """The top in one state as typed numbers; all but the frame itself are in the frame.
+    """The top in one state as numbers. All but origin and axes are in the frame of the press.
 
     Attributes
     ----------
-    origin : origin of the frame, on the untouched top [mm]
-    axes : the nine numbers of the frame's axes, one axis after another [-]
-    kx, ky : curvatures of the untouched top [1/mm], 0 <= kx <= ky
+    origin : (3,) origin of the frame, on the untouched top [mm]
+    axes : (9,) the frame's axes, one after another [-]
+    kx, ky : curvatures of the untouched top, 0 <= kx <= ky [1/mm]
     lowest, highest : bounds of the surface [mm]
-    is_sum : whether heights are added; if not, one tip on a flat top, or none, is the plane and cones
-    tips : (k, 8) centre x, y; edge; radius of the contact, among cones of the spherical part of it; sphere radius
-        (0: none); depth of its apex [mm]; first and last row of its curve
+    is_sum : True: heights are added; False: one tip on a flat top, or none, given by the plane and cones
+    tips : (k, 8) centre x, y; edge, where the profile ends; contact radius (of its spherical part, if there are cones);
+        sphere radius (0: none); depth of the tip's apex [mm]; first and last row in `curve`
     solids : (k, 6) the tips as light in air meets them: x, y of the axis; height of the sphere's centre, and its
         radius, 0 for none; radius of the cylinder, and the height where it starts [mm]
-    cones : (p, 8) r, z of the start; r, z of the unit direction; length; angle of the profile's tangent to
+    cones : (p, 8) r, z of the start [mm]; r, z of the unit direction; length [mm]; angle of the profile's tangent to
         the radial direction at start and end [rad]; 1 if in contact with the tip
-    blocks : (b, 4) smallest and largest r, smallest and largest z of each run of `BLOCK` cones
-    curve : (m, 5) radius at the start of a piece, and the height's coefficients of powers 0 to 3 beyond it
-    starts : (k, BINS) first row of `curve` that may hold a radius of the ring
+    blocks : (b, 4) smallest and largest r, smallest and largest z of each run of `BLOCK` cones [mm]
+    curve : (m, 5) radius at the start of a piece [mm], and the height's coefficients of powers 0 to 3 of the radius
+        beyond the start
+    starts : (k, BINS) first row of `curve` that may contain a radius of the ring
     bends : (k, BINS) largest |d''| and |d'| / r within the ring [1/mm]
-    nodes : (nx, ny, 4) the field's value, slopes and mixed derivative; (0, 0, 4) without a field
-    corner, step : of the field's grid [mm]
+    nodes : (nx, ny, 4) the field's value [mm], slopes [-] and mixed derivative [1/mm]; (0, 0, 4) without a field
+    corner, step : (2,) first node and distance of nodes of the field's grid [mm]
     field_bend : bound of the field's second derivative in any direction [1/mm]
     """
 
@@ -136,6 +142,7 @@ class Surface(NamedTuple):
 def top_hit(s: Surface, side: float, ray: Ray, limit: float) -> Meeting:
     """First point nearer than `limit` [mm] where a ray meets the top; tips are not tested here.
 
+    ray : in the cavity frame
     side : `INSIDE` for a ray in the elastomer, `OUTSIDE` for one in air
     """
     local = in_frame(s, ray)
@@ -149,7 +156,7 @@ def top_hit(s: Surface, side: float, ray: Ray, limit: float) -> Meeting:
 
 @njit()
 def is_in_elastomer(s: Surface, x: float, y: float, z: float) -> bool:
-    """Whether a point is below the top; among cones, whether they pass above it an odd number of times."""
+    """Whether a point is below the top; for cones, whether an odd number of them passes above the point."""
     u, v, w, _, _, _ = in_frame(s, (x, y, z, 0.0, 0.0, 0.0))
     if s.is_sum:
         return bool(w <= top_height(s, u, v)[0])
@@ -168,13 +175,13 @@ def is_in_elastomer(s: Surface, x: float, y: float, z: float) -> bool:
 
 @njit()
 def is_untouched(s: Surface) -> bool:
-    """Whether light that leaves through the top cannot meet a surface again: flat and crowned pads are convex."""
+    """Whether the top is untouched. Pads are convex, so light that leaves through it then meets no surface again."""
     return len(s.tips) == 0 and len(s.nodes) == 0
 
 
 @njit()
 def is_steep(s: Surface, slope: float, place_and_normal: Ray) -> bool:
-    """Whether press and field slope by more than `slope` [-] at a point of the top, given with the unit normal out."""
+    """Whether press and field tilt the top by more than a slope [-], at a point given with the unit normal outward."""
     x, y, _, nx, ny, nz = in_frame(s, place_and_normal)
     _, along, across = sag(s.kx, s.ky, x, y)
     return bool(nz <= 0.0 or math.hypot(along - nx / nz, across - ny / nz) > slope)
@@ -182,12 +189,12 @@ def is_steep(s: Surface, slope: float, place_and_normal: Ray) -> bool:
 
 @njit()
 def tip_hit(s: Surface, ray: Ray, limit: float) -> tuple[float, bool, float, float, float]:
-    """First point nearer than `limit` where a ray in air meets a tip.
+    """First point nearer than `limit` [mm] where a ray in air meets a tip.
 
     Returns
     -------
-    distance [mm], whether there is one, and the unit normal that points out of the tip; a normal of length zero is
-    a start inside the tip
+    distance [mm], whether there is one, and the unit normal that points out of the tip. A normal of length zero means
+    that the ray starts inside the tip
     """
     best, hit, nx, ny, nz = limit, False, 0.0, 0.0, 0.0
     x, y, z, dx, dy, dz = in_frame(s, ray)
@@ -217,7 +224,7 @@ def tip_hit(s: Surface, ray: Ray, limit: float) -> tuple[float, bool, float, flo
 
 @njit()
 def in_frame(s: Surface, ray: Ray) -> Ray:
-    """A ray of the cavity in the frame."""
+    """Convert a ray from the cavity frame to the frame of the press."""
     x, y, z, dx, dy, dz = ray
     place = _turned(s.axes, x - s.origin[0], y - s.origin[1], z - s.origin[2])
     return place + _turned(s.axes, dx, dy, dz)
@@ -225,7 +232,7 @@ def in_frame(s: Surface, ray: Ray) -> Ray:
 
 @njit()
 def _turned(a: tuple[float, ...], vx: float, vy: float, vz: float) -> Vector:
-    """A vector of the cavity in the frame."""
+    """Convert a vector from the cavity frame to the frame of the press."""
     return (
         a[0] * vx + a[1] * vy + a[2] * vz,
         a[3] * vx + a[4] * vy + a[5] * vz,
@@ -235,7 +242,7 @@ def _turned(a: tuple[float, ...], vx: float, vy: float, vz: float) -> Vector:
 
 @njit()
 def _turned_back(a: tuple[float, ...], vx: float, vy: float, vz: float) -> Vector:
-    """A vector of the frame in the cavity."""
+    """Convert a vector from the frame of the press to the cavity frame."""
     return (
         a[0] * vx + a[3] * vy + a[6] * vz,
         a[1] * vx + a[4] * vy + a[7] * vz,
@@ -245,7 +252,7 @@ def _turned_back(a: tuple[float, ...], vx: float, vy: float, vz: float) -> Vecto
 
 @njit()
 def sag(kx: float, ky: float, x: float, y: float) -> tuple[float, float, float]:
-    """Fall of an untouched top from its highest point to a point [mm], and its slopes along x and y [-]."""
+    """Distance of an untouched top below its highest point at a point in plan [mm], and the distance's slopes [-]."""
     u, v = kx * x, ky * y
     square = u * u + v * v
     if square <= STEEPEST_SHARE * STEEPEST_SHARE:
@@ -260,7 +267,7 @@ def sag(kx: float, ky: float, x: float, y: float) -> tuple[float, float, float]:
 
 @njit()
 def top_height(s: Surface, x: float, y: float) -> tuple[float, float, float]:
-    """Height of a sum [mm] and its slopes along x and y [-] at a point of the frame."""
+    """Height of the top as a sum [mm], and its slopes along x and y [-], at a point in the frame of the press."""
     height, along, across = 0.0, 0.0, 0.0
     if s.ky > 0.0:
         fall, along, across = sag(s.kx, s.ky, x, y)
@@ -296,7 +303,7 @@ def top_height(s: Surface, x: float, y: float) -> tuple[float, float, float]:
 
 @njit()
 def _field_height(s: Surface, x: float, y: float) -> tuple[float, float, float]:
-    """The field's value [mm] and slopes [-] at a point."""
+    """Height of the field [mm], and its slopes along x and y [-], at a point."""
     u, v = (x - s.corner[0]) / s.step[0], (y - s.corner[1]) / s.step[1]
     last_i, last_j = s.nodes.shape[0] - 1, s.nodes.shape[1] - 1
     du, dv = MARGIN_MM / s.step[0], MARGIN_MM / s.step[1]
@@ -319,7 +326,7 @@ def _field_height(s: Surface, x: float, y: float) -> tuple[float, float, float]:
 
 @njit()
 def _cubic_ends(t: float, end: int, step: float) -> tuple[float, float, float, float]:
-    """Weights of an end's value and slope in a cubic's value, then in its slope; t in [0, 1] from the first end."""
+    """Weights of one end's value and slope in a cubic's value, then in its slope; t in [0, 1] from the first end."""
     if end == 0:
         return (
             1.0 + t * t * (2.0 * t - 3.0),
@@ -337,7 +344,7 @@ def _cubic_ends(t: float, end: int, step: float) -> tuple[float, float, float, f
 
 @njit()
 def _sum_hit(s: Surface, side: float, ray: Ray, limit: float) -> Meeting:
-    """`top_hit` in the frame, where heights are added."""
+    """`top_hit` for a ray in the frame of the press and a top that is a sum of heights."""
     x, y, z, dx, dy, dz = ray
     t, stop = 0.0, limit
     far = s.lowest if side == INSIDE else s.highest  # beyond this height there is no surface
@@ -363,7 +370,8 @@ def _sum_hit(s: Surface, side: float, ray: Ray, limit: float) -> Meeting:
 
 @njit()
 def _clearance(s: Surface, side: float, ray: Ray, t: float) -> tuple[float, float]:
-    """Clearance of a ray [mm] and its growth along the ray [-]."""
+    """Height of the top above a ray at distance t (in air, of the ray above the top) [mm], and its growth along the
+    ray."""
     x, y, z, dx, dy, dz = ray
     height, along, across = top_height(s, x + t * dx, y + t * dy)
     return side * (height - z - t * dz), side * (along * dx + across * dy - dz)
@@ -371,7 +379,8 @@ def _clearance(s: Surface, side: float, ray: Ray, t: float) -> tuple[float, floa
 
 @njit()
 def _bends(s: Surface, side: float, ray: Ray, t0: float, t1: float) -> tuple[float, float]:
-    """K_up and K_down: bounds of the clearance's second derivative between two points on a ray [1/mm]."""
+    """Bounds K_up and K_down of the second derivative of a ray's distance from the top, between two points on it
+    [1/mm]."""
     x, y, _, dx, dy, _ = ray
     bound = s.field_bend
     a = dx * dx + dy * dy
@@ -400,7 +409,8 @@ def _bends(s: Surface, side: float, ray: Ray, t0: float, t1: float) -> tuple[flo
 
 @njit()
 def _next_border(s: Surface, ray: Ray, t: float, limit: float) -> tuple[float, int]:
-    """The next circle or line after t that a ray crosses in plan, and which: a tip, -1 along x, -2 along y."""
+    """Distance at which a ray next crosses a border in plan, and which: a tip's number, or -1, -2 for the field in x,
+    y."""
     x, y, _, dx, dy, _ = ray
     best, which = limit, -3
     a = dx * dx + dy * dy
@@ -431,7 +441,7 @@ def _next_border(s: Surface, ray: Ray, t: float, limit: float) -> tuple[float, i
 
 @njit()
 def _first_zero(s: Surface, side: float, ray: Ray, t0: float, t1: float) -> float:
-    """First point between t0 and t1 where the clearance falls to zero; infinity if it does not."""
+    """First distance from t0 to t1 at which a ray meets the top [mm]; infinite if it does not."""
     t, step = t0, t1 - t0
     near, growth = _clearance(s, side, ray, t)
     if near <= 0.0 and growth < 0.0:
@@ -456,9 +466,9 @@ def _first_zero(s: Surface, side: float, ray: Ray, t0: float, t1: float) -> floa
 
 @njit()
 def _zero(s: Surface, side: float, ray: Ray, low: float, high: float) -> float:
-    """A zero of the clearance between a point where it is positive and one where it is not.
+    """Distance at which a ray meets the top, between one where it does not yet and one where it is past the top [mm].
 
-    Newton's steps from the far end, halving where one leaves the bracket.
+    Newton's steps start from the far end; a step that leaves the bracket is replaced by halving.
     """
     place = high
     for _ in range(60):
@@ -478,7 +488,7 @@ def _zero(s: Surface, side: float, ray: Ray, low: float, high: float) -> float:
 
 @njit()
 def _met(s: Surface, side: float, x: float, y: float, distance: float) -> Meeting:
-    """The surface at a point of the top, and its normal."""
+    """What a ray meets at a point of the top: `distance`, contact or free surface, and the normal there."""
     _, along, across = top_height(s, x, y)
     size = side / math.sqrt(1.0 + along * along + across * across)
     what = FREE
@@ -490,7 +500,7 @@ def _met(s: Surface, side: float, x: float, y: float, distance: float) -> Meetin
 
 @njit()
 def _face(s: Surface, which: int, ray: Ray, t: float) -> Meeting:
-    """The vertical face at a tip's edge or at the field's border, which a ray passes outward or inward."""
+    """What a ray meets at the vertical face at a tip's edge or at the field's border."""
     x, y, _, dx, dy, _ = ray
     nx, ny = dx, 0.0
     if which >= 0:
@@ -503,13 +513,16 @@ def _face(s: Surface, which: int, ray: Ray, t: float) -> Meeting:
 
 @njit()
 def _tip_z(s: Surface) -> float:
-    """Height of the centre of the one tip's sphere [mm]."""
+    """Height of the centre of the only tip's sphere [mm]."""
     return float(s.tips[0, SPHERE] - s.tips[0, DROP])
 
 
 @njit(forceinline=True)
 def _cone_hit(s: Surface, side: float, ray: Ray, limit: float) -> Meeting:
-    """`top_hit` in the frame, where the top is the plane z = 0 and one tip's cones; its sphere only from inside."""
+    """`top_hit` for a ray in the frame of the press, if the top is the plane z = 0 and one tip's cones.
+
+    From outside, the tip's sphere is not tested.
+    """
     x, y, z, dx, dy, dz = ray
     far = s.lowest if side == INSIDE else s.highest
     if side * dz <= 0.0 and side * (far - z) > SEAM_MM:
@@ -540,7 +553,7 @@ def _cone_hit(s: Surface, side: float, ray: Ray, limit: float) -> Meeting:
 
 @njit()
 def _cone_normal(cone: FloatArray, side: float, r: float, z: float) -> tuple[float, float]:
-    """Radial and vertical part of the unit normal at a point on a cone."""
+    """Radial and vertical part of the unit normal at a point of a cone."""
     r0, z0, kr, kz, length, angle0, angle1, _ = cone
     share = min(max(((r - r0) * kr + (z - z0) * kz) / length, 0.0), 1.0)
     angle = angle0 + share * (angle1 - angle0)
@@ -549,7 +562,7 @@ def _cone_normal(cone: FloatArray, side: float, r: float, z: float) -> tuple[flo
 
 @njit()
 def _cap_distance(s: Surface, ray: Ray) -> float:
-    """Distance at which a ray enters the tip sphere through its wetted cap [mm]; infinity if it does not."""
+    """Distance at which a ray meets the part of the tip sphere in contact [mm]; infinite if it does not."""
     x, y, z, dx, dy, dz = ray
     oz = z - _tip_z(s)
     b = x * dx + y * dy + oz * dz
@@ -567,7 +580,7 @@ def _cap_distance(s: Surface, ray: Ray) -> float:
 def _cone_distance(
     cones: FloatArray, blocks: FloatArray, side: float, edge: float, line: Line, limit: float
 ) -> tuple[float, int]:
-    """Nearest passage through the cones, and which."""
+    """Distance at which a ray first passes through one of the cones [mm], and the cone's number."""
     a, b, c, z, dz = line
     best, cone = limit, -1
     start, stop = 0.0, limit
@@ -605,11 +618,11 @@ def _cone_distance(
 
 @njit()
 def _one_cone_distance(cone: FloatArray, side: float, line: Line, limit: float) -> float:
-    """Distance at which a ray passes one frustum away from its side [mm]; infinity if it does not before `limit`.
+    """Distance at which a ray passes through one cone frustum from its side [mm]; infinite if not before `limit`.
 
-    On the cone through the piece, the offset f(t) = (z - z0) kr - (r - r0) kz is zero; it grows where the
-    ray leaves the elastomer, and falls where it enters. Squaring r = sqrt(a t² + 2 b t + c) gives a quadratic;
-    Newton steps on f then remove its rounding, and show up the root of the mirrored cone.
+    The offset from the cone, f(t) = (z - z0) kr - (r - r0) kz with start (r0, z0) and direction (kr, kz), is zero
+    there. It grows where the ray leaves the elastomer, and falls where the ray enters. Squaring r = sqrt(a t² + 2 b t +
+    c) gives a quadratic. Newton steps on f then remove its rounding, and reveal a root on the mirrored cone.
     """
     a, b, c, z, dz = line
     r0, z0, kr, kz, length = cone[:5]

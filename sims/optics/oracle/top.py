@@ -1,26 +1,30 @@
-"""The top's numbers, from the presses on the pad: presses are checked, profiles read and cut into pieces.
+"""Convert presses on the pad to the ray tracer's top: check them, and cut their profiles into pieces.
 
-A profile's contact and free curve
-----------------------------------
-Under a hemisphere the contact is an exact sphere, and above its equator (a press deeper than the tip radius) the
-cylindrical shank up to the last point of the curve that is no farther out than the contact radius. Under another
-tip the curve itself is the tip up to that point. The free curve starts where the contact ends.
+A profile is the curve (radius, height) of a press around the tip's axis. Its part beyond the contact is the *free
+curve*.
+
+Contact
+-------
+For a hemisphere the contact is an exact sphere. Above its equator (a press deeper than the tip radius) it is the
+cylindrical shank, up to the curve's last point within the contact radius. For another tip the curve itself is the
+contact, up to that point.
 
 As cones
 --------
-The stored points (radius, height) of the free curve are read as one smooth curve: a monotone cubic (PCHIP, Fritsch &
-Carlson 1980) of radius and of height over chord length. So the curve may run back under itself. It is cut into straight
-pieces that turn by at most `TURN_LIMIT` and are at most `PIECE_LIMIT_MM` long, which keeps them within 0.15 µm of the
-curve; revolved, each piece is a cone frustum. Normals turn linearly from end to end of a piece, so they are continuous.
-If the curve does not end at height zero, a vertical ring closes the step.
+A single tip on a flat top is given by cones. The stored points (radius, height) of the free curve are interpolated by a
+smooth curve: a monotone cubic (PCHIP, Fritsch & Carlson 1980) of radius and of height over chord length. So the curve
+may run back under itself. It is cut into straight pieces that turn by at most `TURN_LIMIT` and are at most
+`PIECE_LIMIT_MM` long, which keeps them within 0.15 µm of the curve. Revolved, each piece is a cone frustum. Normals
+turn linearly from end to end of a piece, so they are continuous. If the curve does not end at height zero, a vertical
+ring closes the step.
 
 As heights that add up
 ----------------------
-The rest of the curve beyond a sphere, and all of it under another tip, is a monotone cubic (PCHIP) of height over
-radius through the stored points. Curves with more than one height at a radius are refused, except for a shank in the
-pad: it leans by `STEEPEST`.
+On a crown, with a field or with several tips, heights are added. The curve beyond an exact sphere, or all of it for
+another tip, is a monotone cubic (PCHIP) of height over radius through the stored points. Curves with more than one
+height at a radius are refused. The exception is a shank in the pad, which is made to lean by the slope `STEEPEST`.
 
-This file shares no code with the fast engine on purpose: it is the other half of a comparison.
+This file shares no code with the fast light model on purpose: the two are compared with each other.
 """
 
 from __future__ import annotations
@@ -50,19 +54,20 @@ from sims.optics.scene.optical_scene import OpticalScene, SmoothField
 from sims.press import Indentation
 
 Presses = Indentation | None | Sequence[Indentation | None]
-"""The presses on the pad in one state: one tip, none, or one press or None for each tip."""
+"""The presses in one state: one press, None for the untouched pad, or one press or None for each tip."""
 Tip = tuple[FloatArray, Indentation]
 """Centre (2,) [mm] and press of a tip that touches the pad."""
 
 TIP_MISMATCH_MM = 0.1
-"""Largest distance between the end of the contact on the curve and the tip [mm]: mesh and penetration."""
+"""Largest distance between tip and curve at the end of the contact [mm]; the contact model's mesh and penetration cause
+some."""
 TURN_LIMIT = 0.01
 """Largest turn of the curve within one straight piece [rad]."""
 PIECE_LIMIT_MM = 0.1
-"""Longest straight piece [mm]; with the turn limit its sagitta is at most 0.125 µm."""
+"""Longest straight piece [mm]; with the turn limit, it departs from the curve by at most 0.125 µm."""
 STEEPEST, SPHERE_KNOTS = 30.0, 97
-"""Outward slope of a shank in the pad: its edge moves out by a thirtieth of the wetted length. Number of knots of the
-sphere below it."""
+"""Outward slope given to a shank in the pad, whose edge so moves out by a thirtieth of the wetted length; and number of
+points of the sphere below it."""
 
 
 def lower_presses(
@@ -71,19 +76,21 @@ def lower_presses(
     indentations: Sequence[Presses],
     fields: Sequence[SmoothField | None] | None = None,
 ) -> list[Surface]:
-    """Check the states' presses and turn each into numbers.
+    """Check the presses of all states and convert each state's top to numbers.
 
     Parameters
     ----------
-    centres_mm : (state, 2), or (state, tip, 2) where several tips press at once [mm]
-    indentations : (state,) of one press or None (untouched), or of a sequence of these, one per tip
-    fields : (state,) height added to the top, or None; on a crown along the normal of the press, over its frame
+    scene : the pad
+    centres_mm : (state, 2), or (state, tip, 2) if several tips press at once [mm]
+    indentations : (state,) press or None (untouched), or a sequence of these, one per tip
+    fields : (state,) smooth height added to the top, or None; on a crown, along the normal at the press, over the
+        press's frame
 
     Raises
     ------
-    InputError : shapes do not fit, a press is outside the pad, or a profile is invalid
+    InputError : shapes do not fit, a press is outside the pad, or a profile is invalid.
     ModelScopeError : with several tips, a field or a crown, a curve folds; contacts overlap; several tips press on a
-        crown, or the crown falls too steeply in the frame of a press
+        crown, or the crown falls too steeply in the frame of a press.
     """
     states = len(indentations)
     centres = np.asarray(centres_mm, dtype=np.float64)
@@ -106,7 +113,7 @@ def lower_presses(
 
 
 def _pressing_tips(scene: OpticalScene, centres: FloatArray, presses: Presses, state: int) -> list[Tip]:
-    """Centres (2,) [mm] and presses of the tips that touch the pad."""
+    """Tips that touch the pad in one state, after checking the number and location of its presses."""
     listed = [presses] if presses is None or isinstance(presses, Indentation) else list(presses)
     if len(listed) > len(centres) or (len(listed) != len(centres) and any(listed)):
         raise InputError(
@@ -144,13 +151,14 @@ def lower_top(
     where: str = "indentations",
     outline: FloatArray | None = None,
 ) -> Surface:
-    """Turn an untouched top, the tips that press on it and a field into numbers.
+    """Convert an untouched top, the tips that press on it and a field to numbers.
 
-    where : name of the presses in messages; outline : (n, 2) of the pad in plan [mm], needed under a crown
+    where : name of the presses in messages
+    outline : (n, 2) outline of the pad in plan [mm], needed under a crown
 
     Raises
     ------
-    InputError, ModelScopeError : as for `lower_presses`
+    InputError, ModelScopeError : as for `lower_presses`.
     """
     is_sum = not top.is_flat or field is not None or len(tips) > 1
     _check_together(top, tips, field, where)
@@ -212,7 +220,7 @@ def _check_together(top: Top, tips: Sequence[Tip], field: SmoothField | None, wh
 
 
 def _reach_mm(top: Top, origin: FloatArray, axes: FloatArray, outline: FloatArray, where: str) -> float:
-    """Farthest point of bottom or untouched crown from a frame's axis, for a cylinder across it [mm]."""
+    """Largest distance of the pad's points from the axis of the press's frame [mm]; on a cylinder, only across it."""
     rim = top.height_mm(outline[:, 0], outline[:, 1])
     ends = np.vstack([np.column_stack([outline, height]) for height in (np.zeros(len(rim)), rim)])
     u, v, _ = axes @ (ends - origin).T
@@ -227,7 +235,7 @@ def _reach_mm(top: Top, origin: FloatArray, axes: FloatArray, outline: FloatArra
 
 
 def _falls(radius_mm: ArrayLike, curvature: float) -> FloatArray:
-    """(...,) fall of a sphere at (...,) radii [mm], continued straight as in `sims.optics.oracle.surface.sag`."""
+    """(...,) distance of a sphere below its tangent plane at (...,) radii [mm]; continued as in `surface.sag`."""
     radius = np.asarray(radius_mm, dtype=np.float64)
     near = np.minimum(radius, STEEPEST_SHARE / max(curvature, 1e-99))
     root = np.sqrt(1.0 - (curvature * near) ** 2)
@@ -240,7 +248,7 @@ def _joined(parts: Sequence[ArrayLike], columns: int) -> FloatArray:
 
 
 class _Profile(NamedTuple):
-    """One tip's part of a `Surface`, as cones or as heights that add up; the other kind has no rows."""
+    """One tip's part of a `Surface`: either cones, or a curve of heights that add up; the other kind has no rows."""
 
     tip: tuple[float, ...]
     lowest: float
@@ -255,7 +263,7 @@ class _Profile(NamedTuple):
 def _lower_profile(
     centre: FloatArray, given: Indentation, mean_curvature: float, is_sum: bool, where: str
 ) -> _Profile:
-    """A press' profile, given above the mean crown."""
+    """Convert a press's profile, whose heights are above a sphere of the mean curvature [1/mm]."""
     heights = np.asarray(given.height_mm, float) - _falls(given.radius_mm, mean_curvature)
     press = replace(given, height_mm=heights)  # above the tangent plane
     free, wetted, cap = free_curve(press, where)
@@ -284,7 +292,7 @@ def _lower_profile(
 
 
 def _solid(press: Indentation, centre: FloatArray, wetted: FloatArray) -> FloatArray:
-    """(0 or 1, 6) row of `Surface.solids`."""
+    """(1, 6) row of `Surface.solids`, the tip that light in air meets; (0, 6) without contact."""
     x, y = centre
     if press.contact_radius_mm == 0.0:
         return np.empty((0, 6))
@@ -297,7 +305,12 @@ def _solid(press: Indentation, centre: FloatArray, wetted: FloatArray) -> FloatA
 def check_indentation(press: Indentation, top_mm: float, where: str) -> None:
     """Refuse a press whose profile cannot be a pad's surface.
 
-    top_mm : height of the undisturbed surface [mm]; where : name of the press in messages.
+    top_mm : height of the undisturbed surface [mm]
+    where : name of the press in messages
+
+    Raises
+    ------
+    InputError : the profile is invalid, or the press goes through the layer.
     """
     radius, height = np.asarray(press.radius_mm, float), np.asarray(press.height_mm, float)
     scalars = (press.depth_mm, press.tip_radius_mm, press.contact_radius_mm)
@@ -332,7 +345,10 @@ def check_indentation(press: Indentation, top_mm: float, where: str) -> None:
 
 
 def free_curve(press: Indentation, where: str) -> tuple[FloatArray, FloatArray, float]:
-    """Knots (n, 2) of the free curve, ends (m, 2) of the tip's wetted straight pieces, radius of its cap."""
+    """Points (n, 2) of the free curve, points (m, 2) of the contact beyond its sphere, radius of the sphere's edge.
+
+    The radius is 0 if the tip is no hemisphere or does not touch.
+    """
     curve = np.column_stack([press.radius_mm, press.height_mm]).astype(np.float64)
     if press.contact_radius_mm == 0.0:
         return apart(curve), np.empty((0, 2)), 0.0
@@ -356,7 +372,7 @@ def free_curve(press: Indentation, where: str) -> tuple[FloatArray, FloatArray, 
 
 
 def apart(knots: FloatArray) -> FloatArray:
-    """The knots without those that repeat the one before them."""
+    """Points of a curve without those that repeat the previous one."""
     step = np.hypot(*np.diff(knots, axis=0).T)
     return np.asarray(knots[np.concatenate([[True], step > SEAM_MM])])
 
@@ -368,7 +384,7 @@ def _straight_pieces(ends: FloatArray, contact: float) -> list[tuple[float, ...]
 
 
 def _curve_pieces(knots: FloatArray) -> list[tuple[float, ...]]:
-    """Cut the smooth curve through the knots into straight pieces."""
+    """Cut the smooth curve through the points into straight pieces, as rows of `Surface.cones`."""
     chord = np.hypot(*np.diff(knots, axis=0).T)
     along = np.concatenate([[0.0], np.cumsum(chord)])
     curve = PchipInterpolator(along, knots)
@@ -388,7 +404,7 @@ def _curve_pieces(knots: FloatArray) -> list[tuple[float, ...]]:
 
 
 def _angles(tangent: FloatArray, fallback: FloatArray) -> FloatArray:
-    """Continuous angle of tangents (..., n, 2) to the radial direction [rad]; of the fallback where a tangent is 0."""
+    """Angle of tangents (..., n, 2) to the radial direction, without jumps [rad]; `fallback` replaces zero tangents."""
     at_rest = np.hypot(tangent[..., 0], tangent[..., 1])[..., None] < 1e-9
     used = np.where(at_rest, fallback, tangent)
     return np.asarray(np.unwrap(np.arctan2(used[..., 1], used[..., 0]), axis=-1))
@@ -407,10 +423,12 @@ def _bounding_blocks(table: FloatArray) -> FloatArray:
 def _single_valued(
     press: Indentation, free: FloatArray, wetted: FloatArray, cap: float, where: str
 ) -> tuple[FloatArray, float, float]:
-    """The curve as one height per radius: its knots, the radius of the sphere inside them, and the contact radius.
+    """Convert a curve to one height per radius.
 
-    The knots are (n, 2) radius and height in the order of rising radius. The radius of the sphere is 0 if there is
-    none. All are in mm.
+    Returns
+    -------
+    (n, 2) radius and height by rising radius; radius of the sphere at the axis, 0 if there is none; contact radius. All
+    in mm
 
     Raises
     ------
@@ -431,7 +449,7 @@ def _single_valued(
 
 
 def _leaning(press: Indentation, free: FloatArray) -> FloatArray:
-    """Knots of a tip pressed beyond its equator: the sphere, its shank as a steep cone, the free curve moved out."""
+    """Points of a press beyond the tip's equator: sphere, shank as a steep cone, and the free curve moved outward."""
     tip, equator = press.tip_radius_mm, press.tip_radius_mm - press.depth_mm
     angle = np.linspace(0.0, math.atan(STEEPEST), SPHERE_KNOTS)
     sphere = np.column_stack([tip * np.sin(angle), equator - tip * np.cos(angle)])
@@ -446,7 +464,7 @@ def _leaning(press: Indentation, free: FloatArray) -> FloatArray:
 def _rings(
     edge: float, contact: float, sphere: float, pieces: FloatArray, mean_curvature: float
 ) -> tuple[FloatArray, FloatArray]:
-    """(1, BINS) for each ring the first piece that reaches into it, and the bound of curvature."""
+    """For each ring, (1, BINS) first piece that reaches into it, and (1, BINS) bound of curvature [1/mm]."""
     border = np.linspace(0.0, edge, BINS + 1)
     ends = np.append(pieces[1:, 0], edge)
     first = np.searchsorted(ends, border[:-1], side="left").clip(max=len(pieces) - 1)
@@ -477,7 +495,7 @@ def _piece_bends(pieces: FloatArray, ends: FloatArray) -> FloatArray:
 def _lowered_field(
     field: SmoothField | None,
 ) -> tuple[FloatArray, FloatArray, FloatArray, float, float, float]:
-    """Nodes, origin and step of a field, bounds of its height [mm], and of its curvature [1/mm]."""
+    """Nodes, origin and step of a field; lowest and highest value [mm], and bound of curvature [1/mm]."""
     if field is None:
         return np.empty((0, 0, 4)), np.zeros(2), np.ones(2), 0.0, 0.0, 0.0
     nodes = np.ascontiguousarray(field.nodes, dtype=np.float64)
@@ -492,7 +510,7 @@ def _lowered_field(
 
 
 def _bezier_net(nodes: FloatArray, step: FloatArray) -> FloatArray:
-    """(nx - 1, ny - 1, 4, 4) control heights of each cell; the patch and its slopes stay within their hull."""
+    """(nx - 1, ny - 1, 4, 4) Bézier control heights of each cell; their convex hull bounds the patch and its slopes."""
     value, along, across, mixed = np.moveaxis(nodes, -1, 0)
     dx, dy = step / 3.0
     corner = np.empty((*value.shape, 3, 3))  # control heights at -1, 0, 1 steps / 3 around each node

@@ -1,30 +1,29 @@
-"""The oracle: a plain forward Monte-Carlo tracer that checks the fast light engine.
+"""The oracle: a plain Monte-Carlo ray tracer that checks the fast light model.
 
-It shares no intersection, surface or Fresnel code with the fast engine; only the scene and the press,
-as data, are common. Light walks from each emitter, also in air, as `sims.optics.oracle.walk` describes; the
-top and its limits are those of `sims.optics.oracle.surface`.
+It shares no intersection, surface or Fresnel code with the fast model; only scene and press are common, as data. Rays
+start at each emitter and may pass through air, as `sims.optics.oracle.walk` describes. The top and its limits are those
+of `sims.optics.oracle.surface`.
 
 Classes of received light
 -------------------------
 - `direct`: no interaction on the way.
 - `top`: mirrored at the top only, each time where the surface slopes by at most 0.02 against the untouched top.
-- `skirt`: mirrored at the top only, at least once where a press makes it slope by more than 0.02 against that.
+- `skirt`: mirrored at the top only, at least once where a press makes it slope by more than 0.02.
 - `wall`: never scattered, mirrored by a smooth wall at least once.
 - `diffuse`: scattered at least once by a wall, the bottom or the tip.
-- `crossing`: left through the top, crossed air and entered again at least once, with any other interactions. The
-fast engine does not model it; compare `OracleLight.without_crossing` with it.
+- `crossing`: left through the top, crossed air and entered again at least once, with any other interactions. The fast
+  model leaves it out; compare `OracleLight.without_crossing` with that model.
 
-The border between `top` and `skirt` is a convention: another definition moves light between the two and
-leaves their sum alone.
+The border between `top` and `skirt` is a convention: another definition moves light between the two but does not change
+their sum.
 
 Accuracy
 --------
-Standard errors come from the second moment over rays. A pair that no ray reached has a standard error of
-zero, which means "not resolved", not "known to be zero": flux below about `1 / rays` is not detected.
+Standard errors come from the second moment over rays. A pair that no ray reached has a standard error of zero, which
+means "not resolved", not "known to be zero": flux below about `1 / rays` is not detected.
 
-The oracle's two compiled entry points, cached on disk; all functions that they call are compiled into them.
-
-Functions that every flight calls are forced inline: calls that pass a scene of arrays cost a third of the speed.
+The two compiled entry points are cached on disk, together with all functions that they call. Functions that every
+flight calls are forced inline: calls that pass a scene of arrays cost a third of the speed.
 """
 
 from __future__ import annotations
@@ -60,14 +59,17 @@ MODULES = (
 )
 CLASS_COUNT, FATE_COUNT = CROSSING + 1, len(FATES)
 BATCHES = 256
-"""Number of batches in which the rays of one emitter are summed; fixed, so that threads never change a result."""
+"""Number of batches in which the rays of one emitter are summed. It is fixed, so that threads never change a result."""
 
 
 @entry_points(MODULES, parallel=True)
 def trace_emitter(
     scene: Scene, top: Surface, seed: int, state: int, emitter: int, rays: int
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Sums over rays in each batch: received weight and its square by class, and the ledger."""
+    """Trace the rays of one emitter; return sums over the rays of each batch.
+
+    The sums are the received weight by class and receiver, its square, and the weight by way of ending (`FATES`).
+    """
     receivers = scene.receiver_wall.shape[0]
     flux = np.zeros((BATCHES, CLASS_COUNT, receivers))
     square = np.zeros((BATCHES, CLASS_COUNT, receivers))
@@ -90,7 +92,7 @@ def trace_emitter(
 def next_path(
     scene: Scene, top: Surface, emitter: int, wanted: BoolArray, seed: int, ray: int, tries: int, places: int
 ) -> tuple[int, int, int, FloatArray]:
-    """Number, fate, receiver and points of the next ray with a requested end."""
+    """Trace rays from number `ray` on until one has a requested end: its number, fate (-1: none), receiver, points."""
     vertices = np.empty((places, 3))
     for number in range(ray, ray + tries):
         stream = ray_stream(seed, 0, emitter, number)
@@ -112,15 +114,15 @@ class OracleLight:
 
     Attributes
     ----------
-    flux : (class, state, emitter, receiver) by `CLASSES` [-]
-    class_standard_error : (class, state, emitter, receiver) of `flux` [-]
-    standard_error : (state, emitter, receiver) of the flux summed over classes [-]
-    ledger : (fate, state, emitter) share of the emitted power by `FATES` [-]: received by class; absorbed
-        at walls, bottom and tip, and in the volume; escaped through the top; `uncounted`, met a receiver that
-        does not count it; `unsubmerged`, radiated by the part of the emitter that is above the surface;
-        `unresolved`, rays given up. It sums to 1.
-    rays : per emitter and state
-    seed : of the random streams
+    flux : (class, state, emitter, receiver) flux by `CLASSES` [-]
+    class_standard_error : (class, state, emitter, receiver) standard error of `flux` [-]
+    standard_error : (state, emitter, receiver) standard error of the flux summed over classes [-]
+    ledger : (fate, state, emitter) share of the emitted power by how it ends (`FATES`) [-]: received by class; absorbed
+        at walls, bottom and tip, and in the volume; escaped through the top; `uncounted`, met a receiver that does not
+        count it; `unsubmerged`, radiated by the part of the emitter that is above the surface; `unresolved`, rays given
+        up. The sum over fates is 1
+    rays : number of rays per emitter and state
+    seed : seed of the random streams
     """
 
     flux: FloatArray
@@ -155,19 +157,20 @@ def trace_oracle(
 
     Parameters
     ----------
-    centres_mm : (state, 2), or (state, tip, 2), x and y of the press axes [mm]; not read where untouched
+    scene : the pad
+    centres_mm : (state, 2), or (state, tip, 2), x and y of the press axes [mm]; ignored for untouched states
     indentations : one press or None (untouched) for each state, or a sequence of these, one per tip
-    fields : height added to the top, or None, for each state; on a crown along the normal of the press, over the
-        first two axes of its frame (`PadForm.press_frame`)
+    fields : smooth height added to the top, or None, for each state; on a crown, along the normal at the press, over
+        the first two axes of the press's frame (`PadForm.press_frame`)
     rays : number of rays for each emitter and state
     seed : seed of the random streams, >= 0
-    on_step : called with emitters done and emitters in all, over all states
+    on_step : function called with emitters done and emitters in all, over all states
 
     Raises
     ------
-    InputError : the scene, form, a location or a profile is invalid
+    InputError : the scene, a location, a profile or the seed is invalid, or there are fewer than 2 rays.
     ModelScopeError : with several tips, a field or a crown, a curve folds; contacts overlap; several tips press on a
-        crown, or the pad reaches too far around a press there
+        crown, or the pad reaches too far around a press there.
     """
     if rays < 2:
         raise InputError(f"rays: {rays} is too few; at least 2")
@@ -202,6 +205,6 @@ def _standard_error(mean: FloatArray, mean_square: FloatArray, rays: int) -> Flo
 
 
 def check_seed(seed: int) -> None:
-    """Refuse seeds that do not fit a random stream."""
+    """Refuse a seed that does not fit a random stream."""
     if not 0 <= seed < 2**63:
         raise InputError(f"seed: {seed} must lie between 0 and 2^63 - 1")

@@ -1,34 +1,32 @@
-"""One ray's walk through the pad, written to be read: emission, flight, reflection, fate.
+"""The path of one ray through the pad, written for readability: emission, flight, reflection, end.
 
 Model
 -----
-Geometrical optics, unpolarised, one colour. An emitter is a rectangle on a wall; every point of it radiates cosᵐθ,
-or a tabulated pattern, into the elastomer. A ray flies straight to the nearest wall, bottom or top. The top
-reflects by Fresnel's equations; transmitted light flies on in air (see below) and may enter again.
-Walls, emitter faces, the bottom and the wetted tip are Lambertian; where walls are smooth, they and the emitters'
-faces mirror Fresnel's share first, and scatter part of the rest. Receivers are perfect absorbers that count all light,
-or a share that depends on the angle of arrival.
+Geometrical optics, unpolarised, one wavelength. An emitter is a rectangle on a wall; every point of it radiates cosᵐθ,
+or a tabulated pattern, into the elastomer. A ray flies straight to the nearest wall, bottom or top. The top reflects by
+Fresnel's equations; transmitted light continues in air and may enter again. Walls, emitter faces, the bottom and the
+tip in contact are Lambertian. Smooth walls and the emitters' faces in them mirror Fresnel's share first, and scatter
+part of the rest. Receivers absorb all light that meets them. They count all of it, or a share that depends on the angle
+of arrival.
 
-Chance and weight
------------------
-A ray reflects or not, at the top as at a wall, by one random number, and a receiver counts it or not by another:
-below the critical angle the reflectance is a few percent, so following the weak remainder costs more than it
-gains. Absorption is not random: the ray has the weight exp(-absorption · distance), and the lost part is booked as
-absorbed in the volume. Each ray thus ends at one point, and the ledger closes to rounding.
+Random decisions and weight
+---------------------------
+At the top and at a wall one random number decides whether a ray is reflected, and at a receiver whether it is counted.
+Below the critical angle the reflectance is a few percent, so following both parts would cost more than it gains.
+Absorption is not random: the ray has the weight exp(-absorption · distance), and the lost part is booked as absorbed in
+the volume. Each ray thus ends at one point, and all shares of the power sum to 1 up to rounding.
+
+Light in air
+------------
+A ray that leaves by Snell's law flies straight, and meets the top from outside, a tip, or a wall. The top mirrors it or
+lets it in by Fresnel's equations. Tips scatter or absorb like their part in contact. A wall that the dimple exposes
+below the undisturbed top scatters or absorbs like any wall, but is never smooth, and its receivers absorb without
+counting. Above the undisturbed top there is nothing next to the pad: light that passes over a wall has escaped. Air
+absorbs nothing.
 
 Left out
 --------
 Polarisation that builds up over several reflections; scattering in the elastomer.
-
-Light in the air above the pad, from its exit from the elastomer until it enters again or is lost.
-
-Model
------
-A ray leaves by Snell's law, flies straight, and meets the top from outside, a tip, or a wall. The top mirrors or
-lets it in by Fresnel's equations. Tips scatter like their wetted part, or absorb. Below the undisturbed top a wall
-that the dimple has bared scatters or absorbs like any wall, its receivers absorb without being counted, and it is
-never smooth. Above the undisturbed top there is nothing next to the pad: light that passes over a wall has escaped.
-Air absorbs nothing.
 """
 
 from __future__ import annotations
@@ -68,7 +66,7 @@ from sims.optics.oracle.surface import (
 BACK_INSIDE, OVER_THE_WALLS, ON_A_TIP, ON_A_WALL, GIVEN_UP = range(5)
 """How a flight in air ends."""
 NUDGE_MM = 1e-6
-"""Distance of a ray's restart from the surface that it met [mm]: the overlap of pieces, far more than rounding."""
+"""Distance of a ray's new start from the surface that it met [mm]: the overlap of pieces, far more than rounding."""
 AIR_STEP_LIMIT = 1_000
 """Number of flights in air after which a ray is given up."""
 
@@ -87,12 +85,14 @@ def fly(
 
     Parameters
     ----------
-    place, direction : just outside the elastomer [mm], unit vector
-    vertices, count : points of the path so far, which are extended
+    stream : state of the ray's random stream
+    place, direction : start just outside the elastomer [mm], unit direction [-]
+    vertices, count : (n, 3) points of the path so far [mm], which are extended, and their number
 
     Returns
     -------
-    the end, its stream, point and direction (inside the elastomer again, if it ends there), count of points
+    how the flight ends; random stream; end point and direction, inside the elastomer again if the ray enters it; number
+    of points
     """
     (x, y, z), (dx, dy, dz) = place, direction
     for _ in range(AIR_STEP_LIMIT):
@@ -145,13 +145,13 @@ def _passes_over(
     dy: float,
     dz: float,
 ) -> bool:
-    """Whether a ray that meets no other surface passes the walls above the untouched top."""
+    """Whether a ray, which meets no other surface, passes over the walls above the untouched top."""
     return face == NO_FACE or z + distance * dz > untouched_top(scene, x + distance * dx, y + distance * dy)
 
 
 @njit()
 def record(vertices: FloatArray, count: int, x: float, y: float, z: float) -> int:
-    """Record one point of a path while there is space; the count of points so far."""
+    """Add a point to a path if there is space; return the number of points, which grows in any case."""
     if count < vertices.shape[0]:
         vertices[count, 0], vertices[count, 1], vertices[count, 2] = x, y, z
     return count + 1
@@ -173,7 +173,7 @@ FATES = (
     "unsubmerged",
     "unresolved",
 )
-"""Possible ends of light: at a receiver by class (the first six), or lost; the order of every ledger."""
+"""Possible ends of light: the first six are classes of light at a receiver, the others are losses."""
 (
     DIRECT,
     TOP,
@@ -192,14 +192,14 @@ FATES = (
 ) = range(14)
 
 SKIRT_SLOPE = 0.02
-"""Slope of the surface against the untouched top above which a reflection makes a path a `skirt` path [-]."""
+"""Slope of the pressed top against the untouched top above which a reflection makes a path a `skirt` path [-]."""
 STEP_LIMIT = 10_000
 """Number of flights after which a ray is given up and booked as unresolved."""
 
 
 @njit()
 def emission_direction(scene: Scene, emitter: int, u: float, v: float) -> tuple[float, float, float]:
-    """A direction of an emitter's light, by its table or its order; u, v in [0, 1)."""
+    """Random direction of an emitter's light, by its table or its Lambertian order; u, v are random in [0, 1)."""
     nx, ny, nz = inward_normal(scene, scene.emitter_wall[emitter], 0.0, 0.0)  # a flat wall's, at any point
     if scene.emitter_pattern.shape[2] > 0 and not math.isnan(scene.emitter_pattern[0, emitter, 0]):
         cosine = pattern_cosine(scene.emitter_pattern[0, emitter], scene.emitter_pattern[1, emitter], u)
@@ -215,12 +215,13 @@ def walk(
 
     Parameters
     ----------
-    vertices : (n, 3) is filled with the points of the path [mm], as far as it has rows
+    stream : state of the ray's random stream
+    vertices : (n, 3) array that is filled with points of the path [mm], at most n
 
     Returns
     -------
     fate : index into `FATES`
-    receiver : its number, or -1
+    receiver : number of the receiver, or -1
     weight : remaining share of the ray at its end [-]; the rest is absorbed in the volume
     count : number of points on the path
     """
@@ -263,14 +264,16 @@ def walk_inside(
 
     Parameters
     ----------
-    path : class of light so far, a fate
+    path : class of the light so far, an index into `FATES`
     weight : remaining share after absorption [-]
-    place, direction : its point [mm], and its unit vector
+    stream : state of the ray's random stream
+    place, direction : start [mm], and unit direction [-]
+    vertices, count : (n, 3) points of the path so far [mm], which are extended, and their number
 
     Returns
     -------
-    fate, receiver, weight, count of points as for `walk`; if the fate is `ESCAPED`, also its stream, and its point and
-    direction just outside
+    fate, receiver, weight and count as for `walk`; then random stream, point and direction, which are valid just
+    outside the top if the fate is `ESCAPED`
     """
     (x, y, z), (dx, dy, dz) = place, direction
     for _ in range(STEP_LIMIT):
@@ -324,7 +327,7 @@ def walk_inside(
 
 @njit()
 def _counted_share(scene: Scene, receiver: int, cosine: float) -> float:
-    """Share of light arriving at a cosine which a receiver counts [-]."""
+    """Share of light arriving at a cosine that a receiver counts [-]."""
     if scene.receiver_response.shape[1] == 0:
         return 1.0
     return table_value(scene.receiver_response[receiver], cosine)
@@ -332,7 +335,7 @@ def _counted_share(scene: Scene, receiver: int, cosine: float) -> float:
 
 @njit()
 def _fate_in_air(end: int) -> int:
-    """The fate of light that a flight in air has ended."""
+    """Index into `FATES` of light whose flight in air has ended."""
     if end == OVER_THE_WALLS:
         return ESCAPED
     if end == ON_A_TIP:

@@ -1,6 +1,6 @@
-"""Lower a design to the arrays of an optical scene: blocks without a form, other pads with their form.
+"""Convert a design to the arrays of an optical scene, and check scenes and masks of pairs.
 
-Scenes and requests that the tracer cannot use are refused by name.
+A pad that is not a rectangular block with a flat top gets a `PadForm`: its walls and top.
 """
 
 from __future__ import annotations
@@ -28,11 +28,17 @@ from sims.optics.scene.optical_scene import (
 
 WALLS = 4
 POWER_TOLERANCE = 1e-6
-"""Largest error of a pattern's power, far below the light model's 0.01 % bias: more means it was not normalised."""
+"""Largest deviation of a pattern's power from 1 [-]: far below the light model's bias of 0.01 %; more means that the
+pattern was not normalised."""
 
 
 def check_scene(scene: OpticalScene) -> None:
-    """Raise an InputError that names the first field out of range."""
+    """Check the numbers of a scene.
+
+    Raises
+    ------
+    InputError : a field is out of range or has the wrong shape; the message names the first one.
+    """
     for name in ("length_mm", "width_mm", "height_mm"):
         _require(name, getattr(scene, name), 0.0, np.inf, open_low=True)
     _require("refractive_index", scene.refractive_index, 1.0, 4.0)
@@ -54,7 +60,12 @@ def check_scene(scene: OpticalScene) -> None:
 
 
 def wanted_pairs(pairs: BoolArray | None, states: int, emitters: int, receivers: int) -> BoolArray:
-    """(state, emitter, receiver) mask of pairs to trace, from None, one mask, or one per state."""
+    """(state, emitter, receiver) mask of pairs to trace; a mask without states holds for all, None means every pair.
+
+    Raises
+    ------
+    InputError : the mask is not boolean, or its shape does not fit.
+    """
     if pairs is None:
         return np.ones((states, emitters, receivers), dtype=np.bool_)
     mask = np.asarray(pairs)
@@ -144,14 +155,14 @@ def _check_response(response: FloatArray, receivers: int) -> None:
 TURN_RAD = 2.0 * math.pi
 BORDER_STEP_RAD = TURN_RAD / 96
 ROUNDING = 1e-9
-"""Tolerance of points [mm] and cosines [-]: a ray that meets two walls' common edge meets at least one of them."""
+"""Tolerance of points [mm] and of cosines [-], so that a ray to the edge between two walls meets at least one."""
 
 
 def scene_of(design: SensorDesign) -> OpticalScene:
-    """The clear block with the active areas of all parts, in the order of the cavity's parts.
+    """Optical scene of a design: the clear layer and the active areas of all parts, in the cavity's order.
 
-    An emitter with an angular pattern has it instead of its order; a receiver counts all light on its active area,
-    at any angle, unless its part gives the material on the chip.
+    An emitter's angular pattern, if it has one, replaces its Lambertian order. A receiver counts all light on its
+    active area, at any angle, unless its part gives the index of the epoxy on the chip.
     """
     cavity = cavity_of(design)
     plan = cavity.plan
@@ -180,7 +191,7 @@ def scene_of(design: SensorDesign) -> OpticalScene:
 
 
 def form_of(plan: Plan) -> PadForm:
-    """Walls and top of a pad that is no block."""
+    """Walls and top of a pad that is not a rectangular block with a flat top."""
     return PadForm(
         walls=np.array([(*wall.origin, *wall.tangent, *wall.outward) for wall in plan.walls]).reshape(-1, 6),
         arcs=_round_walls(plan.outline),
@@ -189,7 +200,7 @@ def form_of(plan: Plan) -> PadForm:
 
 
 def _round_walls(outline: Outline) -> FloatArray:
-    """(m, 6) round walls: arcs of one circle are one, with the facets between them; whole if the pad is within it."""
+    """(m, 6) round walls. Arcs of one circle become one, with any facets between; a round pad has a whole circle."""
     circles: dict[tuple[float, float, float], list[Arc]] = {}
     for arc in outline.arcs:
         circles.setdefault((*arc.centre_mm, arc.radius_mm), []).append(arc)
@@ -202,7 +213,7 @@ def _round_walls(outline: Outline) -> FloatArray:
 
 
 def _sector_of(arcs: Sequence[Arc]) -> tuple[float, float, float]:
-    """Middle, as a unit vector, and cosine of half the turn of the least sector that contains arcs of one circle."""
+    """Smallest sector that contains arcs of one circle: unit vector to its middle, and cosine of half its angle."""
     arcs = sorted(arcs, key=lambda arc: arc.start_rad % TURN_RAD)
     gaps = [
         (after.start_rad - arc.start_rad - arc.turn_rad) % TURN_RAD
@@ -224,7 +235,7 @@ def _patches(parts: tuple[PlacedPart, ...]) -> FloatArray:
 
 
 def _patterns(parts: tuple[PlacedPart, ...]) -> FloatArray | None:
-    """(e, n) patterns, a row of NaN for an emitter with an order; None where all have one."""
+    """(e, n) angular patterns, with a row of NaN for each emitter that has an order; None if all have an order."""
     tables = [part.part.angular_pattern for part in parts]
     if not any(tables):
         return None
@@ -233,7 +244,7 @@ def _patterns(parts: tuple[PlacedPart, ...]) -> FloatArray | None:
 
 
 def _responses(parts: tuple[PlacedPart, ...], index: float) -> FloatArray | None:
-    """(r, n) responses; None where all receivers are bare."""
+    """(r, n) angular responses; None if every receiver is bare, without epoxy."""
     if all(part.part.epoxy_index is None for part in parts):
         return None
     return np.array([response_nodes(part.part, index) for part in parts])

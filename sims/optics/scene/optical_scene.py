@@ -1,68 +1,69 @@
-"""The optical scene as plain typed arrays: the only input of every kernel and the oracle.
+"""The optical scene as plain typed arrays: the only input of the light kernels and of the reference ray tracer.
 
-Frame: x from 0 to the inner length, y from 0 to the inner width, z = 0 at the bottom of the clear
-layer and z = clear thickness at the undisturbed top. Walls are numbered south (y = 0) 0, east
-(x = length) 1, north (y = width) 2, west (x = 0) 3. A patch on a wall is a rectangle given by its
-centre along the wall (x for south and north, y for east and west), its centre height, and two
-half sizes. The part of a patch above the top is not in the scene: only the submerged part emits
-or receives, and an emitter's flux is a fraction of the power that its *whole* area would emit.
-
-Angles at a patch are tables over the cosine c to its inward normal, at nodes `np.linspace(0, 1, n)`,
-linear between them.
-
-The form of a pad that is no block: its walls in plan as plain arrays, and its convex top.
-
-In plan the elastomer is convex: { p : n · (p - o) <= 0 for every flat wall, |p - c| <= r for every round one in whose
-sector, seen from its centre c, p lies }. The bottom is the plane z = 0; the top is a `design.shape.top.Top`.
-
-Counted share of the light that arrives at a receiver from inside the elastomer, by its angle.
-
-Model
+Frame
 -----
-Elastomer of index n is on the part's flat face; behind it is epoxy of index n_e with the chip. Light at angle a
-in the elastomer enters the epoxy at angle e, n sin a = n_e sin e (Snell), as the unpolarised Fresnel share
-T(n -> n_e, a) = 1 - (R_s + R_p) / 2 (Hecht, Optics, eqs 4.34 to 4.62), and the chip counts the share q(e) of it:
+x runs from 0 to the inner length and y from 0 to the inner width. z is 0 at the bottom of the clear layer and the clear
+thickness at the undisturbed top. Walls are numbered 0 south (y = 0), 1 east (x = length), 2 north (y = width), 3 west
+(x = 0). The active area of a part is a rectangle on a wall, called a patch. It is given by its centre along the wall (x
+for south and north, y for east and west), its centre height, and two half sizes. Only the part of a patch below the top
+emits or receives. An emitter's flux is a fraction of the power that its *whole* area would emit.
+
+Angular properties of a patch are tables over the cosine c to its inward normal, at nodes `np.linspace(0, 1, n)`, linear
+between them.
+
+Pads of other shape (`PadForm`)
+-------------------------------
+In plan the elastomer is convex: the points p with n · (p - o) <= 0 for every flat wall, and |p - c| <= r for every
+round wall in whose sector, seen from its centre c, p is. The bottom is the plane z = 0; the top is a
+`design.shape.top.Top`.
+
+Response of a receiver
+----------------------
+The response is the share of light arriving from inside the elastomer that a receiver counts, by angle. Elastomer of
+index n is on the part's flat face; behind the face is epoxy of index n_e with the chip. Light at angle a in the
+elastomer enters the epoxy at angle e, n sin a = n_e sin e (Snell). The unpolarised Fresnel share T(n -> n_e, a) = 1 -
+(R_s + R_p) / 2 enters (Hecht, Optics, eqs 4.34 to 4.62), and the chip counts the share q(e) of it:
 
     response(cos a) = T(n -> n_e, a) q(e),   q(0) = 1.
 
-So normal incidence counts T(n -> n_e, 0), 0.998 for silicone against common epoxy, and a bare receiver, whose
-part has no epoxy index, counts 1 at every angle. One common gain scales all signals; only ratios of angles matter.
+So at normal incidence T(n -> n_e, 0) is counted, 0.998 for silicone against common epoxy. A bare receiver, whose part
+has no epoxy index, counts 1 at every angle. One common gain scales all signals, so only ratios between angles matter.
 
-The chip's own q comes from the sheet's angles in air, where the same face receives, relative to the axis,
-S(b) = cos b T(1 -> n_e, b) / T(1 -> n_e, 0) q(e), sin b = n_e sin e:
+The chip's own q follows from the data sheet's response S(b) in air, through the same face and relative to the axis:
+S(b) = cos b T(1 -> n_e, b) / T(1 -> n_e, 0) q(e), sin b = n_e sin e.
 
-* a table: q is S over the other two factors, at most 1 (a sheet that was rounded to the cosine gives a little more).
-  It is valid to the table's last angle or `FARTHEST_DEG`, whichever comes first; light further out, which cannot
-  enter the face from air, is assumed to count as at that angle.
-* a half angle h: q = cos^p e with the p, 0 or more, that gives S(h) = 1/2. A half angle of 60 degrees or more is p = 0,
-a flat chip that counts all light equally.
+* From a table, q is S divided by the other two factors, at most 1: a table that was rounded to the cosine gives a
+  little more. It is valid to the table's last angle or `FARTHEST_DEG`, whichever comes first. Light at larger angles
+  cannot enter the face from air; it is assumed to count as at that angle.
+* From a half angle h, q = cos^p e, where p, 0 or more, gives S(h) = 1/2. A half angle of 60 degrees or more gives p =
+  0, a flat chip that counts all light equally.
 
-As a table over the cosine, linear between 129 nodes, T is off by 1e-5 of diffuse light for epoxy denser than the
-elastomer; for a thinner one the critical angle is rounded off within a cell, 1.6e-3 at most (scan of indices).
+The table of T has 129 nodes. Its error is 1e-5 of diffuse light for epoxy denser than the elastomer. For thinner epoxy
+the critical angle is rounded off within a cell, with an error of 1.6e-3 at most (scan of indices).
 
 Left out: lenses (bedded in elastomer they lose their power; `check` warns), reflection at the chip, light lost at the
 epoxy's side faces, polarisation.
 
-Angular patterns as tables over the cosine: grid, power, and the power laws.
+Pattern of an emitter
+---------------------
+A pattern is the radiance over power and area L(c) [1/sr] of a flat patch. Its power into the half space, 2 pi int_0^1 c
+L(c) dc, is integrated exactly: a cell of width h from node a to node b adds h / 6 (c_a (2 L_a + L_b) + c_b (L_a + 2
+L_b)).
 
-A pattern is the radiance over power and area L(c) [1/sr] of a flat patch at the cosines
-`np.linspace(0, 1, n)`, linear between. Its power into the half space is 2 pi int_0^1 c L(c) dc, here
-integrated exactly: a cell of width h from node a to node b adds h / 6 (c_a (2 L_a + L_b) + c_b (L_a + 2 L_b)).
+A data sheet's table of the intensity I over the angle becomes L(c) = I / c at every node but c = 0. There L has the
+value, 0 or more, that gives the first cell the sheet's power. It stays bounded even if the sheet shows light at 90
+degrees, which a flat face cannot emit. The pattern is then scaled to unit power. Sheets give emission into air. The
+pattern, like a half angle, is assumed to hold in the elastomer, without refraction at the face. A Lambertian source
+behind a flat face stays Lambertian except for Fresnel losses.
 
-A sheet's table of the intensity I over the angle becomes L(c) = I / c at every node but c = 0. That node gets the
-value, 0 or more, with which the first cell has the sheet's power there: the limit where I vanishes at 90 degrees, and
-a bounded value where a sheet shows light at 90 degrees, which a flat face cannot emit. The pattern is then scaled to
-unit power. Sheets give emission into air; the pattern, like a half angle, is assumed to hold in the elastomer, without
-refraction at the face (a Lambertian source behind a flat face stays one except for Fresnel losses).
-
-A smooth height field over the pad's top, for the part that a press of revolution cannot describe.
-
-Between nodes the field is the bicubic Hermite patch of value, both slopes and the mixed derivative at
-the four corners of a cell, so it and its slope are continuous everywhere inside; outside it is 0. The caller has
-to ensure that it and its slope vanish at the border, or that the border is on or beyond the walls.
-The nodes' derivatives come from the C2 bicubic spline through the heights (not-a-knot ends). Where heights are sampled
-at the nodes alone, the Hermite patches reproduce it exactly; where they are sampled more closely, its derivatives are
-nearly those of the height itself, and few nodes represent a steep one.
+Smooth height field
+-------------------
+The field is the part of the pressed top's height that is not axisymmetric. Between nodes it is the bicubic Hermite
+patch of value, both slopes and the mixed derivative at the four corners of a cell, continuous with its slope; outside
+it is 0. The caller has to ensure that field and slope vanish at the border, or that the border is on or beyond the
+walls. The nodes' derivatives come from the C2 bicubic spline through the heights (not-a-knot ends). If heights are
+sampled more closely than the nodes, these are nearly the derivatives of the height itself, and few nodes represent a
+steep height.
 """
 
 from __future__ import annotations
@@ -82,20 +83,20 @@ from design.shape.top import Top
 WALL_COLUMNS = ("x", "y", "tx", "ty", "nx", "ny")
 ARC_COLUMNS = ("x", "y", "radius", "ux", "uy", "cosine")
 WHOLE_CIRCLE = (0.0, 0.0, -1.0)
-"""Sector of a round wall that counts in every direction."""
+"""Sector entry of a round wall that is a whole circle (`PadForm.arcs`)."""
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class PadForm:
-    """Walls and top of a pad that is no block; the domain in plan is convex.
+    """Walls and top of a pad that is not a rectangular block with a flat top; the pad is convex in plan.
 
     Attributes
     ----------
-    walls : (k, 6) flat walls by `WALL_COLUMNS`: x, y of the point where `along` is 0 [mm]; unit tangent in which
-        along grows [-]; unit outward normal [-]
-    arcs : (m, 6) round walls by `ARC_COLUMNS`: x, y of the axis, and radius [mm]; unit direction from the axis to the
-        middle of the sector in which it is the wall, and cosine of half the sector's turn [-], or `WHOLE_CIRCLE`
-    top : untouched; its highest point is the scene's height
+    walls : (k, 6) flat walls by `WALL_COLUMNS`: x, y of the point from which positions along the wall are measured
+        [mm]; unit tangent in which they grow [-]; unit outward normal [-]
+    arcs : (m, 6) round walls by `ARC_COLUMNS`: x, y of the axis, and radius [mm]; then the sector in which the circle
+        is the wall: unit direction from the axis to its middle, and cosine of half its angle [-], or `WHOLE_CIRCLE`
+    top : the untouched top; its highest point is the scene's height
     """
 
     walls: FloatArray
@@ -103,13 +104,13 @@ class PadForm:
     top: Top
 
     def __repr__(self) -> str:
-        """Text with every number in full, so that two forms have the same text only if they are equal."""
+        """Text with every digit of each number, so that only equal forms have the same text."""
         walls, arcs = np.asarray(self.walls).tolist(), np.asarray(self.arcs).tolist()
         return f"PadForm(walls={walls}, arcs={arcs}, top={self.top!r})"
 
 
 FARTHEST_DEG = 80.0
-"""Farthest angle used of a sheet [deg]: towards grazing it divides one small number by another."""
+"""Largest angle used of a data sheet's response table [deg]: near 90 degrees, one small number divides another."""
 
 
 def transmitted_share(cosine: FloatArray, index_from: float, index_to: float) -> FloatArray:
@@ -136,7 +137,7 @@ def transmitted_share(cosine: FloatArray, index_from: float, index_to: float) ->
 
 
 def refracted_cosine(cosine: FloatArray, index_from: float, index_to: float) -> FloatArray:
-    """(...,) cosine behind the interface by Snell's law; 0 at the critical angle and beyond [-]."""
+    """(...,) cosine of the refracted angle by Snell's law; 0 at the critical angle and beyond [-]."""
     sine = index_from / index_to * np.sqrt(1.0 - np.asarray(cosine, dtype=np.float64) ** 2)
     return np.asarray(np.sqrt(np.clip(1.0 - sine * sine, 0.0, None)))
 
@@ -146,18 +147,18 @@ GRAZING_NODES = 32
 
 
 def cosine_nodes(count: int = COSINE_NODES) -> FloatArray:
-    """(count,) cosines from 0, grazing, to 1, along the normal [-]."""
+    """(count,) cosines from 0 (grazing) to 1 (along the normal) at which angular tables are given [-]."""
     return np.linspace(0.0, 1.0, count)
 
 
 def response_nodes(part: Part, refractive_index: float, count: int = COSINE_NODES) -> FloatArray:
-    """Response of a receiver at the cosine's nodes, for the scene.
+    """Response of a receiver, as the scene's table: share of light that is counted, by cosine.
 
     Parameters
     ----------
     part : the receiver
-    refractive_index : of the elastomer [-]
-    count : nodes
+    refractive_index : index of the elastomer [-]
+    count : number of nodes (`cosine_nodes`)
 
     Returns
     -------
@@ -175,7 +176,7 @@ def response_nodes(part: Part, refractive_index: float, count: int = COSINE_NODE
 
 
 def half_angle_power(half_angle_deg: float, epoxy_index: float) -> float:
-    """The p, at least 0, of the chip's cos^p in epoxy whose response in air is half at an angle [-]."""
+    """Exponent p, 0 or more, of the chip's response cos^p in epoxy that gives 1/2 in air at the half angle [-]."""
     outer = np.cos(np.radians(half_angle_deg))
     face = float(outer * _relative_entry(outer, epoxy_index))
     inner = float(refracted_cosine(outer, 1.0, epoxy_index))
@@ -183,7 +184,7 @@ def half_angle_power(half_angle_deg: float, epoxy_index: float) -> float:
 
 
 def _counted_by_table(table: AngularTable, inner: FloatArray, epoxy_index: float) -> FloatArray:
-    """(n,) the chip's q at cosines in the epoxy, from a sheet's response in air."""
+    """(n,) the chip's response q at cosines `inner` in the epoxy, from a data sheet's table of the response in air."""
     sine = np.minimum(epoxy_index * np.sqrt(1.0 - inner * inner), 1.0)
     angle = np.minimum(np.degrees(np.arcsin(sine)), min(FARTHEST_DEG, table.last_deg))
     outer = np.cos(np.radians(angle))
@@ -192,13 +193,13 @@ def _counted_by_table(table: AngularTable, inner: FloatArray, epoxy_index: float
 
 
 def _relative_entry(outer: FloatArray, epoxy_index: float) -> FloatArray:
-    """(...,) transmission from air into the epoxy over that on the axis [-]."""
+    """(...,) transmission from air into the epoxy at the cosines `outer`, over that at normal incidence [-]."""
     on_axis = transmitted_share(np.ones(()), 1.0, epoxy_index)
     return np.asarray(transmitted_share(outer, 1.0, epoxy_index) / on_axis)
 
 
 def pattern_power(radiance: FloatArray) -> FloatArray:
-    """(...,) power of (..., n) patterns: 1 where they are normalised [-]."""
+    """(...,) power of (..., n) patterns, which is 1 for normalised ones [-]."""
     c = cosine_nodes(np.shape(radiance)[-1])
     low, high = radiance[..., :-1], radiance[..., 1:]
     cells = c[:-1] * (2 * low + high) + c[1:] * (low + 2 * high)
@@ -206,11 +207,11 @@ def pattern_power(radiance: FloatArray) -> FloatArray:
 
 
 def normalised_pattern(radiance: FloatArray) -> FloatArray:
-    """(..., n) patterns of unit power from patterns of any power.
+    """Scale (..., n) patterns of any power to unit power.
 
     Raises
     ------
-    InputError : a pattern has no power, or a negative or undefined value.
+    InputError : a pattern has no power, or a value that is negative or not finite.
     """
     values = np.asarray(radiance, dtype=np.float64)
     power = pattern_power(values)
@@ -220,7 +221,7 @@ def normalised_pattern(radiance: FloatArray) -> FloatArray:
 
 
 def lambertian_pattern(order: float, count: int = COSINE_NODES) -> FloatArray:
-    """(count,) pattern of the intensity c^order, order 1 or more; exact at order 1 and 2, else to the table's step.
+    """(count,) pattern of the intensity cos^order, order 1 or more: exact at order 1 and 2, else linear between nodes.
 
     Raises
     ------
@@ -232,7 +233,7 @@ def lambertian_pattern(order: float, count: int = COSINE_NODES) -> FloatArray:
 
 
 def table_pattern(table: AngularTable, count: int = COSINE_NODES) -> FloatArray:
-    """(count,) pattern of unit power of a sheet's intensity over the angle, at the cosine's nodes."""
+    """(count,) pattern of unit power at the cosine's nodes, from a data sheet's table of intensity over angle."""
     c = cosine_nodes(count)
     radiance = np.zeros(count)
     radiance[1:] = table.at(np.degrees(np.arccos(c[1:]))) / c[1:]
@@ -244,20 +245,20 @@ def table_pattern(table: AngularTable, count: int = COSINE_NODES) -> FloatArray:
 
 
 MIN_CELLS = 4
-"""Least cells per side: a bicubic spline needs four points a side; one more cell separates its ends."""
+"""Smallest number of cells per side: a bicubic spline needs four points a side; one more cell separates its ends."""
 MAX_NODES = 1_000_000
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SmoothField:
-    """A height added to the top, on a regular grid.
+    """A height that is added to the top, on a regular grid; the module's docstring has the interpolation.
 
     Attributes
     ----------
     origin_mm : (2,) x and y of the first node in the cavity frame [mm]
     step_mm : (2,) distance of nodes along x and y [mm]
-    nodes : (nx, ny, 4) value [mm], slope along x [-], slope along y [-], mixed derivative [1/mm] at
-        x_i = x_0 + i dx, y_j = y_0 + j dy
+    nodes : (nx, ny, 4) value [mm], slope along x [-], slope along y [-], mixed derivative [1/mm] at x_i = x_0 + i dx,
+        y_j = y_0 + j dy
 
     Raises
     ------
@@ -269,7 +270,7 @@ class SmoothField:
     nodes: FloatArray
 
     def __post_init__(self) -> None:
-        """Refuse fields that kernels cannot read."""
+        """Refuse wrong shapes, steps and values; see `SmoothField`."""
         for name in ("origin_mm", "step_mm"):
             values = np.asarray(getattr(self, name))
             if values.shape != (2,) or not np.isfinite(values).all():
@@ -284,7 +285,7 @@ class SmoothField:
             raise InputError(f"nodes[{i}, {j}, {k}]: {self.nodes[i, j, k]}, must be finite")
 
     def height_mm(self, x_mm: FloatArray, y_mm: FloatArray) -> FloatArray:
-        """(...,) height [mm] at (...,) points in the cavity frame [mm]: the readable form of the kernels' patch."""
+        """(...,) height [mm] at (...,) points in the cavity frame [mm]; 0 outside the grid."""
         u, i = _cell(np.asarray(x_mm, dtype=np.float64), self.origin_mm[0], self.step_mm[0], len(self.nodes))
         v, j = _cell(
             np.asarray(y_mm, dtype=np.float64), self.origin_mm[1], self.step_mm[1], self.nodes.shape[1]
@@ -311,10 +312,10 @@ def smooth_field(
 
     Parameters
     ----------
-    height_mm : (nx, 1) x and (1, ny) y in the cavity frame [mm] to (nx, ny) height [mm]
+    height_mm : function of x (nx, 1) and y (1, ny) in the cavity frame [mm] that returns (nx, ny) heights [mm]
     length_mm, width_mm : size of the cavity [mm]
-    spacing_mm : largest spacing of the nodes; the grid is stretched to end at the walls [mm]
-    finer : number of samples of the height between neighbouring nodes, for the nodes' derivatives
+    spacing_mm : largest distance of neighbouring nodes; the grid is stretched to end at the walls [mm]
+    finer : number of height samples per distance of nodes, from which the nodes' derivatives are computed
 
     Raises
     ------
@@ -342,7 +343,7 @@ def smooth_field(
 
 
 def sum_of_fields(fields: Sequence[SmoothField]) -> SmoothField:
-    """The sum of one or more fields on the same grid; one field is returned itself.
+    """Add fields on the same grid; a single field is returned itself.
 
     Raises
     ------
@@ -374,7 +375,10 @@ def _spline_nodes(x: FloatArray, y: FloatArray, heights: FloatArray, finer: int)
 
 @lru_cache(maxsize=8)
 def _spline_slopes(count: int, size: float, finer: int) -> FloatArray:
-    """(node, count) slopes at every `finer`-th of evenly spread points, of the spline through values at all of them."""
+    """(node, count) matrix from the values at `count` even points from 0 to `size` to the spline's slopes at nodes.
+
+    Nodes are every `finer`-th of the points.
+    """
     from scipy.interpolate import CubicSpline
 
     t = np.linspace(0.0, size, count)
@@ -382,7 +386,7 @@ def _spline_slopes(count: int, size: float, finer: int) -> FloatArray:
 
 
 def _cell(place: FloatArray, origin: float, step: float, count: int) -> tuple[FloatArray, IntArray]:
-    """Fraction within, and number of, the cell of a point; the fraction leaves 0 to 1 outside the grid."""
+    """Fraction (below 0 or above 1 outside the grid) of a coordinate within its grid cell, and the cell's number."""
     t = (place - origin) / step
     cell = np.clip(np.floor(t), 0, count - 2).astype(np.int64)
     return t - cell, cell
@@ -391,38 +395,40 @@ def _cell(place: FloatArray, origin: float, step: float, count: int) -> tuple[Fl
 def _hermite(
     t: FloatArray, step: float
 ) -> tuple[tuple[FloatArray, FloatArray], tuple[FloatArray, FloatArray]]:
-    """Weights of the value and of the slope, for the cell's first and second end."""
+    """Weights of value and slope at a cell's first end, then at its second, for the cubic at fraction t of the cell."""
     s = 1.0 - t
     return ((1 + 2 * t) * s * s, step * t * s * s), ((1 + 2 * s) * t * t, -step * s * t * t)
 
 
 @dataclass(frozen=True, kw_only=True)
 class OpticalScene:
-    """A block of clear elastomer with flat emitters and receivers on its walls.
+    """The clear elastomer with flat emitters and receivers on its walls; the module's docstring has the frame.
 
     Attributes
     ----------
     length_mm, width_mm, height_mm : size of the clear block along x, y, z [mm]
-    refractive_index : of the elastomer against air [-]
+    refractive_index : index of the elastomer against air [-]
     absorption_per_mm : natural-log absorption coefficient [1/mm]
     wall_reflectance, bottom_reflectance, tip_reflectance : diffuse (Lambertian) reflectance [-]
-    emitter_wall : (e,) wall number; receiver_wall : (r,) likewise
-    emitter_patch : (e, 4) rows of along, z, half width along the wall, half height [mm], as mounted
-    receiver_patch : (r, 4) likewise
+    emitter_wall : (e,) wall number of each emitter
+    emitter_patch : (e, 4) centre along the wall, centre height z, half width along the wall, half height [mm], as
+        mounted
     emitter_order : (e,) Lambertian order m of the intensity cos^m [-]; 1 is a Lambertian source
-    emitter_pattern : (e, n) radiance over power and area L(c) [1/sr] at the cosine's nodes: the intensity of
-        the whole area's unit power is c L(c), so that 2 pi int c L dc = 1. A row of NaN: this emitter by
-        its order. None: all by their order, L(c) = (m + 1) / (2 pi) c^(m - 1)
-    receiver_response : (r, n) share of the light which arrives from inside the elastomer at cosine c that
-        is counted, 0 to 1 [-]. None: 1 at every angle
-    wall_index : index of the material behind smooth walls [-]; 1 is an air gap. At a wall outside the receivers'
-        faces (emitters' faces count as wall) the unpolarised Fresnel share from `refractive_index` to it, 1 beyond
-        the critical angle, is mirrored; of the rest `wall_reflectance` is scattered, the remainder absorbed.
-        None: walls only scatter. The bottom never mirrors
-    form : walls and top of a pad that is no block; None: the block of the frame above. With a
-        form `height_mm` is the height at the apex; `length_mm` and `width_mm` are those of the box around the plan,
-        which begins at 0, 0; wall numbers are rows of `form.walls`, and a patch's along is measured there. The
-        part of a patch above the untouched top at its own position is not in the scene
+    receiver_wall : (r,) wall number of each receiver
+    receiver_patch : (r, 4) columns as in `emitter_patch` [mm]
+    emitter_pattern : (e, n) radiance over power and area L(c) [1/sr] at the cosine's nodes: the intensity of the whole
+        area's unit power is c L(c), so that 2 pi int c L dc = 1. An emitter with a row of NaN has its order instead.
+        None: all have their order, L(c) = (m + 1) / (2 pi) c^(m - 1)
+    receiver_response : (r, n) counted share, 0 to 1, of light that arrives from inside the elastomer, at the cosine's
+        nodes [-]. None: 1 at every angle
+    wall_index : index of the material behind smooth walls [-]; 1 is an air gap. Such a wall mirrors the unpolarised
+        Fresnel share, 1 beyond the critical angle. Of the rest it scatters `wall_reflectance` and absorbs the
+        remainder. Emitters' faces count as wall, receivers' faces do not. None: walls only scatter. The bottom never
+        mirrors
+    form : walls and top of a pad that is not a rectangular block with a flat top; None: the block of the module's
+        frame. With a form, `height_mm` is the height of the highest point; `length_mm` and `width_mm` are those of the
+        box around the plan, which begins at 0, 0. Wall numbers are then rows of `form.walls`, along which positions of
+        patches are measured. The part of a patch above the untouched top is not in the scene
     """
 
     length_mm: float

@@ -1,11 +1,11 @@
-"""Rotations and mirrors that carry a scene onto itself, and the states that are equal by them.
+"""Rotations and reflections that map a scene onto itself, and the states whose light is equal by them.
 
-A box has four motions (identity, half turn, two mirrors), a square one four more. A pad within one circle has any turn
-about its axis and any mirror through it; candidates are those that carry its first emitter to the direction of one. A
-motion is a symmetry of the scene when it carries every emitter to an emitter and every receiver to a receiver that are
-equal in all but position. For a pad with a form it also has to keep the form: every wall is carried to a wall, and apex
-and straight direction of the crown remain. A press and its image then have the same light, with emitters and receivers
-renumbered: only one of them is traced.
+A rectangular block has four candidate motions (identity, half turn, two reflections), a square one four more. For a
+round pad, the candidates are the turns about its axis and reflections through it that move the first emitter to the
+direction of any emitter. A motion is a symmetry if it maps every emitter to an emitter and every receiver to a
+receiver, equal in all but position. A pad that is not a block also has to keep its shape: every wall is mapped to a
+wall, and the crown keeps its apex and its straight direction. A press and its image then have the same light, with
+emitters and receivers renumbered, so only one of them is traced.
 """
 
 from __future__ import annotations
@@ -20,21 +20,23 @@ from sims.optics.scene.optical_scene import WHOLE_CIRCLE, OpticalScene, PadForm
 from sims.press import Indentation
 
 SAME_PLACE_MM = 1e-6
-"""Two points are the same when they agree to this: patterns make them agree to round-off."""
+"""Two points are the same if their coordinates agree within this: patterns of parts agree to round-off."""
 SAME_WAY = 1e-9
-"""Two unit vectors are the same when they agree to this: round-off."""
+"""Two unit vectors are the same if their components agree within this: round-off."""
 Key = tuple[tuple[int, int, float], ...]
 Presses = Sequence[Sequence[float | None]]
 
 
 @dataclass(frozen=True, kw_only=True)
 class SceneSymmetry:
-    """One motion of the box that keeps the scene.
+    """A motion in plan that maps the scene onto itself: a point p moves to matrix · p + offset.
 
     Attributes
     ----------
-    matrix : (2, 2) and offset_mm : (2,), so that a point p moves to matrix p + offset
-    emitters : (e,) number of the emitter to which each emitter moves; receivers : (r,) likewise
+    matrix : (2, 2) rotation or reflection [-]
+    offset_mm : (2,) translation [mm]
+    emitters : (e,) number of the emitter to which each emitter moves
+    receivers : (r,) number of the receiver to which each receiver moves
     """
 
     matrix: FloatArray
@@ -43,20 +45,20 @@ class SceneSymmetry:
     receivers: IntArray
 
     def image(self, places_mm: FloatArray) -> FloatArray:
-        """(..., 2) images of (..., 2) points [mm]."""
+        """Move points (..., 2) by this symmetry; return their (..., 2) images [mm]."""
         return np.asarray(places_mm @ self.matrix.T + self.offset_mm)
 
 
 @dataclass(frozen=True, kw_only=True)
 class StateClasses:
-    """States that are equal by symmetries, or by equal presses.
+    """Groups of states with the same light, because their presses are equal or symmetric.
 
     Attributes
     ----------
-    first : (class,) the state that represents each class
-    member : (state,) class of each state
-    emitters : (state, e) emitter of the class's state that each state's emitter corresponds to
-    receivers : (state, r) likewise
+    first : (class,) number of the state that represents each class
+    member : (state,) number of each state's class
+    emitters : (state, e) for each emitter of a state, the emitter of the representing state with the same light
+    receivers : (state, r) the same for receivers
     """
 
     first: IntArray
@@ -66,7 +68,7 @@ class StateClasses:
 
 
 def symmetries_of(scene: OpticalScene) -> tuple[SceneSymmetry, ...]:
-    """All symmetries of a scene, the identity first."""
+    """Find all symmetries of a scene; the identity is the first."""
     found = []
     for matrix, offset in _motions_of(scene):
         emitters = _permutation(
@@ -85,12 +87,12 @@ def symmetries_of(scene: OpticalScene) -> tuple[SceneSymmetry, ...]:
 
 
 def press_keys(pressed: Sequence[Sequence[Indentation | None]]) -> Presses:
-    """Keys of presses where each has its own curve: the curve."""
+    """Keys of presses by the identity of their surface curve; None where a tip does not touch."""
     return [[None if tip is None or tip.depth_mm <= 0 else id(tip) for tip in tips] for tips in pressed]
 
 
 def each_its_own(scene: OpticalScene, states: int) -> StateClasses:
-    """Classes in which every state is a class of its own."""
+    """Classes for states that are all traced: each state is its own class."""
     every = np.arange(states)
     return StateClasses(
         first=every,
@@ -106,7 +108,7 @@ def state_classes(scene: OpticalScene, centres_mm: FloatArray, pressed: Presses)
     Parameters
     ----------
     centres_mm : (state, tip, 2) press axes [mm]
-    pressed : per state and tip a key that distinguishes presses at one location, None where the tip does not touch
+    pressed : per state and tip a key that is equal for equal presses; None where the tip does not touch
     """
     symmetries = symmetries_of(scene)
     known: dict[Key, tuple[int, SceneSymmetry]] = {}
@@ -133,7 +135,7 @@ def state_classes(scene: OpticalScene, centres_mm: FloatArray, pressed: Presses)
 
 
 def _key(places_mm: FloatArray, tips: Sequence[float | None]) -> Key:
-    """A state's touching tips by location and press, in any order."""
+    """Key of a state: locations and press keys of its touching tips, sorted so that the tips' order does not matter."""
     rounded = np.round(places_mm / SAME_PLACE_MM).astype(np.int64)
     return tuple(
         sorted((int(x), int(y), tip) for (x, y), tip in zip(rounded, tips, strict=False) if tip is not None)
@@ -141,7 +143,7 @@ def _key(places_mm: FloatArray, tips: Sequence[float | None]) -> Key:
 
 
 def _motions_of(scene: OpticalScene) -> list[tuple[FloatArray, FloatArray]]:
-    """Candidate motions of the plan, the identity first; for a form those that keep it."""
+    """Candidate motions in plan, the identity first; for a pad that is not a block, only those that keep its shape."""
     form = scene.form
     if form is None:
         return _motions(scene.length_mm, scene.width_mm)
@@ -154,7 +156,7 @@ def _motions_of(scene: OpticalScene) -> list[tuple[FloatArray, FloatArray]]:
 
 
 def _turns_and_mirrors(scene: OpticalScene, centre_mm: FloatArray) -> list[tuple[FloatArray, FloatArray]]:
-    """Turns about a round wall's axis, then mirrors through it, that carry the first emitter's direction to one."""
+    """Motions of a round pad that move the first emitter to the direction of an emitter: turns, then reflections."""
     away = _places(scene, scene.emitter_wall, scene.emitter_patch) - centre_mm
     angles = np.arctan2(away[:, 1], away[:, 0])
     turns = _distinct(angles - angles[0])
@@ -165,7 +167,7 @@ def _turns_and_mirrors(scene: OpticalScene, centre_mm: FloatArray) -> list[tuple
 
 
 def _distinct(angles: FloatArray) -> FloatArray:
-    """Angles that differ by more than whole turns, in order."""
+    """Angles [rad] without those that repeat an earlier one up to whole turns."""
     kept: list[float] = []
     for angle in angles:
         if all(abs(np.exp(1j * angle) - np.exp(1j * one)) > SAME_WAY for one in kept):
@@ -174,7 +176,7 @@ def _distinct(angles: FloatArray) -> FloatArray:
 
 
 def _keeps(form: PadForm, matrix: FloatArray, offset_mm: FloatArray) -> bool:
-    """Whether a motion carries every wall onto a wall, and keeps apex and straight direction."""
+    """Whether a motion maps every wall to a wall, and keeps the top's apex and its straight direction."""
     walls, arcs = (np.asarray(rows, dtype=np.float64).reshape(-1, 6) for rows in (form.walls, form.arcs))
     places, normals = walls[:, :2], walls[:, 4:6]
     moved = normals @ matrix.T
@@ -205,7 +207,7 @@ def _motions(length_mm: float, width_mm: float) -> list[tuple[FloatArray, FloatA
 
 
 def _traits(orders: FloatArray, table: FloatArray | None) -> FloatArray:
-    """(part, n) properties in which a part and its image must agree, besides position and size; NaN becomes -1."""
+    """(part, n) properties, besides position and size, in which a part and its image must agree; NaN becomes -1."""
     if table is None:
         return orders[:, None]
     return np.hstack([orders[:, None], np.nan_to_num(table, nan=-1.0)])
@@ -219,7 +221,7 @@ def _permutation(
     matrix: FloatArray,
     offset: FloatArray,
 ) -> IntArray | None:
-    """(part,) the part to which each part moves; None where one has no image."""
+    """(part,) number of the part to which each part moves; None if some part has no image."""
     places = _places(scene, walls, patches)
     moved = places @ matrix.T + offset
     rest = np.hstack([patches[:, 1:], traits])
@@ -234,7 +236,7 @@ def _permutation(
 
 
 def _places(scene: OpticalScene, walls: IntArray, patches: FloatArray) -> FloatArray:
-    """(part, 2) positions of patches in plan [mm]; a position on an edge also identifies its wall."""
+    """(part, 2) positions of patches in plan [mm]; being on a wall, a position also identifies the wall."""
     along = patches[:, 0]
     if scene.form is not None:
         wall = np.asarray(scene.form.walls)[walls]

@@ -1,42 +1,43 @@
-"""Lower indentations to radial tables that the ray kernels read.
+"""Convert the surface curves of presses to radial tables, which the light kernels read.
 
 Model
 -----
-Around the press axis the top is h(r): the exact tip sphere inside the contact, then a C1 curve
-through the indentation's points (with the slopes of its inclinations, else modified Akima's), then a C1
-cubic tail to the undisturbed height, then flat. The pile-up may rise above the undisturbed top. A tip that is no
-hemisphere has no sphere: the curve begins `APEX_MM` off the axis, and the contact is the part of it within the
-contact radius.
-
-Between contact edge and outer radius the curve is stored as cubic pieces (`sims.optics.surface.curves`).
+Around the press axis the top is h(r): the exact tip sphere in the contact, then a C1 curve through the indentation's
+points, a C1 cubic tail down to the undisturbed height, and the flat top. The curve's slopes are those of the points'
+inclinations, else of modified Akima interpolation. The pile-up may rise above the undisturbed top. A tip that is no
+hemisphere has no exact sphere: the curve begins `APEX_MM` off the axis, and its part within the contact radius is the
+contact.
 
 Choices and their bounds
 ------------------------
-* One height for each radius: points whose radius does not exceed an earlier one are dropped, which
-  keeps the lowest of an overhang (the material above it is removed).
-* Slopes are at most `MAX_SLOPE`: points above a steep piece move outward by at most their rise over
-  `MAX_SLOPE` (1 mm of wrapped shank: 0.033 mm). `moved_mm` is the largest move, overhang included.
-* Material never reaches into the tip: heights below the sphere's are kept, higher ones are clipped.
-* Where the curve wraps the shank it counts as contact up to its last point within the contact radius, so light that
-  lands there meets the tip. Up to there the curve is a wall as steep as `MAX_SLOPE`.
-* Flat beyond: the curve is cut at the last point that is higher than `CUT_HEIGHT_MM` or steeper than
-  `CUT_SLOPE`, and ends in a tail of `TAIL_MM`. A residual slope e moves a mirror image by 2 e D:
-  at 20 mm 0.8 µm, below 0.05 % of a 2 mm receiver. That holds for curves that run out, as the contact model's do
-  (`sims.contact.library.smooth_press`); one that ends in a slope dips in its tail by 4/27 of slope x `TAIL_MM`.
+* One height for each radius: points whose radius does not exceed an earlier one are dropped. This removes the material
+  above an overhang.
+* Slopes are at most `MAX_SLOPE`: points above a steep piece move outward by at most their rise over `MAX_SLOPE` (0.033
+  mm for 1 mm of wrapped shank). `moved_mm` is the largest move, overhang included.
+* Material never reaches into the tip: heights above the sphere's are clipped.
+* Where the curve wraps the shank, it counts as contact up to its last point within the contact radius. Up to there the
+  curve is a wall as steep as `MAX_SLOPE`.
+* The curve is cut at the last point that is higher than `CUT_HEIGHT_MM` or steeper than `CUT_SLOPE`, and ends in a tail
+  of `TAIL_MM`. A residual slope e moves a mirror image at distance D by 2 e D: at 20 mm 0.8 µm, below 0.05 % of a 2 mm
+  receiver. That holds for curves that end flat, as the contact model's do (`sims.contact.library.smooth_press`).
+  Otherwise the tail dips by 4/27 of slope x `TAIL_MM`.
 
-Left out: anything not axisymmetric (`sims.optics.surface.tops` adds several tips and a smooth field).
+Left out: any part that is not axisymmetric (`sims.optics.surface.tops` adds several tips and a smooth field).
 
-Lower a radial curve to the table that the ray kernels read.
-
+Table
+-----
 Between contact edge a and outer radius b the curve h(r) is stored as `CELLS` cubic pieces, uniform in
 
-    x = sqrt(A r² + D) - C,    x(a) = 0,    x(b) = CELLS,
+    x = sqrt(A r² + D) - C,    x(a) = 0,    x(b) = CELLS.
 
-so that a kernel needs one square root from r² to a height, and none from there to a gradient:
-dh/dr / r = h' A / (x + C). C makes the first piece `FIRST_PIECE` of the mean one: pieces are short at the contact edge
-and nearly uniform in r beyond. Each piece also has the data for a march along a ray from there: bounds of slope outward
-and of fall outward, the window inward, and the bound of bend within that window. Bend is the rate at which the slope
-along a line falls, -d²h/ds², the largest of all directions: max(-h'', -h'/r, 0).
+So a kernel needs one square root from r² to a height, and none from there to a gradient: dh/dr / r = h' A / (x + C). C
+makes the first piece `FIRST_PIECE` of the mean one: pieces are short at the contact edge and nearly uniform in r
+beyond.
+
+Rays are followed in steps that cannot jump over the top. For this, each piece has bounds that hold from the piece
+outward: of slope, of fall (negative slope), and of *bend*. Bend is the rate at which the slope along a line falls,
+-d²h/ds², the largest of all directions: max(-h'', -h'/r, 0). The bound of bend includes a *window* of radii inward of
+the piece, for rays that move inward.
 """
 
 from __future__ import annotations
@@ -58,10 +59,11 @@ CELLS = 320
 LEVELS = 64
 FIRST_PIECE = 0.25
 BOUND_RESERVE = 1.01
-"""Safety factor on the largest of `SAMPLES` slopes of a piece."""
+"""Safety factor on bounds, which are taken from `SAMPLES` points of each piece."""
 SAMPLES = 9
 NEAREST_WINDOW_MM, WINDOW_SHARE = 0.06, 0.25
-"""Window of a march inward [mm], or share of its radius; a larger window has a larger bend."""
+"""Width of the window inward of a piece: at least so many mm, and this share of the radius. A wider window allows
+longer steps but has a larger bend."""
 
 # columns of a piece
 CUBIC, STEEP, FALL, WINDOW, BEND = 0, 4, 5, 6, 7
@@ -70,17 +72,17 @@ PIECE_COLUMNS = 8
 
 @dataclass(frozen=True, kw_only=True)
 class RadialTable:
-    """One curve as kernels read it.
+    """One press's curve as kernels read it; the module's docstring defines bend, window, A, C and D.
 
     Attributes
     ----------
-    pieces : (CELLS, 8) height above the clear layer's bottom as a cubic in the piece's fraction [mm]; from this piece
-        outward the largest |dh/dr| and the largest fall -dh/dr [-]; window inward [mm], largest bend within it
-        and outward [1/mm]
-    reach2 : (LEVELS,) squared radius beyond which the top is nowhere below the upper edge of each level between
-        its lowest point and the undisturbed top [mm²]
+    pieces : (CELLS, 8) four coefficients of the height above the clear layer's bottom, a cubic in the fraction of the
+        piece [mm]; largest |dh/dr| and largest fall -dh/dr from this piece outward [-]; window inward [mm]; largest
+        bend in that window and outward [1/mm]
+    reach2 : (LEVELS,) for evenly spaced levels from the curve's lowest point to the undisturbed top, the squared radius
+        beyond which the top is nowhere below the level's upper edge [mm²]
     scale, offset, start : A [1/mm²], D and C of the coordinate x
-    radius, slope : (CELLS + 1,) of the nodes [mm], [-]
+    radius, slope : (CELLS + 1,) radius [mm] and dh/dr [-] at the ends of the pieces
     """
 
     pieces: FloatArray
@@ -93,7 +95,7 @@ class RadialTable:
 
 
 def node_radii_mm(first_mm: float, last_mm: float) -> tuple[FloatArray, float, float]:
-    """(CELLS + 1,) radii of the nodes [mm], and A [1/mm²] and C of the coordinate."""
+    """(CELLS + 1,) radii of the pieces' ends [mm], and A [1/mm²] and C of the coordinate x."""
     start = CELLS * FIRST_PIECE * first_mm / (last_mm + first_mm * (1.0 - 2.0 * FIRST_PIECE))
     scale = CELLS * (CELLS + 2.0 * start) / (last_mm**2 - first_mm**2)
     x = np.arange(CELLS + 1) + start
@@ -105,12 +107,12 @@ def node_radii_mm(first_mm: float, last_mm: float) -> tuple[FloatArray, float, f
 def radial_table(
     radius: FloatArray, height: FloatArray, slope: FloatArray, *, top_mm: float, lowest_mm: float
 ) -> RadialTable:
-    """Lower the C1 cubic curve through knots with slopes.
+    """Convert a C1 cubic curve, given by points with slopes, to a table.
 
     Parameters
     ----------
-    radius, height, slope : (n,) rising radii, heights relative to the undisturbed top [mm], dh/dr [-]
-    top_mm, lowest_mm : undisturbed top and lowest point of the tip above the bottom [mm]
+    radius, height, slope : (n,) rising radii [mm], heights relative to the undisturbed top [mm], dh/dr [-]
+    top_mm, lowest_mm : heights of the undisturbed top and of the tip's lowest point above the bottom [mm]
     """
     curve = CubicHermiteSpline(radius, height, slope)
     nodes, scale, start = node_radii_mm(float(radius[0]), float(radius[-1]))
@@ -139,34 +141,32 @@ def radial_table(
 
 
 def lowest_of_pieces_mm(pieces: FloatArray) -> FloatArray:
-    """(CELLS,) lower bound of each cubic's height: its lowest Bernstein coefficient [mm]."""
+    """(CELLS,) lower bound of the height of each cubic piece: its lowest Bernstein coefficient [mm]."""
     c0, c1, c2, c3 = pieces[:, :4].T
     return np.asarray(np.min([c0, c0 + c1 / 3, c0 + (2 * c1 + c2) / 3, c0 + c1 + c2 + c3], axis=0))
 
 
 def outward_cup(table: RadialTable) -> FloatArray:
-    """(CELLS,) largest rate at which the slope along a line rises, d²h/ds², from each piece outward: max(h'', h'/r, 0)
-    [1/mm].
-    """
+    """(CELLS,) largest upward curvature along any line, max(h'', h'/r, 0), from each piece outward [1/mm]."""
     return _outward_maximum(_bends_within(-table.pieces, table.radius, table.scale, table.start))
 
 
 def _samples(nodes: FloatArray, scale: float, start: float) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """(SAMPLES,) fractions of a piece, and (CELLS, SAMPLES) x + C and radius there [mm]."""
+    """(SAMPLES,) fractions of a piece; (CELLS, SAMPLES) x + C [-] and radius [mm] at these fractions of each piece."""
     t = np.linspace(0.0, 1.0, SAMPLES)
     x = np.arange(CELLS)[:, None] + t + start
     return t, x, np.sqrt(np.maximum(nodes[0] ** 2 + (x**2 - start**2) / scale, nodes[0] ** 2))
 
 
 def _slopes_within(pieces: FloatArray, nodes: FloatArray, scale: float, start: float) -> FloatArray:
-    """(CELLS, SAMPLES) dh/dr at evenly spread points of every piece."""
+    """(CELLS, SAMPLES) slope dh/dr at evenly spaced points of every piece [-]."""
     t, x, r = _samples(nodes, scale, start)
     gradient = pieces[:, 1:2] + 2 * pieces[:, 2:3] * t + 3 * pieces[:, 3:4] * t**2
     return np.asarray(gradient * scale * r / x)
 
 
 def _bends_within(pieces: FloatArray, nodes: FloatArray, scale: float, start: float) -> FloatArray:
-    """(CELLS, SAMPLES) bend at evenly spread points of every piece [1/mm]."""
+    """(CELLS, SAMPLES) bend max(-h'', -h'/r, 0) at evenly spaced points of every piece [1/mm]."""
     t, x, r = _samples(nodes, scale, start)
     turn = (pieces[:, 1:2] + 2 * pieces[:, 2:3] * t + 3 * pieces[:, 3:4] * t**2) * scale / x
     radial = turn + (2 * pieces[:, 2:3] + 6 * pieces[:, 3:4] * t - turn / scale) * (scale * r / x) ** 2
@@ -174,13 +174,13 @@ def _bends_within(pieces: FloatArray, nodes: FloatArray, scale: float, start: fl
 
 
 def _outward_maximum(values: FloatArray) -> FloatArray:
-    """(CELLS,) largest value of this and all outer pieces, with a reserve."""
+    """(CELLS,) largest of `values` (CELLS, SAMPLES) over this and all outer pieces, times `BOUND_RESERVE`."""
     worst = BOUND_RESERVE * values.max(axis=1)
     return np.asarray(np.maximum.accumulate(worst[::-1])[::-1])
 
 
 def _reach2(pieces: FloatArray, nodes: FloatArray, top_mm: float, lowest_mm: float) -> FloatArray:
-    """(LEVELS,) squared radius beyond which no piece comes below each level."""
+    """(LEVELS,) squared radius beyond which the curve is nowhere below each level [mm²]; see `RadialTable`."""
     low = lowest_of_pieces_mm(pieces)
     levels = lowest_mm + (top_mm - lowest_mm) * np.arange(1, LEVELS + 1) / LEVELS
     below = low[None, :] < levels[:, None]
@@ -195,9 +195,9 @@ TAIL_MM = 4.0
 SKIRT_SLOPE = 0.1
 MIN_KNOT_STEP_MM = 1e-3
 TOUCHING = 1e-9
-"""Share of the contact radius by which a point of the contact may be beyond it."""
+"""Tolerance of the contact radius, relative: points of the contact may be this much beyond it."""
 UPRIGHT_MM = 1e-9
-"""Curves that run back by less count as upright."""
+"""A step back in radius [mm] below which the curve still counts as vertical, not as an overhang."""
 APEX_MM = 1e-3
 FLATTEST_APEX_MM = 1e-9
 
@@ -217,15 +217,16 @@ ROW = PIECES + PIECE_COLUMNS * CELLS
 
 @dataclass(frozen=True, kw_only=True)
 class SurfaceStack:
-    """Tables of all states, as kernels read them.
+    """Radial tables of one tip in all states, as kernels read them.
 
     Attributes
     ----------
-    press : (state, n) centre x, y [mm], active 0 or 1, radius of the exact sphere, tip radius, height of
-        the tip's centre, outer radius, contact radius, lowest and highest surface, skirt radius, undisturbed top [mm];
-        squares of sphere's, tip's and outer radius [mm²], scale, offset and start of the table, levels per mm; area of
-        the contact and squared radii that divide it into parts of equal area [mm²]
-    reach2 : (state, level) and pieces : (state, piece, 8), see `sims.optics.surface.curves.RadialTable`
+    press : (state, n) by columns: centre x, y [mm]; 1 if the tip touches, else 0; radius of the exact sphere, tip
+        radius, height of the sphere's centre, outer radius, contact radius, lowest and highest surface, skirt radius,
+        undisturbed top [mm]; squares of the sphere's, tip's and outer radius [mm²]; scale, offset and start of the
+        table; levels per mm; area of the contact and squared radii that divide it into parts of equal area [mm²]
+    reach2 : (state, level) see `RadialTable` [mm²]
+    pieces : (state, piece, 8) see `RadialTable`
     moved_mm : (state,) largest move of a point to make the curve single valued [mm]
     """
 
@@ -238,11 +239,11 @@ class SurfaceStack:
 def stack_surfaces(
     indentations: Sequence[Indentation | None], centres_mm: FloatArray, scene: OpticalScene
 ) -> SurfaceStack:
-    """Lower one indentation (or None, untouched) per state.
+    """Convert one indentation per state to a table; None is the untouched pad.
 
     Parameters
     ----------
-    indentations : one per state; the same object is lowered once
+    indentations : one per state; an object that occurs several times is converted once
     centres_mm : (state, 2) x and y of the press axis [mm]
     scene : the block of clear material
 
@@ -287,7 +288,7 @@ def _check_place(state: int, centre: FloatArray, contact_radius: float, scene: O
 
 _Lowered = tuple[FloatArray, RadialTable, float]
 _LOWERED: WeakKeyDictionary[Indentation, tuple[float, _Lowered]] = WeakKeyDictionary()
-"""Height of the top and lowered curve of each press, as long as the press is referenced."""
+"""Converted curve of each press, and the height of the top for which it was made, while the press is referenced."""
 
 
 def _lower(indentation: Indentation, top_mm: float) -> _Lowered:
@@ -300,13 +301,12 @@ def _lower(indentation: Indentation, top_mm: float) -> _Lowered:
 
 
 def lower_curve(indentation: Indentation, top_mm: float, mean_mm: float = 0.0) -> _Lowered:
-    """A press's row of numbers (`COLUMNS`), its radial table, and the largest move of a point [mm].
+    """Convert a press's curve: its numbers (`COLUMNS`), its radial table, and the farthest that a point was moved [mm].
 
     Parameters
     ----------
-    top_mm : height of the undisturbed top, at which the curve ends
-    mean_mm : radius of the crown above which the curve's heights are given, 0 for a flat top: in the contact they are
-        those of the tip above that crown
+    top_mm : height of the undisturbed top, at which the curve ends [mm]
+    mean_mm : radius of the sphere, of the crown's mean curvature, above which heights are given; 0 for a flat top [mm]
     """
     depth = indentation.depth_mm
     tip, start = _sphere(indentation)
@@ -334,9 +334,9 @@ def lower_curve(indentation: Indentation, top_mm: float, mean_mm: float = 0.0) -
 
 
 def _sphere(indentation: Indentation) -> tuple[float, float]:
-    """The sphere that replaces the curve at the axis: its radius, and the radius in plan up to which it is used [mm].
+    """Sphere that replaces the curve near the axis: its radius, and the radius in plan up to which it is used [mm].
 
-    Under a hemisphere it is the tip, up to the edge of the contact or to `MAX_SLOPE`. Other tips have a sphere that
+    For a hemisphere it is the tip, up to the edge of the contact or to `MAX_SLOPE`. For other tips it is a sphere that
     fits the curve at `APEX_MM`.
     """
     tip = indentation.tip_radius_mm
@@ -350,9 +350,10 @@ def _sphere(indentation: Indentation) -> tuple[float, float]:
 def _contact_parts_mm2(
     tip: float, start: float, radius: FloatArray, height: FloatArray
 ) -> tuple[float, FloatArray]:
-    """Area of the contact, sphere and curve beyond, and (CONTACT_PARTS + 1,) squared radii between equal parts of it.
+    """Area of the contact [mm²], and (CONTACT_PARTS + 1,) squared radii that divide it into parts of equal area [mm²].
 
-    Parts of equal plan area would hardly resolve the steep side of a deep contact, which faces the parts.
+    Area is measured along the surface. Parts of equal area in plan would hardly resolve the steep side of a deep
+    contact, which faces LEDs and photodiodes.
     """
     angle = np.linspace(0.0, np.arcsin(start / tip), 8 * CONTACT_PARTS + 1)
     r = np.concatenate((tip * np.sin(angle), radius[1:]))
@@ -364,7 +365,8 @@ def _contact_parts_mm2(
 
 
 def check_curve(indentation: Indentation, top_mm: float) -> None:
-    """Refuse a curve that is no press into a layer of this thickness [mm]."""
+    """Refuse a curve that is no press into a layer `top_mm` thick, with an InputError, or a ModelScopeError if too
+    deep."""
     radius, height = np.asarray(indentation.radius_mm), np.asarray(indentation.height_mm)
     if radius.ndim != 1 or radius.shape != height.shape or radius.size < 4:
         raise InputError(
@@ -382,14 +384,17 @@ def check_curve(indentation: Indentation, top_mm: float) -> None:
 
 
 def _fall(radius: float, mean_mm: float) -> float:
-    """Distance of a crown below its tangent plane; 0 for a flat top."""
+    """Distance of a sphere of radius `mean_mm` below its tangent plane at a radius in plan [mm]; 0 for a flat top."""
     return radius**2 / (mean_mm + float(np.sqrt(mean_mm**2 - radius**2))) if mean_mm > 0.0 else 0.0
 
 
 def _single_valued(
     indentation: Indentation, tip: float, start: float, mean_mm: float
 ) -> tuple[FloatArray, FloatArray, FloatArray, float, float]:
-    """Radius, relative height and slope (NaN: unknown) from the sphere's end outward, largest move, contact radius."""
+    """Curve with one height per radius from the sphere's end outward, the largest move, and the contact radius [mm].
+
+    The curve is three arrays: radius [mm], height relative to the undisturbed top [mm], slope dh/dr (NaN: unknown).
+    """
     depth = indentation.depth_mm
     radius = np.asarray(indentation.radius_mm, dtype=np.float64)
     height = np.asarray(indentation.height_mm, dtype=np.float64)
@@ -417,7 +422,7 @@ def _single_valued(
 
 
 def _slopes(indentation: Indentation) -> FloatArray:
-    """(n,) dh/dr at the points; NaN where the curve is steeper than a function of radius may be, or unknown."""
+    """(n,) slope dh/dr at the points [-]; NaN if it is unknown, or steeper than `MAX_SLOPE`."""
     if indentation.inclination_deg is None:
         return np.full(np.shape(indentation.radius_mm), np.nan)
     angle = np.radians(indentation.inclination_deg)
@@ -429,7 +434,7 @@ def _slopes(indentation: Indentation) -> FloatArray:
 def _with_tail(
     radius: FloatArray, height: FloatArray, given: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Knots with slopes, cut where the rest is flat and closed by a cubic tail."""
+    """Radius, height and slope of a curve that is cut where it becomes flat and closed by a cubic tail."""
     slope = Akima1DInterpolator(radius, height, method="makima").derivative()(radius)
     slope = np.where(np.isfinite(given), given, slope)
     slope = np.clip(slope, -MAX_SLOPE, MAX_SLOPE)

@@ -1,10 +1,10 @@
 # mypy: no-warn-return-any
-"""Kernels: the radial table of one tip, and functions that do not depend on the top.
+"""Kernels: the radial table of one tip's curve, and basic functions of walls, patches and Fresnel reflection.
 
-`rows` (tip, n) have `sims.optics.surface.curves.SurfaceStack` tip by tip (`ROW` columns); `box` is (length, width,
-height, refractive index, absorption per mm, index behind smooth walls or 0). A patch is a row (wall, along, z,
-half width, half height, Lambertian order or -1, full area as mounted, radiance over the cosine's nodes ...).
-Fresnel: unpolarised, from inside (Born and Wolf, sec. 1.5).
+`rows` (tip, n) has the columns of `sims.optics.surface.curves.SurfaceStack` for each tip (`ROW` columns). `box` is
+(length, width, height, refractive index, absorption per mm, index behind smooth walls or 0). The active area of a part
+is a `patch`: wall, centre along the wall, z, half width, half height, Lambertian order or -1, full area as mounted,
+radiance at the cosine's nodes ... Fresnel reflection is unpolarised, from inside (Born and Wolf, sec. 1.5).
 """
 
 from __future__ import annotations
@@ -45,30 +45,31 @@ UNSEEN: dict[str, Any] = {
     "no_cpython_wrapper": True,
     "no_cfunc_wrapper": True,
 }
-"""Kernels call one another; entry from Python or C, a seventh of the time to compile, is for `compiled` alone.
-The processor may fuse multiplications with sums; infinities and NaN keep their meaning. Sums keep their order, which
-costs 3 % of the time: the process that compiles runs kernels as compiled alone, every later one as compiled into an
-entry point, and without this option the order of sums differed between them."""
+"""Numba options of kernels that only other kernels call. Entry from Python or C takes a seventh of the time to compile;
+only `compiled` has it. The processor may fuse multiplications with sums; infinities and NaN keep their meaning. Sums
+keep their order, which costs 3 % of the run time. Without this, the process that compiles a kernel and later ones,
+which load it as part of an entry point, would differ in the order of sums."""
 UNCOUNTED: dict[str, Any] = UNSEEN | {"_nrt": False}
-"""Options without Numba's reference counts of arrays, which took an eighth of the time: no pass of its compiler can
-drop those of arrays in a named tuple. Such a kernel makes no array and returns none; Numba refuses one that tries."""
+"""Options without Numba's reference counts of arrays, which took an eighth of the run time: its compiler cannot remove
+those of arrays in a named tuple. Such a kernel must neither make nor return an array; Numba refuses one that does."""
 array_kernel: KernelDecorator = njit(**UNSEEN)
 kernel: KernelDecorator = njit(**UNCOUNTED)
 inlined: KernelDecorator = njit(**UNCOUNTED, forceinline=True)
-"""Options for functions that every ray calls: a call with an array costs as much as a square root."""
+"""Decorator of functions that every ray calls: a call with an array costs as much as a square root, so they are
+inlined."""
 
 NEVER = 1e30
 
 
 @inlined
 def distance(dx: float, dy: float) -> float:
-    """Length of a vector in plan; lengths here are far from overflow, so hypot is not needed."""
+    """Length of a vector in plan; values are far from overflow, so the slower hypot is not needed."""
     return math.sqrt(dx * dx + dy * dy)
 
 
 @inlined
 def contact_radius_2(share: float, tip: int, rows: FloatArray) -> tuple[float, float]:
-    """Squared radius that contains this share of a tip's contact, by area, and its growth per unit share."""
+    """Squared radius within which a tip's contact has this share of its area [mm²], and its derivative by the share."""
     parts = share * CONTACT_PARTS
     part = min(int(parts), CONTACT_PARTS - 1)
     low = rows[tip, CONTACT + part]
@@ -78,7 +79,7 @@ def contact_radius_2(share: float, tip: int, rows: FloatArray) -> tuple[float, f
 
 @kernel
 def fresnel(cos_angle: float, index: float) -> float:
-    """Unpolarised reflectance from inside; 1 beyond the critical angle."""
+    """Unpolarised Fresnel reflectance from inside against air; 1 beyond the critical angle [-]."""
     sin2 = index * index * (1.0 - cos_angle * cos_angle)
     if sin2 >= 1.0:
         return 1.0
@@ -90,7 +91,7 @@ def fresnel(cos_angle: float, index: float) -> float:
 
 @kernel
 def wall_point(wall: int, along: float, z: float, box: FloatArray) -> tuple[float, float, float]:
-    """Point of a wall at `along`, z."""
+    """Point (x, y, z) of a wall at a position along it and a height [mm]."""
     if wall == 0:
         return along, 0.0, z
     if wall == 1:
@@ -114,7 +115,7 @@ def wall_normal(wall: int) -> tuple[float, float]:
 
 @kernel
 def mirrored_share(cos_angle: float, index: float, behind: float) -> float:
-    """Unpolarised reflectance at a smooth face from an index to the one behind it; 1 beyond the critical angle."""
+    """Unpolarised Fresnel reflectance from one index to the index behind; 1 beyond the critical angle."""
     ratio = index / behind
     sin2 = ratio * ratio * (1.0 - cos_angle * cos_angle)
     if sin2 >= 1.0:
@@ -127,16 +128,19 @@ def mirrored_share(cos_angle: float, index: float, behind: float) -> float:
 
 @kernel
 def radiance(patch: FloatArray, cosine: float) -> float:
-    """Radiance over power and area of a patch at a cosine to its normal; 1/pi if it is Lambertian [1/sr].
+    """Radiance of a patch over power and area, at a cosine to its normal [1/sr]; 1/pi for a Lambertian patch.
 
-    For a receiver, pi times this is the counted share of light from there.
+    For a receiver, pi times this is the share of light from that direction that is counted.
     """
     return lobe_at(patch[5], patch, PATCH_TABLE, cosine)
 
 
 @inlined
 def lobe_at(order: float, row: FloatArray, first: int, cosine: float) -> float:
-    """Radiance over power and area at a cosine, by a Lambertian order or, below 0, the table from a row's column on."""
+    """Radiance over power and area at a cosine [1/sr], by Lambertian order.
+
+    If the order is negative, it is read from a table that begins at column `first` of the row.
+    """
     if order == 1.0:
         return 1.0 / math.pi
     if order >= 0.0:
@@ -152,9 +156,9 @@ def lobe_at(order: float, row: FloatArray, first: int, cosine: float) -> float:
 def wall_hit(
     x: float, y: float, z: float, dx: float, dy: float, dz: float, box: FloatArray
 ) -> tuple[float, int]:
-    """Distance to the nearest wall or the bottom, and which (0-3 walls, 4 bottom, -1 none).
+    """Distance to the nearest wall or the bottom [mm], and which: 0-3 walls, 4 bottom, -1 none.
 
-    It has no branches on the signs, which no processor can predict.
+    The code has no branches on the signs, which a processor could not predict.
     """
     per_x = 1.0 / dx if dx != 0.0 else NEVER
     per_y = 1.0 / dy if dy != 0.0 else NEVER
@@ -170,7 +174,7 @@ def wall_hit(
 
 @inlined
 def height(r2: float, tip: int, rows: FloatArray) -> float:
-    """Height of the top above the bottom at a squared radius."""
+    """Height of the top above the bottom at a squared radius from the tip's axis [mm]."""
     if r2 >= rows[tip, OUTER_2]:
         return rows[tip, TOP]
     if r2 <= rows[tip, SPHERE_2]:
@@ -184,7 +188,7 @@ def height(r2: float, tip: int, rows: FloatArray) -> float:
 
 @inlined
 def height_and_slope(r2: float, tip: int, rows: FloatArray) -> tuple[float, float]:
-    """Height of the top and dh/dr over r, which times (x, y) is the gradient."""
+    """Height of the top [mm], and (dh/dr) / r [1/mm], which times (x, y) is the gradient."""
     if r2 >= rows[tip, OUTER_2]:
         return rows[tip, TOP], 0.0
     if r2 <= rows[tip, SPHERE_2]:
@@ -202,7 +206,7 @@ def height_and_slope(r2: float, tip: int, rows: FloatArray) -> tuple[float, floa
 
 @kernel
 def height_slope_curvature(r2: float, tip: int, rows: FloatArray) -> tuple[float, float, float]:
-    """Height of the top, dh/dr over r, and the derivative of the latter over r."""
+    """Height of the top [mm], q = (dh/dr) / r [1/mm], and (dq/dr) / r [1/mm³]."""
     if r2 >= rows[tip, OUTER_2]:
         return rows[tip, TOP], 0.0, 0.0
     if r2 <= rows[tip, SPHERE_2]:
@@ -222,7 +226,7 @@ def height_slope_curvature(r2: float, tip: int, rows: FloatArray) -> tuple[float
 
 @inlined
 def _piece(r2: float, tip: int, rows: FloatArray) -> int:
-    """Start in its tip's row of the piece that contains a squared radius; the first piece's within the sphere."""
+    """Column where the data of the piece at a squared radius begin; in the sphere, where the first piece's do."""
     if r2 <= rows[tip, SPHERE_2]:
         return PIECES
     k = int(math.sqrt(rows[tip, SCALE] * r2 + rows[tip, OFFSET]) - rows[tip, START])
@@ -243,7 +247,8 @@ def fall_bound(r2: float, tip: int, rows: FloatArray) -> float:
 
 @inlined
 def reach2(z: float, tip: int, rows: FloatArray) -> float:
-    """Squared radius beyond which the top is nowhere below z, for z below the undisturbed top; -1: nowhere."""
+    """Squared radius beyond which the top is nowhere below a height z under the undisturbed top [mm²]; -1: nowhere at
+    all."""
     if z <= rows[tip, LOWEST]:
         return -1.0
     return rows[tip, REACH + int((z - rows[tip, LOWEST]) * rows[tip, PER_LEVEL])]

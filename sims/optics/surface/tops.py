@@ -1,22 +1,18 @@
 # mypy: no-warn-return-any
-"""Lower presses to the tops that kernels see: several tips and a smooth field in one state.
+"""The pressed top that kernels evaluate: the sum of several tips' curves and of a smooth field.
 
 Model
 -----
-The top's height over the undisturbed plane is the sum of every tip's radial curve (`sims.optics.surface.curves`) and
-of a smooth field (`sims.optics.scene.optical_scene`). Superposition is exact where at most one curve differs from
-zero; it leaves out the deformation of one tip's dimple under another, and is refused where the steep parts overlap.
+The top's height over the undisturbed plane is the sum of every tip's radial curve (`sims.optics.surface.curves`) and of
+a smooth bicubic field (`sims.optics.scene.optical_scene`). The sum is exact where at most one curve differs from zero.
+It leaves out the deformation of one tip's dimple under another, so overlapping steep parts are refused.
 
-Kernels: the deformed top as the sum of every tip's radial table and of a smooth field.
-
-A state's top is a `Top`: rows of `sims.optics.surface.curves.SurfaceStack` for each tip, a bicubic field
-(`sims.optics.scene.optical_scene`; empty where there is none), and bounds of the whole field.
-
-Kernels: the top in cells of (u, v) around every tip.
-
-A tip owns the part of the box that is nearer to it than to any other, a convex polygon. Each edge of it spans a
-sector: v runs along the edge, u from the contact edge (0) to it (1) with r = a + (r_edge(v) - a) u², so that cells are
-narrow at the contact edge. A grid has the same number of rings everywhere and one run of columns per tip.
+Grid
+----
+Light is sampled on cells of the top in coordinates (u, v) around every tip. A tip owns the polygon of the box that is
+nearer to it than to any other tip. Each edge of the polygon spans a sector: v runs along the edge, u from the contact
+edge (0) to the polygon's edge (1) with r = a + (r_edge(v) - a) u². So cells are narrow at the contact edge. Rings are
+equal for all tips; columns are divided by tip.
 """
 
 from __future__ import annotations
@@ -70,14 +66,15 @@ FIELD_ON, FIELD_X, FIELD_Y, PER_X, PER_Y, FIELD_LOWEST, FIELD_SLOPE, FIELD_BEND,
 
 
 class Top(NamedTuple):
-    """One state's surface.
+    """The top in one state, as kernels read it.
 
     Attributes
     ----------
-    rows : (tip, n) see `sims.optics.surface.curves`; in the first, from `FIELD_ON`: field on, origin [mm], cells per mm
-        along x and y, lowest value (0 or below) [mm], largest slope [-] and bend [1/mm] of the field; largest lowering
-        of the top by the field and the other tips [mm]
-    field : (nx, ny, 16) coefficients of u^p v^q in each cell, q the faster, u and v from 0 to 1 [mm]; or (0, 0, 16)
+    rows : (tip, n) numbers of each tip, see `sims.optics.surface.curves`; in the first row, from column `FIELD_ON`: 1
+        if there is a field, its origin [mm], cells per mm along x and y, lowest value (0 or below) [mm], largest slope
+        [-] and bend [1/mm] of the field; largest lowering of the top by the field and the other tips [mm]
+    field : (nx, ny, 16) coefficients of u^p v^q in each cell, q changing faster, for u and v from 0 to 1 [mm]; (0, 0,
+        16) without a field
     """
 
     rows: FloatArray
@@ -86,13 +83,13 @@ class Top(NamedTuple):
 
 @inlined
 def is_plain(top: Top) -> bool:
-    """Whether the top is one radial table only."""
+    """Whether the top is the curve of one tip only, without a smooth field."""
     return top.rows.shape[0] == 1 and top.rows[0, FIELD_ON] == 0.0
 
 
 @kernel
 def is_touched(top: Top) -> bool:
-    """Whether the top differs from the undisturbed plane."""
+    """Whether the top differs from the undisturbed plane anywhere."""
     if top.rows[0, FIELD_ON] != 0.0:
         return True
     touched = False
@@ -103,7 +100,7 @@ def is_touched(top: Top) -> bool:
 
 @kernel
 def touching_tip(x: float, y: float, top: Top) -> tuple[int, float]:
-    """The tip that touches the top there (-1: none), and the smallest distance from an axis over its skirt radius."""
+    """Tip in contact at a point (-1: none); smallest distance to a tip's axis, over that tip's skirt radius."""
     share = 1e30
     tip = -1
     for k in range(top.rows.shape[0]):
@@ -117,7 +114,7 @@ def touching_tip(x: float, y: float, top: Top) -> tuple[int, float]:
 
 @kernel
 def is_beyond(x: float, y: float, top: Top) -> bool:
-    """Whether a point is beyond the outer radius of every tip, where the top without a field is undisturbed."""
+    """Whether a point is beyond the outer radius of every tip, so that the top without a field is undisturbed there."""
     for k in range(top.rows.shape[0]):
         outer = top.rows[k, OUTER_R] if top.rows[k, ACTIVE] > 0.0 else 0.0
         if distance(x - top.rows[k, X], y - top.rows[k, Y]) < outer:
@@ -127,7 +124,7 @@ def is_beyond(x: float, y: float, top: Top) -> bool:
 
 @inlined
 def _field_cell(x: float, y: float, top: Top) -> tuple[int, int, float, float]:
-    """Cell of the field and fractions within it; -1 outside."""
+    """Cell of the field that contains a point, and the point's fractions within it along x and y; -1 outside."""
     u = (x - top.rows[0, FIELD_X]) * top.rows[0, PER_X]
     v = (y - top.rows[0, FIELD_Y]) * top.rows[0, PER_Y]
     nx = top.field.shape[0]
@@ -141,19 +138,19 @@ def _field_cell(x: float, y: float, top: Top) -> tuple[int, int, float, float]:
 
 @inlined
 def _cubic(c: FloatArray, k: int, v: float) -> float:
-    """A cubic of four coefficients from the k-th on."""
+    """Value at v of the cubic whose four coefficients begin at `c[k]`."""
     return c[k] + v * (c[k + 1] + v * (c[k + 2] + v * c[k + 3]))
 
 
 @inlined
 def _cubic_slope(c: FloatArray, k: int, v: float) -> float:
-    """Its first derivative."""
+    """Derivative at v of the cubic whose four coefficients begin at `c[k]`."""
     return c[k + 1] + v * (2.0 * c[k + 2] + v * 3.0 * c[k + 3])
 
 
 @inlined
 def field_height(x: float, y: float, top: Top) -> float:
-    """The field's height; 0 outside it."""
+    """Height of the field at a point [mm]; 0 outside the field."""
     i, j, u, v = _field_cell(x, y, top)
     if i < 0:
         return 0.0
@@ -163,7 +160,7 @@ def field_height(x: float, y: float, top: Top) -> float:
 
 @inlined
 def field_gradient(x: float, y: float, top: Top) -> tuple[float, float, float]:
-    """The field's height, dh/dx, dh/dy; 0 outside it."""
+    """Height of the field [mm], dh/dx, dh/dy at a point; 0 outside the field."""
     i, j, u, v = _field_cell(x, y, top)
     if i < 0:
         return 0.0, 0.0, 0.0
@@ -180,7 +177,7 @@ def field_gradient(x: float, y: float, top: Top) -> tuple[float, float, float]:
 
 @kernel
 def _field_bends(x: float, y: float, top: Top) -> tuple[float, float, float]:
-    """The field's d2h/dx2, d2h/dxdy, d2h/dy2; 0 outside it."""
+    """Second derivatives d2h/dx2, d2h/dxdy, d2h/dy2 of the field at a point [1/mm]; 0 outside the field."""
     i, j, u, v = _field_cell(x, y, top)
     if i < 0:
         return 0.0, 0.0, 0.0
@@ -201,7 +198,7 @@ def _field_bends(x: float, y: float, top: Top) -> tuple[float, float, float]:
 
 @kernel
 def surface_height(x: float, y: float, top: Top) -> float:
-    """Height of the top above the bottom."""
+    """Height of the top above the bottom at a point [mm]."""
     rows = top.rows
     rx = x - rows[0, X]
     ry = y - rows[0, Y]
@@ -219,7 +216,7 @@ def surface_height(x: float, y: float, top: Top) -> float:
 
 @kernel
 def surface_gradient(x: float, y: float, top: Top) -> tuple[float, float, float]:
-    """Height of the top, dh/dx, dh/dy."""
+    """Height of the top above the bottom [mm], dh/dx, dh/dy at a point."""
     rows = top.rows
     rx = x - rows[0, X]
     ry = y - rows[0, Y]
@@ -247,7 +244,7 @@ def surface_gradient(x: float, y: float, top: Top) -> tuple[float, float, float]
 def _tip_bend(
     x: float, y: float, tip: int, rows: FloatArray
 ) -> tuple[float, float, float, float, float, float]:
-    """One tip's height, gradient and second derivatives."""
+    """Height of one tip's curve, its gradient and second derivatives at a point."""
     rx = x - rows[tip, X]
     ry = y - rows[tip, Y]
     h, turn, bend = height_slope_curvature(rx * rx + ry * ry, tip, rows)
@@ -256,7 +253,7 @@ def _tip_bend(
 
 @kernel
 def surface_bend(x: float, y: float, top: Top) -> tuple[float, float, float, float, float, float]:
-    """Height of the top, dh/dx, dh/dy, d2h/dx2, d2h/dxdy, d2h/dy2."""
+    """Height of the top above the bottom [mm], dh/dx, dh/dy, d2h/dx2, d2h/dxdy, d2h/dy2 at a point."""
     h, gx, gy, hxx, hxy, hyy = _tip_bend(x, y, 0, top.rows)
     if is_plain(top):
         return h, gx, gy, hxx, hxy, hyy
@@ -291,7 +288,7 @@ FEWEST_COLUMNS = 3
 
 @kernel
 def _cell_of_tip(tip: int, top: Top, box: FloatArray, corners: FloatArray, other: FloatArray) -> int:
-    """Corners (n, 2) of the part of the box nearest to a tip; their number."""
+    """Put the corners of the polygon of the box nearest to a tip into `corners` (n, 2); return their number."""
     corners[0, 0], corners[0, 1] = 0.0, 0.0
     corners[1, 0], corners[1, 1] = box[0], 0.0
     corners[2, 0], corners[2, 1] = box[0], box[1]
@@ -328,9 +325,9 @@ def _cell_of_tip(tip: int, top: Top, box: FloatArray, corners: FloatArray, other
 
 @array_kernel
 def sectors_of(top: Top, box: FloatArray) -> FloatArray:
-    """(sector, 6) start of each edge and vector to its end, both from the axis; angle; tip. Sorted by tip.
+    """(sector, 6) for each edge of a tip's polygon: start relative to the axis, vector to its end, angle, tip number.
 
-    Where no tip touches, the first one's axis serves as the middle of the grid.
+    Sectors are sorted by tip. If no tip touches, the first tip's axis is the middle of the grid.
     """
     corners = np.empty((MOST_EDGES, 2))
     other = np.empty((MOST_EDGES, 2))
@@ -361,7 +358,7 @@ def sectors_of(top: Top, box: FloatArray) -> FloatArray:
 def place_on_top(
     sector: int, u: float, v: float, sectors: FloatArray, top: Top
 ) -> tuple[float, float, float, float]:
-    """Point (x, y) of (u, v), its radius, and the plan area per du dv."""
+    """Point (x, y) at coordinates (u, v) of a sector [mm], its radius [mm], and the plan area per du dv [mm²]."""
     wx = sectors[sector, AX] + v * sectors[sector, BX]
     wy = sectors[sector, AY] + v * sectors[sector, BY]
     reach2 = wx * wx + wy * wy
@@ -380,7 +377,10 @@ def place_on_top(
 def place_in_contact(
     sector: int, s: float, v: float, sectors: FloatArray, top: Top
 ) -> tuple[float, float, float]:
-    """Point (x, y) in a tip's contact, s from the axis (0) to the edge (1) by area, and the plan area per ds dv."""
+    """Point (x, y) in a tip's contact, and the plan area per ds dv [mm²].
+
+    The coordinate s is the share of the contact's area within the point's radius, from 0 at the axis to 1 at the edge.
+    """
     wx = sectors[sector, AX] + v * sectors[sector, BX]
     wy = sectors[sector, AY] + v * sectors[sector, BY]
     reach2 = wx * wx + wy * wy
@@ -397,7 +397,7 @@ def place_in_contact(
 def top_point(
     sector: int, u: float, v: float, sectors: FloatArray, top: Top
 ) -> tuple[float, float, float, float, float, float, float]:
-    """Point of the top, dh/dx, dh/dy, radius, and the plan area per du dv."""
+    """Point (x, y, z) of the top at coordinates (u, v), dh/dx, dh/dy, its radius, and the plan area per du dv [mm²]."""
     x, y, r, area = place_on_top(sector, u, v, sectors, top)
     h, gx, gy = surface_gradient(x, y, top)
     return x, y, h, gx, gy, r, area
@@ -405,12 +405,12 @@ def top_point(
 
 @array_kernel
 def columns_of(columns: float, phase: float, sectors: FloatArray) -> FloatArray:
-    """Division of sectors into columns of about equal angle.
+    """Divide sectors into columns of about equal angle.
 
     Parameters
     ----------
     columns : number of columns in a full turn; a sector has at least `FEWEST_COLUMNS`
-    phase : shift of the inner borders between columns, 0 to 1 [columns]; at 0.5 all columns are equal
+    phase : shift of the borders within a sector, 0 to 1, in units of a column; at 0.5 all columns are equal
     sectors : (sector, 6) as from `sectors_of`
 
     Returns
@@ -442,7 +442,7 @@ def columns_of(columns: float, phase: float, sectors: FloatArray) -> FloatArray:
 
 @kernel
 def ring_edge(ring: int, rings: int, phase: float) -> float:
-    """u of a ring's inner border; the phase, 0 to 1, moves all but the first and the last."""
+    """Coordinate u of a ring's inner border; the phase, 0 to 1, shifts all borders except the first and the last."""
     if ring == 0:
         return 0.0
     if ring == rings:
@@ -452,7 +452,7 @@ def ring_edge(ring: int, rings: int, phase: float) -> float:
 
 @array_kernel
 def top_nodes(rings: int, phase: float, columns: FloatArray, sectors: FloatArray, top: Top) -> FloatArray:
-    """(ring + 1, column, 8) place, height, gradient and second derivatives at every column's start."""
+    """(ring + 1, column, 8) position, height, gradient, second derivatives of the top at the start of each column."""
     nodes = np.empty((rings + 1, columns.shape[0], NODE_COLUMNS))
     for b in range(columns.shape[0]):
         for a in range(rings + 1):
@@ -463,7 +463,7 @@ def top_nodes(rings: int, phase: float, columns: FloatArray, sectors: FloatArray
 
 @array_kernel
 def top_middles(rings: int, phase: float, columns: FloatArray, sectors: FloatArray, top: Top) -> FloatArray:
-    """(ring, column, 8) the same in the middle of every cell."""
+    """(ring, column, 8) position, height, gradient, second derivatives of the top in the middle of every cell."""
     nodes = np.empty((rings, columns.shape[0], NODE_COLUMNS))
     for b in range(columns.shape[0]):
         for a in range(rings):
@@ -475,7 +475,7 @@ def top_middles(rings: int, phase: float, columns: FloatArray, sectors: FloatArr
 
 @kernel
 def _put_node(row: FloatArray, sector: int, u: float, v: float, sectors: FloatArray, top: Top) -> None:
-    """Fill a row of `top_nodes`."""
+    """Fill a row with position, height, gradient and second derivatives of the top at (u, v) of a sector."""
     row[NX], row[NY], _, _ = place_on_top(sector, u, v, sectors, top)
     row[NZ], row[GX], row[GY], row[HXX], row[HXY], row[HYY] = surface_bend(row[NX], row[NY], top)
 
@@ -516,7 +516,7 @@ Presses = Sequence[Indentation | Sequence[Indentation | None] | None]
 SUBDIVISION = 2
 SLOPE_RESERVE, BEND_RESERVE = 1.1, 1.2
 _KNOWN: WeakKeyDictionary[SmoothField, FloatArray] = WeakKeyDictionary()
-"""Bounds of fields, as long as they are referenced."""
+"""Data of each field as in `_known_of`, as long as the field is referenced."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -525,8 +525,8 @@ class TopStack:
 
     Attributes
     ----------
-    rows : (state, tip, n) see `sims.optics.surface.curves`
-    field : (state, nx, ny, 4) nodes of the fields; (state, 0, 0, 4) where no state has one
+    rows : (state, tip, n) as in `Top`
+    field : (state, nx, ny, 4) nodes of the fields (`SmoothField`); (state, 0, 0, 4) if no state has a field
     step_mm : (2,) distance of the nodes along x and y [mm]
     """
 
@@ -535,7 +535,7 @@ class TopStack:
     step_mm: FloatArray
 
     def part(self, states: IntArray) -> tuple[FloatArray, FloatArray]:
-        """Arrays of some states in the order of `sims.optics.surface.tops.Top`."""
+        """Arrays of some states: first `Top.rows`, then `Top.field`, with a leading axis for the state."""
         return self.rows[states], _cells(self.field[states], self.step_mm)
 
 
@@ -545,13 +545,13 @@ def stack_tops(
     scene: OpticalScene,
     fields: Sequence[SmoothField | None] | None = None,
 ) -> TopStack:
-    """Lower one press, or one for each tip, and optionally a field per state.
+    """Convert the presses of all states, one or several per state, and optionally a smooth field per state.
 
     Parameters
     ----------
     indentations : per state an indentation, None (untouched), or a sequence of these, one for each tip
     centres_mm : (state, 2) or (state, tip, 2) x and y of the press axes [mm]
-    fields : one per state, on one grid
+    fields : one field or None per state, all on the same grid
 
     Raises
     ------
@@ -579,7 +579,7 @@ def stack_tops(
 
 
 def _packed(column: SurfaceStack) -> FloatArray:
-    """(state, n) rows of one tip; data of the field are added later."""
+    """(state, n) rows of one tip, as in `Top`; the field's columns stay 0."""
     states = len(column.press)
     return np.concatenate(
         [
@@ -608,7 +608,7 @@ def _centres(centres_mm: FloatArray, states: int, tips: int) -> FloatArray:
 
 
 def _touched_first(rows: FloatArray) -> FloatArray:
-    """The same with each state's touching tips before its absent ones."""
+    """Rows (state, tip, n) with the tips that touch moved before those that do not."""
     order = np.argsort(rows[:, :, ACTIVE] == 0.0, axis=1, kind="stable")
     return np.asarray(rows[np.arange(len(rows))[:, None], order])
 
@@ -633,7 +633,7 @@ def _check_apart(rows: FloatArray, scene: OpticalScene) -> None:
 
 
 def _neighbours_depth_mm(rows: FloatArray) -> FloatArray:
-    """(state,) largest lowering of the top by tips on the side of another tip, summed."""
+    """(state,) bound on how much other tips lower the top on a tip's own side [mm], summed over the tips."""
     depth = np.zeros(len(rows))
     for state, tips in enumerate(rows):
         touching = tips[tips[:, ACTIVE] > 0.0]
@@ -655,7 +655,7 @@ def _fall_beyond_mm(row: FloatArray, radius_mm: float) -> float:
 def _stacked_fields(
     fields: Sequence[SmoothField | None] | None, states: int
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Nodes, data of each field, and the distance of the nodes, which all have in common."""
+    """(state, nx, ny, 4) nodes of the fields; (state, n) the field's columns of `Top.rows`; distance of nodes [mm]."""
     known = np.zeros((states, FIELD_COLUMNS))
     if fields is None or all(field is None for field in fields):
         return np.zeros((states, 0, 0, 4)), known, np.ones(2)
@@ -675,7 +675,7 @@ def _stacked_fields(
 
 
 def _cells(nodes: FloatArray, step: FloatArray) -> FloatArray:
-    """(state, nx - 1, ny - 1, 16) coefficients of u^p v^q of the bicubic Hermite patches between nodes."""
+    """(state, nx - 1, ny - 1, 16) coefficients of u^p v^q of the bicubic Hermite patch in each cell."""
     if nodes.shape[1] == 0:
         return np.zeros((len(nodes), 0, 0, 16))
     # columns of a node: value, d/dx, d/dy, mixed, in units of a cell
@@ -686,7 +686,7 @@ def _cells(nodes: FloatArray, step: FloatArray) -> FloatArray:
 
 @cache
 def _patches() -> FloatArray:
-    """(16, 16) from the four columns of a cell's corners (0, 0), (0, 1), (1, 0), (1, 1) to its coefficients."""
+    """(16, 16) matrix from the node values at a cell's corners (0, 0), (0, 1), (1, 0), (1, 1) to its coefficients."""
     # value and slope at a cell's first end, then at its second -> coefficients of 1, u, u², u³
     cubic = np.array([[1, 0, 0, 0], [0, 1, 0, 0], [-3, -2, 3, -1], [2, 1, -2, 1]])
     along_then_across = np.kron(cubic, cubic).reshape(16, 2, 2, 2, 2)  # end and derivative of u, then of v
@@ -694,7 +694,7 @@ def _patches() -> FloatArray:
 
 
 def _known_of(field: SmoothField) -> FloatArray:
-    """Origin, cells per mm and bounds of a field; bounds from `SUBDIVISION` points a cell along each side."""
+    """Field's columns of `Top.rows`; bounds are from `SUBDIVISION` + 1 points along a cell's side."""
     if field in _KNOWN:
         return _KNOWN[field]
     value, slope_x, slope_y, bend = _sampled(field)
@@ -709,7 +709,7 @@ def _known_of(field: SmoothField) -> FloatArray:
 
 
 def _sampled(field: SmoothField) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Value, slopes and bend (the fastest fall of a slope in any direction), `SUBDIVISION` + 1 points a cell a side."""
+    """Height, slopes and bend (largest downward curvature) at `SUBDIVISION` + 1 points along each side of a cell."""
     cells = _cells(field.nodes[None], field.step_mm)[0].reshape(-1, 16)
     (dx, dy), points = field.step_mm, (SUBDIVISION + 1) ** 2
     scale = np.array([1.0, 1.0 / dx, 1.0 / dy, 1.0 / dx**2, 1.0 / (dx * dy), 1.0 / dy**2])
@@ -720,7 +720,7 @@ def _sampled(field: SmoothField) -> tuple[FloatArray, FloatArray, FloatArray, Fl
 
 @cache
 def _samples() -> FloatArray:
-    """(16, 6 points) from a cell's coefficients to height, slopes and second derivatives in units of a cell."""
+    """(16, 6 points) matrix from a cell's coefficients to height, slopes and second derivatives, in units of a cell."""
     t, power = np.linspace(0.0, 1.0, SUBDIVISION + 1)[:, None], np.arange(4)
     value = t**power
     slope = np.where(power > 0, power * t ** np.maximum(power - 1, 0), 0.0)

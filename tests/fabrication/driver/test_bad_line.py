@@ -133,14 +133,14 @@ def test_a_device_that_talks_something_else_is_told_from_a_silent_one() -> None:
 
 
 def test_a_board_that_only_streams_and_never_says_who_it_is_is_refused() -> None:
-    (frame,) = pack_frames(FrameFormat(states=9, receivers=8, bits=10), [1], [1], np.zeros((1, 9, 8)))
+    (frame,) = pack_frames(FrameFormat(emitters=8, receivers=8, bits=10), [1], [1], np.zeros((1, 9, 8)))
     with talking(lambda: frame) as port, pytest.raises(DeviceError, match="no hello among them"):
         opened(port, patience_s=0.6).__enter__()
 
 
 @pytest.mark.slow
 def test_half_frames_for_ever_end_in_an_error_that_counts_them() -> None:
-    (frame,) = pack_frames(FrameFormat(states=9, receivers=8, bits=10), [1], [1], np.full((1, 9, 8), 300))
+    (frame,) = pack_frames(FrameFormat(emitters=8, receivers=8, bits=10), [1], [1], np.full((1, 9, 8), 300))
     said = iter([HELLO])
     with talking(lambda: next(said, frame[:60])) as port, opened(port, patience_s=1.0) as sensor:
         with pytest.raises(
@@ -153,7 +153,7 @@ def test_half_frames_for_ever_end_in_an_error_that_counts_them() -> None:
 
 
 def test_noise_before_and_between_frames_costs_only_what_it_hits() -> None:
-    layout, rng = FrameFormat(states=9, receivers=8, bits=10), np.random.default_rng(5)
+    layout, rng = FrameFormat(emitters=8, receivers=8, bits=10), np.random.default_rng(5)
     numbers = iter(range(100_000))
 
     def says() -> bytes:
@@ -172,7 +172,7 @@ def test_noise_before_and_between_frames_costs_only_what_it_hits() -> None:
 
 def test_a_doubled_frame_is_dropped_and_counted_as_it_comes_and_in_a_recording(tmp_path) -> None:
     """Single frames, blocks of three, and hellos come twice; the recording is read as if they had come once."""
-    layout, numbers = FrameFormat(states=9, receivers=8, bits=10), iter(range(100_000))
+    layout, numbers = FrameFormat(emitters=8, receivers=8, bits=10), iter(range(100_000))
 
     def says() -> bytes:
         number = next(numbers)

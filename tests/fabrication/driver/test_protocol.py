@@ -30,7 +30,7 @@ from fabrication.driver.link.protocol import (
     unpack_self_test,
 )
 
-PAD = FrameFormat(states=9, receivers=8, bits=10)
+PAD = FrameFormat(emitters=8, receivers=8, bits=10)
 U32 = st.integers(0, 2**32 - 1)
 U16 = st.integers(0, 2**16 - 1)
 U8 = st.integers(0, 255)
@@ -39,7 +39,7 @@ U8 = st.integers(0, 255)
 @st.composite
 def frames(draw: st.DrawFn) -> tuple[FrameFormat, np.ndarray]:
     layout = FrameFormat(
-        states=draw(st.integers(2, 65)), receivers=draw(st.integers(1, 16)), bits=draw(st.integers(8, 16))
+        emitters=draw(st.integers(1, 64)), receivers=draw(st.integers(1, 16)), bits=draw(st.integers(8, 16))
     )
     shape = (draw(st.integers(1, 3)), layout.states, layout.receivers)
     return layout, draw(arrays(np.uint16, shape, elements=st.integers(0, layout.full_scale)))
@@ -61,7 +61,7 @@ def test_readings_of_any_geometry_come_back_as_they_were(
 
 
 def test_a_frame_by_hand() -> None:
-    layout = FrameFormat(states=2, receivers=2, bits=10)
+    layout = FrameFormat(emitters=1, receivers=2, bits=10)
     (frame,) = pack_frames(layout, [7], [1000], [[[1, 2], [3, 1023]]])
     value = 1 | 2 << 10 | 3 << 20 | 1023 << 30
     head = b"\xa5\x5a\x10" + struct.pack("<II", 7, 1000) + value.to_bytes(5, "little")
@@ -70,7 +70,7 @@ def test_a_frame_by_hand() -> None:
 
 @given(st.integers(1, 64), st.integers(1, 16))
 def test_a_frame_is_as_long_as_the_timing_budget_says(emitters: int, receivers: int) -> None:
-    layout = FrameFormat(states=emitters + 1, receivers=receivers, bits=10)
+    layout = FrameFormat(emitters=emitters, receivers=receivers, bits=10)
     assert layout.total_bytes == timing.frame_bytes(emitters, receivers, 10)
 
 
@@ -81,7 +81,8 @@ def test_a_frame_is_as_long_as_the_timing_budget_says(emitters: int, receivers: 
         board=U8,
         emitters=U8,
         receivers=U8,
-        bits=U8,
+        bits=st.integers(0, 127),
+        dark=st.sampled_from(["frame", "each"]),
         prescaler_exponent=U8,
         settle_us=U16,
         baud=U32,
@@ -124,6 +125,6 @@ def test_no_single_changed_byte_passes_the_check(place: int, flip: int) -> None:
 
 @pytest.mark.parametrize("bits", [8, 10, 12, 16])
 def test_full_scale_in_every_reading_survives(bits: int) -> None:
-    layout = FrameFormat(states=3, receivers=5, bits=bits)
+    layout = FrameFormat(emitters=2, receivers=5, bits=bits)
     counts = np.full((1, 3, 5), layout.full_scale)
     assert np.array_equal(unpack_frames(layout, pack_frames(layout, [0], [0], counts)).counts, counts)

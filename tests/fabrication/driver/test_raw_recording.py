@@ -32,7 +32,7 @@ from tests.fabrication.driver.made_up_pad import board, pad_config
 
 CONFIG = pad_config()
 FRAMES = pack_frames(
-    FrameFormat(states=9, receivers=8, bits=10),
+    FrameFormat(emitters=8, receivers=8, bits=10),
     range(100),
     [2500 * k for k in range(100)],
     np.random.default_rng(2).integers(0, 1024, (100, 9, 8)),

@@ -18,7 +18,7 @@ from fabrication.driver.link.protocol import (
 )
 from fabrication.driver.link.scanner import Scanner
 
-PAD = FrameFormat(states=9, receivers=8, bits=10)
+PAD = FrameFormat(emitters=8, receivers=8, bits=10)
 LENGTHS = message_lengths(PAD)
 FRAMES = pack_frames(PAD, range(40), range(40), np.random.default_rng(1).integers(0, 1024, (40, 9, 8)))
 OTHER = pack_self_test(SelfTest(reference_counts=225, late_frames=0, least_free_ram_bytes=7000, config_crc=1))

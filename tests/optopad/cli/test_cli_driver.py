@@ -20,6 +20,7 @@ import numpy as np
 import pytest
 from rich.console import Console
 
+from design.errors import InputError
 from design.preset import preset
 from fabrication.driver import Sensor
 from fabrication.driver.link.ports import FoundPort
@@ -354,3 +355,15 @@ def test_a_layout_whose_numbers_do_not_fit_the_terminal_is_drawn_as_blocks(confi
     for size, cell in {(40, 40): "▀▀", (100, 8): "▀▀", (14, 40): "▀"}.items():
         rows = [line for line in drawn[size] if "▀" in line]
         assert rows == [f"{name.ljust(5)}{cell * 8}".ljust(len(rows[0])) for name in ("E1", "E3", "E5", "E7")]
+
+
+def test_a_still_pad_needs_no_light_of_presses(monkeypatch, capsys):
+    def traced(*_: object, **__: object) -> None:
+        raise InputError("presses are traced")
+
+    monkeypatch.setattr("optopad.sensor.driver_view._simulated_table", traced)
+    given = ["driver", "fake", "piacenza2017-pad", "--bundles", "none", "--seconds", "0.1"]
+    assert main(given) == 2
+    assert "presses are traced" in capsys.readouterr().err
+    assert main([*given, "--set", "board.dark=each", "--still"]) == 0
+    assert "driver read piacenza2017-pad --set board.dark=each --port" in capsys.readouterr().out

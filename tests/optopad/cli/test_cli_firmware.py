@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import stat
+import struct
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -190,7 +191,10 @@ def test_a_port_that_is_not_there_is_named(avrdude, board_image, capsys):
     assert "nowhere/ttyACM9: no such port" in message
 
 
-def test_without_a_port_the_board_is_looked_for_by_its_usb_identity(monkeypatch, board_image, capsys):
+def test_without_a_port_the_board_is_looked_for_by_its_usb_identity(
+    monkeypatch, avrdude, board_image, capsys
+):
+    avrdude()
     monkeypatch.setattr("fabrication.driver.link.ports.ports_here", list)
     message = refused(capsys, "flash", DESIGN, "--image", str(board_image))
     assert "no Arduino Mega 2560 found by its USB identity" in message
@@ -276,3 +280,124 @@ def test_without_arduino_cli_the_two_clicks_are_named(monkeypatch, port, tmp_pat
     said = refused(capsys, "flash", DESIGN, *TEENSY, "--port", port, "--out", str(tmp_path / "outputs"))
     assert "arduino-cli is not installed here" in said
     assert "select the board teensy:avr:teensy40, and press Upload" in said
+
+
+PICO = ["--set", "board.kind=raspberry-pi-pico", "--set", "board.receivers.multiplexer=74hc4067"]
+RP2040, RP2350 = 0xE48BFF56, 0xE48BFF59
+
+
+def uf2(file: Path, family: int = RP2040, blocks: int = 3) -> Path:
+    """A UF2 file of this many blocks."""
+    numbers = ((0x0A324655, 0x9E5D5157, 0x2000, 256 * n, 256, n, blocks, family) for n in range(blocks))
+    file.write_bytes(b"".join(struct.pack("<8I476xI", *one, 0x0AB16F30) for one in numbers))
+    return file
+
+
+@pytest.fixture
+def drives(tmp_path, monkeypatch):
+    """Makes mounted drives: folders with the file that tells their board, or without one."""
+
+    def mounted(*board_ids: str | None) -> list[Path]:
+        found = [tmp_path / f"drive {number}" for number in range(len(board_ids))]
+        for drive, board_id in zip(found, board_ids, strict=True):
+            drive.mkdir(exist_ok=True)
+            if board_id:
+                text = f"UF2 Bootloader v3.0\nModel: Raspberry Pi RP2\nBoard-ID: {board_id}\n"
+                (drive / "INFO_UF2.TXT").write_text(text, encoding="ascii")
+        monkeypatch.setattr("fabrication.flash.mounted_drives", lambda: found)
+        return found
+
+    return mounted
+
+
+def test_a_uf2_file_is_copied_to_the_board_in_its_boot_mode(drives, tmp_path, capsys):
+    _, _, drive = drives(None, "RP2350", "RPI-RP2")
+    file = uf2(tmp_path / "optopad.ino.uf2")
+    given = ["driver", "flash", DESIGN, *PICO, "--image", str(file)]
+    assert main([*given, "--dry-run"]) == 0
+    assert capsys.readouterr().out.strip() == f"cp {file} '{drive}'"
+    assert not (drive / file.name).exists()
+    assert main(given) == 0
+    assert f"uploaded  {file} to {drive}" in " ".join(capsys.readouterr().out.split("\n"))
+    assert (drive / file.name).read_bytes() == file.read_bytes()
+    assert main([*given, "--port", str(drive), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["uploaded"] is True
+
+
+def test_a_uf2_file_that_is_none_or_for_another_chip_is_refused(drives, tmp_path, capsys):
+    (drive,) = drives("RPI-RP2")
+    cut = uf2(tmp_path / "cut.uf2")
+    cut.write_bytes(cut.read_bytes()[:-1])
+    short = uf2(tmp_path / "short.uf2")
+    short.write_bytes(short.read_bytes()[:-512])
+    for file, words in (
+        (tmp_path / "none.uf2", "No such file"),
+        (short, "2 of its 3 blocks are there"),
+        (cut, "not a UF2 file"),
+        (uf2(tmp_path / "other.uf2", RP2350), "compiled for 0xe48bff59; the board RPI-RP2 takes 0xe48bff56"),
+    ):
+        assert words in refused(capsys, "flash", DESIGN, *PICO, "--image", str(file))
+    assert [one.name for one in drive.iterdir()] == ["INFO_UF2.TXT"]
+
+
+@pytest.mark.parametrize(
+    ("boards", "words"),
+    [
+        ([], "no drive of a board RPI-RP2 (0 drives are mounted); hold the board's BOOTSEL button"),
+        ([None, "RP2350"], "drive 1 is that of a board RP2350); hold the board's BOOTSEL button"),
+        (["RPI-RP2", "RPI-RP2"], "2 drives of boards RPI-RP2"),
+    ],
+)
+def test_no_drive_or_two_of_them_are_told_apart(boards, words, drives, tmp_path, capsys):
+    drives(*boards)
+    assert words in refused(capsys, "flash", DESIGN, *PICO, "--image", str(uf2(tmp_path / "a.uf2")))
+
+
+def test_only_drives_of_the_boot_drives_file_system_are_looked_at(tmp_path):
+    from fabrication.flash import mounted_drives
+
+    mounts = tmp_path / "mounts"
+    mounts.write_text(
+        "/dev/sda1 / ext4 rw 0 0\n"
+        "server:/export /net/far nfs rw 0 0\n"
+        "/dev/sdb1 /media/a\\040user/RPI-RP2 vfat rw 0 0\n"
+    )
+    assert mounted_drives(mounts) == [Path("/media/a user/RPI-RP2")]
+    assert Path("/") not in mounted_drives()
+
+
+def test_a_file_of_the_rp2350_may_begin_with_a_block_that_its_boot_loader_ignores(drives, tmp_path, capsys):
+    (drive,) = drives("RP2350")
+    file, absolute = uf2(tmp_path / "a.uf2", RP2350), uf2(tmp_path / "b.uf2", 0xE48BFF57, blocks=2)
+    file.write_bytes(absolute.read_bytes()[:512] + file.read_bytes())
+    pico_2 = ["--set", "board.kind=raspberry-pi-pico-2", *PICO[2:]]
+    assert main(["driver", "flash", DESIGN, *pico_2, "--image", str(file)]) == 0
+    assert (drive / file.name).read_bytes() == file.read_bytes()
+
+
+@pytest.mark.parametrize("is_gone", [True, False])
+def test_a_drive_that_leaves_after_the_last_block_has_taken_the_file(
+    is_gone, drives, tmp_path, monkeypatch, capsys
+):
+    (drive,) = drives("RPI-RP2")
+
+    def restarted(_: int) -> None:
+        if is_gone:
+            (drive / "INFO_UF2.TXT").unlink()
+        raise OSError(5, "Input/output error")
+
+    monkeypatch.setattr("os.fsync", restarted)
+    given = ["driver", "flash", DESIGN, *PICO, "--image", str(uf2(tmp_path / "a.uf2"))]
+    if is_gone:
+        assert main(given) == 0
+        assert "uploaded" in capsys.readouterr().out
+    else:
+        assert "the file was not copied: Input/output error" in refused(capsys, *given[1:])
+
+
+def test_without_arduino_cli_a_pico_needs_no_port_to_be_told_of_its_boot_mode(monkeypatch, tmp_path, capsys):
+    monkeypatch.setenv("PATH", "")
+    said = refused(capsys, "flash", DESIGN, *PICO, "--out", str(tmp_path / "outputs"))
+    assert "arduino-cli is not installed here" in said
+    assert "hold the board's BOOTSEL button" in said
+    assert "driver flash DESIGN --image FILE.uf2" in said

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import base64
+import io
 import re
 from collections.abc import Iterator
 from dataclasses import replace
@@ -10,6 +12,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from design.errors import ModelScopeError
 from design.fields.finding import error
@@ -254,6 +257,25 @@ def test_readings_have_a_row_an_emitter_and_a_cell_a_pair() -> None:
     assert len({cell.attrib["x"] for cell, _ in cells}) == 3
     bare = drawn(readings_svg(["E1", "E2"], ["R1", "R2", "R3"], live, None))
     assert [title for _, title in titled(bare, "rect")][5] == "E2-R3: 500 counts"
+
+
+def test_many_readings_are_the_pixels_of_one_picture() -> None:
+    live = np.full((64, 64), 300.0)
+    simulated = live.copy()
+    simulated[3, 5], simulated[7, 9], simulated[1, 1] = 600.0, 150.0, 2.0
+    names = [[f"{letter}{k + 1}" for k in range(64)] for letter in "ER"]
+    text = readings_svg(*names, live, simulated, ("E1",))
+    root = drawn(text)
+    (picture,) = root.iter("image")
+    data = base64.b64decode(picture.attrib["href"].partition("base64,")[2])
+    pixels = np.asarray(Image.open(io.BytesIO(data)))
+    assert pixels.shape == (64, 64, 4)
+    assert pixels[3, 5, :3].tolist() == [213, 94, 0]
+    assert pixels[7, 9, :3].tolist() == [0, 119, 200]
+    assert pixels[1, 1, :3].tolist() == [128, 128, 128]
+    assert pixels[3, 5, 3] == round(255 * (0.08 + 0.5 * 0.5))
+    assert len(text) < 20_000
+    assert list(titled(root, "rect")) == []
 
 
 def renamed(cavity: CavityGeometry, name: str) -> CavityGeometry:

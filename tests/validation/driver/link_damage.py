@@ -14,7 +14,7 @@ from design.arrays import BoolArray
 from fabrication.driver.link.protocol import FrameFormat, message_lengths, pack_frames
 from fabrication.driver.link.scanner import Scanner
 
-PAD = FrameFormat(states=9, receivers=8, bits=10)
+PAD = FrameFormat(emitters=8, receivers=8, bits=10)
 BLOCK = 10_000
 """Frames at a time, so that a million take little memory."""
 

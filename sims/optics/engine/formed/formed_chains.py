@@ -1,13 +1,16 @@
 # mypy: no-warn-return-any
-r"""Light mirrored twice or more by the top of a pad with a form: pencils through points of the top.
+r"""Light that a disc's or crowned pad's top mirrors twice or more, followed by ray bundles through points of the top.
 
-A pencil is the light of a part of the emitter through a point of the top. Its middle ray alone shows whether it comes
-near a window; only then is it divided, `LEVELS` times at most. At the level before the last, five rays represent it:
-one from the part's middle and four around it at the nodes of Gauss' rule, each mirrored where it meets the top itself.
-To second order they map the part onto a window's plane as a parallelogram about the mean of the landing light. A
-pencil is in the end represented by its middle ray alone, as a sample, where the rays take different ways, the dimple
-hides some of them, the mean lands farther from the middle ray than `BEND` of the window, or the skirt mirrors the
-pencil. The lattice of points gives the scatter of the samples.
+A ray bundle (pencil) is the light of a part of the emitter through one point of the top. A *window* is the face of an
+emitter or receiver. The *skirt* is the steep part of the dimple around the tip.
+
+First only the bundle's middle ray is followed. If it comes near a window, the bundle is divided, `LEVELS` times at
+most. At the level before the last, five rays represent a bundle: one from the part's middle and four around it at the
+nodes of Gauss' rule, each mirrored where it meets the top itself. To second order they map the part onto a window's
+plane, as a parallelogram about the mean of the arriving light. In four cases the bundle is divided once more, and the
+middle ray alone represents each piece as a sample: the rays meet different surfaces; the dimple hides some of them; the
+mean arrives farther from the middle ray than `BEND` of the window; or the skirt mirrors the bundle. The spread over
+points of the top gives the error of these samples.
 """
 
 from __future__ import annotations
@@ -64,31 +67,32 @@ from sims.optics.surface.radial import fresnel, inlined, kernel
 
 MOST = 24
 FAINT = 1e-9
-"""Share of the emitter's power below which the pencil of an undivided part is not followed further."""
+"""Share of the emitter's power below which the rays from an undivided part of the emitter are not followed further."""
 SIDES, RAYS = 4, 44
-"""Number of rays around the middle one, and their first column in work."""
+"""Number of rays around the middle one, and the column in `work` where their data begin."""
 LANDED, LANDINGS = RAYS + 6 * SIDES, 32
-"""First column of a pencil's contributions, and largest number of their windows."""
+"""Column in `work` where a ray bundle's contributions to receivers begin, and their largest number."""
 DIVISIONS, LEVELS = 2, 2
-"""Number of parts of a divided pencil in either direction, and most divisions."""
+"""Number of pieces of a divided ray bundle in either direction, and largest number of divisions."""
 STACK = LANDED + 3 * LANDINGS
-"""First column of the shares of a pencil that are still to be followed."""
+"""Column in `work` where the list of pieces that are still to be followed begins."""
 IS_LIT = STACK + 4 * (DIVISIONS * DIVISIONS * (LEVELS + 1) + 1)
-"""Column for whether the dimple certainly hides none of the emitter's light from the point."""
+"""Column in `work`: 1 if the dimple certainly hides none of the emitter's light from the point."""
 PLACE = IS_LIT + 1
-"""First column of the sample's position in a pencil's part, from -1 to 1 in either direction."""
+"""Column in `work` where the sample's position in a piece begins, from -1 to 1 in either direction."""
 CHAIN_WORK = PLACE + 2
 BEND = 0.2
-"""Largest offset of the landing light's mean from the middle ray of an undivided pencil [half sizes of the window]."""
+"""Largest offset of a ray bundle's mean arrival from that of its middle ray, in half sizes of the receiver's face;
+beyond, the bundle is divided."""
 STAYS_FAR, COMES_NEAR, COMES_BENT, COMES_DIM = 0, 1, 2, 3
 WIDENS = 1.2
-"""Assumed width of a pencil in the search for windows, over that by plane mirrors."""
+"""Factor on the width that a ray bundle would have with plane mirrors, for the search for receivers."""
 BRIGHT = 1e4
-"""A pencil mirrored by the skirt is divided if it leaves with this many times `FAINT`."""
+"""A ray bundle that the dimple's steep skirt mirrors is divided if its power is above this multiple of `FAINT`."""
 BEHIND = 0.5
-"""Largest distance behind a wall at which a middle ray may meet the top, over the way to the wall."""
+"""How far behind a wall a bundle's middle ray may still meet the top, over its distance to the wall."""
 FARTHEST = 20.0
-"""A window that the middle ray misses by this many of its half sizes is not tested."""
+"""A receiver is not tested if a bundle's middle ray misses its face by more than this many half sizes."""
 
 
 @kernel
@@ -97,12 +101,12 @@ def follow_chains(
     row: int, levels: int, receivers: FloatArray, wanted: BoolArray, e: FloatArray, absorbs: float, index: float,
     walls: FloatArray, arcs: FloatArray, top: FormedTop, out: FloatArray, work: FloatArray,
 ) -> None:  # fmt: skip
-    """Follow the pencil of a part of the emitter, of half sizes size_u and size_v, through a point of the top.
+    """Follow the light of a part of the emitter, of half sizes size_u and size_v, through a point of the top.
 
-    element : product of the areas of the part and the point, over which light is averaged
-    faint : remaining share of element at which the pencil has `FAINT` of the emitter's power
-    row : 1 if the point is in the skirt
-    levels : most divisions
+    element : product of the areas of part and point, over which the light is averaged
+    faint : remaining share of the light at which the bundle has `FAINT` of the emitter's power
+    row : 1 if the point is in the dimple's steep skirt, else 0
+    levels : largest number of divisions
     """
     per, waiting = 1.0 / DIVISIONS, 1
     work[STACK], work[STACK + 1], work[STACK + 2], work[STACK + 3] = 0.0, 0.0, 1.0, 0.0
@@ -141,14 +145,14 @@ def _comes_near(
     wanted: BoolArray, e: FloatArray, absorbs: float, index: float, walls: FloatArray, arcs: FloatArray,
     top: FormedTop,
 ) -> int:  # fmt: skip
-    """Whether a pencil comes near a window after its second or a later mirror, by its middle ray alone.
+    """Whether a ray bundle comes near a receiver after its second or a later mirror, by its middle ray alone.
 
-    size : half size of its part, the larger [mm]
+    size : larger half size of the bundle's start on the emitter [mm]
 
     Returns
     -------
-    `STAYS_FAR` or `COMES_NEAR`; where it meets the skirt, which widens pencils much more than their way does,
-    `COMES_BENT`, or `COMES_DIM` if it leaves with little power
+    `STAYS_FAR`; `COMES_NEAR`; or, if the ray meets the dimple's steep skirt, which widens the bundle, `COMES_BENT` with
+    much power left or `COMES_DIM` with little
     """
     nx, ny, nz = p[MX], p[MY], p[MZ]
     way = math.sqrt((p[PX] - x0) ** 2 + (p[PY] - y0) ** 2 + (p[PZ] - z0) ** 2)
@@ -190,9 +194,9 @@ def _follow(
     row: int, is_sample: bool, receivers: FloatArray, wanted: BoolArray, e: FloatArray, absorbs: float, index: float,
     walls: FloatArray, arcs: FloatArray, top: FormedTop, out: FloatArray, work: FloatArray,
 ) -> bool:  # fmt: skip
-    """Add a pencil's light after its second and later mirrors; or add nothing and return True: it has to be divided.
+    """Add a ray bundle's light after its second and later mirrors; True: nothing was added, it has to be divided.
 
-    is_sample : whether its middle ray represents it
+    is_sample : whether the middle ray alone represents the bundle
     """
     pressed = top.numbers[OUTER] > 0.0
     nx, ny, nz = p[MX], p[MY], p[MZ]
@@ -298,7 +302,7 @@ def _follow(
 def _side_place(
     side: int, x0: float, y0: float, z0: float, size_u: float, size_v: float, e: FloatArray
 ) -> tuple[float, float, float]:
-    """Start on the emitter of a ray around the middle one: along the wall before and behind it, above and below."""
+    """Start on the emitter of one of the four rays around the middle one: 0, 1 along the wall, 2, 3 above and below."""
     off = GAUSS if side % 2 == 0 else -GAUSS
     if side < 2:
         return x0 + off * size_u * e[UX], y0 + off * size_u * e[UY], z0
@@ -307,7 +311,7 @@ def _side_place(
 
 @kernel
 def _mirror_side(side: int, top: FormedTop, work: FloatArray) -> bool:
-    """Follow a ray around the middle one until it meets the top; whether it is mirrored there."""
+    """Follow one of the rays around the middle one to the top; return whether it is mirrored there."""
     k = RAYS + 6 * side
     qx, qy, qz = into(top, work[k], work[k + 1], work[k + 2])
     ex, ey, ez = turn(top, work[k + 3], work[k + 4], work[k + 5])
@@ -330,7 +334,7 @@ def _seen_rays(
     x0: float, y0: float, z0: float, size_u: float, size_v: float, x: float, y: float, z: float, u: float, v: float,
     is_pencil: bool, p: FloatArray, e: FloatArray, r: FloatArray, top: FormedTop, work: FloatArray,
 ) -> float:  # fmt: skip
-    """Share of a pencil's rays that the dimple hides neither on their first nor on their last way."""
+    """Share of a bundle's rays whose first and last legs the dimple does not hide."""
     tx, ty, tz = window_point(r, u, v)
     is_open = work[IS_LIT] > 0.0
     seen = 1.0 if (is_open or is_lit(x0, y0, z0, p, top)) and sees(x, y, z, tx, ty, tz, top) else 0.0
@@ -351,8 +355,10 @@ def _seen_rays(
 def _counted(
     a: float, b: float, share: float, toward: float, counts: float, r: FloatArray, work: FloatArray
 ) -> float:
-    """Mean count of a window over the landing `share` of a pencil, about its position a, b; `counts` is that of the
-    middle ray, which arrives at a cosine `toward`.
+    """Counted share of a receiver, averaged over the rays of a bundle that arrive.
+
+    a, b, share : middle of the part of the emitter from which rays arrive, from -1 to 1, and that part's share
+    toward, counts : cosine at which the middle ray arrives, and its counted share
     """
     k = RAYS + 3
     t0 = work[k] * r[NX] + work[k + 1] * r[NY]
@@ -368,7 +374,7 @@ def _counted(
 def put_ray(
     x: float, y: float, z: float, dx: float, dy: float, dz: float, side: int, work: FloatArray
 ) -> None:
-    """Store a ray around the middle one."""
+    """Store one of the rays around the middle one in `work`."""
     k = RAYS + 6 * side
     work[k], work[k + 1], work[k + 2], work[k + 3], work[k + 4], work[k + 5] = x, y, z, dx, dy, dz
 
@@ -377,8 +383,12 @@ def put_ray(
 def pencil(
     u: float, v: float, r: FloatArray, work: FloatArray
 ) -> tuple[float, float, float, float, float, float, float]:
-    """Image of a part on a window, in its half sizes: shifts by half the part's width and height, offset of the mean
-    from the middle ray at u, v, and whether all rays arrive.
+    """Image of a part of the emitter on a receiver's face, in half sizes of the face.
+
+    Returns
+    -------
+    shift (u, v) by half the part's width; shift (u, v) by its half height; shift (u, v) of the mean from the middle
+    ray; largest distance of the rays, -NEVER if not all arrive
     """
     k = RAYS
     u0, v0, ok0 = landing(work[k], work[k + 1], work[k + 2], work[k + 3], work[k + 4], work[k + 5], r)
@@ -402,13 +412,16 @@ def pencil(
 
 @inlined
 def is_lit(x0: float, y0: float, z0: float, p: FloatArray, top: FormedTop) -> bool:
-    """Whether a point of the emitter sees a point of the top."""
+    """Whether the straight line from a point of the emitter to a point of the top is free."""
     return sees(x0, y0, z0, p[PX] - 1e-6 * p[MX], p[PY] - 1e-6 * p[MY], p[PZ] - 1e-6 * p[MZ], top)
 
 
 @kernel
 def _goes_on(spare: float, walls: FloatArray, arcs: FloatArray, top: FormedTop, work: FloatArray) -> bool:
-    """Whether some ray of a pencil meets the top before the walls, though its middle ray would meet it behind one."""
+    """Whether a ray of a bundle meets the top before the walls, although the middle ray would meet it behind a wall.
+
+    spare : distance from the middle ray's point on the top to the wall, negative if the point is behind the wall
+    """
     more = 0.0
     for pair in range(2):
         most = 0.0
@@ -436,7 +449,7 @@ def _spare(
     x: float, y: float, z: float, dx: float, dy: float, dz: float, walls: FloatArray, arcs: FloatArray,
     top: FormedTop,
 ) -> tuple[float, float]:  # fmt: skip
-    """Distance to the top, NEVER where a ray does not meet it, and the extra distance to the walls."""
+    """Distance to the top (NEVER: not met), and how much farther away the wall is (negative: nearer)."""
     wall, _ = plan_exit(x, y, z, dx, dy, dz, walls, arcs)
     limit = (1.0 + BEHIND) * wall
     if dz < 0.0:

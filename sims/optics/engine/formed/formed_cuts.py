@@ -1,8 +1,9 @@
 # mypy: no-warn-return-any
-"""Share of an emitter's part that a mirror of the top sends through a window: polygons, and mean over the whole part.
+"""Share of an emitter's part from which a point of the top mirrors light into a receiver's face, by cutting polygons.
 
-A part is the square from -1 to 1 of two shares of its half sizes. Sides of a window are lines g + u gu + v gv = 0 in
-it; the region in which all are above 0 is a convex polygon.
+Positions in the part are in half sizes from its middle, a square from -1 to 1. The sides of the receiver's face map to
+four lines g + u gu + v gv = 0 in this square. Light from the region where all four are above 0, a convex polygon,
+reaches the receiver.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ from sims.optics.engine.formed.formed_rays import NX, NY, UX, UY, lobe
 from sims.optics.surface.radial import fresnel, inlined, kernel
 
 GAUSS = 0.5773502691896258
-"""Nodes of Gauss' rule of two, from -1 to 1."""
+"""Nodes of Gauss' rule with two nodes are at plus and minus this, on the interval from -1 to 1."""
 # columns of a point of the top
 PX, PY, PZ, MX, MY, MZ, DA, SKIRT, BATCH, CHAINS = range(10)
 POINT_COLUMNS = 10
@@ -22,7 +23,7 @@ POINT_COLUMNS = 10
 
 @inlined
 def sent(x: float, y: float, z: float, p: FloatArray, e: FloatArray, absorbs: float, index: float) -> float:
-    """Light from a point of the emitter onto a mirror point of the top, divided by both elements of area [1/mm2]."""
+    """Light that leaves a point of the emitter and is mirrored by a point of the top, per area of both [1/mm²]."""
     dx, dy, dz = p[PX] - x, p[PY] - y, p[PZ] - z
     s2 = dx * dx + dy * dy + dz * dz
     s = math.sqrt(s2)
@@ -38,9 +39,9 @@ def sent_by_part(
     x0: float, y0: float, z0: float, size_u: float, size_v: float, p: FloatArray, e: FloatArray, absorbs: float,
     index: float,
 ) -> float:  # fmt: skip
-    """Mean of `sent` over a rectangle of the emitter, by Gauss' rule of four nodes [1/mm2].
+    """Mean of `sent` over a rectangle of the emitter, by Gauss' rule with four nodes [1/mm²].
 
-    The rectangle has its middle at (x0, y0, z0) and the half sizes size_u along the wall and size_v in z [mm].
+    The middle of the rectangle is (x0, y0, z0). Its half sizes are size_u along the wall and size_v in z [mm].
     """
     total = 0.0
     for k in range(4):
@@ -53,20 +54,20 @@ def sent_by_part(
 def lines(
     a0: float, au: float, av: float, b0: float, bu: float, bv: float, first: int, work: FloatArray
 ) -> None:
-    """Put two lines, which keep the side above 0, into work."""
+    """Store two lines in `work` for `cut`, which keeps the side where g + u gu + v gv is above 0."""
     work[first], work[first + 1], work[first + 2] = a0, au, av
     work[first + 3], work[first + 4], work[first + 5] = b0, bu, bv
 
 
 @kernel
 def cut(work: FloatArray) -> tuple[float, float, float, int, int]:
-    """Share of the square from -1 to 1 that is above four lines.
+    """Share of the square from -1 to 1 in which four lines g + u gu + v gv are above 0.
 
-    work : (44,) the lines in the first 12; then space for two polygons
+    work : (44,) the lines in the first 12 numbers; then space for two polygons
 
     Returns
     -------
-    share, its middle, number of corners (0: the whole square), and their first index in work
+    share; its middle u, v; number of corners (0: the whole square); index in `work` where they begin
     """
     is_cut = False
     for k in range(4):

@@ -1,18 +1,18 @@
 # mypy: no-warn-return-any
-"""Light that windows of a pad with a form give to, and take from, patches of wall, bottom and tip.
+"""Light that emitters of a disc or crowned pad send to, and receivers take from, patches of wall, bottom and tip.
 
 Model
 -----
-A press changes scattered light by the same factor as light scattered once:
+It is assumed that a press changes all scattered light by the same factor as light scattered once:
 
     S = S_0 · J / J_0,      J = Σ_p ρ_p G_p T_p / A_p
 
-with S_0 the untouched pad's light of all orders (`formed_scattered`), G_p the light of the emitter on patch p, direct
-or by the top's mirror, and T_p the light that the receiver would give to it (reciprocity). Bottom patches are squares
-of the plan, wall patches bins of direction from the middle and of height; the contact's are `TIP_RINGS` rings of equal
-area, each in `TIP_TURNS` parts.
+S_0 is the untouched pad's scattered light (`formed_scattered`). G_p is the light of the emitter on patch p, direct or
+mirrored by the top. T_p is the light that the receiver would send to p (reciprocity). Bottom patches are squares in
+plan. Wall patches are divided by direction from the middle of the pad and by height. The contact has `TIP_RINGS` rings
+of equal area, each in `TIP_TURNS` parts.
 
-A window's rays form batches, each of every n-th ray, which give the rays' error.
+A part's rays form batches, each of every n-th ray, from which the error follows.
 
 Left out: obstruction by the press of light that is scattered more than once.
 """
@@ -51,7 +51,7 @@ def deposits(
     window: FloatArray, receivers: FloatArray, rays: int, steps: FloatArray, shift: FloatArray, absorbs: float,
     index: float, walls: FloatArray, arcs: FloatArray, top: FormedTop, layout: FloatArray, out: FloatArray,
 ) -> None:  # fmt: skip
-    """Add to out (batch, patch) the light of a window's rays on each patch; the last ones are the tip's."""
+    """Add to `out` (batch, patch) the light on patches from rays of an emitter or receiver; tip patches are last."""
     unit = 4.0 * window[HALF_U] * window[HALF_V] / window[10] / rays
     for n in range(rays):
         x, y, z = window_point(
@@ -87,7 +87,7 @@ def deposits(
 
 @kernel
 def patch_of(what: int, x: float, y: float, z: float, layout: FloatArray) -> int:
-    """Number of the patch at a point of the bottom or a wall."""
+    """Number of the patch at a point of the bottom or a wall, given the code of the surface."""
     columns, rows = int(layout[COLUMNS]), int(layout[ROWS])
     if what == BOTTOM:
         i = min(max(int(x * layout[PER_MM]), 0), columns - 1)
@@ -102,7 +102,7 @@ def patch_of(what: int, x: float, y: float, z: float, layout: FloatArray) -> int
 
 @kernel
 def tip_patch(top: FormedTop, x: float, y: float) -> int:
-    """Number of the contact's patch at a point of the contact, in the frame's plan."""
+    """Number of the tip's patch at a point of the contact, given in plan in the frame of the press."""
     r2, ring = x * x + y * y, 0
     for k in range(1, TIP_RINGS):
         if r2 >= top.rows[0, CONTACT + k * CONTACT_PARTS // TIP_RINGS]:

@@ -1,13 +1,13 @@
 # mypy: no-warn-return-any
-"""Direct light between windows of a pad with a form: quadrature, with the lit part of each column.
+"""Direct light between the faces (windows) of an emitter and a receiver in a disc or crowned pad, by quadrature.
 
     flux = ∫∫ L(c_e) c_e c_r e^(-μ s) A(c_r) / s² dA_e dA_r
 
-over the windows that see each other, L the emitter's lobe over power and area, A the receiver's share. In plan the
-pad is convex and so is its crown, so only the tip and its dimple can come between two windows. A column of the
+The integral is over both faces. L is the emitter's radiance over power and area, A the receiver's counted share. In
+plan the pad and its crown are convex, so only the tip and its dimple can come between two faces. A column of the
 receiver is lit from below up to a horizon, which is found by halving; Gauss' rule covers the lit part.
 
-Left out: a column that is lit in two parts.
+Left out: a column that is lit in two separate parts.
 """
 
 from __future__ import annotations
@@ -27,13 +27,16 @@ def straight_flux(
     e: FloatArray, r: FloatArray, absorbs: float, top: FormedTop, nodes_e: FloatArray,
     weights_e: FloatArray, nodes_u: FloatArray, weights_u: FloatArray, nodes_v: FloatArray, weights_v: FloatArray,
 ) -> float:  # fmt: skip
-    """Direct light of a pair over the emitter's power.
+    """Direct light of a pair, as a share of the emitter's power.
 
     Parameters
     ----------
-    e, r : window rows; absorbs : absorption [1/mm]
-    nodes_e ... : Gauss nodes from -1 to 1 and weights of either direction of the emitter, the receiver's columns, and
-        their heights
+    e, r : rows of the emitter's and the receiver's face (`formed_lower.windows_of`)
+    absorbs : absorption coefficient [1/mm]
+    top : the pressed top
+    nodes_e, nodes_u, nodes_v : Gauss nodes from -1 to 1 over each direction of the emitter, the receiver's columns, and
+        the height of a column
+    weights_e, weights_u, weights_v : weights of these nodes
     """
     if e[WALL] == r[WALL]:
         return 0.0
@@ -76,7 +79,7 @@ def straight_flux(
 
 @kernel
 def _horizon(x: float, y: float, z: float, r: FloatArray, u: float, top: FormedTop) -> float:
-    """Height on the window, from -1 to 1, up to which a column is lit; -1 if not at all."""
+    """Height up to which a column of the receiver sees a point, from -1 to 1 in half heights; -1 if not at all."""
     tx, ty, tz = window_point(r, u, -1.0)
     if not sees(x, y, z, tx, ty, tz, top):
         return -1.0

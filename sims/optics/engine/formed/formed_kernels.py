@@ -1,5 +1,5 @@
 # mypy: no-warn-return-any
-"""The compiled entry points of pads with a form, cached on disk like those of `sims.optics.engine.compiled`."""
+"""Entry points of the light model for disc and crowned pads, compiled and cached like `sims.optics.engine.compiled`."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def straight_matrix(
     axes: FloatArray, numbers: FloatArray, rows: FloatArray, nodes_e: FloatArray, weights_e: FloatArray,
     nodes_u: FloatArray, weights_u: FloatArray, nodes_v: FloatArray, weights_v: FloatArray,
 ) -> FloatArray:  # fmt: skip
-    """(emitter, receiver) direct light."""
+    """(emitter, receiver) direct light, as a share of the emitter's power."""
     top = FormedTop(origin, axes, numbers, rows)
     out = np.zeros((emitters.shape[0], receivers.shape[0]))
     for i in range(emitters.shape[0]):
@@ -73,7 +73,7 @@ def straight_matrix(
 def points_on(
     at: FloatArray, origin: FloatArray, axes: FloatArray, numbers: FloatArray, rows: FloatArray
 ) -> FloatArray:
-    """(n, 10) points of the top at points of its frame's plan."""
+    """(n, 10) points of the top above the points `at` (n, 5) of the plan; see `formed_mirrored.top_points`."""
     out = np.zeros((at.shape[0], POINT_COLUMNS))
     top_points(at, FormedTop(origin, axes, numbers, rows), out)
     return out
@@ -85,7 +85,7 @@ def mirrored_matrix(
     absorbs: float, index: float, walls: FloatArray, arcs: FloatArray, origin: FloatArray,
     axes: FloatArray, numbers: FloatArray, rows: FloatArray,
 ) -> FloatArray:  # fmt: skip
-    """(2, batch, emitter, receiver) light mirrored by the top, smooth and by the skirt."""
+    """(2, batch, emitter, receiver) light mirrored by the top: by its smooth part only, and by the steep skirt."""
     top = FormedTop(origin, axes, numbers, rows)
     out = np.zeros((emitters.shape[0], 2, BATCHES, receivers.shape[0]))
     work = np.zeros(SIGHTS + SIGHT * (receivers.shape[0] + 1))
@@ -104,7 +104,7 @@ def scattered_matrix(
     index: float, reflectances: FloatArray, walls: FloatArray, arcs: FloatArray, origin: FloatArray,
     axes: FloatArray, numbers: FloatArray, rows: FloatArray,
 ) -> FloatArray:  # fmt: skip
-    """(2, emitter, receiver) light scattered once, and more often."""
+    """(2, emitter, receiver) light scattered once, and light scattered more often."""
     top = FormedTop(origin, axes, numbers, rows)
     out = np.zeros((emitters.shape[0], 2, receivers.shape[0]))
     for i in range(emitters.shape[0]):
@@ -132,7 +132,8 @@ def deposit_matrix(
     shift: FloatArray, absorbs: float, index: float, walls: FloatArray, arcs: FloatArray,
     origin: FloatArray, axes: FloatArray, numbers: FloatArray, rows: FloatArray, layout: FloatArray, patches: int,
 ) -> FloatArray:  # fmt: skip
-    """(batch, window, patch) light of the requested windows on patches."""
+    """(batch, window, patch) light from the requested faces of emitters or receivers on patches of walls, bottom and
+    tip."""
     top = FormedTop(origin, axes, numbers, rows)
     out = np.zeros((windows.shape[0], RAY_BATCHES, patches))
     for i in range(windows.shape[0]):

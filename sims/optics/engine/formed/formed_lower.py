@@ -1,4 +1,4 @@
-"""Lower a pad with a form, and presses on it, to the arrays that the kernels read."""
+"""Convert a disc or crowned pad, and presses on it, to the arrays that the light kernels read."""
 
 from __future__ import annotations
 
@@ -39,30 +39,31 @@ from sims.optics.surface.curves import (
 from sims.press import Indentation
 
 REACH_SHARE = 0.97
-"""Farthest point from the axis of a press, over the crown's radius; beyond, the top is too steep in its frame."""
+"""Largest distance of the pad's points from the axis of a press, over the crown's radius; beyond, it is too steep."""
 OUTLINE_PLACES = 1440
 FRAME = 12
-"""Numbers of a frame: origin and axes."""
+"""Number of values of a frame: its origin (3) and axes (9)."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class FormedStack:
-    """Tops of states of a pad with a form.
+    """Tops of a disc or crowned pad in all states.
 
     Attributes
     ----------
-    rows : (state, n) origin and axes of the frame, numbers of the top, then the table of d
+    rows : (state, n) origin and axes of the frame of the press, numbers of the top, then the radial table of the
+        press's height; see `formed_top.FormedTop`
     """
 
     rows: FloatArray
 
     @property
     def field(self) -> FloatArray:
-        """(state, 0): no smooth fields."""
+        """(state, 0) empty array: there are no smooth fields on these pads."""
         return np.zeros((len(self.rows), 0))
 
     def top(self, state: int) -> FormedTop:
-        """One state's top."""
+        """Top in one state, by its number."""
         row = self.rows[state]
         numbers = row[FRAME : FRAME + NUMBERS]
         table = row[None, FRAME + NUMBERS :].copy() if numbers[OUTER] > 0.0 else empty_rows()
@@ -70,12 +71,12 @@ class FormedStack:
 
 
 def check_formed(scene: OpticalScene, presses: Sequence[object], fields: Sequence[object] | None) -> None:
-    """Refuse scenes that are not traced on pads with a form.
+    """Refuse states that are not traced on disc and crowned pads.
 
     Raises
     ------
     InputError : there are fields, or smooth walls.
-    ModelScopeError : a press is not by a single tip.
+    ModelScopeError : several tips press at once.
     """
     if fields is not None and any(field is not None for field in fields):
         raise InputError("fields: only on a block with a flat top one is traced; leave them out")
@@ -86,7 +87,7 @@ def check_formed(scene: OpticalScene, presses: Sequence[object], fields: Sequenc
 
 
 def single_press(press: object) -> Indentation | None:
-    """A state's one press, alone or in a list; None where the pad is untouched."""
+    """The only press of a state, which is given alone or in a list; None for the untouched pad."""
     listed = list(press) if isinstance(press, Sequence) else [press]
     if len(listed) != 1 or not (listed[0] is None or isinstance(listed[0], Indentation)):
         raise ModelScopeError(
@@ -97,18 +98,19 @@ def single_press(press: object) -> Indentation | None:
 
 
 def stack_formed(scene: OpticalScene, centres_mm: FloatArray, presses: Sequence[object]) -> FormedStack:
-    """Lower one press, or None, per state.
+    """Convert one press, or None, per state.
 
     Parameters
     ----------
-    centres_mm : (state, 2) or (state, 1, 2) location of the press in plan [mm]; not read where untouched
-    presses : heights above the untouched top, along its normal
+    scene : the pad
+    centres_mm : (state, 2) or (state, 1, 2) location of the press in plan [mm]; ignored if untouched
+    presses : per state a press or None; its heights are above the untouched top, along the normal there
 
     Raises
     ------
     InputError : a press is outside the pad, or its curve is invalid.
-    ModelScopeError : a press goes through the clear layer, a tip overlaps a wall, or the crown falls too steeply
-        around a press.
+    ModelScopeError : a press goes through the clear layer, a tip overlaps a wall, or the crown falls too steeply around
+        a press.
     """
     centres = np.asarray(centres_mm, dtype=np.float64).reshape(-1, 2)
     if len(centres) != len(presses):
@@ -125,11 +127,11 @@ def stack_formed(scene: OpticalScene, centres_mm: FloatArray, presses: Sequence[
 
 
 def check_place(scene: OpticalScene, state: int, centre_mm: FloatArray, press: Indentation) -> None:
-    """Refuse a press at a location where it is not modelled.
+    """Check that a press is modelled at its location.
 
     Raises
     ------
-    InputError, ModelScopeError : see `stack_formed`
+    InputError, ModelScopeError : see `stack_formed`.
     """
     form = scene.form
     assert form is not None
@@ -158,7 +160,7 @@ def check_place(scene: OpticalScene, state: int, centre_mm: FloatArray, press: I
 
 
 def _reach_mm(scene: OpticalScene, form: PadForm, x_mm: float, y_mm: float) -> float:
-    """Farthest point of bottom or untouched top from the axis of a press, for a cylinder across it [mm]."""
+    """Largest distance of bottom and untouched top from a press's axis [mm]; on a cylinder, only across it."""
     middle = np.array([scene.length_mm, scene.width_mm]) / 2.0
     corners = [
         np.arctan2(y - middle[1], x - middle[0])
@@ -177,8 +179,10 @@ def _reach_mm(scene: OpticalScene, form: PadForm, x_mm: float, y_mm: float) -> f
 
 
 def windows_of(scene: OpticalScene, kind: str) -> FloatArray:
-    """(n, 12 + table) windows: centre, unit tangent, half sizes (clipped under the crown), outward normal, order, area
-    as mounted, wall; then the radiance or response table.
+    """(n, 12 + table) faces of emitters or receivers, by columns.
+
+    Columns are centre, unit tangent, half sizes (cut off at the crown), outward normal, Lambertian order, area as
+    mounted, number of the wall, and the radiance or response table.
     """
     form = scene.form
     assert form is not None
@@ -212,7 +216,7 @@ def windows_of(scene: OpticalScene, kind: str) -> FloatArray:
 
 
 def walls_of(scene: OpticalScene) -> tuple[FloatArray, FloatArray]:
-    """(k, 3) outward normals and levels of the flat walls, and (m, 6) round walls."""
+    """(k, 3) outward normal x, y and distance from the origin of each flat wall; (m, 6) round walls as in `PadForm`."""
     form = scene.form
     assert form is not None
     walls, arcs = (np.asarray(rows, dtype=np.float64).reshape(-1, 6) for rows in (form.walls, form.arcs))
@@ -221,7 +225,7 @@ def walls_of(scene: OpticalScene) -> tuple[FloatArray, FloatArray]:
 
 
 def formed_top(scene: OpticalScene, centre_mm: FloatArray, press: Indentation | None) -> FormedTop:
-    """The top of one state; None is untouched, in the frame of the apex."""
+    """Top under one press at a location in plan; None is the untouched top, in the frame of its apex."""
     form = scene.form
     assert form is not None
     place = form.top.apex_mm if press is None else (float(centre_mm[0]), float(centre_mm[1]))
@@ -243,7 +247,7 @@ def _crown_numbers(top: Top) -> tuple[float, float, float]:
 
 
 def _lowered(press: Indentation, mean_mm: float, clear_mm: float) -> tuple[FloatArray, tuple[float, ...]]:
-    """(1, n) row of the radial table of d; outer, contact and skirt radius [mm]."""
+    """(1, n) radial table of a press's height; and its outer, contact and skirt radius [mm]."""
     check_curve(press, clear_mm)
     numbers, table, _ = lower_curve(press, 0.0, mean_mm)
     row = np.zeros(FORMED_ROW)

@@ -1,25 +1,26 @@
 # mypy: no-warn-return-any
-r"""Light mirrored once or more by the top of a pad with a form: pencils through points of the top.
+r"""Light that a disc's or crowned pad's top mirrors: ray bundles through points of the top.
 
 Model
 -----
-Light of an emitter that first meets the top at P, in an element dA of it, and reaches a receiver after k reflections is
+The light of an emitter that first meets the top at P, in an element dA, and reaches a receiver after k reflections is
 
     dflux = ∫ L(c_e) c_e c_P / s² · F_1 ... F_k · e^(-μ way) A(c_r) dA_e dA
 
-over the part of the emitter whose pencil through P lands on the receiver. The emitter is divided into parts that are
-small relative to their distance from P (`share`). The plane mirror at P maps a window's sides to straight lines of the
-emitter's plane, which cut a part exactly (`formed_cuts`). All factors are integrated over the landing light; the part
-hidden by the dimple is found column by column. From the second mirror on, rays represent larger parts, which are
-divided where they come near a window (`formed_chains`). The pad is convex, so a ray reaches a window regardless of the
-wall that it meets first.
+over the part of the emitter whose rays through P arrive at the receiver. The emitter is divided into parts that are
+small relative to their distance from P (`share`). The plane mirror at P maps the sides of the receiver's face
+(*window*) to straight lines in the emitter's plane, which cut a part exactly (`formed_cuts`). All factors are
+integrated over the arriving light; light hidden by the dimple is found column by column. From the second mirror on,
+larger parts are used, whose ray bundles are divided near a window (`formed_chains`). The pad is convex, so a ray that
+points to a window reaches it, whichever wall's plane it crosses first.
 
-P runs over a grid of the untouched top and, around the press, over rings (`formed_points`). A press changes light by
-the same points with and without it. Points form batches, each an even lattice by itself, which give the lattice's
-error. Light mirrored often is followed through some of the points only, each of which represents its neighbours.
+P runs over a grid of the untouched top and, around the press, over rings (`formed_points`). The change of light by a
+press comes from the same points with and without it. Points form batches, each an even grid by itself, from which the
+error follows. Light mirrored several times is followed through some of the points only, each of which represents its
+neighbours.
 
-Left out: variation of later Fresnel shares within one part's pencil; chains of more than `formed_chains.MOST`
-mirrors; a column of a part whose ends are both seen and whose middle is hidden.
+Left out: variation of later Fresnel shares within one part's ray bundle; more than `formed_chains.MOST` mirrors; a
+column of a part whose ends are both seen and whose middle is hidden.
 """
 
 from __future__ import annotations
@@ -87,20 +88,20 @@ from sims.optics.engine.formed.formed_top import (
 from sims.optics.surface.radial import inlined, kernel
 
 COLUMNS, HALVINGS = 4, 5
-"""Number of columns of the landing light in which the hidden part is found, and of halvings to find it."""
+"""Number of columns of an emitter's part in which light hidden by the dimple is found, and halvings to find it."""
 CHAINS_SHARE = 2.0
-"""Size of parts whose chains are followed, before they are divided, over that of the others."""
+"""Size of undivided emitter parts for light mirrored several times, over their size for light mirrored once."""
 STEPS = (0.7548776662466927, 0.5698402909980532)
-"""Steps of Roberts' additive sequence, which positions samples in the parts of one point after the other."""
+"""Steps of Roberts' additive sequence, which gives each point's sample its position in the emitter's parts."""
 MOST_PARTS = 12
-"""Most parts of an emitter in either direction."""
+"""Largest number of parts of an emitter in either direction."""
 BATCHES = 4
 WAYS, PART = CHAIN_WORK, CHAIN_WORK + 9
-"""First columns of the way of light from a part through a point, and of the part's position."""
+"""Columns of the array `work`: where the data of mirrored directions begin, and those of the emitter's part."""
 AT = PART + 5
-"""First column of the point's position in the top's frame."""
+"""Column of the array `work` where the top point's position in the frame of the press begins."""
 SIGHTS = AT + 3
-"""First column of the windows' positions, the emitter's first, as `is_open` requires them."""
+"""Column of the array `work` where the positions of all faces for `is_open` begin, the emitter's first."""
 SIGHT = 4
 
 
@@ -109,13 +110,12 @@ def mirrored_flux(
     e: FloatArray, receivers: FloatArray, wanted: BoolArray, points: FloatArray, share: float, absorbs: float,
     index: float, walls: FloatArray, arcs: FloatArray, top: FormedTop, out: FloatArray, work: FloatArray,
 ) -> None:  # fmt: skip
-    """Add to out (2, batch, receiver) the light of an emitter's pencils through points of the top, smooth and by the
-    skirt.
+    """Add an emitter's light through points of the top to `out` (2, batch, receiver): smooth top, and steep skirt.
 
-    wanted : (receiver,) which receivers are requested
-    points : (n, 10) points and normals out of the elastomer, elements of area [mm2], 1 within the skirt, batch, number
-    of points that this one represents in light mirrored often
-    share : size of a part over its distance from a point, at most
+    wanted : (receiver,) mask of the requested receivers
+    points : (n, 10) points; normals out of the elastomer; elements of area [mm²]; 1 within the dimple's skirt, else 0;
+        batch; number of points that this one represents for light mirrored several times
+    share : largest size of a part of the emitter over its distance from a point
     work : (`SIGHTS` + `SIGHT` (receivers + 1),) workspace
     """
     pressed = top.numbers[OUTER] > 0.0
@@ -167,11 +167,11 @@ def mirrored_flux(
 
 @kernel
 def _may_land(p: FloatArray, e: FloatArray, receivers: FloatArray, wanted: BoolArray) -> bool:
-    """Whether some ray of an emitter, mirrored at a point of the top, may reach a window.
+    """Whether some ray of an emitter, mirrored at a point of the top, may reach a requested receiver's window.
 
-    Seen from the point, the emitter is within a cone about the direction of its middle, and each window within
-    another one. The mirror preserves the angle of the emitter's cone. If the mirrored cone misses those of all
-    windows, no ray lands.
+    Seen from the point, the emitter is within a cone about the direction of its middle, and each window within another
+    cone. The mirror preserves the angle of the emitter's cone. If the mirrored cone misses those of all windows, no ray
+    arrives.
     """
     x, y, z = p[PX] - e[CX], p[PY] - e[CY], p[PZ] - e[CZ]
     away = math.sqrt(x * x + y * y + z * z)
@@ -201,11 +201,11 @@ def _follow(
     receivers: FloatArray, wanted: BoolArray, e: FloatArray, absorbs: float, index: float, top: FormedTop,
     pressed: bool, out: FloatArray, work: FloatArray,
 ) -> None:  # fmt: skip
-    """Follow the pencil of one part, of half sizes size_u and size_v about x0, y0, z0, through a point of the top."""
+    """Add the light of one part of the emitter, about x0, y0, z0, that a point of the top mirrors once."""
     nx, ny, nz = p[MX], p[MY], p[MZ]
     x, y, z = p[PX], p[PY], p[PZ]
     row, batch = (1 if p[SKIRT] > 0.0 else 0), int(p[BATCH])
-    # ways from the part's points, mirrored, are w + a wu + b wv with a, b from -1 to 1
+    # rays from the part's points, mirrored, have the direction w + a wu + b wv with a, b from -1 to 1
     wx, wy, wz = mirrored(x - x0, y - y0, z - z0, nx, ny, nz)
     ux, uy, uz = mirrored(-size_u * e[UX], -size_u * e[UY], 0.0, nx, ny, nz)
     vx, vy, vz = mirrored(0.0, 0.0, -size_v, nx, ny, nz)
@@ -260,7 +260,7 @@ def _follow(
 
 @kernel
 def _put_sight(window: FloatArray, number: int, top: FormedTop, work: FloatArray) -> None:
-    """Store a window's position, as `is_open` requires it."""
+    """Store the position of a part's face in `work`, in the form that `is_open` takes."""
     x, y, _ = into(top, window[CX], window[CY], window[CZ])
     around, most = 0.0, -NEVER
     for k in range(4):
@@ -273,7 +273,7 @@ def _put_sight(window: FloatArray, number: int, top: FormedTop, work: FloatArray
 
 @inlined
 def _is_open(number: int, top: FormedTop, work: FloatArray) -> bool:
-    """Whether the dimple certainly hides no way from the point to a window."""
+    """Whether the dimple certainly hides no line from the point to a window."""
     k = SIGHTS + SIGHT * number
     return is_open(top, work[AT], work[AT + 1], work[AT + 2], work[k], work[k + 1], work[k + 2], work[k + 3])
 
@@ -283,8 +283,10 @@ def _brought(
     p: FloatArray, e: FloatArray, r: FloatArray, deep: float, absorbs: float, index: float, count: int, start: int,
     work: FloatArray,
 ) -> float:  # fmt: skip
-    """Mean over the landing light of a part's light, and of the count of a window: for the whole by Gauss' rule of four
-    nodes, for a polygon (count > 0 corners in work from start on) by the middles of its triangles' sides.
+    """Mean light of an emitter's part that a point of the top mirrors to a receiver, over the region that arrives.
+
+    count : number of corners of that region, in `work` from `start` on, whose triangles are sampled at the middles of
+        their sides; 0: the whole part arrives, and Gauss' rule with four nodes is used
     """
     total, whole = 0.0, 0.0
     for k in range(1, max(count - 1, 2)):
@@ -312,7 +314,7 @@ def _counted(
     a: float, b: float, p: FloatArray, e: FloatArray, r: FloatArray, deep: float, absorbs: float, index: float,
     work: FloatArray,
 ) -> float:  # fmt: skip
-    """Light of a point of a part, and the share of it that a window counts."""
+    """Light from position a, b of an emitter's part that a point of the top mirrors to a receiver, as counted there."""
     dx, dy, dz = _way(a, b, work)
     toward = (dx * r[NX] + dy * r[NY]) / math.sqrt(dx * dx + dy * dy + dz * dz)
     if toward <= 1e-9:
@@ -323,7 +325,7 @@ def _counted(
 
 @inlined
 def _way(a: float, b: float, work: FloatArray) -> tuple[float, float, float]:
-    """Way from a point of a part to the point of the top, mirrored there."""
+    """Vector from the position a, b of an emitter's part to the point of the top, mirrored there."""
     k = WAYS
     return (
         work[k] + a * work[k + 3] + b * work[k + 6],
@@ -334,7 +336,7 @@ def _way(a: float, b: float, work: FloatArray) -> tuple[float, float, float]:
 
 @inlined
 def _place(a: float, b: float, e: FloatArray, work: FloatArray) -> tuple[float, float, float]:
-    """Point of a part."""
+    """Point (x, y, z) of an emitter's part at a, b from -1 to 1."""
     along = a * work[PART + 3]
     return work[PART] + along * e[UX], work[PART + 1] + along * e[UY], work[PART + 2] + b * work[PART + 4]
 
@@ -344,11 +346,10 @@ def _seen(
     p: FloatArray, e: FloatArray, r: FloatArray, deep: float, absorbs: float, index: float, count: int, start: int,
     top: FormedTop, work: FloatArray,
 ) -> float:  # fmt: skip
-    """Integral of `_counted` over the light of a part that passes the dimple, over the part; NEVER if the dimple hides
-    nothing of it.
+    """Integral of an emitter part's light that reaches a receiver by a point of the top; NEVER: none is hidden.
 
-    One end of a column of the part is hidden first: the upper one under a flat top, since both ways are flatter there.
-    The hidden length is found by halving.
+    A column of the part becomes hidden by the dimple from one end. Under a flat top this is the upper end, since both
+    rays are flatter there. The hidden length is found by halving.
     """
     low, high = -1.0, 1.0
     if count > 0:
@@ -393,7 +394,7 @@ def _seen(
 
 @inlined
 def _ends(a: float, work: FloatArray) -> tuple[float, float]:
-    """Lower and upper end of the landing part of a column of a part."""
+    """Lower and upper end of the light that arrives, in the column of an emitter's part at position `a`."""
     under, over = -1.0, 1.0
     for side in range(4):
         g, gv = work[3 * side] + a * work[3 * side + 1], work[3 * side + 2]
@@ -408,7 +409,7 @@ def _ends(a: float, work: FloatArray) -> tuple[float, float]:
 def _passes(
     a: float, b: float, p: FloatArray, e: FloatArray, r: FloatArray, deep: float, top: FormedTop, work: FloatArray
 ) -> bool:  # fmt: skip
-    """Whether the dimple hides neither the way from a point of a part to a point of the top nor the way onward."""
+    """Whether the dimple hides neither the line from a part's point to the top nor the line to the receiver."""
     dx, dy, dz = _way(a, b, work)
     toward = dx * r[NX] + dy * r[NY]
     if toward <= 0.0:
@@ -423,10 +424,10 @@ def _passes(
 
 @kernel
 def top_points(at: FloatArray, top: FormedTop, out: FloatArray) -> None:
-    """Fill (n, 10) points of the top.
+    """Fill `out` (n, 10) with points of the top, as `mirrored_flux` takes them.
 
-    at : (n, 5) points in the plan of its frame, elements of that plan [mm2], batch, and number of points that each
-    represents in light mirrored often
+    at : (n, 5) points in plan of the frame of the press, elements of area in that plan [mm²], batch, and number of
+        points that each represents for light mirrored several times
     """
     for n in range(at.shape[0]):
         x, y = at[n, 0], at[n, 1]

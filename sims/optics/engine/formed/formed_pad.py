@@ -1,7 +1,7 @@
-"""Data common to all states of a pad with a form: the untouched light, and all that settings and a seed determine.
+"""Data of a disc or crowned pad that all states share: the untouched light, and sample points and rays for the presses.
 
-The untouched pad is traced once, finer than any press. A press changes its light by the difference of the same points
-and rays with and without it; their light without it is here, too.
+The untouched pad is traced once, finer than any press. A press's change is the difference between light through the
+same points and rays with and without it. The light without it is stored here, too.
 """
 
 from __future__ import annotations
@@ -31,38 +31,44 @@ from sims.optics.scene.optical_scene import OpticalScene
 CLASSES = 5
 REFERENCE = Accuracy(image_step=0.06)
 REFERENCE_GRIDS = 2
-"""Grid of the untouched pad, and number of grids with other offsets."""
+"""Settings of the grid of the untouched top, and number of such grids with different offsets."""
 REFERENCE_PATCH_MM, PATCHES_ERROR = 0.5, 3e-3
-"""Size of patches for the untouched pad's light scattered once [mm], and its error [-]."""
+"""Size of patches for light scattered once in the untouched pad [mm], and the error by this size, relative [-]."""
 REFERENCE_RAYS, REFERENCE_WALKS = 32768, 8
-"""Rays per emitter of the untouched pad's scattered light, and number of parts with other offsets. Settings with fewer
-rays have fewer here, and cells of the grid larger by the root."""
+"""Rays per emitter for the untouched pad's scattered light, and number of groups with different offsets. If settings
+have fewer rays, fewer are used here, and cells of the grid grow by the square root of the ratio."""
 DEPOSIT_RAYS = 2048
 PART_SHARE, SPHERE_PART_SHARE = 0.3, 0.15
-"""Largest size of an emitter's part over its distance from a point of the top; less under a sphere, whose chains of
-mirrors focus both ways. `formed_chains` begins with larger parts and divides them where they come near a window."""
+"""Largest size of an emitter's part over its distance from a point of the top. It is smaller under a sphere, whose
+repeated reflections focus light in both directions. `formed_chains` begins with larger parts and divides them."""
 CHAINS_ERROR = 3e-3
-"""Relative error of light mirrored often by an untouched crown [-]: smaller parts of emitters change all of it by 5e-4,
-and that of single pairs under a small press by up to this."""
+"""Relative error of light mirrored several times by an untouched crown [-]. Smaller parts of emitters change all of it
+by 5e-4, and that of single pairs under a small press by up to this."""
 FINER_LATTICE = 2.0**-1.5
-"""Error of a lattice over that of one with every other point, of a function with jumps."""
+"""Error of a grid of points over that of a grid with every other point, for a function with jumps."""
 STRAIGHT_NODES, LEAST_NODES = 12, (5, 24, 4)
-"""Nodes of direct light in the untouched pad; least nodes of emitter, columns and heights under a press."""
+"""Gauss nodes of direct light in each direction for the untouched pad; smallest numbers over emitter, columns and
+heights under a press."""
 MOST_MIRRORED = 1000
 _MIRRORED: dict[bytes, FloatArray] = {}
 _LOCK = threading.Lock()
-"""Most results of mirrored light that are remembered: pads that differ in scattering only share them."""
+"""Lock of `_MIRRORED`, which remembers up to `MOST_MIRRORED` results of mirrored light; pads that differ only in
+scattering share them."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class FormedPad:
-    """The untouched pad.
+    """Untouched light of a disc or crowned pad, and functions that trace its light under any top.
 
     Attributes
     ----------
-    emitters, receivers : window rows; walls, arcs : as kernels read them; top : untouched
-    flux : (class, emitter, receiver) [-]
-    error : (emitter, receiver) standard error of its sum [-]
+    scene : the pad
+    emitters, receivers : faces as from `formed_lower.windows_of`
+    walls, arcs : as from `formed_lower.walls_of`
+    top : the untouched top
+    patches : patches of walls and bottom for scattered light
+    flux : (class, emitter, receiver) untouched flux [-]
+    error : (emitter, receiver) standard error of the flux summed over classes [-]
     """
 
     scene: OpticalScene
@@ -77,23 +83,23 @@ class FormedPad:
 
     @cached_property
     def scale(self) -> FloatArray:
-        """(emitter, receiver) flux of all classes, above 0 [-]."""
+        """(emitter, receiver) flux of all classes, made positive to serve as a scale [-]."""
         return above_zero(np.asarray(self.flux.sum(axis=0)))
 
     @property
     def every(self) -> BoolArray:
-        """(emitter, receiver) all pairs."""
+        """(emitter, receiver) mask with all pairs."""
         return np.ones((len(self.emitters), len(self.receivers)), dtype=np.bool_)
 
     def straight(self, top: FormedTop, wanted: BoolArray, rules: tuple[FloatArray, ...]) -> FloatArray:
-        """(emitter, receiver) direct light."""
+        """(emitter, receiver) direct light of the requested pairs under a top."""
         from sims.optics.engine.formed.formed_kernels import straight_matrix
 
         absorbs = self.scene.absorption_per_mm
         return np.asarray(straight_matrix(self.emitters, self.receivers, wanted, absorbs, *top, *rules))
 
     def mirrored(self, top: FormedTop, wanted: BoolArray, at: FloatArray) -> FloatArray:
-        """(2, batch, emitter, receiver) light mirrored through points (n, 5) of the plan of the top's frame."""
+        """(2, batch, emitter, receiver) light that a top mirrors at points `at` (n, 5), given in plan of its frame."""
         from sims.optics.engine.formed.formed_kernels import mirrored_matrix, points_on
 
         scene = self.scene
@@ -125,7 +131,7 @@ class FormedPad:
         patches: PatchLayout | None = None,
         rays: int = DEPOSIT_RAYS,
     ) -> tuple[FloatArray, FloatArray]:
-        """(batch, emitter, patch) and (batch, receiver, patch) light of the requested pairs' windows on patches."""
+        """(batch, emitter, patch) and (batch, receiver, patch) light that the requested parts send to patches."""
         from sims.optics.engine.formed.formed_kernels import deposit_matrix
 
         scene, layout = self.scene, patches or self.patches
@@ -144,15 +150,20 @@ class FormedPad:
 
 @dataclass(frozen=True, kw_only=True)
 class FormedWays:
-    """Data of all states of a pad that settings and a seed determine.
+    """Sample points, rays and untouched light that settings and a seed determine for all states of a pad.
 
     Attributes
     ----------
-    grid : cells of the top; points : one in each per replicate
-    shifts : (replicate, 2) shifts of points in their cells
-    mirrored : (replicate, 2, batch, emitter, receiver) light by the points in the untouched pad
-    rays : (replicate, n) offsets of rays; deposits : per replicate, their light on patches in the untouched pad
-    rules : rules of direct light; straight : (emitter, receiver) light by these in the untouched pad
+    pad : untouched light
+    settings : the accuracy
+    grid : cells of the top
+    points : for each replicate, one point in each cell
+    shifts : (replicate, 2) positions of the points in their cells
+    mirrored : (replicate, 2, batch, emitter, receiver) light mirrored at the points of the untouched top
+    rays : (replicate, n) offsets of rays
+    deposits : for each replicate, the light of these rays on patches in the untouched pad
+    rules : Gauss nodes and weights of direct light
+    straight : (emitter, receiver) direct light by these nodes in the untouched pad
     """
 
     pad: FormedPad
@@ -168,7 +179,7 @@ class FormedWays:
 
 
 def _name_of(*arrays: FloatArray | BoolArray) -> bytes:
-    """Name of arrays by their content."""
+    """Hash of arrays by kind, shape and content."""
     digest = hashlib.blake2b(digest_size=16)
     for one in arrays:
         digest.update(repr((one.dtype.str, one.shape)).encode())
@@ -177,7 +188,7 @@ def _name_of(*arrays: FloatArray | BoolArray) -> bytes:
 
 
 class _Key:
-    """A scene as a key; equal content gives an equal key."""
+    """A scene as a dictionary key; scenes of equal content have equal keys."""
 
     def __init__(self, scene: OpticalScene) -> None:
         self.scene = scene
@@ -192,7 +203,7 @@ class _Key:
 
 
 def formed_ways(scene: OpticalScene, settings: Accuracy, seed: int) -> FormedWays:
-    """The untouched light of a scene and all that settings and a seed determine, remembered within this process."""
+    """Untouched light, sample points and rays of a scene for settings and a seed, remembered within this process."""
     return _remembered_ways(_Key(scene), settings, seed)
 
 
@@ -253,7 +264,7 @@ def _remembered_pad(key: _Key, seed: int, rays: int) -> FormedPad:
 
 
 def _untouched_mirrored(pad: FormedPad, shift: FloatArray, settings: Accuracy) -> FloatArray:
-    """(grid, 2, batch, emitter, receiver) light mirrored by the untouched top."""
+    """(grid, 2, batch, emitter, receiver) light mirrored by the untouched top, by grids with different offsets."""
     windows = _all_windows(pad)
     grid = top_grid(pad.scene, windows, pitch_of(settings, pad.emitters, pad.receivers))
     out = np.zeros((REFERENCE_GRIDS, 2, 4, *pad.every.shape))
@@ -268,7 +279,7 @@ def _untouched_mirrored(pad: FormedPad, shift: FloatArray, settings: Accuracy) -
 
 
 def _untouched_once(pad: FormedPad, shift: FloatArray, rays: int) -> tuple[FloatArray, FloatArray]:
-    """(emitter, receiver) light scattered once, joined on fine patches, and its standard error."""
+    """(emitter, receiver) light scattered once in the untouched pad, by fine patches, and its standard error."""
     patches = patch_layout(pad.scene, pad.walls, pad.arcs, REFERENCE_PATCH_MM)
     found, error = jackknifed(
         pad.deposits(pad.top, pad.every, shift, patches, rays),
@@ -278,7 +289,7 @@ def _untouched_once(pad: FormedPad, shift: FloatArray, rays: int) -> tuple[Float
 
 
 def _untouched_more(pad: FormedPad, shifts: FloatArray, rays: int) -> FloatArray:
-    """(shift, emitter, receiver) light scattered more than once, for each shift of the sampling sequence."""
+    """(shift, emitter, receiver) light scattered more than once, for each offset of the random sequence."""
     from sims.optics.engine.formed.formed_kernels import scattered_matrix
 
     scene = pad.scene
@@ -298,7 +309,11 @@ def _untouched_more(pad: FormedPad, shifts: FloatArray, rays: int) -> FloatArray
 def jackknifed(
     deposits: tuple[FloatArray, FloatArray], joined: Callable[[FloatArray, FloatArray], FloatArray]
 ) -> tuple[FloatArray, FloatArray]:
-    """A function of all rays' deposits (window, patch), and its standard error by leaving out each batch in turn."""
+    """Function of all rays' deposits, and its standard error (jackknife: each batch is left out in turn).
+
+    deposits : (batch, emitter, patch) and (batch, receiver, patch) light on patches
+    joined : the function of both, summed over batches
+    """
     given, taken = deposits
     count = len(given)
     more = count / (count - 1.0)
@@ -311,10 +326,10 @@ def jackknifed(
 
 
 def lattice_error(mirrored: FloatArray) -> FloatArray:
-    """(emitter, receiver) standard error of the mean over lattices of (lattice, row, batch, emitter, receiver).
+    """(emitter, receiver) standard error of mirrored light from grids of points, (grid, 2, batch, emitter, receiver).
 
-    Each batch is a lattice with every other point, whose error times `FINER_LATTICE` bounds that of all batches
-    together; where lattices differ by more, their spread.
+    Each batch is a grid with every other point. Its error times `FINER_LATTICE` bounds that of all batches together. If
+    whole grids differ by more, their spread is used.
     """
     count, batches = mirrored.shape[0], mirrored.shape[2]
     alone = mirrored.sum(axis=1) * batches
@@ -324,13 +339,13 @@ def lattice_error(mirrored: FloatArray) -> FloatArray:
 
 
 def straight_rules(emitter: int, column: int, height: int) -> tuple[FloatArray, ...]:
-    """Gauss nodes and weights of the emitter, the receiver's columns and their heights."""
+    """Gauss nodes and weights over the emitter, the receiver's columns and the height of a column."""
     rules = [np.polynomial.legendre.leggauss(count) for count in (emitter, column, height)]
     return tuple(part for rule in rules for part in rule)
 
 
 def sequence_steps() -> FloatArray:
-    """(DIMENSIONS,) steps of Roberts' additive sequence: powers of the root of x^(d + 1) = x + 1."""
+    """(DIMENSIONS,) steps of Roberts' additive sequence: powers of 1/x, x the root of x^(d + 1) = x + 1."""
     root = 2.0
     for _ in range(64):
         root = (1.0 + root) ** (1.0 / (DIMENSIONS + 1))
@@ -338,5 +353,5 @@ def sequence_steps() -> FloatArray:
 
 
 def _all_windows(pad: FormedPad) -> FloatArray:
-    """(n, 12) windows of emitters and receivers."""
+    """(n, 12) faces of emitters, then of receivers, without their tables."""
     return np.vstack([pad.emitters[:, :12], pad.receivers[:, :12]])

@@ -1,4 +1,4 @@
-"""Patches of walls and bottom of a pad with a form: their numbers for kernels, their areas, their weights."""
+"""Patches of walls and bottom of a disc or crowned pad: their layout, areas and weights."""
 
 from __future__ import annotations
 
@@ -13,18 +13,19 @@ from sims.optics.scene.optical_scene import OpticalScene
 PATCH_MM = 2.0
 LEAST_TURNS = 24
 SAMPLES = 50
-"""Slices of a bottom patch, and of a bin of directions, over which areas are summed."""
+"""Number of slices of a bottom patch, or of a wall patch's directions, over which its area is summed."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class PatchLayout:
-    """Patches as kernels read them.
+    """Patches on bottom, walls and contact, as kernels read them.
 
     Attributes
     ----------
-    numbers : (8,) middle x, y of the plan [mm], bottom patches per mm, their columns and rows, wall bins of direction,
-        levels of height, levels per mm
-    weight : (patch,) reflectance over area [1/mm2]: bottom, walls, and the contact's, which change with the press (0)
+    numbers : (8,) middle x, y of the plan [mm], bottom patches per mm, their columns and rows, directions of wall
+        patches, their levels of height, levels per mm
+    weight : (patch,) reflectance over area [1/mm²]: bottom, then walls, then the contact's patches, which change with
+        the press and have 0
     """
 
     numbers: FloatArray
@@ -34,7 +35,7 @@ class PatchLayout:
 def patch_layout(
     scene: OpticalScene, walls: FloatArray, arcs: FloatArray, patch_mm: float = PATCH_MM
 ) -> PatchLayout:
-    """The patches of a scene with a form."""
+    """Layout of patches for a disc or crowned pad."""
     form = scene.form
     assert form is not None
     columns, rows = (max(int(np.ceil(size / patch_mm)), 1) for size in (scene.length_mm, scene.width_mm))
@@ -53,7 +54,7 @@ def patch_layout(
 
 
 def is_in_plan(x: FloatArray, y: FloatArray, walls: FloatArray, arcs: FloatArray) -> BoolArray:
-    """Whether points of the plan are in the pad."""
+    """Mask of the points in plan that are in the pad."""
     inside = np.ones(np.shape(x), dtype=np.bool_)
     for nx, ny, level in walls:
         inside &= nx * x + ny * y <= level
@@ -64,14 +65,14 @@ def is_in_plan(x: FloatArray, y: FloatArray, walls: FloatArray, arcs: FloatArray
 
 
 def from_arc(arc: FloatArray, x: FloatArray, y: FloatArray) -> tuple[FloatArray, BoolArray]:
-    """Distances of points from the axis of a round wall (6,) [mm], and whether they are in its sector."""
+    """Distances of points from the axis of a round wall `arc` (6,) [mm], and mask of the points in its sector."""
     cx, cy, _, ux, uy, cosine = arc
     away = np.hypot(x - cx, y - cy)
     return away, np.asarray((x - cx) * ux + (y - cy) * uy >= cosine * away)
 
 
 def border_mm(way: FloatArray, start_mm: FloatArray, walls: FloatArray, arcs: FloatArray) -> FloatArray:
-    """(n, 2) border of the plan along (n, 2) unit vectors from a point (2,) inside [mm]."""
+    """(n, 2) points where the plan's border is met from `start_mm` (2,) inside, along (n, 2) unit vectors [mm]."""
     reach = np.full(len(way), np.inf)
     for nx, ny, level in walls:
         toward = way @ (nx, ny)
@@ -90,7 +91,7 @@ def border_mm(way: FloatArray, start_mm: FloatArray, walls: FloatArray, arcs: Fl
 def _bottom_areas(
     columns: int, rows: int, patch_mm: float, walls: FloatArray, arcs: FloatArray
 ) -> FloatArray:
-    """(columns, rows) areas within the plan [mm2]: slices across x, each cut where it leaves the convex plan."""
+    """(columns, rows) areas of the bottom's patches within the plan [mm²], by slices across x."""
     x = (np.arange(columns * SAMPLES) + 0.5) * patch_mm / SAMPLES
     low, high = np.zeros(len(x)), np.full(len(x), rows * patch_mm)
     for nx, ny, level in walls:
@@ -117,7 +118,7 @@ def _wall_areas(
     turns: int,
     levels: int,
 ) -> FloatArray:
-    """(turns, levels) areas of the walls below the untouched top, by direction from the middle [mm2]."""
+    """(turns, levels) areas of the walls below the untouched top [mm²], by direction from the middle and height."""
     form = scene.form
     assert form is not None
     turn = np.linspace(-np.pi, np.pi, turns * SAMPLES + 1)

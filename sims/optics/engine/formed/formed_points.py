@@ -1,13 +1,13 @@
-"""Points of the top of a pad with a form through which mirrored light is followed.
+"""Points of a disc's or crowned pad's top through which mirrored light is followed.
 
-A grid covers the untouched top. Its cells are divided by four where a window is near: while they are larger than
-`GRADE` of their distance from it. Around a press, where the top bends within a cell, rings replace the grid; cells that
-were divided for a window remain, except in the steep part of the press. Every cell has one point, at the same position
-in each, and belongs to one of four batches, like the squares of a chequered board of four colours.
+A grid covers the untouched top. Near the face of an emitter or receiver (*window*), a cell is divided by four while it
+is larger than `GRADE` of its distance from the window. Around a press, where the top bends within a cell, rings replace
+the grid. Cells that were divided for a window remain, except in the steep part of the press. Every cell has one point,
+at the same relative position, and belongs to one of four batches, like the squares of a board with four colours.
 
-Light mirrored often by a flat or cylindrical top is faint and varies slowly: it is followed through every fourth point
-of the grid and every second one of the rings, which represent the others. A sphere focuses it, so there every point is
-used.
+Light that a flat or cylindrical top mirrors several times is faint and varies slowly. It is followed through every
+fourth point of the grid and every second point of the rings, which represent the others. A sphere focuses such light,
+so every point is used.
 """
 
 from __future__ import annotations
@@ -28,15 +28,16 @@ from sims.optics.scene.optical_scene import OpticalScene
 GRADE = 0.35
 """Largest size of a cell over its distance from a window."""
 PITCH = 0.38
-"""Size of cells at an image step of 1, over the mean size of the narrowest emitter and the narrowest receiver: the
-width of an image half-way between them. At an image step of 0.7 a press on the dome changes light to 0.3 to 1.2
-noise units rms with emitters of 0.3 mm, and 0.4 to 1.7 with those of 1.1 mm."""
+"""Size of cells at an image step of 1, over the mean of the narrowest emitter's and the narrowest receiver's width,
+which is the width of an image half-way between them. At an image step of 0.7 a press on the dome changes light to
+0.3 to 1.2 noise units rms with emitters of 0.3 mm, and 0.4 to 1.7 with those of 1.1 mm."""
 DIVISIONS = 4
-"""Most divisions of a cell of the grid."""
+"""Largest number of divisions of a cell of the grid."""
 RINGS_TO_SKIRT, RINGS_TO_CONTACT = 1.3, 2.0
-"""Outer radius of the rings in radii of the skirt, and of the contact; the larger applies."""
+"""Outer radius of the rings: the larger of these multiples of the steep skirt's radius and of the contact radius."""
 MOST_RINGS_TO_CONTACT = 4.0
-"""Largest outer radius: a dome's top is steep again at its wall, where the grid is as good with fewer points."""
+"""Largest outer radius of the rings over the contact radius. A dome's top is steep again at its wall, where the grid is
+as good with fewer points."""
 GOLDEN = 0.6180339887498949
 
 
@@ -46,9 +47,11 @@ class TopGrid:
 
     Attributes
     ----------
-    pitch_mm : size of cells that are not divided
-    corner : (n, 2) least x and y [mm]; size : (n,) [mm]; batch : (n,)
-    divided : (columns, rows) which cells of the undivided grid are
+    pitch_mm : size of undivided cells [mm]
+    corner : (n, 2) smallest x and y of each cell [mm]
+    size : (n,) size of each cell [mm]
+    batch : (n,) batch of each cell's point, 0 to 3
+    divided : (columns, rows) mask of the undivided grid's cells that were divided
     """
 
     pitch_mm: float
@@ -59,11 +62,11 @@ class TopGrid:
 
     @cached_property
     def is_part(self) -> BoolArray:
-        """(n,) whether a cell is part of a divided one."""
+        """(n,) mask of the cells that are pieces of a divided one."""
         return np.asarray(self.size < 0.75 * self.pitch_mm)
 
     def is_divided(self, x_mm: FloatArray, y_mm: FloatArray) -> BoolArray:
-        """Whether points of the plan are in a divided cell."""
+        """Mask of the points in plan that are in a divided cell."""
         columns, rows = self.divided.shape
         i = np.clip((x_mm / self.pitch_mm).astype(np.int64), 0, columns - 1)
         j = np.clip((y_mm / self.pitch_mm).astype(np.int64), 0, rows - 1)
@@ -72,13 +75,16 @@ class TopGrid:
 
 @dataclass(frozen=True, kw_only=True)
 class GridPoints:
-    """A point in each cell of a grid, on the untouched top.
+    """One point of the untouched top in each cell of a grid.
 
     Attributes
     ----------
-    place : (n, 3) [mm]; normal : (n, 3) out of the elastomer [-]; area : (n,) in plan [mm2]; batch : (n,)
-    is_part : (n,) whether the cell is part of a divided one
-    chains : (n,) number of points that this one represents in light mirrored often
+    place : (n, 3) position [mm]
+    normal : (n, 3) unit normal out of the elastomer [-]
+    area : (n,) area of the cell in plan [mm²]
+    batch : (n,) batch, 0 to 3
+    is_part : (n,) whether the cell is a piece of a divided one
+    chains : (n,) number of points that this one represents for light mirrored several times
     """
 
     place: FloatArray
@@ -89,20 +95,20 @@ class GridPoints:
     chains: FloatArray
 
     def in_frame(self, top: FormedTop) -> FloatArray:
-        """(n, 5) points in the plan of a frame, elements of that plan [mm2], batch, chains."""
+        """(n, 5) the points in the frame of a press: x, y, area in the frame's plan [mm²], batch, `chains`."""
         at = (self.place - top.origin) @ top.axes[:2].T
         element = self.area * (self.normal @ top.axes[2]) / self.normal[:, 2]
         return np.column_stack([at, element, self.batch, self.chains])
 
 
 def pitch_of(settings: Accuracy, emitters: FloatArray, receivers: FloatArray) -> float:
-    """Size of the grid's cells [mm], small relative to images between windows, (n, 12 or more) of either kind."""
+    """Size of the grid's cells [mm], small relative to an emitter's image at a receiver."""
     narrowest = [2.0 * float(windows[:, [HALF_U, HALF_V]].min()) for windows in (emitters, receivers)]
     return float(PITCH * np.sqrt(settings.image_step) * np.mean(narrowest))
 
 
 def top_grid(scene: OpticalScene, windows: FloatArray, pitch_mm: float) -> TopGrid:
-    """Cells that cover the plan's box, smaller near windows (n, 12 or more)."""
+    """Cells that cover the box around the plan, smaller near windows (n, 12 or more)."""
     form = scene.form
     assert form is not None
     columns, rows = (int(np.ceil(side / pitch_mm)) for side in (scene.length_mm, scene.width_mm))
@@ -127,7 +133,7 @@ def top_grid(scene: OpticalScene, windows: FloatArray, pitch_mm: float) -> TopGr
 
 
 def _distance_mm(places: FloatArray, windows: FloatArray) -> FloatArray:
-    """(n,) distance of (n, 3) points from the nearest window."""
+    """(n,) distance of (n, 3) points from the nearest window [mm]."""
     nearest = np.full(len(places), np.inf)
     for w in windows:
         off = places - w[[CX, CY, CZ]]
@@ -147,9 +153,10 @@ def points_of(
     *,
     all_chains: bool,
 ) -> GridPoints:
-    """The points of a grid that are in the pad, shifted within their cells by a share of the cells' size.
+    """Points of a grid that are in the pad.
 
-    all_chains : whether light mirrored often is followed through all of them
+    shift : (2,) position of each point in its cell, as a share of the cell's size
+    all_chains : whether light mirrored several times is followed through all points
     """
     form = scene.form
     assert form is not None
@@ -167,13 +174,13 @@ def points_of(
 
 
 def _every_fourth(grid: TopGrid) -> FloatArray:
-    """(n,) 4 for every second cell of each batch either way, which represents four; 0 for the others."""
+    """(n,) number of points that each represents: 4 for every second cell of a batch in both directions, else 0."""
     number = np.round(grid.corner / grid.size[:, None]).astype(np.int64) // 2
     return np.where((number % 2 == 0).all(axis=1), 4.0, 0.0)
 
 
 def ring_zone_mm(top: FormedTop) -> tuple[float, float]:
-    """Radii up to which rings replace the grid: for divided cells, and for others."""
+    """Radii within which rings replace the grid [mm]: its divided cells, and its other cells."""
     steep, contact = float(top.numbers[SKIRT_EDGE]), float(top.numbers[CONTACT_EDGE])
     most = min(MOST_RINGS_TO_CONTACT * contact, float(top.numbers[OUTER]))
     wide = max(RINGS_TO_SKIRT * steep, RINGS_TO_CONTACT * contact)
@@ -183,7 +190,7 @@ def ring_zone_mm(top: FormedTop) -> tuple[float, float]:
 def ring_points(
     top: FormedTop, outer_mm: float, pitch_mm: float, settings: Accuracy, shift: FloatArray
 ) -> FloatArray:
-    """(n, 5) points on rings around the press, denser near the contact; elements [mm2], batch, chains."""
+    """(n, 5) points on rings around the press, denser near the contact; columns as in `GridPoints.in_frame`."""
     contact, all_chains = float(top.numbers[CONTACT_EDGE]), top.numbers[KIND] == SPHERE
     within = max(settings.rings // 3, 4)
     beyond = max(settings.rings, int(1.5 * (outer_mm - contact) / pitch_mm))

@@ -1,12 +1,12 @@
 # mypy: no-warn-return-any
-"""Rays in a pad with a form: walls, windows, sight, and the first meeting of either with the top.
+"""Rays in a disc or crowned pad: where they meet walls, bottom, top and parts' faces (*windows*).
 
-Points and directions are in the cavity frame; the top is evaluated in its own frame. `walls` (k, 3) has outward normals
-and levels of the flat walls, `arcs` (m, 6) the round ones as in `sims.optics.scene.optical_scene`; windows are rows of
-`sims.optics.engine.formed.formed_lower`.
+Points and directions are in the cavity frame; the top is evaluated in the frame of the press. `walls` (k, 3) has
+outward normal and distance from the origin of each flat wall, `arcs` (m, 6) the round walls as in `PadForm`. Windows
+are rows of `sims.optics.engine.formed.formed_lower.windows_of`.
 
-The pad is convex. A ray from inside leaves a circle at one point; if that is in the arc's sector, the ray meets the arc
-there, or another wall before.
+The pad is convex. A ray from inside leaves a circle at one point. If the point is in the arc's sector, the ray meets
+the arc there, or another wall before.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from sims.optics.surface.radial import inlined, kernel, lobe_at
 
 NEVER = 1e30
 BOTTOM, TOP = -1, -2
-"""Codes of surfaces other than walls; walls have their number, the round ones after the flat ones."""
+"""Codes of surfaces other than walls. Walls have their number; round walls come after flat ones."""
 CX, CY, CZ, UX, UY, HALF_U, HALF_V, NX, NY, ORDER, AREA, WALL, TABLE = range(13)
 
 
@@ -27,7 +27,7 @@ CX, CY, CZ, UX, UY, HALF_U, HALF_V, NX, NY, ORDER, AREA, WALL, TABLE = range(13)
 def plan_exit(
     x: float, y: float, z: float, dx: float, dy: float, dz: float, walls: FloatArray, arcs: FloatArray
 ) -> tuple[float, int]:
-    """Distance to the first wall or the bottom, and which."""
+    """Distance to the first wall or the bottom [mm], and its code."""
     best, which = NEVER, BOTTOM
     if dz < 0.0:
         best = -z / dz
@@ -52,7 +52,7 @@ def plan_exit(
 
 @inlined
 def inward(which: int, x: float, y: float, walls: FloatArray, arcs: FloatArray) -> tuple[float, float, float]:
-    """Unit normal into the elastomer at a wall or the bottom."""
+    """Unit normal of a wall or the bottom at a point, pointing into the elastomer."""
     if which == BOTTOM:
         return 0.0, 0.0, 1.0
     if which >= walls.shape[0]:
@@ -66,7 +66,7 @@ def meeting(
     x: float, y: float, z: float, dx: float, dy: float, dz: float, walls: FloatArray, arcs: FloatArray,
     top: FormedTop,
 ) -> tuple[float, int]:  # fmt: skip
-    """Distance to the first surface that a ray meets, and its code: a wall's number, `BOTTOM` or `TOP`."""
+    """Distance to the first surface that a ray meets [mm], and its code: a wall's number, `BOTTOM` or `TOP`."""
     limit, which = plan_exit(x, y, z, dx, dy, dz, walls, arcs)
     ax, ay, az = into(top, x, y, z)
     bx, by, bz = turn(top, dx, dy, dz)
@@ -89,29 +89,30 @@ def sees(x: float, y: float, z: float, tx: float, ty: float, tz: float, top: For
 
 @inlined
 def window_point(window: FloatArray, u: float, v: float) -> tuple[float, float, float]:
-    """Point on a window; u, v from -1 to 1."""
+    """Point (x, y, z) of a window at u along the wall and v in height, both from -1 to 1."""
     along = u * window[HALF_U]
     return window[CX] + along * window[UX], window[CY] + along * window[UY], window[CZ] + v * window[HALF_V]
 
 
 @inlined
 def lobe(window: FloatArray, cosine: float) -> float:
-    """Radiance over power and area of an emitter's window at a cosine to its normal; for a receiver the counted share
-    over pi [1/sr].
+    """Radiance of an emitter's window over power and area at a cosine to its normal [1/sr].
+
+    For a receiver, pi times this is the share of light that is counted.
     """
     return lobe_at(window[ORDER], window, TABLE, cosine)
 
 
 @inlined
 def mirrored(x: float, y: float, z: float, nx: float, ny: float, nz: float) -> tuple[float, float, float]:
-    """A vector, mirrored by a plane of a unit normal."""
+    """Mirror a vector in a plane with a unit normal."""
     c = 2.0 * (x * nx + y * ny + z * nz)
     return x - c * nx, y - c * ny, z - c * nz
 
 
 @inlined
 def beside(x: float, y: float, z: float, nx: float, ny: float, nz: float) -> tuple[float, float, float]:
-    """Unit vector along another vector, mirrored."""
+    """Mirror a vector in a plane with a unit normal and scale it to length 1."""
     per = 1.0 / math.sqrt(x * x + y * y + z * z)
     return mirrored(x * per, y * per, z * per, nx, ny, nz)
 
@@ -120,7 +121,8 @@ def beside(x: float, y: float, z: float, nx: float, ny: float, nz: float) -> tup
 def landing(
     x: float, y: float, z: float, dx: float, dy: float, dz: float, r: FloatArray
 ) -> tuple[float, float, float]:
-    """Point at which a ray crosses a window's plane, in half sizes, and the distance; -NEVER if it moves away."""
+    """Where a ray crosses the plane of a part's face: u, v in half sizes of the face, and distance (-NEVER: moves
+    away)."""
     toward = dx * r[NX] + dy * r[NY]
     if toward <= 1e-9:
         return 0.0, 0.0, -NEVER

@@ -1,16 +1,16 @@
 # mypy: no-warn-return-any
-"""Light scattered by walls, bottom or tip of a pad with a form: weighted rays, with a connection to every window.
+"""Light that walls, bottom or tip of a disc or crowned pad scatter: weighted rays, each connected to every receiver.
 
 Model
 -----
-Rays leave an emitter by a low-discrepancy sequence, Lambertian, with its lobe as weight. The top mirrors by Fresnel's
-share, absorption follows Beer and Lambert; walls, bottom and tip scatter their reflectance, Lambertian. Every point of
-scattering is connected to every window by one ray to a point on it:
+Rays leave an emitter with Lambertian directions of a low-discrepancy sequence, weighted by its angular pattern. The top
+mirrors Fresnel's share; absorption follows Beer and Lambert. Walls, bottom and tip scatter their reflectance,
+Lambertian. Every point of scattering is connected to the face (window) of every receiver by one ray to a point on it:
 
     weight · c_s c_r A(c_r) area / (π s²) · e^(-μ s)
 
-Light mirrored by the top on its way from there to a window is counted where the ray itself lands on it. A ray's random
-numbers depend on its own number and on the count of its scatterings, not on the press.
+Light that the top mirrors after its last scattering is counted if the ray itself meets a receiver. A ray's random
+numbers depend on its number and on how often it was scattered, not on the press.
 
 Left out: smooth walls; light of less than `FAINT` of the emitter's power.
 """
@@ -46,7 +46,8 @@ FAINT = 1e-7
 MOST_SCATTERED, MOST_FLIGHTS = 6, 60
 FIRST, PER_SCATTER = 4, 4
 DIMENSIONS = FIRST + PER_SCATTER * MOST_SCATTERED
-"""Random numbers per ray: point and direction at the emitter; then a direction and a point on the windows each time."""
+"""Random numbers per ray: point and direction at the emitter; then, per scattering, a direction and a point on the
+faces."""
 
 
 @kernel
@@ -54,9 +55,11 @@ def scattered_flux(
     e: FloatArray, receivers: FloatArray, rays: int, steps: FloatArray, shift: FloatArray, absorbs: float,
     index: float, reflectances: FloatArray, walls: FloatArray, arcs: FloatArray, top: FormedTop, out: FloatArray,
 ) -> None:  # fmt: skip
-    """Add to out (2, receiver) the light of an emitter scattered once, and more often, over its power.
+    """Add the light of an emitter over its power to `out` (2, receiver): scattered once, and scattered more often.
 
-    rays : number of rays; steps, shift : (DIMENSIONS,) of the sequence; reflectances : of walls, bottom and tip
+    rays : number of rays
+    steps, shift : (DIMENSIONS,) steps and offsets of the random sequence
+    reflectances : of walls, bottom and tip
     """
     submerged = e[HALF_V] * e[HALF_U] * 4.0 / e[10]
     for n in range(rays):
@@ -126,7 +129,7 @@ def _look(
     x: float, y: float, z: float, nx: float, ny: float, nz: float, weight: float, u: float, v: float,
     receivers: FloatArray, absorbs: float, top: FormedTop, out: FloatArray,
 ) -> None:  # fmt: skip
-    """Add the direct light of a point of scattering to every window."""
+    """Add the direct light from a point of scattering to every receiver."""
     for j in range(receivers.shape[0]):
         r = receivers[j]
         tx, ty, tz = window_point(r, u, v)
@@ -144,7 +147,7 @@ def _look(
 
 @kernel
 def window_at(what: int, x: float, y: float, z: float, receivers: FloatArray) -> int:
-    """The receiver whose window covers a point of a wall, or -1."""
+    """Number of the receiver whose face covers a point of a wall; -1 if there is none."""
     for j in range(receivers.shape[0]):
         r = receivers[j]
         along = (x - r[CX]) * r[UX] + (y - r[CY]) * r[UY]
@@ -155,14 +158,14 @@ def window_at(what: int, x: float, y: float, z: float, receivers: FloatArray) ->
 
 @kernel
 def number(ray: int, dimension: int, steps: FloatArray, shift: FloatArray) -> float:
-    """A ray's number from 0 to 1 in a dimension."""
+    """Random number of a ray from 0 to 1 in one dimension of the sequence."""
     value = shift[dimension] + (ray + 1.0) * steps[dimension]
     return value - math.floor(value)
 
 
 @kernel
 def about(nx: float, ny: float, nz: float, cosine: float, turn: float) -> tuple[float, float, float]:
-    """Unit direction at an angle to a unit normal, turned around it by a share of a turn."""
+    """Unit direction at the angle of a cosine to a unit normal, turned around the normal by a share of a full turn."""
     sine = math.sqrt(max(1.0 - cosine * cosine, 0.0))
     a, b = sine * math.cos(2.0 * math.pi * turn), sine * math.sin(2.0 * math.pi * turn)
     if abs(nz) < 0.9:

@@ -1,27 +1,27 @@
 # mypy: no-warn-return-any
-r"""The top of a pad with a form under one press, in the frame of the press, and the points where rays leave through it.
+r"""The top of a disc or crowned pad under one press, in the frame of the press, and where rays leave through it.
 
 Model
 -----
-The frame has its origin on the untouched top at the location of the press, and its third axis along the normal
-(`PadForm.press_frame`). There the top is
+The *frame of the press* has its origin on the untouched top at the location of the press, and its third axis along the
+normal (`PadForm.press_frame`). There the top is
 
     z = -c(x, y) + d(r) + F(x, y),     c: the crown's fall below its tangent plane,  r² = x² + y²
 
-with d the press's height above the untouched crown. In the contact of a hemisphere of radius a at depth p,
-d = a - p - √(a² - r²) + m(r), with m the fall of the mean crown: for a sphere c itself, so that the top is the tip; for
-a cylinder that of a sphere of twice its radius. Beyond, d is a C1 cubic through the press's points as in
+with d the press's height above the untouched crown. In the contact of a hemisphere of radius a at depth p, d = a - p -
+√(a² - r²) + m(r), with m the fall of the mean crown. For a sphere m is c itself, so the top is the tip. For a cylinder
+m is the fall of a sphere of twice its radius. Beyond the contact, d is a C1 cubic through the press's points as in
 `sims.optics.surface.curves`, and ends in a tail.
 
-Rays march. The height of a ray above the crown, u = z + c, is convex along it, so that in a step it is nowhere above
-the line between its ends. With s the step's nearest radius, d is nowhere below its lowest value from s outward, falls
-nowhere faster than its largest slope from s outward, and its slope along a line grows nowhere faster than the largest
-cup κ = max(d'', d'/r, 0) from s outward. A step of h in plan is clear when u stays below the first; when the gap
-g = d - u at one of its ends does not close so fast; or when √g₁ + √g₂ > h √(κ/2) at its ends, for then g is above the
-parabola through them that is bent by κ. Steps are shortened until they are clear, or until a ray that comes out closes
-its gap faster than κ h, and so comes out once. At `STEP_MM`, less where the gap is small, the ends decide: a shorter
-chord through a tip of radius a is cut off by STEP_MM² / 8a, 4 µm of 3 mm. Newton's rule within the step finds the point
-at which it comes out.
+Rays march in steps that cannot jump over the top. The height of a ray above the crown, u = z + c, is convex along it,
+so within a step u is nowhere above the line between its ends. Let s be the step's smallest radius. From s outward there
+are bounds: the lowest d, the largest downward slope, and the largest *cup* κ = max(d'', d'/r, 0), the rate at which d's
+slope along a line grows. With the gap g = d - u, a step of length h in plan is safe in three cases: u stays below the
+lowest d; g at one end is larger than it can lose within the step; or √g₁ + √g₂ > h √(κ/2) at its ends, for then g is
+above the parabola through them that is bent by κ. Steps are shortened until they are safe, or until a ray that comes
+out closes its gap faster than κ h, and so comes out once. At `STEP_MM`, less where the gap is small, only the ends are
+tested: a shorter chord through a tip of radius a is missed, STEP_MM² / 8a deep, 4 µm for 3 mm. Newton's rule within the
+step finds the point where the ray comes out.
 
 Left out: the second height where the curve folds, several tips.
 """
@@ -49,17 +49,18 @@ from sims.optics.surface.radial import height_and_slope, inlined, kernel
 
 NEVER = 1e30
 STEP_MM, LEAST_STEP_MM = 0.3, 0.06
-"""Steps of a march near the dimple in which only the ends are tested: longest and shortest."""
+"""Longest and shortest step of a march near the dimple in which only the ends are tested [mm]."""
 SHORTER, LONGER = 0.25, 2.0
-"""Factor of the next step of a march after one that is not clear, and after one that is."""
+"""Factor on the step of a march after a step that is not safe, and after one that is."""
 ALOOF, NEWTON_STEPS = 2.5, 8
-"""Least ratio of a ray's slope to the crown at both ends over the dimple's at which it certainly meets the top once."""
+"""How much steeper than the dimple a ray must cross the crown, at both ends, so that it certainly meets the top once;
+and number of Newton steps."""
 AT_TOP_MM = 1e-10
-"""Distance below which a point counts as on the top."""
+"""Distance below which a point counts as on the top [mm]."""
 NEAR_TOP_MM = 1e-6
-"""Distance below which a point is one step of Newton's rule from the top."""
+"""Distance from the top below which one more step of Newton's rule is enough [mm]."""
 LOWS, CUPS = ROW, ROW + CELLS
-"""First columns of the lowest heights and of the largest cups, from each piece outward, behind a press's row."""
+"""Columns in a press's row where the lowest heights and the largest cups begin, each from a piece outward."""
 FORMED_ROW = CUPS + CELLS
 FLAT, SPHERE, CYLINDER = 0.0, 1.0, 2.0
 # numbers of a top
@@ -68,15 +69,17 @@ NUMBERS = 7
 
 
 class FormedTop(NamedTuple):
-    """One state's top as kernels read it.
+    """The top in one state, as kernels read it; the module's docstring explains frame, d and cup.
 
     Attributes
     ----------
-    origin, axes : (3,), (3, 3) of the frame, an axis a row
-    numbers : (7,) kind of crown, its radius, that of the mean crown [mm] (0: none); depth of the press, radius beyond
-        which d is 0, of the contact, and of the skirt, within which a mirror counts as the skirt's [mm]; 0 untouched
-    rows : (1, `FORMED_ROW`) radial table of d (`sims.optics.surface.curves`), heights from 0, its lowest heights, its
-        largest cups; a single 0 where untouched
+    origin : (3,) origin of the frame of the press [mm]
+    axes : (3, 3) axes of the frame, one per row [-]
+    numbers : (7,) kind of crown; its radius and that of the mean crown (0: none); depth of the press; radius beyond
+        which d is 0; contact radius; skirt radius, within which a reflection counts as the skirt's [mm]. The last four
+        are 0 if untouched
+    rows : (1, `FORMED_ROW`) radial table of d (`sims.optics.surface.curves`), then lowest heights, then largest cups; a
+        single 0 if untouched
     """
 
     origin: FloatArray
@@ -87,13 +90,13 @@ class FormedTop(NamedTuple):
 
 @inlined
 def into(top: FormedTop, x: float, y: float, z: float) -> tuple[float, float, float]:
-    """A point of the cavity in the frame."""
+    """Convert a point from the cavity frame to the frame of the press."""
     return turn(top, x - top.origin[0], y - top.origin[1], z - top.origin[2])
 
 
 @inlined
 def turn(top: FormedTop, x: float, y: float, z: float) -> tuple[float, float, float]:
-    """A vector of the cavity in the frame."""
+    """Convert a vector from the cavity frame to the frame of the press."""
     a = top.axes
     return (
         a[0, 0] * x + a[0, 1] * y + a[0, 2] * z,
@@ -104,7 +107,7 @@ def turn(top: FormedTop, x: float, y: float, z: float) -> tuple[float, float, fl
 
 @inlined
 def out_of(top: FormedTop, x: float, y: float, z: float) -> tuple[float, float, float]:
-    """A vector of the frame in the cavity."""
+    """Convert a vector from the frame of the press to the cavity frame."""
     a = top.axes
     return (
         a[0, 0] * x + a[1, 0] * y + a[2, 0] * z,
@@ -115,7 +118,7 @@ def out_of(top: FormedTop, x: float, y: float, z: float) -> tuple[float, float, 
 
 @inlined
 def fall(top: FormedTop, x: float, y: float) -> float:
-    """Distance of the untouched crown below its tangent plane, in the frame; far beyond it, steep and growing."""
+    """Distance of the untouched crown below its tangent plane [mm]; far outside the pad it is continued steeply."""
     kind = top.numbers[KIND]
     if kind == FLAT:
         return 0.0
@@ -126,7 +129,7 @@ def fall(top: FormedTop, x: float, y: float) -> float:
 
 @inlined
 def crown_slopes(top: FormedTop, x: float, y: float) -> tuple[float, float]:
-    """Slopes of the crown's fall."""
+    """Slopes along x and y of the crown's distance below its tangent plane."""
     kind = top.numbers[KIND]
     if kind == FLAT:
         return 0.0, 0.0
@@ -138,7 +141,7 @@ def crown_slopes(top: FormedTop, x: float, y: float) -> tuple[float, float]:
 
 @inlined
 def rise(top: FormedTop, r2: float) -> tuple[float, float]:
-    """d at a squared radius, and its slope over the radius."""
+    """Height d of the press at a squared radius [mm], and (dd/dr) / r [1/mm]."""
     if r2 >= top.numbers[OUTER] * top.numbers[OUTER]:
         return 0.0, 0.0
     value, turned = height_and_slope(r2, 0, top.rows)
@@ -152,7 +155,7 @@ def rise(top: FormedTop, r2: float) -> tuple[float, float]:
 
 @kernel
 def crown_exit(top: FormedTop, x: float, y: float, z: float, dx: float, dy: float, dz: float) -> float:
-    """Distance at which a ray from inside leaves the untouched crown, all in the frame; NEVER if it does not."""
+    """Distance at which a ray from inside leaves the untouched crown, in the press's frame; NEVER if it does not."""
     kind = top.numbers[KIND]
     if kind == FLAT:
         return max(-z / dz, 0.0) if dz > 0.0 else NEVER
@@ -177,7 +180,7 @@ def crown_exit(top: FormedTop, x: float, y: float, z: float, dx: float, dy: floa
 
 @inlined
 def above(top: FormedTop, x: float, y: float, z: float) -> float:
-    """Height of a point of the frame above the top (negative: in the elastomer)."""
+    """Height above the top of a point in the frame of the press [mm]; negative in the elastomer."""
     return z + fall(top, x, y) - rise(top, x * x + y * y)[0]
 
 
@@ -185,7 +188,7 @@ def above(top: FormedTop, x: float, y: float, z: float) -> float:
 def above_along(
     top: FormedTop, x: float, y: float, z: float, dx: float, dy: float, dz: float
 ) -> tuple[float, float]:
-    """Height of a point of the frame above the top, and its rate along a direction."""
+    """Height above the top of a point in the frame of the press [mm], and its derivative along a direction."""
     sx, sy = crown_slopes(top, x, y)
     height, turned = rise(top, x * x + y * y)
     return z + fall(top, x, y) - height, dz + (sx - turned * x) * dx + (sy - turned * y) * dy
@@ -195,9 +198,9 @@ def above_along(
 def top_hit(
     top: FormedTop, x: float, y: float, z: float, dx: float, dy: float, dz: float, limit: float
 ) -> float:
-    """Distance at which a ray from inside first leaves through the top, nearer than limit; NEVER if it does not.
+    """Distance, below `limit`, at which a ray from inside first leaves through the top; NEVER if it does not.
 
-    x, y, z, dx, dy, dz : start and unit direction in the frame
+    x, y, z, dx, dy, dz : start and unit direction in the frame of the press
     """
     leaves = crown_exit(top, x, y, z, dx, dy, dz)
     outer = top.numbers[OUTER]
@@ -231,10 +234,9 @@ def _aloof(
     top: FormedTop, x: float, y: float, z: float, dx: float, dy: float, dz: float, a: float, b: float, end: float,
     leaves: float,
 ) -> float:  # fmt: skip
-    """Largest distance before its exit from the crown at which a ray may leave the top, if it leaves once [mm]; else 0.
+    """Largest distance before its exit from the crown at which a ray may leave the top [mm]; 0 if it may leave twice.
 
-    It leaves once where the dimple changes the height along its way up to `end` so slowly that the crown's own curve
-    keeps them apart.
+    A ray leaves once if the dimple, over the ray up to `end`, is much less steep than the ray relative to the crown.
     """
     at = min(max(-b / a, 0.0), end) if a > 1e-14 else 0.0
     qx, qy = x + at * dx, y + at * dy
@@ -253,7 +255,7 @@ def _aloof(
 def _settled(
     top: FormedTop, x: float, y: float, z: float, dx: float, dy: float, dz: float, t: float, limit: float
 ) -> float:
-    """Distance at which a ray meets the top near a distance t, by Newton's rule; NEVER beyond the limit."""
+    """Distance at which a ray meets the top, by Newton's rule from a nearby t; NEVER if it is above the limit."""
     for _ in range(NEWTON_STEPS):
         off, grows = above_along(top, x + t * dx, y + t * dy, z + t * dz, dx, dy, dz)
         t -= off / grows
@@ -267,9 +269,9 @@ def _march(
     top: FormedTop, x: float, y: float, z: float, dx: float, dy: float, dz: float, a: float, b: float, first: float,
     stop: float,
 ) -> float:  # fmt: skip
-    """Distance from first to stop, all within the dimple's circle, at which a ray leaves; NEVER if it does not.
+    """Distance from `first` to `stop`, all within the dimple's circle, at which a ray leaves; NEVER if it does not.
 
-    a, b : squared length of the direction in the frame's plan, and its product with the start [mm]
+    a, b : squared length of the direction in plan, and its scalar product with the start in plan [mm]
     """
     across = math.sqrt(a)
     t = first
@@ -313,14 +315,14 @@ def _march(
 def is_open(
     top: FormedTop, x: float, y: float, u: float, to_x: float, to_y: float, round_mm: float, to_u: float
 ) -> bool:
-    """Whether the dimple certainly hides no straight line from a point of the top to a window; if False, it may.
+    """True: the dimple hides no straight line from a point of the top to a window. False: the dimple may hide some.
 
-    x, y, u : the point in the frame's plan, and its height above the untouched crown [mm]
-    to_x, to_y, round_mm, to_u : middle of the window in that plan, a circle about it that contains the window, and the
-        window's largest height above the crown
+    x, y, u : the point in plan of the frame, and its height above the untouched crown [mm]
+    to_x, to_y, round_mm, to_u : middle of the window in that plan, radius of a circle about it that contains the
+        window, and the window's largest height above the crown [mm]
 
-    After a share of its length the line is below the lowest point of the dimple that it passes; until there the dimple
-    is less steep than the line.
+    Beyond some share of its length the line is below the lowest point of the dimple that it passes. Before that, the
+    dimple must be less steep than the line.
     """
     vx, vy = to_x - x, to_y - y
     along2 = vx * vx + vy * vy
@@ -336,7 +338,7 @@ def is_open(
 
 @inlined
 def _bounds(top: FormedTop, r2: float) -> tuple[float, float, float]:
-    """Lowest d, largest slope and largest cup of it from a squared radius outward."""
+    """Lowest d [mm], largest slope of d [-] and largest cup of d [1/mm] from a squared radius outward."""
     rows = top.rows
     if r2 >= top.numbers[OUTER] * top.numbers[OUTER]:
         return 0.0, 0.0, 0.0
@@ -350,7 +352,7 @@ def _bounds(top: FormedTop, r2: float) -> tuple[float, float, float]:
 def _between(
     top: FormedTop, x: float, y: float, z: float, dx: float, dy: float, dz: float, low: float, high: float
 ) -> float:
-    """Point at which a ray crosses the top between a point inside and one outside, by Newton's rule within them."""
+    """Distance at which a ray crosses the top between `low` (inside) and `high` (outside), by Newton's rule."""
     t = 0.5 * (low + high)
     for _ in range(60):
         off, grows = above_along(top, x + t * dx, y + t * dy, z + t * dz, dx, dy, dz)
@@ -372,7 +374,7 @@ def _between(
 
 @inlined
 def normal_at(top: FormedTop, x: float, y: float) -> tuple[float, float, float]:
-    """Unit normal out of the elastomer at a point in the frame's plan."""
+    """Unit normal out of the elastomer at a point in plan of the frame."""
     sx, sy = crown_slopes(top, x, y)
     turned = rise(top, x * x + y * y)[1]
     nx, ny = sx - turned * x, sy - turned * y
@@ -382,25 +384,25 @@ def normal_at(top: FormedTop, x: float, y: float) -> tuple[float, float, float]:
 
 @inlined
 def is_contact(top: FormedTop, x: float, y: float) -> bool:
-    """Whether the top there is the tip."""
+    """Whether the tip touches the top at a point in plan of the frame."""
     edge = top.numbers[CONTACT_EDGE]
     return x * x + y * y < edge * edge
 
 
 @inlined
 def is_skirt(top: FormedTop, x: float, y: float) -> bool:
-    """Whether the top there is within the outermost radius where the press is steep."""
+    """Whether a point in plan of the frame is within the outermost radius where the press is steep (skirt)."""
     edge = top.numbers[SKIRT_EDGE]
     return x * x + y * y < edge * edge
 
 
 def empty_rows() -> FloatArray:
-    """Rows of an untouched top."""
+    """(1, 1) table of an untouched top."""
     return np.zeros((1, 1))
 
 
 def out_of_frame(top: FormedTop, at_mm: FloatArray) -> FloatArray:
-    """(n, 3) points of the cavity on the untouched top at (n, 2) points of the frame's plan [mm]."""
+    """(n, 3) points of the untouched top in the cavity frame, at (n, 2) points of the press frame's plan [mm]."""
     x, y = at_mm.T
     kind, radius = top.numbers[KIND], top.numbers[RADIUS]
     fallen = np.zeros(len(x))

@@ -1,22 +1,23 @@
-"""Trace every pair of a pad with a form, untouched or pressed: flux by path class, with a standard error.
+"""Trace every pair of a disc or crowned pad, untouched or pressed: flux by path class, with a standard error.
 
 Method, class by class
 ----------------------
 - `direct`: quadrature with a horizon for every column (`formed_direct`).
-- `top`, `skirt`: pencils through points of the top (`formed_mirrored`, `formed_points`).
-- `diffuse`: the untouched pad's light of all orders times the change by the press of light scattered once
-(`formed_deposits`); where only the tip scatters, the light that it scatters.
+- `top`, `skirt`: ray bundles through points of the top (`formed_mirrored`, `formed_points`).
+- `diffuse`: the untouched pad's scattered light times the factor by which a press changes light scattered once
+  (`formed_deposits`). If only the tip scatters, the light that it scatters.
 
-The untouched pad is traced once, finely (`formed_pad`). A press changes its light by the difference of the same points
-and rays with and without it.
+The untouched pad is traced once, finely (`formed_pad`). A press's change is the difference between light through the
+same points and rays with and without it.
 
 Standard error
 --------------
-The error of mirrored light comes from lattices with every other point, that of scattered light from leaving out every
-fourth ray in turn. The common error of fixed rules is `RULES_ERROR` of the untouched flux, `HORIZON_ERROR` of the
-direct light that the press removes, and `CHAINS_ERROR` or `PARTS_ERROR` of its change of mirrored light. Each pair has
-its own. States share the untouched pad's error, and rules err by the same share of equal changes: `change_error` leaves
-both out. Obstruction by the dimple of light scattered more than once is not covered.
+The error of mirrored light comes from grids with every other point, that of scattered light from leaving out every
+fourth ray in turn. Each pair also has the error of fixed rules: `RULES_ERROR` of the untouched flux, `HORIZON_ERROR` of
+the direct light that the press removes, and `CHAINS_ERROR` or `PARTS_ERROR` of the change of mirrored light.
+`change_error` leaves out what differences of states do not contain: the untouched pad's error, which all states share,
+and that of rules, which err by the same share of equal changes. Obstruction by the dimple of light scattered more than
+once is in no error.
 
 Left out: smooth walls, several tips, fields, folds; `sims.optics.oracle` has all of these.
 """
@@ -51,24 +52,24 @@ from sims.optics.scene.optical_scene import OpticalScene
 from sims.optics.surface.curves import CONTACT_AREA
 
 RULES_ERROR = 3e-4
-"""Error of fixed rules over the untouched flux, where a press changes a pair [-]: mirrored light of flat rectangles is
+"""Error of fixed rules over the untouched flux, if a press changes a pair [-]: mirrored light of flat rectangles is
 within 1e-4 of that of `trace_states`."""
 HORIZON_ERROR = 0.01
-"""Error of direct light over the part that the press removes [-]: the largest change by finer rules."""
+"""Error of direct light over the direct light that the press removes [-]: the largest change by finer rules."""
 CHAINS_ERROR, PARTS_ERROR = 0.02, 0.01
-"""Error of a press's change of mirrored light, by the skirt and elsewhere, over these changes [-]: under a crown, where
-it is mirrored often, and under a flat top. It is about the largest remaining change by smaller parts."""
+"""Error of a press's change of mirrored light, over the change by the skirt and elsewhere [-]: under a crown, where
+light is mirrored several times, and under a flat top. It is about the largest change that smaller parts still cause."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class FormedLight:
-    """Light of states, over emitted power.
+    """Light of some states, over emitted power.
 
     Attributes
     ----------
-    flux : (state, class, emitter, receiver) [-]
-    standard_error : (state, emitter, receiver) standard error of the sum over classes [-]
-    change_error : same shape, error of lattices and rays of the press alone [-]
+    flux : (state, class, emitter, receiver) flux [-]
+    standard_error : (state, emitter, receiver) standard error of the flux summed over classes [-]
+    change_error : (state, emitter, receiver) error of the press's sample points and rays alone [-]
     scale : (emitter, receiver) untouched flux of all classes, above 0 [-]
     """
 
@@ -86,13 +87,16 @@ def trace_formed(
     seed: int,
     wanted: BoolArray,
 ) -> FormedLight:
-    """Light of some states. One emitter's light in one state depends on no other emitter and no other state.
+    """Trace some states. One emitter's light in one state depends on no other emitter and no other state.
 
     Parameters
     ----------
-    scene : with a form (`formed_lower.check_formed`)
-    states : (n,) numbers of the tops
-    wanted : (n, emitter, receiver) pairs; others are 0
+    scene : a disc or crowned pad (`formed_lower.check_formed`)
+    tops : tops of all states
+    states : (n,) numbers of the states to trace
+    settings : the accuracy
+    seed : seed of the offsets
+    wanted : (n, emitter, receiver) mask of pairs; the flux of others is 0
     """
     ways = formed_ways(scene, settings, seed)
     flux = np.zeros((len(states), CLASSES, *wanted.shape[1:]))
@@ -117,7 +121,7 @@ def trace_formed(
 def _pressed(
     ways: FormedWays, top: FormedTop, wanted: BoolArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """(class, emitter, receiver) light of one state, (emitter, receiver) its standard error and that of its change."""
+    """(class, emitter, receiver) light of a pressed state; (emitter, receiver) its standard error, and its change's."""
     pad = ways.pad
     flux = pad.flux.copy()
     straight = pad.straight(top, wanted, ways.rules) - ways.straight
@@ -137,7 +141,7 @@ def _pressed(
 
 
 def _mirrored_change(ways: FormedWays, number: int, top: FormedTop, wanted: BoolArray) -> FloatArray:
-    """(2, batch, emitter, receiver) change of mirrored light by a press, by one replicate's points."""
+    """(2, batch, emitter, receiver) change of mirrored light by a press, from one replicate's points."""
     pad, points = ways.pad, ways.points[number]
     flat = _without_press(top)
     inner, outer = ring_zone_mm(top)
@@ -155,9 +159,9 @@ def _mirrored_change(ways: FormedWays, number: int, top: FormedTop, wanted: Bool
 
 
 def _scattered(ways: FormedWays, top: FormedTop, wanted: BoolArray) -> tuple[FloatArray, FloatArray]:
-    """(emitter, receiver) scattered light with the press, and its standard error.
+    """(emitter, receiver) scattered light under a press, and its standard error.
 
-    The error is a jackknife: all rays, and all but each batch of them.
+    The error is a jackknife: each batch of rays is left out in turn.
     """
     pad, untouched = ways.pad, ways.pad.flux[4]
     weight = pad.patches.weight.copy()
