@@ -40,7 +40,7 @@ _METADATA = {"Creator": None, "Date": None, "Format": None, "Type": None}
 
 @contextmanager
 def plain_style() -> Iterator[None]:
-    """Context for drawing and export with matplotlib's defaults and optopad's sizes; it restores the user's settings."""
+    """Draw and export with matplotlib's defaults and optopad's sizes; it restores the user's settings."""
     with matplotlib.rc_context():
         matplotlib.rcdefaults()
         matplotlib.rcParams.update(
