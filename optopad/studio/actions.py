@@ -1,4 +1,4 @@
-"""Programs that the buttons start: verbs of optopad, and the mold, each in its own process that can be ended."""
+"""Programs that the studio's buttons start: commands of optopad, and the mold, each in a process that can be ended."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ Tell = Callable[[Said], None]
 
 @dataclass(frozen=True, kw_only=True)
 class Ghost:
-    """An alternative that `improve` verified: the kind of improvement, the changes, the design."""
+    """An improved design that `optopad improve` verified, with the kind of improvement and the changed fields."""
 
     kind: str
     changes: dict[str, Any]
@@ -35,12 +35,12 @@ class Ghost:
 
 
 class Task:
-    """One running program at a time: `improve`, `run`, or another that writes its result to files.
+    """Runs one program at a time, `optopad improve` or `optopad run`, and reads the files with its result.
 
     Parameters
     ----------
     out : folder of the bundles
-    tell : called with the progress, on a thread of the task
+    tell : called with messages about the progress, on a thread of the task
     """
 
     def __init__(self, out: Path, tell: Tell) -> None:
@@ -55,7 +55,7 @@ class Task:
         return self._process is not None and self._process.poll() is None
 
     def improve(self, design: SensorDesign, done: Callable[[tuple[Ghost, ...]], None]) -> bool:
-        """Search around a design; `done` receives the result. Returns False if another task is running."""
+        """Search for improvements of a design; `done` receives them. Returns False if another task is running."""
 
         began = time.time()
 
@@ -72,7 +72,7 @@ class Task:
         return self._start("improve", design, finish)
 
     def _made_since(self, began: float, pattern: str) -> Path:
-        """The file that a task has just written."""
+        """The newest file that matches `pattern` and was written after the time `began`."""
         found = sorted(self.out.glob(pattern), key=lambda file: file.stat().st_mtime)
         if not found or found[-1].stat().st_mtime < began - 2.0:  # clocks of file systems are coarse
             raise FileNotFoundError(f"{self.out / pattern}")
@@ -89,7 +89,7 @@ class Task:
         return self._start("run", design, finish)
 
     def end(self) -> None:
-        """End the running task; a later one reuses its finished parts."""
+        """End the running task; a later task reuses its finished parts."""
         with self._lock:
             self._is_ended = True
             process = self._process
@@ -158,11 +158,12 @@ def _found(count: int, folder: Path) -> str:
 
 
 class MoldShop:
-    """Makes the printable mold of the newest design in a process; a newer design ends that process.
+    """Makes the printable mold of the newest design in a separate process; a newer design ends that process.
 
     Parameters
     ----------
-    post : receives the digest and the mesh in the cavity frame, or the text of a refusal, on a thread of the shop
+    post : called on a separate thread with the design's digest, and with the mesh in the cavity frame or the text of an
+        error
     """
 
     def __init__(self, post: Callable[[str, Mesh | str], None]) -> None:
@@ -172,7 +173,7 @@ class MoldShop:
         self._digest = ""
 
     def want(self, design: SensorDesign) -> None:
-        """Start the mold of a design, unless it is finished or in progress."""
+        """Start making a design's mold, unless it is finished or in progress."""
         with self._lock:
             if design.digest == self._digest:
                 return

@@ -1,4 +1,4 @@
-"""Results of the studio's work, one class per piece, each with the digest of its design."""
+"""Results of the studio's computations, one class per kind of result, each with the digest of its design."""
 
 from __future__ import annotations
 
@@ -15,13 +15,14 @@ Level = Literal["draft", "score", "whole"]
 
 @dataclass(frozen=True, kw_only=True)
 class Look:
-    """The pressed top.
+    """The shape of the pressed top.
 
     Attributes
     ----------
     press : location and depth
-    points_mm : (n, 3) of the top's mesh [mm]; triangles : (m, 3) numbers of points
-    force_n, contact_radius_mm : of the press; 0 without contact
+    points_mm : (n, 3) points of the top's mesh in the cavity frame [mm]
+    triangles : (m, 3) indices of points
+    force_n, contact_radius_mm : load [N] and contact radius [mm]; 0 without contact
     """
 
     digest: str
@@ -34,7 +35,7 @@ class Look:
 
 @dataclass(frozen=True, kw_only=True)
 class Curves:
-    """Signals of the pairs under the tip against depth."""
+    """Signals against depth for the pairs under the tip."""
 
     digest: str
     found: PlaceCurves
@@ -42,7 +43,7 @@ class Curves:
 
 @dataclass(frozen=True, kw_only=True)
 class Ray:
-    """One sample path of light: the key of its kind, the name of its pair, points (n, 3) [mm]."""
+    """One sample path of light: key of its kind, name of its pair, and (n, 3) points in the cavity frame [mm]."""
 
     kind: str
     pair: str
@@ -51,7 +52,7 @@ class Ray:
 
 @dataclass(frozen=True, kw_only=True)
 class Rays:
-    """Sample paths under the present press."""
+    """Sample paths of light under a press."""
 
     digest: str
     press: Press
@@ -64,7 +65,7 @@ class Readings:
 
     Attributes
     ----------
-    untouched, pressed : (emitter, receiver) without contact, and under the press [counts]
+    untouched, pressed : (emitter, receiver) readings without contact, and under the press [counts]
     """
 
     digest: str
@@ -75,12 +76,12 @@ class Readings:
 
 @dataclass(frozen=True, kw_only=True)
 class Judged:
-    """A verdict.
+    """A verdict on a design.
 
     Attributes
     ----------
-    level : draft (light of a search), score (as `optopad score`, without its tolerance), whole (complete)
-    score : verdict, map, bounds
+    level : accuracy: "draft" has coarse light, "score" is as `optopad score` without tolerance, "whole" is complete
+    score : score with verdict, map and bounds
     """
 
     digest: str
@@ -90,7 +91,7 @@ class Judged:
 
 @dataclass(frozen=True, kw_only=True)
 class Progress:
-    """The stage of the running work, and the finished fraction of it; an empty stage if no work is running."""
+    """The stage of the running work, and its finished share, 0 to 1; the stage is empty if no work is running."""
 
     stage: str
     share: float

@@ -1,6 +1,6 @@
 """The edited design file: its text with comments, saving, and detection of changes by other programs.
 
-In the text of an edited design file only different fields change, and every comment is kept.
+Saving changes only the edited fields in the file's text and keeps every comment:
 
 edited_text       the same text with changed fields
 standalone_text   a complete new text with the same comments, for files that cannot be edited in place: own parts or a
@@ -50,7 +50,7 @@ def edited_text(text: str, was: SensorDesign, now: SensorDesign) -> str:
 
 
 def standalone_text(text: str, now: SensorDesign) -> str:
-    """A design with every value written out, and the comments of an earlier text."""
+    """A new text with every value of a design, followed by the comments of an earlier text."""
     _, _, whole = dump_design(now).partition(
         "\n"
     )  # its first line names the digest, which the next edit changes
@@ -58,13 +58,13 @@ def standalone_text(text: str, now: SensorDesign) -> str:
 
 
 def comments_of(text: str) -> tuple[str, ...]:
-    """Every comment of a TOML text from its # on, in order."""
+    """Every comment of a TOML text, from its # to the end of its line, in order."""
     found = (token.group("comment") for token in _TOKEN.finditer(text))
     return tuple(comment.rstrip() for comment in found if comment)
 
 
 def _with_comments(text: str, former: str) -> str:
-    """The text, followed by those comments of an earlier text that it does not contain."""
+    """The text, followed by those comments of an earlier text that it lacks."""
     gone = Counter(comments_of(former)) - Counter(
         one for comment in comments_of(text) for one in _nested(comment)
     )
@@ -114,7 +114,7 @@ def _edit_list(item: Array, new: list[Any]) -> None:
 
 
 def _drop(target: Any, key: str) -> None:
-    """Remove a key; a line with a comment becomes a comment."""
+    """Remove a key from a table; if its line ends with a comment, the whole line becomes a comment."""
     if key not in target:
         return
     line = _as_comment(target, key) if isinstance(target, Table) else None
@@ -127,7 +127,7 @@ def _drop(target: Any, key: str) -> None:
 
 
 def _as_comment(table: Table, key: str) -> Comment | None:
-    """A table's line as a comment, if it contains one; otherwise None."""
+    """The line of a table's key as a comment; None if the line does not end with a comment."""
     item = table.value.item(key)
     if isinstance(item, Table | AoT | OutOfOrderTableProxy) or "\n" in item.as_string():
         return None
@@ -139,14 +139,14 @@ def _as_comment(table: Table, key: str) -> Comment | None:
 
 
 def _add(target: Any, key: str, item: Any) -> None:
-    """Append a key after a table's last line, before the blank line and what follows it."""
+    """Append a key after a table's last key, before any blank line that follows it."""
     rest = _cut_rest(target) if isinstance(target, Table) else []
     target[key] = item
     _body(target).extend(rest)
 
 
 def _cut_rest(table: Table) -> list[Any]:
-    """Remove a table's end, from the first blank line after its last key on."""
+    """Remove and return the end of a table, from the first blank line after its last key."""
     body = _body(table)
     last = max((n for n, (name, _) in enumerate(body) if name is not None), default=-1)
     blank = (n for n in range(last + 1, len(body)) if isinstance(body[n][1], Whitespace))
@@ -162,7 +162,10 @@ def _body(table: Any) -> list[Any]:
 
 
 def _edit_layout(target: Any, old: list[dict[str, Any]], new: list[dict[str, Any]]) -> None:
-    """Keep the text of unchanged entries; if the patterns and their number are the same, change only their fields."""
+    """Change the layout and keep the text of unchanged entries.
+
+    If the sequence of patterns is the same, only fields of the entries are changed.
+    """
     given = target["layout"]
     if [one["pattern"] for one in old] == [one["pattern"] for one in new]:
         for table, before, after in zip(given, old, new, strict=True):
@@ -174,7 +177,7 @@ def _edit_layout(target: Any, old: list[dict[str, Any]], new: list[dict[str, Any
 
 
 def _entries(given: list[tuple[dict[str, Any], Table]], new: list[dict[str, Any]]) -> AoT:
-    """Tables of a layout: unchanged ones, and new ones with the comments of those that they replace."""
+    """Tables of a layout: the unchanged ones, and new ones that take over the comments of removed ones."""
     rest = _cut_rest(given[-1][1]) or [(None, Whitespace("\n"))]
     left = list(given)
     entries: list[tuple[Table, bool]] = []
@@ -195,7 +198,7 @@ def _entries(given: list[tuple[dict[str, Any], Table]], new: list[dict[str, Any]
 
 
 def _comment_lines(table: Table) -> list[str]:
-    """The comments of a table, one per line; a key's comment includes the key."""
+    """The comments of a table, one per line; a comment next to a key includes the key's line."""
     lines = [table.trivia.comment] if table.trivia.comment else []
     for key, item in _body(table):
         if isinstance(item, Comment):
@@ -218,7 +221,7 @@ def _put_first(table: Table, lines: list[str]) -> None:
 
 
 def _inline_entries(new: list[dict[str, Any]]) -> Array:
-    """A layout in brackets, one entry per line."""
+    """A layout as an array in brackets, one entry per line."""
     found = tomlkit.array()
     for one in new:
         entry = tomlkit.inline_table()
@@ -238,27 +241,28 @@ def _item(value: Any) -> Any:
 
 BYTE_ORDER_MARK = "\ufeff"
 _CANNOT_EDIT = (TOMLKitError, LookupError, TypeError, ValueError, AttributeError)
-"""Errors of tomlkit if it cannot change a text in place."""
+"""Errors that tomlkit raises if it cannot change a text in place."""
 _NOT_IN_NAMES = re.compile(r'[<>:"/\\|?*\x00-\x1f\x7f]')
-"""Characters that lead to another folder, or that a file system refuses."""
+"""Characters in a file name that lead to another folder, or that a file system rejects."""
 
 
 class DesignFile:
-    """The file of the edited design.
+    """The file of the design that is edited in the studio.
 
     Attributes
     ----------
-    path : the file; None for a preset or a bundle's design, which are saved under a new name
+    path : path of the file; None for a preset or a bundle's design, which is saved under a new name
     saved : the design in the file, as last read or written
-    is_in_step : whether the file contained that design when it was last read: neither removed nor made unusable
+    is_in_step : whether the file contained the saved design when it was last checked; False if it was removed or became
+        unusable
     """
 
     def __init__(self, where: str) -> None:
-        """Read a file, a bundle's design or a preset.
+        """Read a design file, the design of a bundle, or a preset.
 
         Raises
         ------
-        DesignError, InputError : as for every verb
+        DesignError, InputError : there is no such file, or it contains no usable design.
         """
         path = Path(where)
         self.path: Path | None = None
@@ -276,22 +280,20 @@ class DesignFile:
 
     @property
     def default_name(self) -> str:
-        """The name proposed for saving: the file's own, or a new one after the design."""
+        """The file name proposed for saving: the present one, or a new one from the design's name."""
         return f"{self.saved.name}.toml" if self.path is None else self.path.name
 
     @property
     def folder(self) -> Path:
-        """The folder for saving: the file's folder; for a preset or a bundle's design, the current one."""
+        """The folder for saving: that of the file; for a preset or a bundle's design, the current folder."""
         return Path() if self.path is None else self.path.parent
 
     def changed_outside(self) -> SensorDesign | None:
-        """The design of a file that was changed since it was last read or written; None if it was not changed.
-
-        Another text of the same design, such as one with a new comment, is accepted without a message.
+        """The design in the file, if another program changed it since it was last read or written; otherwise None.
 
         Raises
         ------
-        DesignError : the present file contains no usable design; raised once for each state of it.
+        DesignError : the file contains no usable design; raised once for each change of the file.
         """
         state = self._state()
         if self.path is None or state == self._seen:
@@ -305,7 +307,7 @@ class DesignFile:
         return None if found.digest == former.digest else found
 
     def save(self, design: SensorDesign, target: str | None = None) -> Path:
-        """Write a design with the file's comments; loading the written file gives the same digest.
+        """Write a design with the file's comments, and return the path; reading it back gives the same digest.
 
         Parameters
         ----------
@@ -313,8 +315,8 @@ class DesignFile:
 
         Raises
         ------
-        InputError, OutputError : no name, a path or a device instead of a name, an existing other file, a file that was
-            changed since it was last read, or a folder that cannot be written; nothing is changed.
+        InputError, OutputError : the name is empty, a path, a device or that of another existing file; the file was
+            changed since it was last read; or the folder cannot be written. No file is changed.
         """
         file = self._target(target)
         self._text = _write_checked(file, self._texts(design), design)
@@ -323,7 +325,7 @@ class DesignFile:
         return file
 
     def _texts(self, design: SensorDesign) -> Iterator[str]:
-        """Possible texts of the file, the best first."""
+        """Possible texts of the file, the preferred one first."""
         mark = BYTE_ORDER_MARK if self._text.startswith(BYTE_ORDER_MARK) else ""
         text = self._text.removeprefix(mark)
         with suppress(*_CANNOT_EDIT):
@@ -371,7 +373,7 @@ def _is_same(file: Path, other: Path) -> bool:
 
 
 def _write_checked(file: Path, texts: Iterator[str], design: SensorDesign) -> str:
-    """Write the first text that reads back as the design, through a file next to the target; returns that text."""
+    """Write the first text from which the design is read back, and return it; the target is replaced at once."""
     name = ""
     try:
         handle, name = tempfile.mkstemp(dir=file.parent, prefix=".optopad-", suffix=".toml")
@@ -390,7 +392,7 @@ def _write_checked(file: Path, texts: Iterator[str], design: SensorDesign) -> st
 
 
 def _is_read_as(file: Path, text: str, design: SensorDesign) -> bool:
-    """Write a text and read it back."""
+    """Write a text to a file and check whether reading it gives the design."""
     with file.open("w", encoding="utf-8", newline="") as stream:
         stream.write(text)
     try:
@@ -400,12 +402,12 @@ def _is_read_as(file: Path, text: str, design: SensorDesign) -> bool:
 
 
 def _read(path: Path) -> str:
-    """The text of a file, including byte order mark and line ends."""
+    """The text of a file, with byte order mark and line ends unchanged."""
     with path.open(encoding="utf-8", newline="") as stream:
         return stream.read()
 
 
 def _without_digest(text: str) -> str:
-    """A written design's text without its first line, which contains the digest."""
+    """The text of a written design without its first line, which has the digest."""
     first, _, rest = text.partition("\n")
     return rest if first.startswith("# optopad design ") else text

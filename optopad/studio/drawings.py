@@ -1,6 +1,6 @@
-"""Drawings of the panel as SVG text: pairs under the tip, map of the pad, a sensor's readings and the simulated ones.
+"""Drawings for the studio's panel as SVG text: pairs under the tip, map of the pad, live and simulated readings.
 
-Text and axes take the page's own colour, so that a drawing suits light and dark pages.
+Text and axes have the page's text colour, so that a drawing suits light and dark pages.
 """
 
 from __future__ import annotations
@@ -36,7 +36,8 @@ LEAST_CELL = 16.0
 WEAKEST_COUNTS = 4.0
 """Least simulated reading for a ratio to it [counts]."""
 MOST_SHARE = 4.0
-"""Largest drawn signal over the untouched one: a pair with little untouched light may get far more under a press."""
+"""Largest drawn signal over the untouched signal [-]; a pair with little untouched light may receive far more under a
+press."""
 
 _HATCH = (
     '<defs><pattern id="dead" width="5" height="5" patternTransform="rotate(45)" patternUnits="userSpaceOnUse">'
@@ -81,7 +82,7 @@ def curves_svg(found: PlaceCurves, depth_mm: float) -> str:
 
 
 def _share_of_untouched(signal: FloatArray) -> FloatArray:
-    """A signal over that of the untouched pad, limited to `MOST_SHARE`; zero without an untouched signal [-]."""
+    """A signal over the untouched signal, limited to `MOST_SHARE` [-]; zero if the untouched signal is zero."""
     if not signal[0] > 0:
         return np.zeros_like(signal)
     return np.asarray(np.minimum(signal / signal[0], MOST_SHARE), dtype=np.float64)
@@ -140,15 +141,15 @@ def _legend(y: float) -> str:
 
 @dataclass(frozen=True, kw_only=True)
 class Quantity:
-    """Content of a map.
+    """A quantity that the map shows at each location.
 
     Attributes
     ----------
-    title, unit : words for the quantity
+    title, unit : name and unit of the quantity
     values : (ny, nx); infinite or NaN where there is no value
-    x_mm, y_mm : lines of its grid [mm]
-    good, bad : values at the ends of the scale
-    absent : word for a missing value
+    x_mm, y_mm : (nx,) and (ny,) coordinates of the grid [mm]
+    good, bad : values at the green and the red end of the colour scale
+    absent : text for a missing value
     """
 
     title: str
@@ -165,7 +166,7 @@ QUANTITIES = ("deadband", "usable depth", "margin", "location bound", "depth bou
 
 
 def quantity(name: str, score: ContinuityScore) -> Quantity | None:
-    """One of `QUANTITIES` of a score; None if it is not known (yet)."""
+    """The map's quantity with this name (one of `QUANTITIES`) from a score; None if it is not computed."""
     pad, bounds = score.pad_map, score.bounds
     if pad is None:
         return None
@@ -232,11 +233,12 @@ def _middle(values: FloatArray) -> float:
 
 
 def map_svg(cavity: CavityGeometry, shown: Quantity | None, press: Press, bad: Sequence[str] = ()) -> str:
-    """The pad from above: a quantity at each location of the workspace, parts with their names, the tip.
+    """The pad from above: a quantity at each location of the workspace, components with names, and the tip.
 
     Parameters
     ----------
-    bad : names of parts to mark
+    shown : quantity to show; None draws no quantity
+    bad : names of components to mark
     """
     edge = 26.0
     scale = (WIDTH - 2 * edge) / max(cavity.length_mm, 0.9 * cavity.width_mm)
@@ -306,7 +308,7 @@ def _pitch(lines: tuple[float, ...], span: float) -> float:
 
 
 def _shade(good: float) -> str:
-    """A colour from red (bad) by sand to green (good), pale enough for text of either page."""
+    """A colour from red (0, bad) via sand to green (1, good), pale enough for text on light and dark pages."""
     bad, middle, fine = np.array([209, 36, 47]), np.array([230, 190, 90]), np.array([0, 158, 115])
     share = min(max(good, 0.0), 1.0)
     colour = (
@@ -331,7 +333,7 @@ def _part(part: PlacedPart, x: Place, y: Place, *, is_bad: bool) -> str:
 
 
 def nearest_place(pad: PadMap, press: Press) -> int:
-    """Number of the map's location nearest to a press."""
+    """Index of the map's location that is nearest to a press."""
     away = [(place.x_mm - press.x_mm) ** 2 + (place.y_mm - press.y_mm) ** 2 for place in pad.places]
     return int(np.argmin(away))
 
@@ -343,14 +345,14 @@ def readings_svg(
     simulated: FloatArray | None,
     bad: Sequence[str] = (),
 ) -> str:
-    """One cell per pair: the live reading above, the simulated one below [counts]; large differences are coloured.
+    """One cell per pair with the live reading and, below it, the simulated reading [counts].
 
-    Cells too narrow for numbers are the pixels of a picture.
+    Cells with a large difference are coloured.
 
     Parameters
     ----------
-    live, simulated : (emitter, receiver) [counts]
-    bad : names of parts or pairs that failed a check
+    live, simulated : (emitter, receiver) readings [counts]
+    bad : names of components or pairs that failed a check
     """
     left, top = 34.0, 16.0
     wide, tall = (WIDTH - left - 2) / max(len(receivers), 1), 24.0
@@ -406,7 +408,7 @@ def _bad(name: str, bad: Sequence[str]) -> str:
 
 
 def _difference(live: float, simulated: float | None) -> str:
-    """A colour: orange for less light than simulated, blue for more."""
+    """Colour of a cell: orange if the live reading is well below the simulated one, blue if well above."""
     colour = _differences(np.array(live), None if simulated is None else np.array(simulated))
     red, green, blue, opacity = colour.tolist()
     return f"rgb({red:.0f} {green:.0f} {blue:.0f} / {opacity:.2f})"

@@ -30,23 +30,25 @@ SIZES = ("cavity.length_mm", "cavity.width_mm", "cavity.diameter_mm")
 ANGLES_DEG = (-360.0, 360.0)
 PATTERNS = ("alternating ring", "facing rows", "by side")
 ROUND_PATTERNS = ("disc ring",)
-"""Patterns of a whole layout, for straight walls and for round ones; any other layout is `by hand`."""
+"""Patterns of a whole layout: `PATTERNS` for straight walls, `ROUND_PATTERNS` for round walls. Any other layout is "by
+hand"."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class EditableField:
-    """One field.
+    """One field of a design that can be edited in the studio.
 
     Attributes
     ----------
     path : dotted path in the design
-    group, label, unit : group in the panel, label, unit (empty for a pure number)
-    kind : number, whole (number) or choice
+    group, label : group in the panel, and label
+    unit : unit; empty for a pure number
+    kind : "number", "whole" for a whole number, or "choice"
     value : value in the design
-    low, high : limits of the field; None: no limit
-    step : step of the field's arrows
+    low, high : limits of the value; None for no limit
+    step : change of the value by the arrow buttons
     choices : options of a choice
-    tells : meaning of the field, in a sentence
+    tells : meaning of the field, in one sentence
     """
 
     path: str
@@ -91,11 +93,7 @@ def editable_fields_of(design: SensorDesign) -> tuple[EditableField, ...]:
 
 
 def changes_of(design: SensorDesign, path: str, value: Any) -> dict[str, Any]:
-    """Changes of the design for a new value of one field.
-
-    The mold's outer size follows the pad's inner size. If a ring has a number for each wall and one new number would
-    make the sum odd, the opposite wall changes by the same number, upwards or downwards.
-    """
+    """All changes of a design that follow from a new value of one field, by dotted path."""
     if path == "layout":
         return {} if value == pattern_of(design) else {"layout": relaid(design, str(value))}
     if path in SIZES and isinstance(value, int | float):
@@ -109,7 +107,7 @@ def changes_of(design: SensorDesign, path: str, value: Any) -> dict[str, Any]:
 
 
 def _opposite_too(design: SensorDesign, path: str, value: int) -> dict[str, Any]:
-    """The change of the opposite wall that keeps the sum even."""
+    """The change of the opposite wall's number of components that keeps the sum of a ring even; empty if it is even."""
     ring, _, wall = path.rpartition(".")
     counts = get_at(design.model_dump(mode="json"), ring)
     change = value - counts[int(wall)]
@@ -121,7 +119,7 @@ def _opposite_too(design: SensorDesign, path: str, value: int) -> dict[str, Any]
 
 
 def relaid(design: SensorDesign, pattern: str) -> list[dict[str, Any]]:
-    """A layout of another pattern with about as many parts; for "by hand", the present parts one by one."""
+    """A layout of another pattern with about as many components; "by hand" lists the present ones one by one."""
     from optopad.studio.moves import placed_singles
 
     emitters, walls = _count(design, "emitter"), _walls(design)
@@ -149,7 +147,7 @@ def relaid(design: SensorDesign, pattern: str) -> list[dict[str, Any]]:
 
 
 def pattern_of(design: SensorDesign) -> str:
-    """The name of a whole layout's pattern, or `BY_HAND`."""
+    """The name of the pattern if it describes the whole layout, otherwise `BY_HAND`."""
     kinds: set[type] = {type(one) for one in design.layout}
     if len(design.layout) == 1 and kinds == {DiscRing}:
         return "disc ring"
@@ -163,7 +161,10 @@ def pattern_of(design: SensorDesign) -> str:
 
 
 def _disc_ring(design: SensorDesign) -> dict[str, Any]:
-    """A disc ring with the larger of the two numbers of parts, starting in the first emitter's direction."""
+    """A disc ring that begins at the first emitter's direction.
+
+    Its number of components per kind is the larger of the numbers of emitters and receivers.
+    """
     count = max(_count(design, "emitter"), _count(design, "receiver"))
     places = expand(design.layout, design.cavity)
     first = next((one.angle_deg for one in places if one.kind == "emitter"), None) or 0.0
@@ -171,7 +172,7 @@ def _disc_ring(design: SensorDesign) -> dict[str, Any]:
 
 
 def _walls(design: SensorDesign) -> dict[str, float]:
-    """The straight walls that parts can share: name and length [mm]."""
+    """Name and length [mm] of the straight walls on which components can be placed."""
     return {line.name: line.length_mm for line in plan_of(design).walls}
 
 
@@ -334,7 +335,7 @@ def _first_angle(at: str, value: float) -> EditableField:
 
 
 def _pitch(at: str, given_mm: float | None, even_mm: float) -> EditableField:
-    """The field of the pitch, with the even pitch as value if none is given."""
+    """The editable field of a pitch; if the design gives none, its value is that of even spacing."""
     value = round(even_mm, 3) if given_mm is None else given_mm
     return _along(at, "pitch_mm", "pitch", value, "Distance between neighbours.")
 
@@ -347,7 +348,7 @@ def _along(at: str, name: str, label: str, value: float, tells: str) -> Editable
 def _number(
     path: str, label: str, unit: str, value: float, limits: tuple[float, float], step: float, tells: str
 ) -> EditableField:
-    """A field of the layout that is a number, between two limits."""
+    """An editable field of the layout for a number between two limits."""
     return EditableField(
         path=path,
         group="Layout",
@@ -363,10 +364,7 @@ def _number(
 
 
 def limits_of(path: str) -> tuple[float | None, float | None]:
-    """Least and largest value that the specification allows at a path without list items; None: no limit.
-
-    An exclusive limit ("above 0") is given as the limit itself.
-    """
+    """Least and largest value that the schema allows at a path without list indices; None for no limit."""
     schema = _schema()
     found = schema
     for name in path.split("."):

@@ -1,17 +1,17 @@
-"""The manufactured sensor in the studio: a thread reads it through the driver and keeps the newest snapshot.
+"""The manufactured sensor in the studio: a thread reads it through the driver and stores the newest snapshot.
 
     with LiveSensor(design, port=None, model=None, bundles=Path("outputs")) as live:
         live.start()
         view = live.latest()
 
-The driver's own thread empties the port into its queue; the thread here takes frames from there and makes an immutable
-snapshot. The drawing code takes a reference to it, so drawing never delays reading. Nothing is simulated here: the
-expected pattern of the untouched pad comes from the bundle, or is set with `set_expected`.
+The driver's own thread reads the port into a queue. The thread here takes frames from this queue and makes an immutable
+snapshot, so drawing never delays reading. Nothing is simulated here: the expected readings of the untouched pad come
+from the bundle, or are set with `set_expected`.
 
-Do not touch the pad for the first 1.5 s after every connection: baseline, check of the wiring and the model's levels
-are measured then. A press at that time counts as the untouched pad until `rebase`.
+Do not touch the pad for the first 1.5 s after every connection. During this time the baseline, the check of the wiring
+and the model's reference levels are measured. A press at that time counts as the untouched pad until `rebase`.
 
-A simulated board can replace a real one. It is a process of `optopad driver fake`, which ends with this one.
+A simulated board can replace a real one: a process of `optopad driver fake`, which ends with this process.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ from optopad.work import started
 STARTING_BOARD = "starting the simulated board"
 
 GENTLE_S = 1.0
-"""Time for it to end before it is killed."""
+"""Time in which the simulated board may end by itself before its process is killed [s]."""
 
 BOARD_PROGRAM = """
 import os, signal, threading
@@ -60,15 +60,15 @@ threading.Thread(target=follow, daemon=True).start()
 from optopad.cli import main
 main()
 """
-"""The program `optopad`, which ends when the other end of its standard input ends, for whatever reason."""
+"""Python program that runs `optopad` and ends when the other end of its standard input is closed, for any reason."""
 
 
 class BoardProcess:
-    """`optopad driver fake` of a design as a process that ends with this one.
+    """Runs `optopad driver fake` for a design as a process that ends with this process.
 
     Parameters
     ----------
-    say : called with the progress
+    say : called with messages about the progress
     """
 
     def __init__(self, design: SensorDesign, bundles: Path, seed: int, say: Callable[[str], None]) -> None:
@@ -84,16 +84,16 @@ class BoardProcess:
 
     @property
     def has_ended(self) -> bool:
-        """Whether it ended without a request."""
+        """Whether the simulated board ended without a request to end."""
         return self._process is not None and self._process.poll() is not None
 
     def port(self) -> str:
-        """Name of its port; it is started if it does not run.
+        """Name of the simulated board's port; the board is started if it is not running.
 
         Raises
         ------
-        DeviceError : it was closed meanwhile.
-        InputError : it ended before it had a port; the message contains its own message.
+        DeviceError : the board was closed while it was starting.
+        InputError : the board ended before it had a port; the text includes the board's own message.
         """
         if self._process is not None and not self.has_ended:
             return self._port
@@ -114,14 +114,14 @@ class BoardProcess:
         )
 
     def end(self) -> None:
-        """End it, by force if it does not react; it is not started again."""
+        """End the board's process, by force if it does not react; afterwards it cannot be started again."""
         with self._lock:
             self._is_closed = True
         if self._process is not None:
             _end(self._process)
 
     def tidy(self) -> None:
-        """Close its pipes and remove its folder, once nobody reads from it; a second call has no effect."""
+        """Close the pipes and remove the temporary folder after the last read; a second call has no effect."""
         if self._process is not None:
             _close_pipes(self._process)
         self._folder.cleanup()
@@ -158,14 +158,15 @@ FAKE = "fake"
 """Name of the port that requests a simulated board."""
 
 START_S, START_FRAMES = 0.8, 5
-"""Time and frames of the untouched pad for baseline and check; a model's own levels are measured after that."""
+"""Least time [s] and number of frames of the untouched pad for baseline and wiring check; a model measures its
+reference levels after that."""
 
 POLL_S = 0.2
 SILENCE_S = 1.0
-"""The sensor is reported as silent after this time without a frame, and at least three frame times."""
+"""Time without a frame after which the sensor is reported as silent [s]; at least three frame periods."""
 
 OPEN_AGAIN_S = 10.0
-"""The driver looks for a lost port by itself; after this time without a frame the port is opened anew."""
+"""Time without a frame after which a lost port is opened again [s]; until then the driver looks for it by itself."""
 
 TRY_EVERY_S = 2.0
 SHOW_EVERY_S = 0.01
@@ -174,21 +175,22 @@ CLOSE_S = 2.0
 
 @dataclass(frozen=True, kw_only=True)
 class LiveView:
-    """Present state of the sensor. The numbers of a disconnected sensor are kept.
+    """Snapshot of the sensor's state. After a disconnection, the last numbers remain.
 
     Attributes
     ----------
-    status : one sentence for people
+    status : state of the connection in one sentence, for display
     is_reading : whether frames arrive
-    frames, lost, damaged, reconnects : counts of the line since `start`, see `LinkCounts`
-    view_lost : frames that the driver received but did not hand on to this class, by their sequence numbers
-    rate_hz : frames a second by the board's clock; None before two frames
-    signals : (emitter, receiver) minus the dark state's [counts]; None before the first frame
-    baseline : (emitter, receiver) signals of the untouched pad, 0.8 s after the first frame [counts]
-    normalised : (emitter, receiver) signals over the baseline; NaN where the baseline is below 4 counts [-]
-    saturated : (emitter, receiver) whether the lit or dark reading is at full scale
-    expected : (emitter, receiver) simulated without contact [counts]; None if not known
-    touch : the model's estimate from the newest frame; None without a model
+    frames, lost, damaged, reconnects : numbers of received, lost and damaged frames, and of reconnections, since
+        `start`
+    view_lost : number of frames that the driver received but this class missed, from gaps in the sequence numbers
+    rate_hz : frames per second by the board's clock; None before two frames
+    signals : (emitter, receiver) lit minus dark readings [counts]; None before the first frame
+    baseline : (emitter, receiver) signals of the untouched pad [counts]; None before they are measured
+    normalised : (emitter, receiver) signals over the baseline [-]; NaN where the baseline is below 4 counts
+    saturated : (emitter, receiver) whether the lit or the dark reading is at full scale
+    expected : (emitter, receiver) simulated signals without contact [counts]; None if not known
+    touch : the model's touch estimate from the newest frame; None without a model
     problems : findings of the check of the wiring, errors first; also empty before the check
     """
 
@@ -210,21 +212,21 @@ class LiveView:
 
 
 class LiveSensor:
-    """Reads a built sensor, or a simulated board, in a thread until closed.
+    """Reads a manufactured sensor, or a simulated board, in a thread until closed.
 
     Parameters
     ----------
     design : design of the sensor
-    port : name of the port; None finds the board by its USB identity; "fake" starts a simulated one
+    port : name of the port; None finds the board by its USB identity, "fake" starts a simulated board
     model : file of a trained model of this design; None shows no touch
     bundles : folder of the bundles; the design's bundle provides the expected pattern if it exists
     seed : seed of the simulated board
-    accept_digest : first 8 or more digits of another design's digest that is accepted nevertheless
-    patience_s : longest wait for the board when its port is opened [s]; None: the default of `Sensor`
+    accept_digest : first 8 or more digits of the digest of another design that is accepted, too
+    patience_s : longest wait for the board when its port is opened [s]; None for the driver's default
 
     Raises
     ------
-    InputError, DesignError : a model of another design, a damaged model, or digits that match no design.
+    InputError, DesignError : the model is damaged or of another design, or the digits match no design.
     """
 
     def __init__(
@@ -273,7 +275,7 @@ class LiveSensor:
         self.close()
 
     def start(self) -> None:
-        """Begin to read; call it once."""
+        """Start the reading thread; call this once."""
         self._say("looking for the board" if self._board is None else STARTING_BOARD)
         self._thread.start()
 
@@ -283,11 +285,11 @@ class LiveSensor:
 
     @property
     def expected(self) -> FloatArray | None:
-        """(emitter, receiver) simulated without contact [counts]; None if neither in the bundle nor set."""
+        """(emitter, receiver) simulated signals without contact [counts]; None if neither in the bundle nor set."""
         return self._expected
 
     def set_expected(self, counts: ArrayLike) -> None:
-        """Set the expected readings of the untouched pad; the wiring is checked against them.
+        """Set the expected readings of the untouched pad, with which the wiring is checked.
 
         Parameters
         ----------
@@ -295,7 +297,7 @@ class LiveSensor:
 
         Raises
         ------
-        InputError : a wrong shape, or no numbers.
+        InputError : `counts` has the wrong shape, or is not numeric.
         """
         given = np.array(counts, dtype=np.float64)
         needed = len(self._said.emitters.names), len(self._said.receivers.names)
@@ -308,14 +310,11 @@ class LiveSensor:
         self._is_to_check = True
 
     def rebase(self) -> None:
-        """Measure baseline, check and the model's levels again; do not touch the pad for the next 1.5 s."""
+        """Measure baseline, wiring check and the model's reference levels again; do not touch the pad for 1.5 s."""
         self._rebase.set()
 
     def close(self) -> None:
-        """End thread, sensor and simulated board; a second call has no effect.
-
-        A port that does not respond to the greeting is closed when the time for it is over, up to `patience_s` later.
-        """
+        """End the thread, the sensor and the simulated board; a second call has no effect."""
         self._over.set()
         if self._board is not None:
             self._board.end()  # first: the thread may wait for its output
@@ -325,7 +324,7 @@ class LiveSensor:
             self._board.tidy()
 
     def _say(self, status: str) -> None:
-        """Change the status only: the numbers are kept."""
+        """Change only the status of the snapshot; its numbers remain."""
         shown = self._view or LiveView(status=status, expected=self._expected)
         self._view = replace(shown, status=status, is_reading=False)
 
@@ -345,7 +344,7 @@ class LiveSensor:
             self._over.wait(TRY_EVERY_S)
 
     def _read(self) -> None:
-        """Open the sensor and read it until `close`, or until it has been silent for long."""
+        """Open the sensor and read it until `close`, or until it has been silent for `OPEN_AGAIN_S`."""
         port = self._port if self._board is None else self._board.port()
         opened = Sensor(
             self._config,
@@ -376,7 +375,7 @@ class LiveSensor:
         return time.monotonic() - max(self._heard_s or 0.0, self._opened_s)
 
     def _take(self, sensor: Sensor) -> None:
-        """Process the frames of a fifth of a second; report a long silence."""
+        """Process the frames of 0.2 s; report a long silence."""
         if self._rebase.is_set():
             self._rebase.clear()
             self._begin_anew()
@@ -410,12 +409,12 @@ class LiveSensor:
             self._view = self._snapshot(sensor, frame, touch)
 
     def _begin_anew(self) -> None:
-        """Discard the measurements of the untouched pad; it is measured again from now on."""
+        """Discard the measurements of the untouched pad, so that they are made again."""
         self._connection, self._start, self._reader = None, [], None
         self._is_settled = self._is_to_check = False
 
     def _settle(self, sensor: Sensor) -> None:
-        """Measure baseline, check and the model's levels as soon as there are enough frames."""
+        """Measure baseline, wiring check and the model's reference levels as soon as there are enough frames."""
         if not self._is_settled and _is_enough(self._start):
             self._baseline = np.mean([frame.signals for frame in self._start], axis=0)
             self._is_settled = self._is_to_check = True
@@ -463,27 +462,27 @@ class LiveSensor:
         self._say(f"no frames for {silent_s:.0f} s: is the cable in? trying again{reason}")
 
     def _counts(self, sensor: Sensor) -> LinkCounts:
-        """Counts since `start`, over all connections."""
+        """Numbers of received, lost and damaged frames since `start`, over all connections."""
         now, past = sensor.counts, self._past
         names = type(now).__dataclass_fields__
         return LinkCounts(**{name: getattr(past, name) + getattr(now, name) for name in names})
 
 
 class _Passed:
-    """Counter of frames that were never handed on: gaps of the sequence that were not caused by the line."""
+    """Counter of frames that the driver received but the studio missed: sequence gaps that the line did not cause."""
 
     def __init__(self) -> None:
         self.missed = 0
         self._last: Frame | None = None
 
     def take(self, frame: Frame) -> None:
-        """Count the next frame."""
+        """Count the frames missed before this frame."""
         last, self._last = self._last, frame
         if last is not None and last.connection == frame.connection:
             self.missed += max(frame.sequence - last.sequence - 1 - frame.lost_before, 0)
 
     def skip(self) -> None:
-        """Ignore the gap before the next frame; other code takes the frames in between."""
+        """Ignore the gap before the next frame, because other code has taken the frames in between."""
         self._last = None
 
 

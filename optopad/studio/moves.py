@@ -1,11 +1,11 @@
-"""A part dragged by hand: the resulting changes of the design.
+"""Changes of a design that follow when the user drags a component.
 
-A part of a pattern that is moved along its wall leaves the pattern, whose parts then become single ones at the same
-positions; their names and order remain. If the whole row moves, the pattern's pitch or shift changes. A change of
-height applies to all parts of a kind, unless the part has its own height.
+If a component is moved along its wall, its layout pattern is replaced by single components at the same positions, with
+the same names and order. If the whole row moves, the pattern's pitch or shift changes instead. A change of height
+applies to all emitters or all receivers, unless the component has its own height.
 
-In a round wall the direction from the centre changes: either the part leaves its ring, whose parts then have an angle
-each, or the whole ring rotates. Parts that were given by angles share their height with the others of their entry.
+In a round wall, the direction from the centre changes. Either the ring is replaced by a list of angles, or the whole
+ring rotates. Components given by angles share the height of their layout entry.
 """
 
 from __future__ import annotations
@@ -20,18 +20,18 @@ from design.spec import SensorDesign
 from design.spec.layout import AtAngles, DiscRing, FacingRows, PerSide, Placement, Ring, Single, expand
 
 STEP_MM = 0.05
-"""Grid of a dragged position [mm]; it is finer than the print of any mold."""
+"""Step to which dragged positions are rounded [mm]; it is finer than the print of any mold."""
 STEP_DEG = 0.1
-"""Grid of a dragged direction [degrees]: 0.05 mm on a disc of 57 mm."""
+"""Step to which dragged directions are rounded [degrees]; it is 0.05 mm on a disc of 57 mm diameter."""
 LEAST_MM = 0.01
 
 
 def part_named(design: SensorDesign, name: str) -> PlacedPart:
-    """A placed part by its name.
+    """The placed component with this name.
 
     Raises
     ------
-    InputError : no such part.
+    InputError : there is no such component.
     """
     parts = cavity_of(design).parts
     for part in parts:
@@ -49,23 +49,23 @@ def moved(
     height_mm: float | None = None,
     with_row: bool = False,
 ) -> dict[str, Any]:
-    """Changes that move a part to a position on its wall.
+    """Changes of a design, by dotted path, that move a component to a position on its wall.
 
     Parameters
     ----------
-    along_mm : in a straight wall, from its low end [mm]; None: unchanged
-    angle_deg : in a round wall, direction from its centre [degrees]; None: unchanged
-    height_mm : above the clear layer's bottom [mm]; None: unchanged
-    with_row : move the whole row of its pattern, too
+    along_mm : position along a straight wall, from its low end [mm]; None for unchanged
+    angle_deg : direction from the centre of a round wall [degrees]; None for unchanged
+    height_mm : height above the clear layer's bottom [mm]; None for unchanged
+    with_row : whether to move the whole row or ring of the pattern
 
     Returns
     -------
-    dotted path and value; empty if nothing moves
+    new values by dotted path; empty if nothing moves
 
     Raises
     ------
-    InputError : no such part, a position that is not a number, or one of the other kind of wall.
-    DesignError : a position that the layout does not allow.
+    InputError : there is no such component, or the position is not a number or is for the other kind of wall.
+    DesignError : the layout does not allow the position.
     """
     part = part_named(design, name)
     if part.angle_deg is not None and along_mm is not None:
@@ -86,12 +86,7 @@ def moved(
 
 
 def placed_singles(design: SensorDesign, numbers: Iterable[int]) -> list[dict[str, Any]]:
-    """The layout with some of its patterns resolved into single parts at the same positions.
-
-    A part in a straight wall gets an entry of its own; parts of one kind in round walls get one entry, with an angle
-    per part. The parts of each kind keep their order, and with it their names. Rows that take turns are resolved
-    together, because the positions of one depend on the other.
-    """
+    """The layout, with the patterns of these indices replaced by single components at the same positions."""
     apart = set(numbers)
     places = expand(design.layout, design.cavity)
     in_turn = {number for number in range(len(design.layout)) if _takes_turns(design, number)}
@@ -107,7 +102,7 @@ def placed_singles(design: SensorDesign, numbers: Iterable[int]) -> list[dict[st
 
 
 def _takes_turns(design: SensorDesign, number: int) -> bool:
-    """Whether a row's positions depend on another row of its wall."""
+    """Whether a row alternates with another row on its wall, so that its positions depend on that row."""
     alone = expand((design.layout[number],), design.cavity)
     origin = f"layout.{number}"
     among = [one for one in expand(design.layout, design.cavity) if one.origin == origin]
@@ -115,7 +110,10 @@ def _takes_turns(design: SensorDesign, number: int) -> bool:
 
 
 def _singles_of(places: Iterable[Placement]) -> list[dict[str, Any]]:
-    """Entries of one pattern's parts: singles, and angles of each kind until a straight wall comes between."""
+    """Layout entries for the components of one pattern.
+
+    Each component in a straight wall has its own entry; consecutive components in round walls share one entry per kind.
+    """
     found: list[dict[str, Any]] = []
     angles: dict[str, list[float]] = {}
     for place in places:
@@ -138,7 +136,7 @@ def _singles_of(places: Iterable[Placement]) -> list[dict[str, Any]]:
 
 
 def _turned(design: SensorDesign, part: PlacedPart, angle_deg: float, *, with_row: bool) -> dict[str, Any]:
-    """Changes that move a part of a round wall, or its whole pattern, to another direction."""
+    """Changes that move a component of a round wall, or its whole pattern, to another direction."""
     if not math.isfinite(angle_deg):
         raise InputError(f"{part.name}: angle_deg: {angle_deg} is refused: must be a finite number")
     turn = _around(angle_deg - (part.angle_deg or 0.0))
@@ -174,12 +172,12 @@ def _turned(design: SensorDesign, part: PlacedPart, angle_deg: float, *, with_ro
 
 
 def _around(angle_deg: float) -> float:
-    """The same direction, from -180 to 180 [degrees]."""
+    """The same direction as an angle from -180 to 180 [degrees]."""
     return (angle_deg + 180.0) % 360.0 - 180.0
 
 
 def _direction(angle_deg: float) -> float:
-    """The same direction, from 0 on and below 360 [degrees]."""
+    """The same direction as an angle of at least 0 and below 360 [degrees]."""
     return _plain(angle_deg % 360.0) % 360.0
 
 
@@ -212,7 +210,7 @@ def _rank(design: SensorDesign, part: PlacedPart) -> int:
 
 
 def _row_moved(design: SensorDesign, part: PlacedPart, along_mm: float) -> dict[str, Any]:
-    """Changes of the shift of a row if the pattern has one, or else of its pitch."""
+    """Changes of a pattern's shift if it has one, otherwise of its pitch, that move a row."""
     pattern = design.layout[int(part.origin.split(".")[1])]
     if isinstance(pattern, PerSide):
         return {f"{part.origin}.shift_mm": _plain(pattern.shift_mm + along_mm - part.along_mm)}
@@ -236,7 +234,7 @@ def _on_wall(design: SensorDesign, part: PlacedPart) -> int:
 
 
 def _at_height(part: PlacedPart, height_mm: float, others: dict[str, Any]) -> dict[str, Any]:
-    """Changes of a part's own height, also if the part has just left its pattern, or of its kind's height."""
+    """Changes that set a component's height: its own if it has or gets one, otherwise that of its kind."""
     field = part.height_field
     if "layout" in others and field.startswith("layout."):
         others["layout"][int(part.origin.split(".")[1])]["height_mm"] = height_mm
@@ -245,7 +243,7 @@ def _at_height(part: PlacedPart, height_mm: float, others: dict[str, Any]) -> di
 
 
 def _place(wanted_mm: float | None, is_mm: float, what: str) -> float | None:
-    """The position on the grid of `STEP_MM`; None if no move was requested or it rounds to zero."""
+    """The position rounded to `STEP_MM`; None if no move was requested or the move rounds to zero."""
     if wanted_mm is None:
         return None
     if not math.isfinite(wanted_mm):

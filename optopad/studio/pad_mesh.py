@@ -1,9 +1,9 @@
-"""The untouched pad as meshes for a picture: its outline in plan, walls, layers and top; lengths in mm.
+"""Meshes of the untouched pad for display: outline in plan, walls, layers and top; lengths in mm.
 
-The outline is a polygon that contains the plan's corners; under a crown straight walls are divided, so that their upper
-edge follows it.
+The outline is a polygon that contains the plan's corners. Under a crown, straight walls are divided into short sides,
+so that their upper edges follow the crown.
 
-A mesh cut open along a plane, to show its inside.
+The module also cuts meshes open along a plane, to show the inside.
 """
 
 from __future__ import annotations
@@ -15,11 +15,11 @@ from design.shape.cavity import Plan, edge_mm
 
 
 def cut_open(points_mm: FloatArray, triangles: IntArray, y_mm: float) -> tuple[FloatArray, IntArray]:
-    """The part of a surface with y above a value; triangles across this plane are cut, and the cut remains open.
+    """The part of a mesh with y above `y_mm`; triangles across this plane are cut, and the opening is not closed.
 
     Parameters
     ----------
-    points_mm : (n, 3); triangles : (m, 3) numbers of points
+    points_mm, triangles : (n, 3) points [mm], and (m, 3) indices of points
     """
     height = points_mm[:, 1] - y_mm
     inside = (height >= 0)[triangles]
@@ -47,21 +47,21 @@ def cut_open(points_mm: FloatArray, triangles: IntArray, y_mm: float) -> tuple[F
 
 
 def _turned(triangles: IntArray, marked: BoolArray) -> IntArray:
-    """Triangles that start with their one marked corner, with the same sense of rotation."""
+    """Triangles with their corners rotated so that the single marked corner is first; the orientation is unchanged."""
     first = marked.argmax(axis=1)[:, None]
     return np.take_along_axis(triangles, (first + np.arange(3)) % 3, axis=1)
 
 
 def _crossing(points: FloatArray, height: FloatArray, start: IntArray, end: IntArray) -> FloatArray:
-    """Points where edges cross the plane."""
+    """Points where edges cross the plane; `height` is each point's distance from it, `start` and `end` are indices."""
     share = (height[start] / (height[start] - height[end]))[:, None]
     return np.asarray(points[start] + share * (points[end] - points[start]), dtype=np.float64)
 
 
 RINGS = 14
-"""Rings from the middle of a crown to its edge."""
+"""Number of rings of a crown's mesh from the middle to the edge."""
 LOOKS = 400
-"""Number of heights at which a ray is compared with a crown."""
+"""Number of heights at which a ray is tested against a crown."""
 
 
 def outline_mm(plan: Plan) -> FloatArray:
@@ -70,12 +70,12 @@ def outline_mm(plan: Plan) -> FloatArray:
 
 
 def top_mm(plan: Plan, x_mm: FloatArray, y_mm: FloatArray) -> FloatArray:
-    """(...,) height of the untouched top at (...,) locations [mm]; 0 beyond the sphere or cylinder of a small crown."""
+    """(...,) height of the untouched top at (...,) locations [mm]; 0 where a small crown's sphere or cylinder ends."""
     return np.nan_to_num(plan.top.height_mm(x_mm, y_mm), nan=0.0)
 
 
 def untouched_top(plan: Plan) -> tuple[FloatArray, IntArray]:
-    """Points (n, 3) [mm] and triangles (m, 3) of the untouched top: rings from its middle to its edge."""
+    """(n, 3) points [mm] and (m, 3) triangles of the untouched top, in rings from the middle to the edge."""
     edge, middle = outline_mm(plan), np.array(plan.centre_mm)
     shares = np.linspace(0.0, 1.0, 2 if plan.top.is_flat else RINGS)
     places = middle + shares[:, None, None] * (edge - middle)
@@ -85,7 +85,7 @@ def untouched_top(plan: Plan) -> tuple[FloatArray, IntArray]:
 
 
 def side_walls(plan: Plan) -> tuple[FloatArray, IntArray]:
-    """The walls from the bottom of the clear layer to the untouched top's edge."""
+    """(n, 3) points [mm] and (m, 3) triangles of the walls, from the clear layer's bottom to the untouched top."""
     edge = outline_mm(plan)
     low = np.column_stack([edge, np.zeros(len(edge))])
     high = np.column_stack([edge, top_mm(plan, edge[:, 0], edge[:, 1])])
@@ -93,7 +93,10 @@ def side_walls(plan: Plan) -> tuple[FloatArray, IntArray]:
 
 
 def slab(plan: Plan, thickness_mm: float) -> tuple[FloatArray, IntArray]:
-    """A layer below the clear one, closed all around, its triangles counter-clockwise from outside."""
+    """(n, 3) points [mm] and (m, 3) triangles of a closed layer under the clear layer.
+
+    The triangles are counter-clockwise as seen from outside.
+    """
     edge = outline_mm(plan)
     rings = [
         np.column_stack([plan.centre_mm + share * (edge - plan.centre_mm), np.full(len(edge), level)])
@@ -103,7 +106,7 @@ def slab(plan: Plan, thickness_mm: float) -> tuple[FloatArray, IntArray]:
 
 
 def ring_triangles(rings: int, spokes: int) -> IntArray:
-    """Two triangles for every cell between rings and spokes, seen from above counter-clockwise."""
+    """Indices of two triangles for every cell between rings and spokes, counter-clockwise as seen from above."""
     ring, spoke = (a.ravel() for a in np.meshgrid(np.arange(rings - 1), np.arange(spokes), indexing="ij"))
     after = (spoke + 1) % spokes
     a, b = ring * spokes + spoke, ring * spokes + after

@@ -23,7 +23,7 @@ LEVELS = {
 
 
 def verdict_html(now: Version, judged: Judged | None, failed: str, progress: Progress | None) -> str:
-    """The verdict on the present design, or the reason why there is none; and the running work."""
+    """The verdict on the present design, or the reason why there is none, and the progress of running work."""
     parts = [errors_html(now)] if now.errors else []
     if not now.errors:
         if judged is not None and (judged.digest == now.design.digest or not failed):
@@ -65,14 +65,14 @@ def _judged(now: Version, judged: Judged) -> str:
 
 
 def errors_html(now: Version) -> str:
-    """The errors of a design, in the words of `optopad check`."""
+    """The errors of a design, with the texts of `optopad check`."""
     count = len(now.errors)
     title = f"does not fit: {count} error{'s' if count > 1 else ''}; nothing is judged or saved"
     return _block(RED, title, [str(one) for one in now.errors[:6]])
 
 
 def said_html(said: Said, *, words: str, is_saved: bool) -> str:
-    """The last message, and whether the design is saved."""
+    """The last message to the user, and whether the design is saved."""
     state = "saved" if is_saved else "not saved"
     text = said.text or words
     colour = RED if said.is_bad else "inherit"
@@ -85,7 +85,7 @@ def said_html(said: Said, *, words: str, is_saved: bool) -> str:
 def curves_title(
     place_mm: tuple[float, float], *, is_draft: bool, force_n: float | None, depth_mm: float, is_old: bool
 ) -> str:
-    """Title of the curves: location, fineness, and the load of the present press."""
+    """Title of the signal curves: location, draft or score accuracy, and load of the present press."""
     how = "draft: coarse light" if is_draft else "as optopad score"
     how = "of the design before" if is_old else how
     load = "" if force_n is None else f"; at {depth_mm:.2f} mm {force_n:.2f} N"
@@ -96,7 +96,7 @@ def curves_title(
 
 
 def pins_html(pinned: Sequence[Version], now: Version, found: Mapping[str, Judged]) -> str:
-    """Pinned designs, compared with the present one."""
+    """Table of pinned designs in comparison with the present design."""
     if not pinned:
         return ""
     rows = []
@@ -125,7 +125,7 @@ def pins_html(pinned: Sequence[Version], now: Version, found: Mapping[str, Judge
 
 
 def sensor_html(view: LiveView) -> str:
-    """State of the line, the touch, and the findings of a check of the wiring."""
+    """State of the connection, the estimated touch, and the findings of the wiring check."""
     colour = GREEN if view.is_reading else RED
     counts = f"{view.frames} frames, {view.lost} lost, {view.damaged} damaged"
     more = f", {view.reconnects} reconnects" if view.reconnects else ""
@@ -144,7 +144,10 @@ def sensor_html(view: LiveView) -> str:
 
 
 def bad_parts(now: Version, parts: Sequence[PlacedPart]) -> tuple[str, ...]:
-    """Names of the parts of an error, found by their layout entry, by their height's field, or in its words."""
+    """Names of the components that an error concerns.
+
+    They are found by layout entry, by the field of their height, or by name in the error's text.
+    """
     found: list[str] = []
     fields = {one.field for one in now.errors}
     words = " ".join(f"{one.message} {one.value}" for one in now.errors)

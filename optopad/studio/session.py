@@ -1,9 +1,9 @@
 """State of the studio: the edited design with its history, the press, pinned designs, and the last message.
 
-    edit ──► refused by the fields: nothing changes, a message says why
+    edit ──► rejected by the schema: nothing changes, a message says why
         └──► a new version; broken rules are findings: shown in red, not judged, not saved
 
-Every change is reported to the listeners, in the thread that made it. No browser, no physics.
+Every change is reported to the listeners, in the thread that made it. The module has no browser and no physics.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from optopad.studio.editable_fields import changes_of
 from optopad.studio.moves import moved, part_named
 
 MERGE_S = 1.5
-"""Edits of one field that follow each other within this time are one step of the history [s]."""
+"""Time within which consecutive edits of one field count as one step of the history [s]."""
 MOST_VERSIONS = 500
 
 
@@ -39,7 +39,7 @@ class Version:
     ----------
     design : the design after the step
     findings : findings of the design rules
-    words : description of the change
+    words : description of the change, for display
     """
 
     design: SensorDesign
@@ -54,7 +54,7 @@ class Version:
 
 @dataclass(frozen=True, kw_only=True)
 class Press:
-    """Location of the tip, x and y in the cavity frame, and depth [mm]."""
+    """Location (x, y) of the tip in the cavity frame, and depth of the press [mm]."""
 
     x_mm: float
     y_mm: float
@@ -62,29 +62,29 @@ class Press:
 
     @property
     def place_mm(self) -> tuple[float, float]:
-        """(x, y) [mm]."""
+        """(x, y) location in the cavity frame [mm]."""
         return self.x_mm, self.y_mm
 
 
 @dataclass(frozen=True, kw_only=True)
 class Said:
-    """A message for the user, and whether it is a problem."""
+    """A message for the user; `is_bad` marks a problem."""
 
     text: str
     is_bad: bool = False
 
 
 class Session:
-    """The present design with its history. Safe for use by several threads.
+    """The present design with its history; it can be used from several threads.
 
     Parameters
     ----------
-    file : the edited file
-    start : the initial design, if it differs from the file's (`--set`)
+    file : the design file that is edited
+    start : the initial design, if `--set` makes it differ from the file
 
     Raises
     ------
-    InputError : a design that cannot be laid out.
+    InputError : the components of the design cannot be placed.
     """
 
     def __init__(self, file: DesignFile, start: SensorDesign | None = None) -> None:
@@ -104,7 +104,7 @@ class Session:
 
     @property
     def now(self) -> Version:
-        """The present version."""
+        """The present step of the history."""
         return self._done[-1]
 
     @property
@@ -133,7 +133,7 @@ class Session:
         self._listeners.append(call)
 
     def set_field(self, path: str, value: Any) -> bool:
-        """Give one field a value; False if it was refused, which a message then reports."""
+        """Set one field; returns False if the value was rejected, and a message says why."""
         return self._edit(lambda: changes_of(self.design, path, value), merge=path)
 
     def move_part(
@@ -145,8 +145,9 @@ class Session:
         height_mm: float | None = None,
         with_row: bool = False,
     ) -> bool:
-        """Move a part to a position on its wall, or to a direction on a disc; False if it was refused, which a message
-        then reports.
+        """Move a component to a position on its wall, or to a direction on a disc.
+
+        Returns False if the move was rejected; a message then says why.
         """
         where = {"along_mm": along_mm, "angle_deg": angle_deg, "height_mm": height_mm}
         return self._edit(
@@ -156,11 +157,11 @@ class Session:
         )
 
     def take(self, design: SensorDesign, words: str) -> None:
-        """Make another design the present one, as a step of the history; the same design is no step.
+        """Make another design the present one, as a step of the history; an equal design adds no step.
 
         Raises
         ------
-        InputError : a design that cannot be laid out.
+        InputError : the components of the design cannot be placed.
         """
         with self._lock:
             if design.digest != self.design.digest:
@@ -188,7 +189,10 @@ class Session:
     def move_tip(
         self, *, x_mm: float | None = None, y_mm: float | None = None, depth_mm: float | None = None
     ) -> None:
-        """Move the press, within the workspace and the range of use."""
+        """Move the press; it is limited to the workspace and the usable depth range.
+
+        None leaves a coordinate unchanged.
+        """
         with self._lock:
             now = self.press
             self.press = self._within(
@@ -202,7 +206,7 @@ class Session:
                 self._tell()
 
     def save(self, target: str | None = None) -> bool:
-        """Write the design; False if that was refused, which a message then reports."""
+        """Write the design to the file; returns False if it was not written, and a message says why."""
         with self._lock:
             if self.now.errors:
                 more = f" (and {len(self.now.errors) - 1} more)" if len(self.now.errors) > 1 else ""
@@ -217,7 +221,7 @@ class Session:
             return True
 
     def look_at_file(self) -> None:
-        """Load an external change of the file; an unusable file is reported, and the edits remain."""
+        """Load the file if another program changed it; if it is unusable, a message says so, and the edits remain."""
         with self._lock:
             was_in_step = self.file.is_in_step
             try:
@@ -235,7 +239,7 @@ class Session:
                 self._say(f"{self.file.path} is readable again")
 
     def pin(self) -> None:
-        """Pin the design for comparison."""
+        """Pin the present design for comparison."""
         with self._lock:
             if all(one.design.digest != self.design.digest for one in self.pinned):
                 self.pinned = (*self.pinned, self.now)[-4:]
@@ -276,12 +280,12 @@ class Session:
             return True
 
     def _is_going_on(self, merge: str) -> bool:
-        """Whether an edit belongs to the step before it."""
+        """Whether an edit continues the last step of the history, so that both are merged."""
         key, at = self._merge
         return bool(merge) and key == merge and time.monotonic() - at < MERGE_S and len(self._done) > 1
 
     def _before(self, merge: str) -> SensorDesign:
-        """The design before the step that an edit belongs to."""
+        """The design before an edit, or before the step with which the edit is merged."""
         return self._done[-2].design if self._is_going_on(merge) else self.design
 
     def _push(self, version: Version, merge: str) -> None:
@@ -300,7 +304,7 @@ class Session:
         self.press = self._within(self.press)
 
     def _within(self, wanted: Press) -> Press:
-        """The nearest press in the workspace; if the pad has none, the nearest press in the pad."""
+        """The nearest press in the workspace; if the pad has no workspace, the nearest press in the pad."""
         size, space = self.design.cavity, workspace_of(self.design)
         if space.is_empty:
             space = space.in_box((0.0, 0.0, size.length_mm, size.width_mm))
@@ -318,7 +322,10 @@ class Session:
 
 
 def _version(design: SensorDesign, words: str) -> Version:
-    """A step of the history; a design with an unknown part could not be drawn and is refused."""
+    """A step of the history with the findings of the design rules.
+
+    A design with an unknown component raises an error, because it cannot be drawn.
+    """
     try:
         cavity_of(design)
         findings = check(design)
@@ -328,7 +335,7 @@ def _version(design: SensorDesign, words: str) -> Version:
 
 
 def _words(design: SensorDesign, wanted: dict[str, Any]) -> str:
-    """The changes in words, for the history."""
+    """Description of the requested changes, for the history."""
     if "layout" in wanted:
         return "parts moved"
     document = design.model_dump(mode="json")
@@ -341,7 +348,7 @@ def _words(design: SensorDesign, wanted: dict[str, Any]) -> str:
 
 
 def _place_words(design: SensorDesign, name: str) -> str:
-    """The position of a part in words."""
+    """Description of a component's position."""
     part = part_named(design, name)
     if part.angle_deg is not None:
         return f"{name}: at {part.angle_deg:g}°, {part.height_mm:g} mm high"
@@ -349,11 +356,11 @@ def _place_words(design: SensorDesign, name: str) -> str:
 
 
 def _hundredth(wanted_mm: float | None, is_mm: float) -> float:
-    """A position to a hundredth [mm]; the present one if none is requested, or no number."""
+    """A position rounded to 0.01 mm; the present position if none, or no number, is requested [mm]."""
     return is_mm if wanted_mm is None or not math.isfinite(wanted_mm) else round(wanted_mm, 2)
 
 
 def _first_fault(err: Exception) -> str:
-    """A message's first finding, without the heading of a list of findings."""
+    """The first finding in an error's text, without the heading of the list."""
     lines = [line.strip() for line in str(err).splitlines() if line.strip()]
     return lines[1] if len(lines) > 1 and lines[0].endswith("not a usable design") else lines[0]

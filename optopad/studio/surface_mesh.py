@@ -1,7 +1,7 @@
-"""The pressed top as a mesh for a picture: rings around the press axis, extended to the pad's own outline.
+"""Mesh of the pressed top for display: rings around the press axis, up to the pad's outline.
 
-On a crown the rings are on the untouched top, and each point is raised along the normal at the press location by the
-press's height at its distance from the axis.
+On a crown, the rings are on the untouched top. Each point is displaced along the normal at the press location; the
+displacement is the height of the pressed surface at the point's distance from the axis.
 """
 
 from __future__ import annotations
@@ -18,19 +18,23 @@ from sims.contact.pad_surface import PadSurface, curve_height_mm, pad_surface
 
 SPOKES, RINGS = 72, 28
 BORDER_STEPS = 6
-"""Steps that return a raised border point into its wall; each reduces the distance about tenfold."""
+"""Number of iterations that move a displaced border point back onto its wall; each reduces the distance about
+tenfold."""
 REST_MM = 0.5
-"""Node spacing of the smooth part of the height: linear interpolation errs by 0.01 mm at most, near the contact."""
+"""Node spacing for the smooth part of the surface outside the contact [mm]; linear interpolation has an error of at
+most 0.01 mm, near the contact."""
 
 
 def pressed_top(
     design: SensorDesign, place_mm: tuple[float, float], depth_mm: float
 ) -> tuple[FloatArray, IntArray, PadSurface | None]:
-    """Points (n, 3) [mm] and triangles (m, 3) of the top in the cavity frame, and the surface; None without contact.
+    """(n, 3) points [mm] and (m, 3) triangles of the top in the cavity frame, and the solved surface.
+
+    The surface is None without contact.
 
     Raises
     ------
-    ModelScopeError : a press that the contact model does not cover.
+    ModelScopeError : the contact model does not cover the press.
     """
     plan = cavity_of(design).plan
     outline = outline_mm(plan)
@@ -51,7 +55,7 @@ def pressed_top(
 
 
 def _pressed_crown(plan: Plan, surface: PadSurface, points: FloatArray, is_border: BoolArray) -> FloatArray:
-    """(n, 3) the pressed top over points (n, 3) of the untouched one; border points remain in their walls [mm]."""
+    """Points (n, 3) of the pressed top above those of the untouched top [mm]; the border stays on the walls."""
     normal = np.array(plan.normal(*surface.at_mm))
     foot = np.array([*surface.at_mm, plan.top_mm(*surface.at_mm)])
 
@@ -70,7 +74,7 @@ def _pressed_crown(plan: Plan, surface: PadSurface, points: FloatArray, is_borde
 
 
 def _height(surface: PadSurface, radius: FloatArray, x_mm: FloatArray, y_mm: FloatArray) -> FloatArray:
-    """The curve around the axis and, outside the contact, the smooth rest, interpolated between its own nodes."""
+    """Height of the pressed top [mm]: the curve around the axis and, outside the contact, the interpolated rest."""
     near = curve_height_mm(surface.near, radius)
     lines = [np.linspace(0.0, size, math.ceil(size / REST_MM) + 1) for size in surface.size_mm]
     rest = surface.beside_mm(*lines)
@@ -89,14 +93,14 @@ def _height(surface: PadSurface, radius: FloatArray, x_mm: FloatArray, y_mm: Flo
 
 
 def _angles(outline: FloatArray, place_mm: tuple[float, float]) -> FloatArray:
-    """Even angles, together with the angles of the outline's corners."""
+    """Evenly spaced angles and the angles of the outline's corners, as seen from the press axis [rad]."""
     corners = np.arctan2(outline[:, 1] - place_mm[1], outline[:, 0] - place_mm[0])
     even = np.linspace(-np.pi, np.pi, SPOKES, endpoint=False)
     return np.unique(np.round(np.concatenate([even, corners]), 9))
 
 
 def _reach(outline: FloatArray, place_mm: tuple[float, float], angles: FloatArray) -> FloatArray:
-    """(angle,) distance from the press axis to the nearest side of the convex outline [mm]."""
+    """(angle,) distance from the press axis to the convex outline in each direction [mm]."""
     side = np.roll(outline, -1, axis=0) - outline
     outward = np.column_stack([side[:, 1], -side[:, 0]])
     gap = ((outline - place_mm) * outward).sum(axis=1)
@@ -106,7 +110,7 @@ def _reach(outline: FloatArray, place_mm: tuple[float, float], angles: FloatArra
 
 
 def _radii(surface: PadSurface | None, tip_mm: float, farthest_mm: float) -> FloatArray:
-    """Radii of the rings: dense under and near the tip, wide beyond; the last one is beyond every corner [mm]."""
+    """Radii of the rings [mm]: dense under and near the tip, wide outside; the last is beyond every corner."""
     edge = tip_mm if surface is None else max(surface.near.contact_radius_mm, 0.3 * tip_mm)
     near = np.linspace(0.0, edge, RINGS // 3)
     beside = edge + np.linspace(0.0, 2.0 * tip_mm, RINGS // 2)[1:]

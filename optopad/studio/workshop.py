@@ -1,12 +1,12 @@
-"""The work behind the page: one thread, the newest request first; outdated work is stopped.
+"""The computations behind the page: one thread computes results for the newest request, and stops outdated work.
 
     pairs under the tip ──► pressed top ──► rays ──► draft map ──► draft bounds ──► score ──► tolerance, sensitivity
                                                                                         ──► the same pairs, finely
 
-A request is a design, a press and whether rays are shown. Another design stops the running work, except for the pairs
-under the tip, which take a moment and keep a drag smooth. Another press does not stop a running score: the new top and
-pairs are computed in between, between two pieces of its light (`sims.optics.engine.threads.between_pieces`).
-Traced light is found again on disk, so that stopped work is not lost.
+A request is a design, a press, and options. A new design stops the running work. Only the pairs under the tip are
+finished, since this takes a moment and keeps dragging smooth. A new press does not stop a running score: the new top
+and pairs are computed between two portions of the score's light (`sims.optics.engine.threads.between_pieces`). Traced
+light is stored on disk, so stopped work is not lost.
 """
 
 from __future__ import annotations
@@ -29,21 +29,21 @@ from optopad.studio.session import Press
 Post = Callable[[Answer], None]
 TOLD_EVERY_S = 0.15
 OF_A_PRESS = ("curves", "look", "rays", "readings", "fine curves")
-"""Pieces that another press makes outdated."""
+"""Names of the pieces of work that a new press makes outdated."""
 RAY_PAIRS = 4
 RAYS_A_PAIR = 8
 
 
 @dataclass(frozen=True, kw_only=True)
 class Request:
-    """A request for results.
+    """A request for results for a design and a press.
 
     Attributes
     ----------
-    design, press : a design without errors, and its press
+    design, press : a design without errors, and the press
     with_rays : whether to compute sample rays
     with_readings : whether to compute readings of a manufactured sensor
-    is_thorough : whether to compute the score itself after the drafts
+    is_thorough : whether to compute the full score after the drafts
     """
 
     design: SensorDesign
@@ -54,7 +54,7 @@ class Request:
 
 
 class _StaleError(Exception):
-    """The running work is for a design that is no longer the present one."""
+    """Stops work on a design or press that is no longer the present one."""
 
 
 class Workshop:
@@ -62,8 +62,8 @@ class Workshop:
 
     Parameters
     ----------
-    post : receives every result, on that thread; must not block
-    seed : seed of the light's offsets
+    post : called with every result on the workshop's thread; must not block
+    seed : random seed of the light model
     """
 
     def __init__(self, post: Post, *, seed: int = 0) -> None:
@@ -83,22 +83,22 @@ class Workshop:
         self._thread = threading.Thread(target=self._run, name="studio-workshop", daemon=True)
 
     def start(self) -> None:
-        """Start the work."""
+        """Start the thread."""
         self._thread.start()
 
     def want(self, request: Request | None) -> None:
-        """Replace the request; None stops the work."""
+        """Replace the present request; None stops the work."""
         with self._changed:
             self._request = request
             self._changed.notify()
 
     @property
     def running_jobs(self) -> int:
-        """Number of designs that are being computed."""
+        """Number of requests that are being computed, 0 or 1."""
         return self._jobs
 
     def close(self, wait_s: float = 5.0) -> None:
-        """End the work; the running computation stops between two pieces of it."""
+        """End the thread within `wait_s`; a running computation stops after its present portion of light."""
         with self._changed:
             self._is_closing = True
             self._changed.notify()
@@ -125,7 +125,7 @@ class Workshop:
             self._changed.wait_for(lambda: self._is_closing or self._next(self._request) is not None)
 
     def _work_once(self) -> bool:
-        """Do the next piece; returns whether there was one."""
+        """Do the next piece of work; returns False if there is none."""
         request = self._request
         found = self._next(request)
         if request is None or found is None:
@@ -166,7 +166,10 @@ class Workshop:
     def _give_up(
         self, request: Request, key: tuple[object, ...], text: str, *, is_of_all: bool = False
     ) -> None:
-        """Mark failed work as done: the piece, all pieces of its press, or all pieces of a faulty design."""
+        """Mark a failed piece as done and report the reason.
+
+        With it, all pieces of the same press are marked as done, or all pieces of the design if `is_of_all`.
+        """
         keys = {one for _, one, _ in self._pieces(request)}
         if not is_of_all:
             keys = {one for one in keys if one[0] in OF_A_PRESS} if key[0] in OF_A_PRESS else {key}
@@ -184,7 +187,7 @@ class Workshop:
     def _pieces(
         self, request: Request
     ) -> list[tuple[str, tuple[object, ...], Callable[[Request], Answer | None]]]:
-        """Name, key of validity, and function of each piece, in order."""
+        """Steps of the work for a request, in order: name, key of the press that the result belongs to, function."""
         press = request.press
         pieces: list[tuple[str, tuple[object, ...], Callable[[Request], Answer | None]]] = [
             ("curves", ("curves", press.place_mm), self._curves),
@@ -203,7 +206,7 @@ class Workshop:
         return pieces
 
     def _attend(self) -> None:
-        """Between two pieces of light, stop outdated work, and serve a new press at once."""
+        """Stop outdated work and serve a new press; called between two portions of light."""
         request = self._request
         if self._is_closing or request is None:
             raise _StaleError
@@ -218,7 +221,7 @@ class Workshop:
             self._serve(request)
 
     def _serve(self, request: Request) -> None:
-        """Do one piece for another press, during a computation that depends on the design only."""
+        """Do one piece of work for a new press, during a computation that depends on the design only."""
         piece = self._next(request)
         if piece is None or piece[0] not in OF_A_PRESS or piece[0] == "fine curves":
             return
@@ -235,7 +238,7 @@ class Workshop:
         self._attend()
 
     def _contact_step(self, share: float) -> None:
-        """Progress of a live contact solution, which takes long; it is stopped if its design is no longer requested."""
+        """Report the progress of a contact solution; stop the solution if its design is no longer shown."""
         self._doing("contact", share)
         request = self._request
         if self._is_closing or request is None or request.design.digest != self._digest:
@@ -311,7 +314,7 @@ class Workshop:
         return Rays(digest=request.design.digest, press=press, rays=tuple(rays))
 
     def _readings(self, request: Request) -> Readings:
-        """Readings of the untouched pad as in `driver check`, and readings under the press by each pair's share."""
+        """Expected readings: untouched as in `driver check`, and under the press from each pair's relative signal."""
         from optopad.sensor.driver_view import simulated_gain
         from sims.optics.tracing import trace
 
@@ -346,7 +349,7 @@ class Workshop:
         )
 
     def _score(self, request: Request) -> Judged:
-        """The same score as by `optopad score`, posted in two steps."""
+        """The score as by `optopad score`, posted first without and then with tolerance."""
         from sims.score.build_tolerance import with_tolerance
         from sims.score.field_steps import with_field_steps
         from sims.score.scoring import score

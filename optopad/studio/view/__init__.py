@@ -1,4 +1,4 @@
 """The studio's page: a thin view of the session in a browser, by viser.
 
-The only folder that imports viser. May import optopad.studio and the rooms below.
+This is the only package that imports viser. It may import optopad.studio and the packages that optopad.studio imports.
 """

@@ -1,6 +1,7 @@
-"""The left panel: editable fields and buttons.
+"""Panels of the page: editable fields and buttons on the left, results on the right.
 
-Actions of the page's buttons: improve, build, open the report, export the picture.
+The buttons start improve and run, open the report, and export the picture. The results are the last message, verdict,
+pairs under the tip, map, pinned designs, and sensor.
 
 The right panel: last message, verdict, pairs under the tip, map, pinned designs, sensor.
 """
@@ -33,14 +34,14 @@ LEAST_PX = (800, 600)
 
 
 class BackgroundJobs:
-    """Actions of the buttons.
+    """Actions of the page's buttons.
 
     Parameters
     ----------
-    server : server of the page
-    session, task : the present design, and the running task
+    server : the page's server
+    session, task : session with the present design, and runner of tasks
     changed : called when a task begins or ends
-    found : receives the alternatives of improve
+    found : called with the alternatives that improve found
     """
 
     def __init__(
@@ -65,7 +66,7 @@ class BackgroundJobs:
         self._begin(lambda: self._task.improve(self._session.design, done))
 
     def build(self) -> None:
-        """Make the whole bundle."""
+        """Make the whole bundle with `optopad run`."""
         self._begin(lambda: self._task.build(self._session.design, lambda _folder: self._changed()))
 
     def end(self) -> None:
@@ -76,7 +77,7 @@ class BackgroundJobs:
         self._changed()
 
     def open_report(self) -> None:
-        """Open the page of the design's bundle in the browser of this machine."""
+        """Open the report of the design's bundle in the browser of this machine."""
         report = self._task.out / bundle_name(self._session.design) / "report.html"
         if not report.is_file():
             self._session.say("no report of this design yet: make the bundle first", is_bad=True)
@@ -85,7 +86,7 @@ class BackgroundJobs:
         self._session.say(f"opened: {report}")
 
     def export_picture(self) -> None:
-        """Save the browser's view of the scene as a PNG in the folder of the bundles."""
+        """Save the 3D picture as the browser shows it, as a PNG file in the folder of the bundles."""
         clients = list(self._server.get_clients().values())
         if not clients:
             self._session.say("no open page to take a picture of", is_bad=True)
@@ -128,14 +129,14 @@ NO_GHOST, NO_PIN = "none", "…"
 
 
 class AnswersPanel:
-    """Results on the page.
+    """The right panel with the results.
 
     Parameters
     ----------
-    gui : interface of the page
+    gui : viser's interface for panel elements
     session : the present design
     live : a sensor, or None
-    later : schedules a call on the page's thread after some seconds; a newer call of the same name replaces it
+    later : schedules a call on the page's thread after some seconds; a newer call with the same name replaces it
     redraw_map : called when another quantity is selected
     """
 
@@ -211,7 +212,7 @@ class AnswersPanel:
         )
 
     def draw_curves(self, answers: Mapping[type, Answer]) -> None:
-        """Show the pairs under the tip; those of an earlier design are faint."""
+        """Show the signals of the pairs under the tip; curves of an earlier design are faint."""
         curves, look, press = answers.get(Curves), answers.get(Look), self._session.press
         if not isinstance(curves, Curves):
             return
@@ -228,7 +229,7 @@ class AnswersPanel:
         self._curves.content = _padded(curves_svg(curves.found, press.depth_mm), faint)
 
     def draw_map(self, judged: Mapping[str, Judged]) -> None:
-        """Show the selected quantity at each location."""
+        """Show the selected quantity at each location of the pad."""
         now = self._session.now
         found = judged.get(now.design.digest)
         try:
@@ -239,13 +240,13 @@ class AnswersPanel:
         self._map.content = _padded(map_svg(cavity, shown, self._session.press, bad_parts(now, cavity.parts)))
 
     def offer_ghosts(self, ghosts: tuple[Ghost, ...]) -> None:
-        """Offer alternatives for selection."""
+        """Offer the alternatives that improve found for selection."""
         self._ghosts = ghosts
         self._choose.visible = bool(ghosts)
         _offer(self._choose, (NO_GHOST, *(_title(number, ghost) for number, ghost in enumerate(ghosts))))
 
     def draw_sensor(self, view: LiveView, answers: Mapping[type, Answer], bad: Sequence[str]) -> None:
-        """Show the line's state, and every pair's reading with its simulated one."""
+        """Show the state of the connection, and every pair's live and simulated reading."""
         self._sensor.content = sensor_html(view)
         if view.signals is None:
             return
@@ -286,21 +287,21 @@ def _padded(svg: str, style: str = "") -> str:
 
 
 TYPED_S = 0.35
-"""Typing counts as finished after this time without a key [s]; a field reports every key."""
+"""Time without a keystroke after which typing counts as finished [s]; a field reports every keystroke."""
 GROUPS = ("Pad", "Layout", "Parts", "Press", "Material", "Signal")
 OPEN = ("Pad", "Layout", "Parts")
 MOLDS = ("hidden", "cut", "whole")
 
 
 class Controls:
-    """Fields of the design, the press, and buttons, synchronised with the session.
+    """The left panel: fields of the design, the press, and buttons, synchronised with the session.
 
     Parameters
     ----------
-    gui : interface of the page
+    gui : viser's interface for panel elements
     session : receives the edits
-    later : schedules a call on the page's thread after some seconds; a newer call of the same name replaces it
-    redraw : called when only the picture changes
+    later : schedules a call on the page's thread after some seconds; a newer call with the same name replaces it
+    redraw : called when a setting changes the picture but not the design
     buttons : actions of the buttons
     """
 
@@ -337,17 +338,17 @@ class Controls:
 
     @property
     def moves_rows(self) -> bool:
-        """Whether a dragged part moves its row."""
+        """Whether dragging a component moves its whole row."""
         return bool(self._row.value)
 
     @property
     def is_dark(self) -> bool:
-        """Whether the page is dark."""
+        """Whether the page has the dark theme."""
         return bool(self._dark.value)
 
     @property
     def file_name(self) -> str:
-        """The file name for saving."""
+        """The file name for saving, as typed."""
         return str(self._name.value)
 
     def follow(self) -> None:
@@ -543,5 +544,5 @@ def _range(field: EditableField) -> str:
 
 
 def _fine(step: float) -> float:
-    """A step with enough decimals that a typed value is not rounded."""
+    """A step with enough decimals that a typed value is not rounded to it."""
     return step if step < 0.01 else 0.01 if step < 1.0 else 0.1 if step < 10 else 1.0

@@ -1,8 +1,9 @@
-"""The page's server, for this machine and this page only, on its own port.
+"""The page's server, which accepts only this machine and this page.
 
-viser serves its page and its websocket to any client, also to any web page that the user has open. So every request
-and handshake is checked before viser receives it: it must name the served address (a foreign name may resolve to this
-machine), come from this page or from no page, and contain the token, which is random and part of the address.
+viser serves its page and its websocket to any client, including any other web page that the user has open. So every
+request and handshake is checked before viser receives it. It must name the served address, because a foreign name may
+resolve to this machine. It must come from this page or from no page, and contain a random token that is part of the
+address.
 """
 
 from __future__ import annotations
@@ -34,7 +35,7 @@ HOST = "127.0.0.1"
 FIRST_PORT, PORTS = 8080, 50
 LARGEST_MESSAGE_B = LARGEST_PICTURE_B + 2**10
 COLLECT_S = 1.0
-"""Memory is collected this long after the end of a connection with large messages [s]."""
+"""Delay between the end of a connection with large messages and the release of their memory [s]."""
 
 _LOG = logging.getLogger(__name__)
 _LOG.addFilter(lambda record: record.getMessage() != "opening handshake failed")
@@ -43,19 +44,19 @@ _PATCHING = threading.Lock()
 
 
 class LocalServer(viser.ViserServer):
-    """A viser server for one page of this machine, never shared beyond it.
+    """A viser server for one page on this machine, never shared beyond it.
 
     Parameters
     ----------
-    port : port to serve at; 0: a free one
+    port : port to serve at; 0 for any free port
 
     Attributes
     ----------
-    token : first part of the address's path; requests without it are refused
+    token : first part of the address's path; requests without the token are refused
 
     Raises
     ------
-    InputError : viser does not allow its requests to be checked.
+    InputError : this version of viser does not allow the requests to be checked.
     """
 
     def __init__(self, port: int) -> None:
@@ -76,7 +77,7 @@ class LocalServer(viser.ViserServer):
         return f"http://{HOST}:{self.get_port()}/{self.token}/"
 
     def request_share_url(self, verbose: bool = True) -> str | None:  # noqa: ARG002
-        """Refuse: viser would open a tunnel to the internet."""
+        """Do nothing: viser would open a tunnel to the internet."""
         return None
 
     def fault_of(self, raw: str | bytes) -> str | None:
@@ -85,7 +86,7 @@ class LocalServer(viser.ViserServer):
 
     @contextlib.contextmanager
     def _checked(self) -> Iterator[None]:
-        """While viser starts, make the server that it opens use `_Connection`, which checks every request."""
+        """Context in which the server that viser starts uses `_Connection`, which checks every request."""
         serve = websockets.asyncio.server.serve
 
         def checked(*arguments: Any, **options: Any) -> Any:
@@ -106,7 +107,7 @@ class LocalServer(viser.ViserServer):
 
 
 class _Connection(ServerConnection):
-    """A connection to the page's server: it refuses foreign requests, and messages that this page does not send."""
+    """A connection to the page's server that refuses foreign requests, and messages that the page does not send."""
 
     def __init__(self, page: LocalServer, *arguments: Any, **options: Any) -> None:
         super().__init__(*arguments, **options)
@@ -151,7 +152,7 @@ class _Connection(ServerConnection):
         raise self.protocol.close_exc
 
     def connection_lost(self, exc: Exception | None) -> None:
-        """Report a message that was too large to be received; free the memory of large messages."""
+        """Report a message that was too large to be received, and free the memory of large messages."""
         super().connection_lost(exc)
         if self._is_large:
             self.loop.call_later(COLLECT_S, _free)
@@ -161,7 +162,7 @@ class _Connection(ServerConnection):
 
 
 def _free() -> None:
-    """Free the last messages, which viser's ended tasks hold in cycles, and the spare pages of the C library."""
+    """Free memory: reference cycles of viser's ended tasks, and unused pages of the C library."""
     gc.collect()
     with contextlib.suppress(OSError, AttributeError, TypeError):  # only the GNU C library has it
         ctypes.CDLL(None).malloc_trim(0)
@@ -172,7 +173,7 @@ def _say_refused(why: str) -> None:
 
 
 def local_server(port: int | None) -> LocalServer:
-    """A server on a port, or on the first free one from 8080 on.
+    """A server at a port; for None at the first free port from 8080 on.
 
     Raises
     ------
@@ -187,11 +188,11 @@ def local_server(port: int | None) -> LocalServer:
 
 
 def free_port(wanted: int | None) -> int:
-    """The given port if it is free, or the first free one.
+    """The given port if it is free; for None the first free port from 8080 on.
 
     Raises
     ------
-    InputError : it is taken, or none is free.
+    InputError : the port is taken, or none is free.
     """
     if wanted is not None:
         if wanted != 0 and not _is_free(wanted):

@@ -1,7 +1,7 @@
 """The page: passes the user's actions to the session, and shows the state of session, workshop and sensor.
 
-One thread of the page applies edits and draws, at most thirty times a second; other threads only note the browser's
-messages and the results of the work.
+One thread of the page applies edits and draws, at most thirty times a second. Other threads only record the browser's
+messages and the results of the computations.
 """
 
 from __future__ import annotations
@@ -34,10 +34,10 @@ IDLE_S = 0.1
 FILE_EVERY_S = 0.5
 TOUCH_EVERY_S = 0.1
 MOLD_AFTER_S = 1.0
-"""The mold is made again after this time without an edit [s]."""
+"""Time without an edit after which the mold is made again [s]."""
 KEPT_VERDICTS = 12
 NARROW_PX = 300
-"""If both panels leave less width than this for the picture, the left one is folded away [px]."""
+"""Width left for the picture by both panels below which the left panel is folded away [px]."""
 RIGHT_PX, LEFT_PX, NARROW_RIGHT_PX = 400, 290, 320
 
 EVERYTHING = frozenset({"design", "press", "words", "curves", "map", "rays", "mold", "theme", "ghosts"})
@@ -51,7 +51,7 @@ OF_ANSWER: dict[type, tuple[str, ...]] = {
     found_by_work.Progress: ("words",),
     Failed: ("press", "words"),
 }
-"""Parts of the page that are drawn again when a result arrives."""
+"""Parts of the page that are drawn again when a result of this class arrives."""
 
 
 class Page:
@@ -61,8 +61,8 @@ class Page:
     ----------
     session : the present design
     out : folder of the bundles
-    port : port of the page; None: the first free one
-    seed : seed of the light's offsets
+    port : port of the page; None for the first free port
+    seed : random seed of the light model
     live : a sensor to show, or None
 
     Raises
@@ -98,7 +98,7 @@ class Page:
         return self.server.url
 
     def start(self) -> None:
-        """Start the work and the drawing."""
+        """Start computing and drawing."""
         self.workshop.start()
         if self._live is not None:
             self._live.start()
@@ -106,7 +106,7 @@ class Page:
         self._changed()
 
     def close(self) -> None:
-        """End the work, the tasks, the sensor and the server."""
+        """End computations, tasks, sensor and server."""
         self._is_closing = True
         self._wake.set()
         self._task.end()
@@ -202,7 +202,7 @@ class Page:
         self._mark(*OF_ANSWER[type(answer)])
 
     def _forget_some(self) -> None:
-        """Drop the oldest verdicts, except those of pinned designs and of the present one."""
+        """Remove the oldest verdicts, except those of pinned designs and of the present design."""
         kept = {one.design.digest for one in (*self.session.pinned, self.session.now)}
         for digest in [one for one in self._judged if one not in kept][:-KEPT_VERDICTS]:
             self._judged.pop(digest)

@@ -1,7 +1,8 @@
-"""The picture in three dimensions: layers, parts, mold, tip, pressed top, rays, ghosts; lengths in mm.
+"""The 3D picture: layers, components, mold, tip, pressed top, light paths, and alternative designs; lengths in mm.
 
-Parts and tip can be dragged: the pointer's ray is intersected with the surface of motion. That is the wall's inner face
-for a part (along it or in height, not both), and a level plane for the tip (with shift: along the normal, for depth).
+Components and tip can be dragged: the pointer's ray is intersected with the surface on which they move. For a component
+this is the wall's inner face; it moves either along the wall or in height. For the tip it is a horizontal plane; with
+the shift key the tip moves along the normal and changes the depth.
 """
 
 from __future__ import annotations
@@ -48,18 +49,18 @@ CLEAR, BLACK, MOLD, TIP, BAD, GHOST = (
 )
 PART_COLOURS = {"emitter": (230, 159, 0), "receiver": (0, 114, 178)}
 FACE_MM = 0.25
-"""Distance of a part's active face, as drawn, from its wall [mm]."""
+"""Distance of a component's active face from its wall in the picture [mm]."""
 
 
 class Scene:
-    """The drawn scene, synchronised with the session.
+    """The 3D picture, synchronised with the session.
 
     Parameters
     ----------
-    server : server of the page
+    server : the page's server
     session : receives drags and clicks
-    later : schedules a call on the page's own thread, the newest of a name; callbacks of the page must be quick
-    with_row : whether a dragged part moves its row
+    later : schedules a call on the page's thread; a newer call with the same name replaces it
+    with_row : whether dragging a component moves its whole row
     """
 
     def __init__(
@@ -92,11 +93,11 @@ class Scene:
         server.initial_camera.up = (0.0, 0.0, 1.0)
 
     def draw_design(self, design: SensorDesign, bad: Sequence[str], *, is_bad: bool) -> None:
-        """Draw layers and parts.
+        """Draw the layers and components of a design.
 
         Parameters
         ----------
-        bad : names of parts with errors
+        bad : names of components with errors
         is_bad : whether the design breaks a rule
         """
         cavity = cavity_of(design)
@@ -138,7 +139,7 @@ class Scene:
         face.color = colour
 
     def _new_part(self, part: PlacedPart) -> tuple[str, viser.FrameHandle, viser.BoxHandle, viser.BoxHandle]:
-        """A part in the frame of its face: x outward, y along its wall."""
+        """Draw a component in the frame of its face: x points outward, y along its wall."""
         at = f"/parts/{part.name}"
         frame = self._scene.add_frame(at, show_axes=False)
         size, middle = body_box(part)
@@ -165,13 +166,13 @@ class Scene:
         node.on_drag("left")(dragged)
 
     def _dragged_to(self, event: PartDrag, part: PlacedPart) -> dict[str, float]:
-        """The target of a dragged part: along its straight wall [mm], in its round wall [degrees], or in height."""
+        """New position of a dragged component: along a straight wall [mm], in a round wall [degrees], or in height."""
         if part.angle_deg is None:
             return self._drag_straight(event, part)
         return self._drag_round(event, part, part.angle_deg)
 
     def _drag_straight(self, event: PartDrag, part: PlacedPart) -> dict[str, float]:
-        """The target of a part on its straight wall [mm]."""
+        """New position of a component on its straight wall, along the wall or in height [mm]."""
         here, eye = np.array(part.position_mm), np.array(event.client.camera.position)
         axis = int(np.argmax(np.abs(part.line.outward)))
         if event.phase == "start":
@@ -187,7 +188,7 @@ class Scene:
         return {"along_mm": from_mm + is_along * along, "height_mm": from_up_mm + is_up * rise}
 
     def _drag_round(self, event: PartDrag, part: PlacedPart, angle_deg: float) -> dict[str, float]:
-        """The target of a part in its round wall: its direction, and its height [mm]."""
+        """New position of a component in its round wall: direction [degrees] and height [mm]."""
         here, eye = np.array(part.position_mm), np.array(event.client.camera.position)
         arcs = self._plan.outline.bare.arcs
         wall = min(arcs, key=lambda arc: math.dist(arc.centre_mm, part.position_mm[:2]))
@@ -215,7 +216,7 @@ class Scene:
         )
 
     def draw_untouched_top(self, design: SensorDesign, *, is_bad: bool) -> None:
-        """Draw the untouched top of a design without results."""
+        """Draw the untouched top, for a design without results."""
         points, triangles = untouched_top(cavity_of(design).plan)
         self._scene.add_mesh_simple(
             "/pad/top",
@@ -228,7 +229,7 @@ class Scene:
         )
 
     def draw_tip(self, design: SensorDesign, press: Press) -> None:
-        """Draw the tip at the press, along the normal of the untouched top there."""
+        """Draw the tip at the press, along the normal of the untouched top at this location."""
         shape = design.indenter.model_dump_json()
         if self._tip is None or shape != self._tip_shape:
             self._tip = self._new_tip(design)
@@ -280,7 +281,7 @@ class Scene:
                 self._later("tip", lambda: self._session.move_tip(x_mm=x, y_mm=y))
 
     def draw_rays(self, rays: Rays | None, *, is_dark: bool) -> None:
-        """Draw sample paths, one colour per kind; None removes them."""
+        """Draw sample paths of light, one colour per kind; None removes them."""
         for kind in (*KINDS, LOST):
             name = f"/rays/{kind.key}"
             mine = [one.places_mm for one in rays.rays if one.kind == kind.key] if rays is not None else []
@@ -297,11 +298,11 @@ class Scene:
             )
 
     def set_mold(self, digest: str, mesh: Mesh) -> None:
-        """Set the printable mold of a design."""
+        """Store the printable mold of the design with this digest."""
         self._mold = (digest, mesh)
 
     def draw_mold(self, design: SensorDesign, shown: str) -> None:
-        """Draw the mold: "hidden", "cut" open or "whole"; its outline until the solid is finished."""
+        """Draw the mold "hidden", "cut" open or "whole"; until its mesh is finished, only its outline."""
         for name in ("/mold/solid", "/mold/outline"):
             self._scene.remove_by_name(name)
         if shown == "hidden":
@@ -320,7 +321,7 @@ class Scene:
         )
 
     def draw_ghosts(self, ghosts: Sequence[Ghost]) -> None:
-        """Draw parts and top of verified alternatives, which can be clicked."""
+        """Draw components and top of the alternatives that improve found; they can be clicked."""
         for frame in self._ghosts:
             frame.remove()
         self._ghosts = []
@@ -361,7 +362,7 @@ class Scene:
         node.on_click(clicked)
 
     def draw_touch(self, touch: Touch | None) -> None:
-        """Draw the sensor's touch with its uncertainty, two standard deviations wide; nothing without a touch."""
+        """Draw the sensor's touch with its uncertainty of two standard deviations; None, or no touch, removes it."""
         if touch is None or not touch.is_touched or not np.isfinite(touch.press_mm).all():
             self._scene.remove_by_name("/touch")
             return
@@ -378,7 +379,7 @@ class Scene:
 
 
 def _key(part: PlacedPart) -> str:
-    """The properties, except position, that determine a part's picture."""
+    """Text of the properties of a component that determine its picture, except its position."""
     return f"{part.kind} {part.part_id} {part.half_width_mm} {part.half_height_mm}"
 
 

@@ -1,9 +1,9 @@
-"""Bodies, rotations and cuts of the picture in three dimensions, as plain numbers; lengths in mm.
+"""Geometry of the 3D picture in plain numbers (lengths in mm), and the check of the page's messages.
 
-Check of the page's messages: known kinds, with every field of its type. viser itself checks none.
+A message must be of a known kind and have every field in its type; viser itself checks none of this.
 
-A message that viser or a callback cannot use would cause a traceback on the terminal, and some kinds (uploads, forms)
-would be stored without a limit. The types are those of viser's own messages.
+Other messages would cause a traceback on the terminal, and some kinds (uploads, forms) would be stored without a limit.
+The types are those of viser's own message classes.
 """
 
 from __future__ import annotations
@@ -37,11 +37,11 @@ KINDS: dict[str, Any] = {
         kinds.ViewerCameraMessage,
     )
 }
-"""Messages of the studio's page: hotkeys, exported pictures, fields and buttons, clicks, drags, its camera."""
+"""Messages that the studio's page may send: hotkeys, exported pictures, fields and buttons, clicks, drags, camera."""
 LARGEST_PICTURE_B, LARGEST_B = 16 * 2**20, 64 * 2**10
-"""The largest exported picture, and the largest message of any other kind [bytes]."""
+"""Largest size of an exported picture, and of any other message [bytes]."""
 LARGEST_NUMBER = 1e9
-"""Limit of every coordinate [mm], angle and size [px]; squares of it are finite."""
+"""Limit of every coordinate [mm], angle and size [px] in a message; the square of a smaller number is finite."""
 
 
 def fault_of(raw: str | bytes, inputs: Mapping[str, Any]) -> str | None:
@@ -50,7 +50,7 @@ def fault_of(raw: str | bytes, inputs: Mapping[str, Any]) -> str | None:
     Parameters
     ----------
     raw : the received message
-    inputs : viser's handles of the fields and buttons, by uuid
+    inputs : viser's handles of the page's fields and buttons, by uuid
     """
     if isinstance(raw, str):
         return "text, where a message is bytes (MessagePack)"
@@ -68,7 +68,7 @@ def fault_of(raw: str | bytes, inputs: Mapping[str, Any]) -> str | None:
 
 
 def _fault_of_fields(name: str, found: dict[str, Any]) -> str | None:
-    """A missing or unknown field, one of another type, or a number that no page sends; None if there is no fault."""
+    """Fault of a message: a missing or unknown field, another type, or a number too large; None if it is valid."""
     unknown = [str(key) for key in found.keys() - {field.name for field in fields_of(KINDS[name])}]
     if unknown:
         return f"unknown field {unknown[0]!r:.60}"
@@ -81,7 +81,7 @@ def _fault_of_fields(name: str, found: dict[str, Any]) -> str | None:
 
 
 def _fault_of_use(name: str, found: dict[str, Any], inputs: Mapping[str, Any]) -> str | None:
-    """A fault of a click or a field that the types alone do not show; None if there is none."""
+    """What is wrong with a click or an edited field beyond its types; None if nothing."""
     if name == "ScenePointerMessage":
         is_click = found["event_type"] == "click" and len(found["screen_pos"]) == 1
         has_ray = found["ray_origin"] is not None and found["ray_direction"] is not None
@@ -97,7 +97,7 @@ def _fault_of_use(name: str, found: dict[str, Any], inputs: Mapping[str, Any]) -
 
 
 def _fits(value: Any, now: Any, options: tuple[str, ...] | None) -> bool:
-    """Whether a field with the present value can take another one."""
+    """Whether a value is possible for a page's field that now has another value, and whose choices may be limited."""
     if options is not None:
         return value in options
     if isinstance(now, int | float) and not isinstance(now, bool):
@@ -106,7 +106,7 @@ def _fits(value: Any, now: Any, options: tuple[str, ...] | None) -> bool:
 
 
 def _numbers(value: Any) -> Iterator[float]:
-    """Every number in a message; NaN counts as one."""
+    """Every number in a message, including NaN."""
     if isinstance(value, dict | list):
         for one in value.values() if isinstance(value, dict) else value:
             yield from _numbers(one)
@@ -123,7 +123,7 @@ TIP_TURNS = 40
 
 
 def facing(part: PlacedPart) -> Quaternion:
-    """The rotation about z that brings x to the outward direction of a part's wall, and y along the wall."""
+    """The rotation about z that brings x to the outward direction of a component's wall, and y along the wall."""
     half = math.atan2(*part.line.outward[::-1]) / 2.0
     return math.cos(half), 0.0, 0.0, math.sin(half)
 
@@ -136,7 +136,7 @@ def along_normal(normal: tuple[float, float, float]) -> Quaternion:
 
 
 def body_box(part: PlacedPart) -> Box:
-    """Size and middle (3,) of a part's body, from the centre of its face: outward, along its wall, up."""
+    """Size and (3,) centre of a component's body relative to its face's centre; axes outward, along the wall, up."""
     entry = part.part
     size = np.array([entry.body_depth_mm.value, entry.body_width_mm.value, entry.body_height_mm.value])
     middle = (part.body_base_mm + part.body_top_mm) / 2 - part.height_mm
@@ -144,13 +144,13 @@ def body_box(part: PlacedPart) -> Box:
 
 
 def tip_apex_mm(plan: Plan, place_mm: tuple[float, float], depth_mm: float) -> FloatArray:
-    """(3,) apex of the tip: at this depth below the untouched top at its location, along the normal there."""
+    """(3,) apex of the tip: `depth_mm` below the untouched top at the location, along the normal there."""
     foot = np.array([*place_mm, np.nan_to_num(plan.top_mm(*place_mm), nan=0.0)])
     return np.asarray(foot - depth_mm * np.array(plan.normal(*place_mm)), dtype=np.float64)
 
 
 def tip_body(design: SensorDesign) -> tuple[FloatArray, IntArray]:
-    """The tip as a body of revolution about z, its apex at the origin."""
+    """(n, 3) points [mm] and (m, 3) triangles of the tip as a body of revolution about z, apex at the origin."""
     outline = tip_points_mm(design.indenter, TIP_LENGTH, 40)
     turns = np.linspace(0.0, 2 * np.pi, TIP_TURNS, endpoint=False)
     points = np.stack(
@@ -165,7 +165,7 @@ def tip_body(design: SensorDesign) -> tuple[FloatArray, IntArray]:
 
 
 def mold_edges(design: SensorDesign) -> FloatArray:
-    """(edge, 2, 3) edges of the mold's outside: around its foot and its rim, and upright where it touches its box."""
+    """(edge, 2, 3) edges of the mold's outside: around foot and rim, and the upright edges of its bounding box."""
     found = outline_of(design)
     sides = (X, Y, (-1.0, 0.0), (0.0, -1.0))
     upright = sorted({place for side in sides for place in found.outer.touches_mm(side)})
@@ -178,7 +178,7 @@ def mold_edges(design: SensorDesign) -> FloatArray:
 
 
 def plane_cut(eye_mm: FloatArray, point_mm: FloatArray, axis: int, level_mm: float) -> FloatArray:
-    """(3,) point where the ray from the eye through a point meets the plane of one coordinate."""
+    """(3,) point where the ray from the eye through a point meets the plane whose coordinate `axis` is `level_mm`."""
     way = point_mm - eye_mm
     if abs(way[axis]) < 1e-9:
         return point_mm
@@ -188,9 +188,10 @@ def plane_cut(eye_mm: FloatArray, point_mm: FloatArray, axis: int, level_mm: flo
 def round_cut(
     eye_mm: FloatArray, point_mm: FloatArray, centre_mm: Point, radius_mm: float, near_mm: FloatArray
 ) -> FloatArray:
-    """(3,) point where the ray from the eye through a point meets a cylinder about a centre (x, y), nearest to a point.
+    """(3,) point where the ray from the eye through a point meets a vertical cylinder about `centre_mm`.
 
-    If a ray misses the cylinder, its point nearest to the axis is used.
+    Of two such points, the one nearer to `near_mm` is used. If the ray misses the cylinder, its point nearest to the
+    axis is used.
     """
     way, start = point_mm - eye_mm, eye_mm[:2] - centre_mm
     square, half = float(way[:2] @ way[:2]), float(start @ way[:2])
@@ -202,12 +203,12 @@ def round_cut(
 
 
 def turn_deg(centre_mm: Point, start_mm: FloatArray, end_mm: FloatArray) -> float:
-    """The rotation about a centre (x, y) from one point to another, from -180 to 180 [degrees]."""
+    """Angle about a centre (x, y) from one point to another, -180 to 180 [degrees]."""
     (x0, y0), (x1, y1) = (one[:2] - centre_mm for one in (start_mm, end_mm))
     return math.degrees(math.atan2(x0 * y1 - y0 * x1, x0 * x1 + y0 * y1))
 
 
 def along_one_way(along_mm: float, height_mm: float) -> tuple[bool, bool]:
-    """Whether a drag goes along the wall or in height: the larger component counts, to ignore an unsteady hand."""
+    """Whether a drag is along the wall, and whether it is in height: only the larger component counts."""
     is_along = abs(along_mm) >= abs(height_mm)
     return is_along, not is_along
