@@ -26,7 +26,7 @@ HALF_MM = f"{WITHIN_MM:g} mm"
 
 
 def accuracy_page(found: Accuracy, drawings: Mapping[str, Drawing]) -> str:
-    """The whole page as HTML text.
+    """The page on accuracy as HTML text.
 
     Parameters
     ----------

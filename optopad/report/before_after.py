@@ -86,7 +86,7 @@ SHOWN = (
 
 
 def before_and_after(made: Improvement) -> Html:
-    """The section; empty without alternatives."""
+    """The section that compares a design with its alternatives; empty without alternatives."""
     if not made.alternatives:
         return Html("")
     labels = ["before", *(f"{number}: {one.kind}" for number, one in enumerate(made.alternatives, 1))]
@@ -150,7 +150,7 @@ def _figure_rows(figures: list[Figures]) -> list[list[str]]:
 
 
 def _same_pair(made: Improvement, score: ContinuityScore) -> JudgedPair:
-    """The pair that governed before; if the layout does not have it, the pair that governs now."""
+    """The governing pair of the design before the change; if the layout lacks it, the present governing pair."""
     named = {pair.name: pair for pair in score.pairs}
     return named.get(made.before.found.governing or "") or named[score.governing or ""]
 
@@ -160,7 +160,7 @@ def _number(value: float | None) -> str:
 
 
 def _picture(made: Improvement, design: SensorDesign, score: ContinuityScore, number: int) -> Html:
-    """A margin map of a pad, all in the same colours; for facing rows, the signal of the same pair."""
+    """Picture of a design for the comparison: a pad's margin map, or the signal of one facing pair."""
     with plain_style():
         if score.pad_map is not None and not score.is_facing_rows:
             axes = plot_margin_map(score.pad_map, cavity_of(design), most=COLOURS_END)

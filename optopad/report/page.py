@@ -65,7 +65,7 @@ TITLES = {
 
 @dataclass(frozen=True, kw_only=True)
 class Found:
-    """Content of a page apart from the verdict.
+    """Content of a report's page apart from the verdict.
 
     Attributes
     ----------
@@ -101,7 +101,7 @@ def write_report(
     ----------
     folder : the bundle, with the files that the page shows and links to
     checks : the mold's checks, as in ``cad/checks.json``
-    early : drawings of this score that were made before; None makes them now
+    early : drawings of this score that exist already; None makes them now
     """
     early = early or early_drawings(design, score, seed=seed)
     drawings = early.drawings | tolerance_drawings(score)

@@ -24,7 +24,7 @@ LOCATIONS = {
 
 
 def search_page(search: Search, improvement: Improvement | None = None) -> str:
-    """The whole page as HTML text; for a search around a design, its result comes first."""
+    """The page of a search as HTML text; a search around one design begins with its result."""
     found = search.findings
     first = Html("") if improvement is None else before_and_after(improvement)
     sections = [
@@ -206,7 +206,7 @@ def _stopped_section(search: Search) -> Html:
 
 
 def _kind(reason: str) -> str:
-    """The reason without the numbers of the single design."""
+    """The reason of a refusal without the numbers of the single design."""
     if ", required " in reason:
         return f"misses {reason.partition(', required ')[2]}"
     return reason.partition("(")[0].strip() or reason

@@ -1,4 +1,4 @@
-"""The files of which pages consist, the page without a script, and the one script of the other pages.
+"""Parts of all pages: their files, their script, safe HTML, and the verdict in words.
 
 The policy of a page allows that script and no other. Every part of it looks for its own elements and does nothing
 without them. Its data are stored in the page as JSON, which a browser reads and does not run; a closing tag inside
@@ -287,7 +287,7 @@ Tile = tuple[str, str, str]
 MICROMETRES_BELOW_MM = 0.1
 """Bounds below this are given in micrometres in the headline [mm]."""
 ORIGINS = {"open value": "unmeasured parameter"}
-"""Origins of a tolerance that have another name in the table."""
+"""Names in the table for the origins of a tolerance."""
 MOST_NAMED = 3
 """Largest number of values named in the words; the plot and the table have all."""
 SYMBOLS: dict[Verdict, str] = {
@@ -368,7 +368,7 @@ def _error(score: ContinuityScore, figure: str, digits: int = 3) -> str:
 
 
 def headline(score: ContinuityScore) -> Html:
-    """The figures: worst deadband, share of pairs, mode gap, continuity, evenness, strength."""
+    """The headline figures: worst deadband, share of pairs, mode gap, continuity, evenness, strength."""
     if score.strength is None or score.continuity is None or score.evenness is None:
         return Html("")
     of = governing(score).name if score.is_facing_rows else f"median of {len(score.pairs)} judged pairs"

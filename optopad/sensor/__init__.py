@@ -1,4 +1,4 @@
 """Jobs around the built sensor: its configuration, firmware, live views, presses by a stage.
 
-Imports of ours: work and the rooms below.
+It may import design, sims and fabrication.
 """

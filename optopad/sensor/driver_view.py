@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from sims.learning.inference.touch_model import TouchModel
 
 TABLE_DEPTHS_MM = (0.0, 0.1, 0.25, 0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 5.0)
-"""Depths of a table simulated for the fake board; deeper ones than the design's are left out, its end is added."""
+"""Depths simulated for the fake board [mm], up to the design's deepest press, which is added."""
 
 TABLE_ACCURACY = "draft"
 
@@ -79,7 +79,7 @@ def with_expected_pattern(source: DriverSource, *, seed: int, on_step: OnStep) -
 
     Raises
     ------
-    InputError : they are missing, and the design to simulate is not known.
+    InputError : the expected readings are missing, and the design to simulate is not known.
     """
     if source.config.expected is not None:
         return source.config
@@ -219,10 +219,10 @@ FAINTEST = 0.1
 CELL_WIDTH = 6
 NAME_WIDTH = 5
 OTHER_LINES = 5
-"""Lines of the live view next to those of the emitters."""
+"""Lines of the live view without those of the emitters."""
 
 LESS, MORE = (31, 102, 209), (209, 92, 20)
-"""Colours (red, green, blue) of less and of more light than without contact; the terminal's own is between them."""
+"""Colours (red, green, blue) of less and of more light than without contact; no change has the terminal's colour."""
 
 
 def frame_json(frame: Frame, digits: int = 5) -> dict[str, Any]:
@@ -320,7 +320,7 @@ def _numbers(
 def _blocks(
     frame: Frame, ratio: FloatArray, emitters: tuple[str, ...], receivers: tuple[str, ...], *, wide: bool
 ) -> RenderableType:
-    """Two emitters a line, as the upper and lower half of a block for each receiver; names of every eighth receiver."""
+    """Heat map of coloured blocks: a line shows two emitters, and every eighth receiver has a name."""
     from rich.text import Text
 
     step = 2 if wide else 1
@@ -345,7 +345,7 @@ def _colour(frame: Frame, ratio: FloatArray, i: int, j: int) -> str:
 
 
 def check_lines(verdict: Verdict) -> list[str]:
-    """The result of a check for people."""
+    """Lines of a check's result, for a person to read."""
     lines = [
         f"{'problem' if problem.is_error else 'note':<9} {problem.kind}: {problem.message}"
         for problem in verdict.problems

@@ -1,4 +1,4 @@
-"""Firmware into the bundle: the sketch folder always, the compiled image if there is a compiler."""
+"""Writes the firmware into the bundle: the sketch folder, and the compiled image if there is a compiler."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ FIRMWARE = Path("fabrication") / "firmware"
 
 @dataclass(frozen=True, kw_only=True)
 class FirmwareFiles:
-    """The written files.
+    """The written files of a firmware.
 
     Attributes
     ----------
@@ -66,7 +66,7 @@ def image_to_upload(design: SensorDesign, out: Path, *, seed: int) -> Path:
 
     Raises
     ------
-    DeviceError : no compiler, and no image of this firmware in the bundle.
+    DeviceError : there is no compiler, and the bundle has no image of this firmware.
     """
     files = write_firmware(design, out, seed=seed)
     if files.image_file is None:
@@ -89,7 +89,7 @@ def given_image(file: Path) -> Path:
 
     Raises
     ------
-    InputError : no such file, or not an Intel HEX file.
+    InputError : the file does not exist or is not an Intel HEX file.
     """
     try:
         first = file.read_text(encoding="ascii")[:1]

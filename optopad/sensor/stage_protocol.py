@@ -1,4 +1,4 @@
-"""A press protocol (`design.press_protocol`) as presses for a stage: locations are shuffled within each set."""
+"""Presses for a stage from a press protocol (`design.press_protocol`), with locations shuffled within each set."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def protocol_presses(design: SensorDesign, protocol: str, *, seed: int = 0) -> P
 
     Raises
     ------
-    DesignError, InputError, ModelScopeError : no such protocol, or one that does not suit this design.
+    DesignError, InputError, ModelScopeError : the protocol does not exist or does not suit this design.
     """
     said = load_protocol_file(protocol)
     depths = said.depth_mm.tolist()

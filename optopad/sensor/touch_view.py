@@ -1,4 +1,4 @@
-"""Output of `driver read --model`: a picture of the touch on the pad, numbers with uncertainty; lines and JSON."""
+"""Output of `driver read --model`: a picture of the touch with its numbers and uncertainty, or lines, or JSON."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ if TYPE_CHECKING:
     from rich.console import RenderableType
 
 PICTURE_ROWS, PICTURE_COLUMNS = 15, 31
-"""A character is twice as high as wide."""
+"""Height of a terminal's character over its width."""
 
 LIGHT_MM, DEEP_MM = 0.5, 2.0
 MARKS = ("○", "◉", "●")
-"""Marks of a touch: lighter than 0.5 mm, lighter than 2 mm, deeper."""
+"""Marks of a touch: less than 0.5 mm deep, less than 2 mm, deeper."""
 
 ODD_S = 5.0
 FAR_START = 0.1
-"""Difference of start levels from the training data, beyond gains, above which a note is shown."""
+"""Difference between the readings at the start and the training data, after gains, above which a note is shown."""
 
 AXES = ("x", "y", "depth")
 

@@ -1,4 +1,4 @@
 """The views of a page, as data and as still pictures: pad, pairs, rays, mold.
 
-Imports of ours: text and the rooms below.
+It may import design, sims and cad.
 """

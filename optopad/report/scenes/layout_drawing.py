@@ -1,7 +1,7 @@
 """The layout with its dimensions: the mold from above and in section, at one scale.
 
-Kinds of parts at several heights are shown once each; in the section they are rotated into its plane. The section runs
-along x, but along y under a crown that is straight along x.
+The section shows one part of each kind at each of its heights, rotated into the section's plane. The section runs
+along x. Under a crown that is straight along x it runs along y.
 """
 
 from __future__ import annotations
@@ -33,10 +33,10 @@ MOST_NUMBERS = 40
 
 DIAMETER = "\N{LATIN CAPITAL LETTER O WITH STROKE}"
 DIMENSION_GAPS = (0.48, 0.80), (0.55, 0.84)
-"""Distances of the dimension lines of cavity and outside from the mold, along x and y, over the room around it."""
+"""Distances of the dimension lines from the mold, as shares of the free space: cavity, then outside, along x and y."""
 CROWN_POINTS = 81
 ROUND_GAP = 2.8
-"""Distance of a name from its part's face on a round wall, over that on a straight one; the name is centred."""
+"""Distance of a part's name from the part on a round wall, over the distance on a straight wall; names are centred."""
 LEVEL = 0.2
 """Sine below which a direction counts as level or upright, for labels next to it."""
 NEAR_CORNER = 0.12
@@ -134,12 +134,12 @@ def _write_name(ax: Axes, part: PlacedPart, cavity: CavityGeometry) -> None:
 
 
 def _body(part: PlacedPart, **look: Any) -> Patch:
-    """A part's body from above, its face on its wall."""
+    """Draw a part's body from above, with its face in the wall."""
     return Polygon(body_corners_mm(part)[:4, :2], **look)
 
 
 def _write_place(ax: Axes, socket: Socket, cavity: CavityGeometry) -> None:
-    """The position of a part along its wall, or the direction of its own facet, outside the mold."""
+    """Write a part's position along its wall next to the mold; on a round wall, write the direction of its facet."""
     part, wall = socket.part, socket.frame.thickness_mm
     x, y, _ = part.position_mm
     right, up = part.line.outward
@@ -163,7 +163,7 @@ class _Section:
 
     Attributes
     ----------
-    is_across : whether it runs along y
+    is_across : whether the section runs along y
     start_mm, end_mm : positions of the faces of an emitter and of a receiver, rotated into the plane
     length_mm, wall_mm : inner length of the cavity, and thickness of the mold's wall
     """
@@ -258,7 +258,7 @@ def _draw_section(ax: Axes, design: SensorDesign, section: _Section, room: float
 
 
 def _draw_tip(ax: Axes, design: SensorDesign, cavity: CavityGeometry, middle: float) -> None:
-    """The tip as it touches the undisturbed top."""
+    """Draw the tip as it touches the undisturbed top."""
     side = tip_points_mm(design.indenter, 2.0, 80)
     side = side[side[:, 1] <= 1.25 * design.indenter.tip_radius_mm]
     outline = np.concatenate([side[::-1] * (-1.0, 1.0), side]) + np.array([middle, cavity.clear_mm])
@@ -278,14 +278,14 @@ def _draw_body(ax: Axes, part: PlacedPart, wall_x: float, side: int) -> None:
 
 
 def _heights(ax: Axes, part: PlacedPart, at_mm: float, colour: str) -> None:
-    """The height of the middle of a part's active area above the clear layer's bottom."""
+    """Write the heights of the parts' active areas above the bottom of the clear layer."""
     _arrow(ax, (at_mm, 0.0), (at_mm, part.height_mm), colour)
     words = f" {part.kind} {part.height_mm:.4g}"
     ax.text(at_mm, part.height_mm / 2, words, ha="left", va="center", fontsize=SMALL, color=colour)
 
 
 def _across(ax: Axes, start: float, end: float, y: float, words: str, *, from_mm: float) -> None:
-    """A dimension along x, with extension lines."""
+    """Draw a dimension along x, with extension lines."""
     _arrow(ax, (start, y), (end, y))
     for x in (start, end):
         ax.plot((x, x), (from_mm, y), **LINE)
@@ -293,7 +293,7 @@ def _across(ax: Axes, start: float, end: float, y: float, words: str, *, from_mm
 
 
 def _upright(ax: Axes, low: float, high: float, x: float, words: str, *, from_mm: float) -> None:
-    """A dimension along y, with extension lines."""
+    """Draw a dimension along y, with extension lines."""
     _arrow(ax, (x, low), (x, high))
     for y in (low, high):
         ax.plot((from_mm, x), (y, y), **LINE)

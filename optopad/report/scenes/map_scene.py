@@ -26,7 +26,7 @@ CHANGE = ("#f2f6f9", "#9cc9e6", "#0072b2", "#002e4a")
 DEAD = ("#eef1f4", "#c24e00")
 IN_DEADBAND = "in a deadband: no pair resolves depth"
 LEAST_CHANGE = 0.5
-"""Smaller changes share the lightest colour [noise units]."""
+"""Changes below this limit share the lightest colour [noise units]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,12 +42,12 @@ class DepthMap:
     is_hatched : (depth, location) values to mark; locations without a value are marked in any case
     hatched : meaning of a hatched location
     ends : (depth, location, 2) limits of each value, and their meaning; None if not known
-    absent : the word for none
+    absent : the word for a value that is absent
     colours : from the low to the high end of the scale
     low, high : ends of the scale; values beyond take the colour of the end
-    is_logarithmic : scale
-    digits : after the point
-    names : words in place of numbers 0, 1 ...
+    is_logarithmic : whether the scale of colours is logarithmic
+    digits : number of digits after the decimal point
+    names : words that the page shows in place of the values 0, 1, ...
     limit : a note about the scale
     """
 
@@ -71,7 +71,7 @@ class DepthMap:
     ends_of: str = ""
 
     def data(self) -> dict[str, Any]:
-        """For the page's script."""
+        """The map as data for the page's script."""
         finite = self.values[np.isfinite(self.values)]
         return {
             "key": self.key,
@@ -114,7 +114,7 @@ class MapScene:
         return _pitch_mm(self.pad_map)
 
     def data(self) -> dict[str, Any]:
-        """For the page's script; `cells` are the row and column of each location."""
+        """The maps as data for the page's script; `cells` are the row and column of each location."""
         pad, deepest = self.pad_map, float(self.profile.depth_mm[-1])
         weakest = pad.places.index(pad.weakest)
         dead = pad.weakest.deadbands_mm
@@ -195,13 +195,13 @@ def _number(value: float) -> float | None:
 
 
 MOST = 6
-"""Largest number of maps in total."""
+"""Largest number of maps in a row."""
 PANEL_IN = 1.45
 """Width of a map [inch]."""
 
 
 def plot_by_depth(scene: MapScene, one: DepthMap) -> Axes:
-    """One quantity at up to six depths, to one scale of colours; hatched as on the page. Returns the first axes."""
+    """Draw one quantity at up to six depths, with one scale of colours; returns the axes of the first depth."""
     chosen, pad = _chosen(one), scene.pad_map
     depths = [one.depth_mm[layer] for layer in chosen]
     titles = [f"{depth:.2f} mm" if np.isfinite(depth) else one.title for depth in depths]

@@ -36,7 +36,7 @@ def mold_scene(design: SensorDesign, folder: Path) -> dict[str, Any] | None:
     -------
     step [mm], low (3) [mm], points (n, 3) in steps above low, triangles (m, 3) and creases (k, 2) as vertex numbers;
     outer: low and high corner of the mold [mm]; bodies: kind and eight corners [mm]; mouth: corners of the opening at
-    the rim, and its z [mm]; lid: the same data as for the mold, as it rests on it, None without one
+    the rim, and its z [mm]; lid: the same data for the lid in its position on the mold; None without a lid
     """
     stl = folder / MOLD_STL
     if not stl.is_file():
@@ -70,7 +70,7 @@ def _solid(mesh: Mesh, places_mm: FloatArray) -> dict[str, Any]:
 
 
 def _lid(design: SensorDesign, stl: Path) -> dict[str, Any] | None:
-    """The lid in its position on the mold; None if there is none."""
+    """The lid, rotated onto the mold; None if the design has none."""
     if not stl.is_file():
         return None
     from cad.lid import lid_size, turned_over

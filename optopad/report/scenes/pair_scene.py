@@ -12,11 +12,11 @@ from sims.score.result import ContinuityScore, JudgedPair
 from sims.verdict.figure_errors import Load
 
 STEPS = 10_000
-"""Number of steps of a pair's untouched light."""
+"""Number of steps into which the light of an untouched pair is divided."""
 
 
 def pair_scene(design: SensorDesign, score: ContinuityScore) -> dict[str, Any]:
-    """Every judged pair; depths in mm, light in steps of its untouched total."""
+    """Data of every judged pair: depths in mm, light in steps of its untouched total."""
     cavity = cavity_of(design)
     names = [pair.name for pair in score.pairs]
     return {

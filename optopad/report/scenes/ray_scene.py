@@ -29,7 +29,7 @@ POOL_PER_PATH = 4
 MOST_RAYS = 20_000
 """Rays tried for an emitter under one press; six presses and eight emitters take about a second at most."""
 DEPTH_SHARES = (0.1, 0.2, 0.4, 0.6, 1.0)
-"""Depths shown, over the deepest press [-]."""
+"""Depths shown, as shares of the deepest press [-]."""
 NEAR_MM = 0.2
 """A depth closer than this to an end of the deadband is left out [mm]."""
 CURVE_TOLERANCE_MM = 0.01
@@ -47,7 +47,7 @@ class RayScene:
     design, cavity : the sensor
     pairs : emitter and receiver numbers
     place_mm : (x, y) of the presses [mm]
-    is_middle : whether that is the middle of the middle facing pair, rather than the pad's location of least margin
+    is_middle : whether `place_mm` is the middle of the middle facing pair; otherwise it is the location of least margin
     labels : label of each state
     states : states of the pad, the untouched one first
     """
@@ -83,7 +83,7 @@ class RayScene:
         )
 
     def share(self, state: int, kind: LightKind, pair: int | None = None) -> float | None:
-        """Power of a kind over the untouched light of the pairs, or of one pair; None if not in the light model [-]."""
+        """Power of one kind of light over the untouched light of all pairs or of one pair [-]; None: not modelled."""
         chosen = slice(None) if pair is None else slice(pair, pair + 1)
         untouched = sum(float(flux[chosen].sum()) for flux in self.states[0].power.values())
         found = [flux for name, flux in self.states[state].power.items() if kind_of(name).key == kind.key]
@@ -93,7 +93,7 @@ class RayScene:
 
 
 def ray_scene(design: SensorDesign, score: ContinuityScore, *, seed: int) -> RayScene | None:
-    """The view of a design's verdict; None without a verdict.
+    """The rays that belong to a design's verdict; None without a verdict.
 
     Parameters
     ----------
@@ -224,7 +224,7 @@ def _rounded(share: float | None) -> float | None:
 
 
 def _rays(state: RayState, keys: list[str], pairs: tuple[Pair, ...]) -> list[list[Any]]:
-    """Number of the kind, number of the pair, and points of every path; lost light counts for its former pair."""
+    """Number of the kind, number of the pair and points of every path; lost light belongs to its pair before the press."""
     numbers = {pair: number for number, pair in enumerate(pairs)}
     arriving = [
         _ray(path, keys.index(kind_of(path.fate).key), numbers[path.emitter, path.receiver])
@@ -251,7 +251,7 @@ def _curve(state: RayState) -> list[list[float]]:
 
 
 def _tip(scene: RayScene) -> list[list[float]]:
-    """The tip's outline, as radius and height above its apex [mm]."""
+    """Outline of the tip: distance from the axis and height above the apex [mm]."""
     points = _thinned(tip_points_mm(scene.design.indenter, TIP_LENGTH, 200), 0.02)
     return [[round(float(r), 2), round(float(z), 3)] for r, z in points]
 

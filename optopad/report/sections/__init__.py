@@ -1,4 +1,4 @@
 """The sections of a page, one per file.
 
-Imports of ours: scenes, text, optopad.work and the rooms below.
+They may import `optopad.report.scenes` and `optopad.screen`, and design, sims and cad.
 """

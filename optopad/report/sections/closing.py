@@ -78,14 +78,14 @@ WRITTEN_LAST = ("design.toml", "manifest.json", "report.html")
 
 
 def warnings_section(score: ContinuityScore) -> Html:
-    """All warnings about this design and this verdict."""
+    """The section with all warnings about the design and its verdict."""
     found = list(score.warnings)
     body = bullets(found, class_="warnings") if found else element("p", "None.")
     return section("warnings", "Warnings", body)
 
 
 def limits_section(design: SensorDesign) -> Html:
-    """Effects that no figure on the page includes."""
+    """The section on limits: effects that no figure on the page includes."""
     is_plain = plan_of(design).is_block
     said = [SHAPED_WALLS if words is WALLS and not is_plain else words for words in LEFT_OUT]
     return section("limits", "What the models leave out", bullets(said))

@@ -1,4 +1,4 @@
-"""The plots of a report as SVG, by file name, and their place in the page."""
+"""The plots of a report as SVG, by file name, and their cards in the page."""
 
 from __future__ import annotations
 
@@ -120,7 +120,7 @@ def drawings_of(
 
     Parameters
     ----------
-    maps : by depth; None leaves them out
+    maps : maps by depth; None leaves them out
     """
     return drawings_without_tolerance(design, score, maps) | tolerance_drawings(score)
 
@@ -179,7 +179,7 @@ def _pair_plots(score: ContinuityScore) -> dict[str, tuple[Axes, str]]:
 
 
 def shown_causes(score: ContinuityScore) -> list[Cause]:
-    """The worst cause of each kind and lack, the worst first."""
+    """The worst cause for each kind of cause and each missing quantity, the worst first."""
     found: dict[tuple[str, str], Cause] = {}
     for cause in score.causes:
         found.setdefault((cause.kind, cause.lack), cause)
@@ -292,7 +292,7 @@ def _step_plots(score: ContinuityScore) -> dict[str, tuple[Axes, str]]:
 
 
 def _card(drawing: Drawing) -> str:
-    """CSS class: a map's cells keep their colours and their background; other plots follow the page, light or dark."""
+    """CSS class of a plot's card: maps keep their colours; other plots follow the page's light or dark colours."""
     return "card" if drawing.stem.startswith(f"{PREFIX}map-") else "card themed"
 
 

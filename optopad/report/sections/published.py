@@ -1,4 +1,4 @@
-"""The published load, with which the computed curve is compared if the sensor is the paper's."""
+"""The published load of the paper's sensor, and its comparison with the computed curve."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ class PublishedLoad:
 
     Attributes
     ----------
-    depth_mm, force_n : the point; both values of "corresponds to about"
+    depth_mm, force_n : depth and load, in the paper "corresponds to about"
     source, short_source : publication of the load
     tip_radius_mm, clear_mm, black_mm, material, mixing_ratio : the press for which the load was published
     """
@@ -122,7 +122,7 @@ PIACENZA_2017 = PublishedLoad(
     material="sylgard-184",
     mixing_ratio=20.0,
 )
-"""Source: the paper, read; "about" is the paper's word, no error is given."""
+"""Load that the paper states, with the word "about" and without an error."""
 
 
 def published_load(design: SensorDesign) -> PublishedLoad | None:

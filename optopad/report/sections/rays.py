@@ -19,7 +19,7 @@ from sims.rays import LOST, LightKind
 
 TITLE = "The sensor and its light in three dimensions"
 THIN = 2
-"""One path of this many is drawn on the sheet, to keep the files small."""
+"""The sheet draws one path of this many, to keep the files small."""
 BUTTONS = (
     ("left", "\N{ANTICLOCKWISE OPEN CIRCLE ARROW}", "Rotate left"),
     ("right", "\N{CLOCKWISE OPEN CIRCLE ARROW}", "Rotate right"),

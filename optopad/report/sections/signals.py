@@ -52,7 +52,7 @@ LACKS = {
     "used up": "saturated",
     "dim": "too little light",
 }
-"""Words for what a pair lacks, if its name alone is not clear."""
+"""Words for the quantity that a pair fails to resolve, where its name alone is not clear."""
 CAUSE_HEADS = (
     "pair",
     "lacks",
@@ -133,7 +133,7 @@ def causes_section(score: ContinuityScore, drawings: Drawings) -> Html:
 
 
 def _trial_parts(trial: Trial | None) -> list[Html]:
-    """The moves that were tried, each with its traced result."""
+    """The changes that were tried, each with its traced result."""
     if trial is None:
         return []
     rows = [
@@ -184,7 +184,7 @@ def signal_section(design: SensorDesign, score: ContinuityScore, drawings: Drawi
 
 
 def _picker(score: ContinuityScore) -> Html:
-    """The view that the page's script fills: one pair at a time, the worst first in the list."""
+    """The list of pairs, the worst first, and the view of the selected pair, which the page's script draws."""
     numbers = {pair.name: number for number, pair in enumerate(score.pairs)}
     listed = score.pairs if score.is_facing_rows else ranked(score)
     options = (element("option", _option(pair), value=str(numbers[pair.name])) for pair in listed)
