@@ -224,7 +224,7 @@ def _rounded(share: float | None) -> float | None:
 
 
 def _rays(state: RayState, keys: list[str], pairs: tuple[Pair, ...]) -> list[list[Any]]:
-    """Number of the kind, number of the pair and points of every path; lost light belongs to its pair before the press."""
+    """Kind number, pair number and points of every path; lost light belongs to its pair before the press."""
     numbers = {pair: number for number, pair in enumerate(pairs)}
     arriving = [
         _ray(path, keys.index(kind_of(path.fate).key), numbers[path.emitter, path.receiver])
