@@ -26,7 +26,7 @@ WITH_COMMANDS = (
     "README.md",
     *(
         f"docs/how-to/{name}.md"
-        for name in ("own-parts", "build", "program-board", "search-layouts", "troubleshoot")
+        for name in ("own-parts", "build", "program-board", "board-options", "search-layouts", "troubleshoot")
     ),
     *(
         f"docs/how-to/{name}.md"

@@ -144,7 +144,7 @@ def test_the_table_of_boards_is_the_catalogue_and_the_timing_model() -> None:
         has = (board.pin_v, board.adc_bits, len(board.analog_channels), len(board.digital_pins))
         assert [float(one) for one in numbers] == list(has), name
         for count, said in zip((4, 8, 16), rates.split(" | "), strict=False):
-            entry = packaged().multiplexers["74hc4067"] if "multiplexer" in said else None
+            entry = packaged().multiplexers["74hc4067"] if "mux" in said else None
             room = len(board.digital_pins) - (entry.address_bits if entry else 0)
             assert (count > room) == (said == "too few pins") or len(board.analog_channels) < count, (
                 name,

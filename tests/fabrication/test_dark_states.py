@@ -208,7 +208,7 @@ def test_a_board_with_other_dark_states_is_refused_even_if_its_design_is_accepte
 
 
 def test_the_page_has_the_figures_of_the_models() -> None:
-    page = (Path(__file__).parents[2] / "docs" / "how-to" / "program-board.md").read_text(encoding="utf-8")
+    page = (Path(__file__).parents[2] / "docs" / "how-to" / "board-options.md").read_text(encoding="utf-8")
     text = " ".join(page.split())
     rates, residues, apart_s = [], [], 0.0
     for dark in ("each", "frame"):

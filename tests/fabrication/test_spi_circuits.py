@@ -239,7 +239,7 @@ def test_a_target_of_ten_bits_is_warned_of_at_sixteen() -> None:
 
 
 def test_the_page_has_the_figures_of_the_model() -> None:
-    page = (Path(__file__).parents[2] / "docs" / "how-to" / "program-board.md").read_text(encoding="utf-8")
+    page = (Path(__file__).parents[2] / "docs" / "how-to" / "board-options.md").read_text(encoding="utf-8")
     entries, use = packaged(), disc().board
     rows = re.findall(r"^\| `(mcp3208|ads8688)` \|.*\| ([^|]+) \|$", page, re.MULTILINE)
     assert [name for name, _ in rows] == list(CONVERTERS)
