@@ -110,7 +110,7 @@ def _converter_findings(board: Board) -> Iterator[Finding]:
             "no firmware is made for this board: it is for AVR chips at 8 or 16 MHz with 10-bit converters",
             value=f"{board.adc_bits} bits at {board.clock_hz:g} Hz",
             limit=f"{FIRMWARE_ADC_BITS} bits, a multiple of {TICK_HZ:g} Hz",
-            way_out="name another board, or program this one yourself: docs/how-to/board-options.md, A board of your own",
+            way_out="name another board, or program this one yourself (docs/how-to/board-options.md)",
         )
 
 
