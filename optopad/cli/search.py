@@ -48,7 +48,7 @@ def improve(
     seed: options.Seed = 0,
     as_json: options.Json = False,
 ) -> None:
-    """Up to four verified designs that fix or improve the verdict, as files; the same command continues."""
+    """Propose up to four changed designs with a better verdict, as files; the same command continues a search."""
     from optopad.jobs.improvement import improve as search_around
 
     read = read_design(design, set_)

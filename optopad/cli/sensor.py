@@ -588,7 +588,7 @@ def export(
     ] = None,
     as_json: options.Json = False,
 ) -> None:
-    """Export a recording as netCDF or CSV, for `compare` and `train`; of a torn file, its whole frames."""
+    """Export the whole frames of a recording as netCDF or CSV, for `compare` and `train`."""
     from fabrication.driver.recording.export import read_recorded, write_csv, write_netcdf
     from fabrication.driver.recording.joined_log import joined
     from fabrication.driver.recording.position_log import read_position_log
