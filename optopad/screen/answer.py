@@ -160,7 +160,9 @@ def _verdict(design: SensorDesign, score: ContinuityScore) -> str:
 def _other_pairs(count: int, every: int) -> str:
     if not count:
         return ""
-    return f"; {count} more of {every} pairs {'has a deadband' if count == 1 else 'have deadbands'}, too"
+    others = f"{count} of the {every - 1}" if count < every - 1 else "the other" if count == 1 else f"the {count}"
+    which = "pair" if others == "the other" else "other pairs"
+    return f"; {others} {which} {'has a deadband' if count == 1 else 'have deadbands'}, too"
 
 
 def _margin(score: ContinuityScore) -> str:
@@ -190,12 +192,10 @@ def cause_sentence(cause: Cause) -> str:
     match cause.lack:
         case "apart":
             onset = typical.mode2_onset_mm
-            reaches = (
-                "the tip never reaches" if onset is None else f"only from {onset:.1f} mm on the tip reaches"
-            )
+            reaches, at = ("never reaches", "") if onset is None else ("reaches", f" only at {onset:.1f} mm")
             return (
                 f"the modes are too far apart: reflected light (mode 1) is gone by {typical.mode1_end_mm:.1f} mm, "
-                f"and {reaches} the direct path of {typical.pair} (mode 2)"
+                f"and the tip {reaches} the direct path of {typical.pair} (mode 2){at}"
             )
         case "used up":
             blocked = f"by {cause.depth_mm[0]:.1f} mm the tip has blocked the direct light of {under}"
