@@ -1,9 +1,9 @@
 """Engraved letters made of rectangles: overlapping points of a dot matrix, the area that they cover, and its outline.
 
 The pitch is the distance between neighbouring points. A point is a square with a side of 1.25 pitches, so that diagonal
-neighbours overlap. Without overlap the cut would touch itself only along an edge and not be a manifold. A row of
-adjacent points becomes one rectangle, a stroke. Letters are not a font of the system, so that equal designs give equal
-molds everywhere.
+neighbours overlap. Without this overlap, the cut would touch itself only along an edge and not be manifold. A row of
+adjacent points becomes one rectangle, a stroke. Letters are not a system font, so equal designs give equal molds on
+every computer.
 """
 
 from __future__ import annotations
@@ -120,7 +120,7 @@ class _Grid:
         return self.ys[j + 1] - self.ys[j]
 
     def loops(self) -> list[Loop]:
-        """Closed outlines of the covered cells, which are on the left of the outline, with corners only [mm]."""
+        """Corners of the closed outlines of the covered cells [mm]; the cells are to the left of their outline."""
         following = dict(edge for cell in sorted(self.covered) for edge in self._open_edges(*cell))
         loops = []
         while following:
@@ -134,7 +134,7 @@ class _Grid:
         return loops
 
     def _open_edges(self, i: int, j: int) -> list[tuple[Point, Point]]:
-        """Directed edges of a covered cell towards neighbours that are not covered, as pairs of grid corners."""
+        """Directed edges between a covered cell and neighbours that are not covered, as pairs of grid corners."""
         sides = (
             ((i, j - 1), (i, j), (i + 1, j)),
             ((i + 1, j), (i + 1, j), (i + 1, j + 1)),

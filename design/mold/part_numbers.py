@@ -58,7 +58,7 @@ class PartNumber:
     Attributes
     ----------
     name : name of the part
-    frame : coordinates of the wall in whose outer face the name is engraved
+    frame : coordinate system of the wall in whose outer face the name is engraved
     strokes : rectangles; x along the wall, y upward [mm]
     stroke_mm : width of a stroke
     """
@@ -97,7 +97,7 @@ def part_numbers(
     sockets : sockets of one wall, in their order along it
     around : all sockets of a mold with round walls; empty for a rectangular mold
     fixing_holes : fixing holes of the mold
-    bottom_mm : height z of the mold's underside, or of its frame if that is a separate piece
+    bottom_mm : height z of the mold's underside; if the mold is parted, that of its upper piece
     web_mm : thinnest wall that can be printed
     """
     if not sockets:
@@ -180,7 +180,7 @@ def _points(text: str) -> set[Point]:
 
 
 def unnumbered(names: Sequence[str], numbers: Sequence[PartNumber]) -> Iterator[str]:
-    """The names that are not engraved on the mold."""
+    """Names of the parts whose names are not engraved on the mold because they do not fit."""
     there = {one.name for one in numbers}
     return (name for name in names if name not in there)
 
