@@ -73,7 +73,7 @@ class CsvTable:
 
         Parameters
         ----------
-        parse : converts the text of a cell, or raises ValueError
+        parse : function that converts the text of a cell, or raises ValueError
         needed : description of permitted values, for messages
 
         Raises

@@ -150,7 +150,7 @@ def made_folder(folder: Path, way_out: str = "choose another folder") -> Path:
 
 
 def own_folder(folder: Path, way_out: str = "choose another folder") -> Path:
-    """Make and return a folder whose files may be replaced or removed; OutputError if it fails or is a link.
+    """Make and return a folder whose files may be replaced or removed; a link or a failure raises OutputError.
 
     Parameters
     ----------
@@ -191,7 +191,7 @@ def nearest_existing(folder: Path) -> Path:
 
 
 def folder_fault(folder: Path) -> str | None:
-    """Reason why a folder cannot be created or written to; None if it can.
+    """Reason why a folder cannot be created or written to; None if there is none.
 
     The function creates a trial folder and removes it. Access rights are not a sufficient test, because an
     administrator has them even on a read-only disk.

@@ -18,7 +18,7 @@ FLAT_PRESETS = ("piacenza2017-pad", "piacenza2017-pair", "oblong-60x40", "finger
 SHAPED_PRESETS = ("levi2013-disc", "crowned-40x25", "fingertip-dome", "gripper-stadium")
 """Disc, stadium and crowned pads."""
 BOARD_PRESETS = ("gripper-teensy", "roboy-lightskin")
-"""A rectangle and a disc that do not use the usual electronics, with one input per receiver read once."""
+"""A rectangle and a disc that do not have the usual electronics (one input per receiver, which is read once)."""
 PRESETS = FLAT_PRESETS + SHAPED_PRESETS + BOARD_PRESETS
 
 

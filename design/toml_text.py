@@ -85,9 +85,9 @@ MOST_VALUES = 30_000
 Parsing this many takes 0.5 s. The packaged catalogue has 3,000.
 """
 MOST_BITS = 333
-"""Most bits of an integer, about 100 digits, which float and text can still hold for a message about a limit."""
+"""Largest integer [bits], about 100 digits: float and text can still hold it, so a field can report its limit."""
 LONGEST_DECIMAL_BITS = 2_000
-"""Most bits of a decimal integer: Python can be set to refuse more than 640 digits; these have fewer."""
+"""Largest decimal integer [bits]: it has fewer than 640 digits, the lowest limit that Python can be set to."""
 
 _QUOTED = re.compile(
     r'"""(?:[^"\\]|\\.|"(?!""))*+(?:""")?|'

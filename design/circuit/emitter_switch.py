@@ -68,7 +68,7 @@ class EmitterSwitch:
 
 
 def most_drive_ma(design: SensorDesign, board: Board) -> tuple[str, float]:
-    """Name and current limit [mA] of the output that drives an emitter's base resistor: a pin, or a shift register."""
+    """Name and current limit [mA] of what drives an emitter's base resistor: a pin, or a shift register's output."""
     register = shift_register_of(design)
     if register is None:
         return "a pin", board.max_pin_current_ma.value
@@ -76,7 +76,7 @@ def most_drive_ma(design: SensorDesign, board: Board) -> tuple[str, float]:
 
 
 def emitter_switch(part: Part, board: Board) -> EmitterSwitch:
-    """Compute the resistors of the transistor switch for an emitter of the catalogue on a board."""
+    """Compute the resistors of the transistor switch for a catalogue emitter on a given board."""
     assert part.forward_voltage_v is not None, "the catalogue gives every emitter a forward voltage"
     assert part.max_current_ma is not None, "the catalogue gives every emitter a current"
     supply = board.emitter_v
@@ -117,7 +117,7 @@ class CurrentSink:
     dropout_v: float
 
     def needed_v(self, part: Part) -> float:
-        """Lowest supply for an emitter [V]: its forward voltage (upper end of its band, if known) and the dropout."""
+        """Lowest supply voltage for an emitter [V]: its largest possible forward voltage, plus the dropout."""
         forward = part.forward_voltage_v
         assert forward is not None, "the catalogue gives every emitter a forward voltage"
         return (forward.value if forward.high is None else forward.high) + self.dropout_v
@@ -155,8 +155,8 @@ class SupplyCurrent:
 
     Attributes
     ----------
-    emitter_ma : the emitter with the largest current, and the base current of its transistor, if it has one
-    all_emitters_ma : all emitters at once, which the firmware never lights together
+    emitter_ma : current of the emitter that draws most, plus the base current of its transistor, if it has one
+    all_emitters_ma : the same for all emitters at once, which the firmware never lights together
     amplifiers_ma, board_ma : assumed currents of the amplifiers and the board
     circuits_ma : own current of converters and LED drivers
     """

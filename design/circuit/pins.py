@@ -65,13 +65,13 @@ def full_scale_v(design: SensorDesign) -> float:
 
 
 def amplifier_v(design: SensorDesign) -> float:
-    """Supply of the amplifiers, which no reading can exceed [V]."""
+    """Supply voltage of the amplifiers, which no reading can exceed [V]."""
     board, converter = board_of(design), converter_of(design)
     return board.pin_v if converter is None else converter.analog_v(board)
 
 
 def adc_bits(design: SensorDesign) -> int:
-    """Number of bits in a reading of the converter, or else of the board's own converter."""
+    """Number of bits in a reading: the converter's if the design has one, else the board's own."""
     converter = converter_of(design)
     return board_of(design).adc_bits if converter is None else converter.bits
 
@@ -197,7 +197,7 @@ def select_pins(design: SensorDesign) -> tuple[int, ...]:
 
     Raises
     ------
-    DesignError : the board or the converter is not in the catalogue.
+    DesignError : the board, the converter or a part is not in the catalogue.
     """
     converter, given = converter_of(design), design.board.receivers
     if converter is None or given is None:
@@ -408,7 +408,7 @@ def input_count(design: SensorDesign, receiver_count: int) -> int:
 def _multiplexers_needed(
     design: SensorDesign, board: Board, emitter_count: int, receiver_count: int
 ) -> str | None:
-    """Remedy for too few inputs: a multiplexer, a converter, or either; None if neither fits."""
+    """Remedy for too few inputs: a multiplexer or a converter that fits; None if there is none."""
     if design.board.receivers is not None:
         return None
     ways = [
@@ -636,7 +636,7 @@ LINE_BITS_PER_BYTE = 10
 """Bits on the serial line for each byte: start bit, 8 data bits, stop bit."""
 
 UART_CLOCKS_PER_BIT = 8
-"""Smallest number of clock cycles per bit of an AVR's UART at double speed (U2X); others are its multiples."""
+"""Smallest number of clock cycles per bit of an AVR's UART at double speed (U2X); all others are its multiples."""
 
 UART_MAX_DIVISOR = 4096
 """Largest divisor of an AVR's UART, whose register has 12 bits."""
@@ -679,14 +679,14 @@ def sending_time_ms(board: Board, use: BoardUse, byte_count: int) -> float:
 
 
 def reading_time_ms(board: Board, use: BoardUse, converter: Converter | None) -> float:
-    """Time of one reading by the converter, or by the board's own if None [ms]."""
+    """Time of one reading [ms], by the given converter or, if it is None, by the board's own."""
     if converter is not None:
         return converter.reading_us(board) / US_PER_MS
     return conversion_time_ms(board, use.adc_prescaler)
 
 
 def switch_time_ms(driver: LedDriver | ShiftRegister | None, emitter_count: int, dark: str) -> float:
-    """Time to switch an emitter on [ms], with waits for edges and for the outputs of drivers; 0 by pins."""
+    """Time that shift registers or LED drivers take to switch an emitter [ms]; 0 if `driver` is None."""
     if driver is None:
         return 0.0
     if isinstance(driver, ShiftRegister):
@@ -725,7 +725,7 @@ def frame_time_ms(
     converter: Converter | None = None,
     driver: LedDriver | ShiftRegister | None = None,
 ) -> float:
-    """Time of one full frame [ms]: all states, then sending it. With multiplexers, each new address also settles."""
+    """Time of one full frame [ms]: all states, then sending it. Each new multiplexer address needs time to settle."""
     state = switch_time_ms(driver, emitter_count, use.dark)
     state += _lit_ms(board, use, receiver_count, multiplexer, converter)
     bits = board.adc_bits if converter is None else converter.bits

@@ -129,7 +129,7 @@ def counts_per_flux_per_ohm(design: SensorDesign) -> tuple[Quantity, ...] | None
 
 
 def fitted_counts_per_flux(design: SensorDesign) -> tuple[float, ...]:
-    """Gain of each receiver with the resistances in `gain.feedback_ohm`: counts if all emitted power reached it.
+    """Gain of each receiver with the resistances in `gain.feedback_ohm`: its counts if all emitted power reached it.
 
     Raises
     ------
@@ -158,8 +158,8 @@ def feedbacks_of(
 
     Parameters
     ----------
-    counts_per_flux : required gain of each receiver, from a simulation: counts if all emitted power reached it; None
-        without a simulation. It is ignored if the design gives resistances.
+    counts_per_flux : required gain of each receiver, computed by a simulation: its counts if all emitted power reached
+        it. None if there was no simulation. Ignored if the design gives resistances.
 
     Returns
     -------

@@ -47,7 +47,7 @@ PATTERN_WORDS = {
     r"^[A-Z]{3}$": "an ISO 4217 code in capital letters, as EUR",
     r"^\d{4}-(0[1-9]|1[0-2])(-(0[1-9]|[12]\d|3[01]))?$": "a date as 2026-05 or 2026-05-04",
 }
-"""Description of the permitted texts, by their regular expression."""
+"""Descriptions of the permitted texts, each under its regular expression."""
 
 _WANTED = {
     "finite_number": "must be a finite number",

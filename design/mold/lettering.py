@@ -69,7 +69,7 @@ def area_mm2(strokes: Iterable[Stroke]) -> float:
 
 
 def integral(strokes: Iterable[Stroke], antiderivative: Callable[[float], float]) -> float:
-    """Integral over the area covered by strokes of a function of x, given its antiderivative."""
+    """Integral of a function of x over the area covered by strokes, from the function's antiderivative."""
     grid = _Grid(tuple(strokes))
     return sum(
         (antiderivative(grid.xs[i + 1]) - antiderivative(grid.xs[i])) * grid.height(j)
@@ -159,7 +159,7 @@ def _signed_area(loop: Loop) -> float:
 
 
 def _holds(loop: Loop, point: tuple[float, float]) -> bool:
-    """Whether a point is inside an outline of axis-parallel edges; counts crossings of a ray to the right."""
+    """Whether a point is inside an outline of axis-parallel edges, by counting crossings of a ray to the right."""
     x, y = point[0] + 1e-7, point[1] + 1e-7
     edges = zip(loop, loop[1:] + loop[:1], strict=True)
     return sum(x0 > x and (y0 > y) != (y1 > y) for (x0, y0), (_, y1) in edges) % 2 == 1

@@ -50,7 +50,7 @@ class MoldOutline:
     plan : outline of the cavity, and the pad's top
     wall_x_mm, wall_y_mm : least thickness of the mold's walls along x and along y
     bottom_mm, cavity_bottom_mm, top_mm : height z of the underside, the cavity's floor and the rim
-    fill_mm : height z of the highest point of the undisturbed top's edge
+    fill_mm : largest height z along the edge of the untouched top
     filling : holes through the floor for filling a crowned pad, the sprue first; empty for a flat top
     lip_mm : leg of the 45-degree pour lip, which is above the fill level; 0 for none
     corner_radius_mm : radius of the outer vertical edges
@@ -180,7 +180,7 @@ def outline_of(design: SensorDesign) -> MoldOutline:
 
 
 def _with_room(socket: Socket, fixing_holes: tuple[Hole, ...], mold: Mold) -> Socket:
-    """A socket as given, or without its lead channel if that is too near to a fixing hole."""
+    """A socket as given, or without its lead channel if the channel is too near a fixing hole."""
     channel = socket.channel
     if channel is None:
         return socket

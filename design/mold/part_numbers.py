@@ -70,7 +70,7 @@ class PartNumber:
 
     @property
     def volume_mm3(self) -> float:
-        """Volume that the name removes from the mold [mm3]; a round outer face recedes from the facet's plane."""
+        """Volume that the name removes from the mold [mm3], less where a round outer face recedes from the facet."""
         flat = area_mm2(self.strokes) * DEPTH_MM
         if not self.frame.is_facet:
             return flat
@@ -180,7 +180,7 @@ def _points(text: str) -> set[Point]:
 
 
 def unnumbered(names: Sequence[str], numbers: Sequence[PartNumber]) -> Iterator[str]:
-    """Names of the parts whose names are not engraved on the mold because they do not fit."""
+    """Names of parts that do not fit and are therefore not engraved on the mold."""
     there = {one.name for one in numbers}
     return (name for name in names if name not in there)
 

@@ -162,8 +162,8 @@ class WallFrame:
     def apart_mm(self, cut: Cut, other: WallFrame, cut_there: Cut) -> float:
         """Horizontal distance between a cut of this wall and a cut of another wall [mm]; zero or less if they overlap.
 
-        Of two separate convex polygons, one has a corner at the shortest distance. If the middle of one is inside the
-        other, they overlap.
+        If the middle of one cut is inside the other, they overlap. Otherwise one of them has a corner at the shortest
+        distance.
         """
         mine = [
             self.along_and_outward_mm(*place)
@@ -346,7 +346,7 @@ def _wire_spans(part: Part, mold: Mold, half_pocket_mm: float) -> list[tuple[flo
 
 
 OWN_COLLAR_WEBS = 3
-"""Distance between neighbouring pockets, in webs, from which each has its own collar.
+"""Least distance between neighbouring pockets for each to have its own collar [webs].
 
 A web is the least printable wall thickness.
 """

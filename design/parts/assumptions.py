@@ -16,7 +16,7 @@ from design.fields.quantity import Quantity
 
 
 def assumption(name: str) -> Quantity:
-    """A value of the file `design/data/assumptions.toml` by its name."""
+    """A value from the file `design/data/assumptions.toml`, by its name."""
     return data_quantities("assumptions.toml")[name]
 
 
@@ -66,7 +66,7 @@ Bed = tuple[float, float, float]
 
 
 def printer(name: str) -> Quantity:
-    """A value of the file `design/data/printer.toml` by its name."""
+    """A value from the file `design/data/printer.toml`, by its name."""
     return data_quantities("printer.toml")[name]
 
 

@@ -31,7 +31,7 @@ KHZ_PER_MHZ = 1e3
 
 
 class Voltages(Protocol):
-    """The two supplies of a board."""
+    """The two supply voltages of a board: for its pins, and for the emitters."""
 
     @property
     def pin_v(self) -> float:
@@ -271,7 +271,7 @@ class LedDriver(Chip):
 
     @property
     def turn_on_wait_us(self) -> int:
-        """Time that the firmware waits after blanking, the longest until the outputs are on [us]."""
+        """Time that the firmware waits after blanking [us]: the longest time until the outputs are on."""
         return math.ceil(self.turn_on_us.value if self.turn_on_us.high is None else self.turn_on_us.high)
 
     @property

@@ -177,9 +177,10 @@ def refractive_index(elastomer: Elastomer, mixing_ratio: float, wavelength_um: f
 
     Returns
     -------
-    The index [-]. Its band includes the formulas of other sources; outside a formula's range, its difference from the
-    tables at the nearest end of the range is used. For a permitted mixing ratio outside the tables, the nearest table
-    is used, and the band includes all tables, which show no trend with the ratio, only scatter between samples.
+    The index [-]. Its band includes the values of other sources' formulas. Outside the wavelengths of a formula, its
+    difference from the tables at its nearest wavelength is used. If the mixing ratio is permitted but outside the
+    tables, the nearest table is used and the band includes all tables, because they show no trend with the ratio, only
+    scatter between samples.
 
     Raises
     ------

@@ -82,7 +82,7 @@ def name_findings(cavity: CavityGeometry) -> Iterator[Finding]:
 
 
 def area_findings(cavity: CavityGeometry) -> Iterator[Finding]:
-    """Findings about emitting or sensitive areas that are not, or only partly, in the clear layer."""
+    """Findings about emitting or sensitive areas that are partly or wholly outside the clear layer."""
     seen: set[tuple[str, str, float]] = set()
     for part in cavity.parts:
         key = (part.height_field, part.part_id, round(part.clear_mm, 9))
@@ -153,7 +153,7 @@ def workspace_findings(design: SensorDesign, cavity: CavityGeometry) -> Iterator
 
 
 def depth_findings(design: SensorDesign) -> Iterator[Finding]:
-    """Findings about a layer that the contact model does not cover, or a press too deep for clear layer or model."""
+    """Findings about a layer outside the contact model's range, or a press too deep for the layer or the model."""
     yield from _layer_findings(design) if plan_of(design).top.is_flat else _crowned_layer_findings(design)
     yield from _press_findings(design)
 

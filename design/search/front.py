@@ -12,7 +12,7 @@ from design.search.space import SearchSpace
 
 
 def not_dominated(losses: FloatArray) -> BoolArray:
-    """Whether no other design dominates each design, shape (n,).
+    """Array (n,) that is true for each design that no other design dominates.
 
     A design dominates another one if no loss of it is larger and at least one is smaller.
 
@@ -40,7 +40,7 @@ def losses_of(space: SearchSpace, tried: Sequence[Tried]) -> FloatArray:
 
 
 def pareto_front(space: SearchSpace, tried: Sequence[Tried]) -> tuple[Tried, ...]:
-    """Feasible designs that no other feasible design dominates, without duplicates, best first objective first."""
+    """Feasible designs that no other dominates, without duplicates; the best in the first objective comes first."""
     feasible = [one for one in tried if one.is_feasible]
     losses = losses_of(space, feasible)
     kept: dict[str, tuple[float, Tried]] = {}

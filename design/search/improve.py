@@ -176,7 +176,7 @@ STEPS = {**dict.fromkeys(HEIGHTS, 0.1), CLEAR: 0.25, TARGET: 25.0}
 REACH = {**dict.fromkeys(HEIGHTS, 3.0), CLEAR: 4.0, TARGET: 200.0}
 """How far a field varies by default on each side of its value in the base design, in the field's unit."""
 ALONG_REACH_MM, ALONG_STEP_MM = 2.0, 0.25
-"""How far the pitch and shift of parts along a wall vary on each side of their value by default, and their step."""
+"""How far the pitch and shift of parts along a wall vary by default on each side of their value, and their step."""
 SAFE_MARGIN = 4.5
 """Margin [sigma] in a quick search above which an accurate score is assumed to find no deadband either."""
 AMPLE_MARGIN = 2.0 * SAFE_MARGIN
@@ -335,7 +335,7 @@ def picks(
     Parameters
     ----------
     accuracy : figure that measures accuracy; "best accuracy" needs a figure of the whole pad (`BOUND_FIGURES`)
-    most_mm : largest plausible usable depth [mm], which limits the depth with which the designs are compared
+    most_mm : upper limit of the greatest usable depth [mm], with which the other designs are compared
     """
     possible = [one for one in tried if is_possible(one.judged) and changes_of(space, one.parameters)]
     if not possible:
@@ -381,8 +381,8 @@ def is_sound(judged: Judged, safe: float = SAFE_MARGIN) -> bool:
 def betters(base: Judged, judged: Judged, accuracy: str, safe: float = SAFE_MARGIN) -> bool:
     """Whether a design is enough of an improvement on the base design to be recommended.
 
-    If the base design has a deadband, any design without one is. Otherwise the design must have a larger usable depth,
-    or better accuracy or margin at about the same depth.
+    If the base design has a deadband, any design without one is enough. Otherwise the design must have a larger usable
+    depth, or better accuracy or margin at about the same depth.
 
     Parameters
     ----------
@@ -399,12 +399,12 @@ def betters(base: Judged, judged: Judged, accuracy: str, safe: float = SAFE_MARG
 
 
 def _is_stronger(judged: Judged, other: Judged) -> bool:
-    """Whether the margin, capped at `AMPLE_MARGIN`, is larger than the other by more than the share `WORTH_MARGIN`."""
+    """Whether the margin of `judged`, at most `AMPLE_MARGIN`, exceeds that of `other` by more than `WORTH_MARGIN`."""
     return min(margin_of(judged), AMPLE_MARGIN) > (1.0 + WORTH_MARGIN) * margin_of(other)
 
 
 def _is_finer(judged: Judged, other: Judged, accuracy: str) -> bool:
-    """Whether the accuracy is better than the other by more than the share `WORTH_ACCURACY`."""
+    """Whether `judged` is more accurate than `other` by more than the share `WORTH_ACCURACY`."""
     was = _accuracy(other, accuracy)
     if math.isinf(was):
         return math.isfinite(_accuracy(judged, accuracy))

@@ -70,7 +70,7 @@ _FIXED = frozenset({"schema_version", "name", "description", "measured", "catalo
 
 
 class SpaceField(Model):
-    """One field that varies: a range, or choices."""
+    """One field that varies over a range, or between choices."""
 
     path: Annotated[str, Field(min_length=1, description="dotted path of a field of the design")]
     low: Annotated[float | None, Field(description="smallest value")] = None

@@ -46,7 +46,7 @@ NODES = 32
 TURN_RAD = 2.0 * math.pi / 96
 """Angle between two corners of the polygon that represents a round wall.
 
-The arc exceeds the polygon's side by 5e-4 of its radius.
+The arc bulges beyond the polygon's side by 5e-4 of its radius.
 """
 PIECES = 16
 """Number of pieces of a straight wall in drawings where its upper edge is curved."""
@@ -337,7 +337,7 @@ def cavity_of(design: SensorDesign) -> CavityGeometry:
 
     Raises
     ------
-    DesignError : a part is not in the catalogue, or is there as the other kind (emitter or receiver).
+    DesignError : a part is not in the catalogue, or is of the other kind (emitter or receiver).
     """
     size = design.cavity
     bare = plan_of(design)
@@ -353,7 +353,7 @@ def cavity_of(design: SensorDesign) -> CavityGeometry:
 
 
 def workspace_of(design: SensorDesign) -> Outline:
-    """Area of the permitted press locations, with the required margin from tip to wall; empty in a small pad."""
+    """Area of the permitted press locations, with the required margin from tip to wall; empty for a small pad."""
     size, inset = design.cavity, design.indenter.tip_radius_mm + design.operating.workspace_margin_mm
     return outline_in(size.outline, (inset, inset, size.length_mm - inset, size.width_mm - inset))
 
@@ -361,7 +361,7 @@ def workspace_of(design: SensorDesign) -> Outline:
 def part_field(place: Placement) -> str:
     """Dotted path of the field that names the catalogue part of a layout position.
 
-    It is a field of the layout entry, or else of the section `emitters` or `receivers`.
+    It is a field of the layout entry if that names a part, else of the table `emitters` or `receivers`.
     """
     return f"{place.origin}.part" if place.part is not None else f"{place.kind}s.part"
 
@@ -371,7 +371,7 @@ def part_half_width_mm(design: SensorDesign, place: Placement) -> tuple[float, s
 
     Raises
     ------
-    DesignError : a part is not in the catalogue, or is there as the other kind (emitter or receiver).
+    DesignError : a part is not in the catalogue, or is of the other kind (emitter or receiver).
     """
     section = design.emitters if place.kind == "emitter" else design.receivers
     part_id = place.part or section.part

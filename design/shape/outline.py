@@ -218,7 +218,7 @@ class Outline:
         return f"{self.size_words} around x {x:g}, y {y:g} mm"
 
     def touches_mm(self, direction: Point) -> tuple[Point, Point]:
-        """Where the outline touches a side of its bounding box [mm]: both ends of a wall, or one point twice.
+        """Where the outline touches a side of its bounding box [mm]: both ends of a wall, or the same point twice.
 
         Parameters
         ----------

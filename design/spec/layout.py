@@ -269,7 +269,7 @@ def _ring(pattern: AlternatingRing, origin: str, cavity: Cavity) -> list[Placeme
         row = _row(count, cavity.wall_length_mm(wall), pattern.pitch_mm)
         walk = (
             row if wall in ("south", "east") else row[::-1]
-        )  # # counter-clockwise from the corner at the lowest x and y
+        )  # counter-clockwise from the corner at the lowest x and y
         places += [_plain(kinds[(len(places) + k) % 2], wall, along, origin) for k, along in enumerate(walk)]
     return places
 

@@ -291,7 +291,7 @@ class Mold(Model):
 
     @property
     def outside_fields(self) -> tuple[str, str]:
-        """Dotted paths of the fields for the outer size along x and along y; for a round mold, both its diameter."""
+        """Dotted paths of the fields for the outer size along x and along y; both are the diameter if it is round."""
         own = ("length", "width") if self.outer_diameter_mm is None else ("diameter",) * 2
         return f"mold.outer_{own[0]}_mm", f"mold.outer_{own[1]}_mm"
 
@@ -491,12 +491,12 @@ class BoardUse(Model):
 class Gain(Model):
     """Transimpedance gain of the receivers' amplifiers, by a rule or in ohms.
 
-    The rules use the untouched signals of the judged pairs: those pairs whose emitter and receiver a press can come
-    between. In facing rows these are the facing pairs. With the rule `each`, every receiver has its own gain: the
-    median over its judged pairs equals `target_counts`. This gain is lower if a pair would otherwise exceed three
-    quarters of full scale. With `common`, all receivers have the same gain, and the median over all judged pairs equals
-    the target. With a resistance in ohms, the signals depend on the emitters' power. With `common` or ohms, bright
-    pairs may clip at full scale; the results list them.
+    The rules use the untouched signals of the judged pairs, in which a press can come between emitter and receiver. In
+    facing rows these are the facing pairs. With the rule `each`, every receiver has its own gain: the median over its
+    judged pairs equals `target_counts`. This gain is lower if a pair would otherwise exceed three quarters of full
+    scale. With `common`, all receivers have the same gain, and the median over all judged pairs equals the target. With
+    a resistance in ohms, the signals depend on the emitters' power. With `common` or ohms, bright pairs may clip at
+    full scale; the results list them.
     """
 
     unsaid = ("feedback_ohm",)

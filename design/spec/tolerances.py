@@ -5,8 +5,8 @@
     [tolerances] of the design ──► replace either: dotted path = half width in the field's unit; 0 is exact
 
 A value that is listed in the design's field `measured` does not vary. All emitters deviate together, as do all
-receivers; scatter between individual parts is not included. Neither are displacements along a wall, nor correlations
-between values, because none are known.
+receivers; scatter between individual parts is not included. Displacements along a wall are not included, nor are
+correlations between values, because none are known.
 """
 
 from __future__ import annotations
