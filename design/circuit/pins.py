@@ -725,7 +725,7 @@ def frame_time_ms(
     converter: Converter | None = None,
     driver: LedDriver | ShiftRegister | None = None,
 ) -> float:
-    """Time of one full frame [ms]: all states, then sending it. Each new multiplexer address needs time to settle."""
+    """Time of one full frame [ms]: all states, then sending it, with settling after each new multiplexer address."""
     state = switch_time_ms(driver, emitter_count, use.dark)
     state += _lit_ms(board, use, receiver_count, multiplexer, converter)
     bits = board.adc_bits if converter is None else converter.bits
@@ -790,7 +790,7 @@ def baud_divisor(clock_hz: int, baud: int) -> int:
 
 
 def made_baud(clock_hz: int, baud: int) -> float:
-    """Serial rate that an AVR's UART can make, nearest to the requested one [baud]."""
+    """Serial rate nearest to the requested one that an AVR's UART can produce [baud]."""
     return clock_hz / (UART_CLOCKS_PER_BIT * baud_divisor(clock_hz, baud))
 
 

@@ -192,7 +192,7 @@ def circuit_findings(design: SensorDesign, board: Board) -> Iterator[Finding]:
 
 
 def _target_findings(design: SensorDesign) -> Iterator[Finding]:
-    """Warning about a target in counts that suits the board's own converter but is too low for one with more bits."""
+    """Warning about a target in counts that is too low for a converter with more bits than the board's own."""
     steps, target = 2 ** adc_bits(design), design.gain.target_counts
     converter, given = converter_of(design), design.gain.feedback_ohm
     if converter is None or not isinstance(given, str) or target >= LEAST_TARGET_SHARE * steps:

@@ -28,7 +28,7 @@ def not_dominated(losses: FloatArray) -> BoolArray:
 
 
 def losses_of(space: SearchSpace, tried: Sequence[Tried]) -> FloatArray:
-    """Objectives of designs as an array (n, objective), with signs such that smaller is better."""
+    """Objectives of designs as an array (n, objective), with signs chosen so that smaller is better."""
     rows = [
         [
             float(one.judged.figures[objective.figure] or 0.0) * (1 if objective.sense == "minimize" else -1)

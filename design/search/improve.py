@@ -433,7 +433,7 @@ def usable_of(judged: Judged) -> float:
 
 
 def _accuracy(judged: Judged, figure: str) -> float:
-    """Accuracy figure of a result, with its sign such that smaller is better; infinite if unknown."""
+    """Accuracy figure of a result, with its sign chosen so that smaller is better; infinite if unknown."""
     value = judged.figures.get(figure)
     if value is None:
         return float("inf")

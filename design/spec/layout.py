@@ -72,7 +72,7 @@ class FacingRows(Model):
 
 
 class PerSide(Model):
-    """Evenly spaced parts of one kind (emitters or receivers), with a number for each wall.
+    """Evenly spaced parts of one kind (emitters or receivers), with a separate number for each wall.
 
     If a row of emitters and a row of receivers would have parts at the same position, the parts alternate.
     """
