@@ -117,7 +117,7 @@ def read_design_text(file: Path) -> str:
 
 
 def check_version(document: Mapping[str, Any], file: Path) -> None:
-    """Raise an error with a remedy if a document does not have the present schema version.
+    """Raise an error with a remedy if a document does not have the current schema version.
 
     Raises
     ------

@@ -80,7 +80,7 @@ def bed_of(text: str) -> Bed:
 
     Raises
     ------
-    InputError : the text is not three lengths above 0.
+    InputError : the text does not consist of three lengths above 0.
     """
     pieces = re.split(r"[,x]", text.strip().lower())
     try:

@@ -184,7 +184,7 @@ OTHER_CURE = re.compile(r"\btin\b|condensation", re.IGNORECASE)
 
 
 def is_inhibited(design: SensorDesign) -> bool:
-    """Whether the mold is printed in resin and the silicone cures with platinum, so that it may remain tacky."""
+    """Whether the mold is printed in resin and the silicone cures with platinum, which may leave it tacky."""
     found = entries_of(design).mold_materials.get(design.mold.material)
     silicone = elastomer_of(design)
     said = " ".join((design.elastomer.material, silicone.title, *silicone.notes))
