@@ -1,8 +1,9 @@
 """Reader of all CSV tables that optopad accepts.
 
-Lines that begin with # are remarks. The first other line is the heading. Commas separate values, and numbers have a
-decimal point. Empty lines are skipped, and so are empty cells at the end of a line. A row with more or fewer cells than
-the heading is refused, because a decimal comma would shift all later cells. The module needs the standard library only.
+Lines that begin with # are remarks. The first line that is not a remark is the heading. Values are separated by commas,
+and numbers have a decimal point. Empty lines are skipped, and so are empty cells at the end of a line. A row with more
+or fewer cells than the heading is refused, because a decimal comma would shift all later cells. The module needs the
+standard library only.
 """
 
 from __future__ import annotations
@@ -35,7 +36,7 @@ class CsvTable:
     rows : cells of each row below the heading, one per column
     lines : line number of each row in the file, counted from 1
     remarks : lines that begin with #
-    error : class of the errors about the table's cells
+    error : exception class to raise for an invalid cell
     """
 
     file: Path
@@ -72,7 +73,7 @@ class CsvTable:
 
         Parameters
         ----------
-        parse : converts the text of a cell, or raises ValueError
+        parse : function that converts the text of a cell, or raises ValueError
         needed : description of permitted values, for messages
 
         Raises
@@ -108,15 +109,15 @@ def read_csv(
     Parameters
     ----------
     needed : required content of the table, for messages
-    fewest_rows : least number of rows below the heading
+    fewest_rows : minimum number of rows below the heading
     lower : whether column names are converted to lower case
-    most_bytes : size above which the file is refused without reading it
-    error : class of the error that is raised
+    most_bytes : file size above which the file is refused without being read
+    error : exception class to raise
 
     Raises
     ------
-    OptopadError : the file has no text, another separator than commas, too few rows, a row of another length than the
-        heading, or a duplicate column.
+    OptopadError : the file is not text, or has a separator other than commas, too few rows, a row whose length differs
+        from the heading's, or a duplicate column.
     """
     text = read_text(file, needed=needed, most_bytes=most_bytes, error=error)
     remarks: list[str] = []
@@ -161,12 +162,12 @@ def numbered_points(
 ) -> list[tuple[int, tuple[float, float]]]:
     """Read the points of a curve from a file with two numbers per row; a heading is optional.
 
-    A comma, a semicolon or blanks separate the two numbers, which have a decimal point. Parameters are as in
+    The two numbers have a decimal point and are separated by a comma, a semicolon or blanks. Parameters are as in
     `read_csv`.
 
     Returns
     -------
-    Line number in the file, and the two numbers, of each point.
+    For each point, its line number in the file and its two numbers.
 
     Raises
     ------
@@ -212,7 +213,7 @@ def _without_last_empty(cells: list[str]) -> list[str]:
 def _fitted(
     cells: list[str], heading: Sequence[str], where: str, error: type[OptopadError]
 ) -> tuple[str, ...]:
-    """The cells of a row without empty ones beyond the heading; an error if their number does not match the heading."""
+    """The cells of a row without empty ones after the last column; an error if their number is wrong."""
     found = cells if len(cells) <= len(heading) else _without_last_empty(cells)
     found += [""] * (len(heading) - len(found)) if len(cells) >= len(heading) else []
     if len(found) == len(heading):

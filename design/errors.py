@@ -14,7 +14,7 @@ LONGEST_LINE = 900
 With 4 bytes per character a line stays below `LONGEST_MESSAGE_BYTES`.
 """
 LONGEST_MESSAGE_BYTES = 3_800
-"""Longest message in UTF-8 [bytes]: a log line often holds 4 kB, which includes the command's name."""
+"""Longest message in UTF-8 [bytes]; many logs limit a line to 4 kB, including the command's name."""
 _CUT = " ... "
 _MORE = "  ... and {} more lines"
 

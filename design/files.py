@@ -1,11 +1,11 @@
 """Files of users: valid names, writing a file completely or not at all, and reading text with clear errors.
 
 A file is written next to its target under a unique name, and then replaces the target in one step. If several programs
-write the same file, it is complete and that of the last one. A link at the target is replaced and not followed.
+write the same file, the result is the complete file of the last one. A symbolic link at the target is replaced, not
+followed.
 
-Text is UTF-8, with or without a byte order mark. Line ends of any system become line feeds. For a file that is not
-text, the error message names its kind, detected from its first bytes, and a remedy. The module needs the standard
-library only.
+Text is UTF-8, with or without a byte order mark. Line ends of any system become line feeds. If a file is not text, the
+error message gives its type, detected from its first bytes, and a remedy. The module needs the standard library only.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ _DEVICES = frozenset(
     {"con", "prn", "aux", "nul", "conin$", "conout$"}
     | {port + number for port in ("com", "lpt") for number in "123456789¹²³"}
 )
-"""Names that Windows reserves for devices, in every folder and with every suffix."""
+"""Names that Windows reserves for devices, in every folder and with any suffix."""
 
 _FILE_SUFFIX = re.compile(
     r"\.(csv|tsv|txt|md|jsonl?|ndjson|toml|ya?ml|xml|html?|pdf|png|svg|jpe?g|gif|webp|nc|h5|hdf5|np[yz]|mat|pkl|pickle|"
@@ -69,7 +69,7 @@ def require_suffix(file: Path, suffixes: tuple[str, ...], option: str = "") -> N
 
     Raises
     ------
-    InputError : the suffix is another one; the message lists the permitted suffixes.
+    InputError : the suffix is not permitted; the message lists those that are.
     """
     require_file_name(file, option)
     if file.suffix.lower() not in suffixes:
@@ -78,7 +78,7 @@ def require_suffix(file: Path, suffixes: tuple[str, ...], option: str = "") -> N
 
 
 def has_file_suffix(path: Path) -> bool:
-    """Whether a name has the suffix of a file, not a folder."""
+    """Whether a path ends in a suffix that is usual for files, so it is unlikely to be a folder."""
     return _FILE_SUFFIX.fullmatch(path.suffix) is not None
 
 
@@ -96,7 +96,7 @@ def require_folder_name(folder: Path, option: str = "") -> None:
 
 @contextmanager
 def whole_file(file: Path, way_out: str = "choose another folder") -> Iterator[Path]:
-    """Context manager of a new file to write: it replaces `file` if the block succeeds, and is removed otherwise.
+    """Context manager for a new file, which replaces `file` if the `with` block succeeds and is removed otherwise.
 
     Parameters
     ----------
@@ -136,7 +136,7 @@ def write_whole(file: Path, content: bytes) -> None:
 
 
 def made_folder(folder: Path, way_out: str = "choose another folder") -> Path:
-    """Make a folder and its parents if they do not exist; OutputError if this fails.
+    """Make a folder and its parents if they do not exist, and return it; OutputError if this fails.
 
     Parameters
     ----------
@@ -150,7 +150,7 @@ def made_folder(folder: Path, way_out: str = "choose another folder") -> Path:
 
 
 def own_folder(folder: Path, way_out: str = "choose another folder") -> Path:
-    """Make a folder whose files may be replaced or removed; OutputError if this fails or the path is a link.
+    """Make and return a folder whose files may be replaced or removed; a link or a failure raises OutputError.
 
     Parameters
     ----------
@@ -164,7 +164,7 @@ def own_folder(folder: Path, way_out: str = "choose another folder") -> Path:
 
 
 def temporary_folder() -> tempfile.TemporaryDirectory[str]:
-    """Context manager of a folder for temporary files, which is removed at the end of the block.
+    """Context manager for a folder of temporary files, which is removed at the end of the `with` block.
 
     Raises
     ------
@@ -191,10 +191,10 @@ def nearest_existing(folder: Path) -> Path:
 
 
 def folder_fault(folder: Path) -> str | None:
-    """Reason why a folder cannot be made or written into; None if this is possible.
+    """Reason why a folder cannot be created or written to; None if there is none.
 
-    The function makes a trial folder and removes it. Access rights are not a sufficient test, because an administrator
-    has them even on a read-only disk.
+    The function creates a trial folder and removes it. Access rights are not a sufficient test, because an
+    administrator has them even on a read-only disk.
     """
     if "\0" in str(folder):
         return "a null byte is in its name"
@@ -222,7 +222,7 @@ def _reason(existing: Path, err: OSError | ValueError) -> str:
 
 
 BYTES_FOR_KIND = 16_384
-"""Bytes read from a file's start to detect its kind; an Excel workbook names its sheets within them."""
+"""Bytes read from a file's start to detect its type; in an Excel workbook, they include the names of its sheets."""
 
 _UTF16 = "text in UTF-16"
 _STARTS = (
@@ -263,7 +263,7 @@ _TOML = re.compile(r"\s*(?:#[^\n]*\n\s*)*(?:\[|[\w.\"'-]+\s*=)")
 
 
 def kind_of(content: bytes) -> str:
-    """Kind of a file in words, detected from its first bytes, such as "an Excel workbook (.xlsx)"."""
+    """Type of a file in words, detected from its first bytes, such as "an Excel workbook (.xlsx)"."""
     for start, kind in _STARTS:
         if content.startswith(start):
             return kind
@@ -284,7 +284,7 @@ def kind_of(content: bytes) -> str:
 
 
 def kind_of_file(file: Path) -> str:
-    """Kind of a file in words, as in `kind_of`; "a file that cannot be opened" if opening fails."""
+    """Type of a file in words, as in `kind_of`; "a file that cannot be opened" if opening fails."""
     try:
         with file.open("rb") as stream:
             return kind_of(stream.read(BYTES_FOR_KIND))
@@ -297,13 +297,13 @@ def read_bytes(file: Path, *, needed: str, most_bytes: int, error: type[OptopadE
 
     Parameters
     ----------
-    needed : required kind of file and how to make it, for messages
-    most_bytes : size above which the file is refused without reading it
-    error : class of the error that is raised
+    needed : type of file required and how to make it, for messages
+    most_bytes : size above which the file is refused without being read
+    error : exception class to raise
 
     Raises
     ------
-    OptopadError : the file is missing, a folder, unreadable or too large; the class is `error`.
+    OptopadError : the file is missing, a folder, unreadable or too large; the exception is of the class `error`.
     """
     try:
         with file.open("rb") as stream:
@@ -326,8 +326,8 @@ def read_bytes(file: Path, *, needed: str, most_bytes: int, error: type[OptopadE
 def read_text(file: Path, *, needed: str, most_bytes: int, error: type[OptopadError] = InputError) -> str:
     """Read a text file in UTF-8, without its byte order mark and with line feeds as line ends.
 
-    Parameters and errors are as in `read_bytes`. Other content than UTF-8 text is refused, and the message names its
-    kind.
+    Parameters and errors are as in `read_bytes`. Content other than UTF-8 text is refused, and the message gives its
+    type.
     """
     content = read_bytes(file, needed=needed, most_bytes=most_bytes, error=error)
     return text_of(content, str(file), needed=needed, error=error)

@@ -2,11 +2,11 @@
 
 A design file is TOML in UTF-8. The key `catalog_files` lists files with the user's own parts and materials.
 `profile_csv` under `[indenter]` names a file with points of the tip's outline. `curve_csv` in a part's table names a
-digitised curve. The content of all these files becomes part of the design, so that a saved design needs no other file.
+digitised curve. The content of all these files becomes part of the design, so a saved design needs no other file.
 
 Files are written completely or not at all.
 
-A migration step is a function from the plain data of one schema version to those of the next one. It is registered
+A migration step is a function that converts the plain data of one schema version to the next one. It is registered
 under the version that it starts from. Version 1 is the first, so no step exists yet.
 """
 
@@ -38,15 +38,15 @@ STEPS: Mapping[int, Step] = {}
 def migrated(
     document: Document, *, steps: Mapping[int, Step] = STEPS, target: int = SCHEMA_VERSION
 ) -> Document:
-    """Migrate the plain data of a design file to the schema version `target`, if they have an older version.
+    """Migrate the plain data of a design file to the schema version `target` if their version is older.
 
     Parameters
     ----------
-    steps : migration step by the version that it starts from
+    steps : migration steps, keyed by the version that each one starts from
 
     Raises
     ------
-    DesignError : the data have no version, a newer one than `target`, or one without a migration step.
+    DesignError : the data have no version, or one that is newer than `target` or has no migration step.
     """
     version = document.get("schema_version")
     if not isinstance(version, int) or isinstance(version, bool):
@@ -84,7 +84,7 @@ def load_design(path: str | os.PathLike[str]) -> SensorDesign:
 
 
 def save_design(design: SensorDesign, path: str | os.PathLike[str]) -> None:
-    """Write a design file completely or not at all; loading the file gives the same digest."""
+    """Write a design file completely or not at all; loading it gives a design with the same digest."""
     write_text_atomically(Path(path), dump_design(design))
 
 
@@ -117,7 +117,7 @@ def read_design_text(file: Path) -> str:
 
 
 def check_version(document: Mapping[str, Any], file: Path) -> None:
-    """Raise an error with a remedy if a document does not have the present schema version.
+    """Raise an error with a remedy if a document does not have the current schema version.
 
     Raises
     ------
@@ -146,7 +146,9 @@ def write_text_atomically(file: Path, text: str) -> None:
 
 @contextmanager
 def written_together(folder: Path) -> Iterator[Path]:
-    """Context manager of a hidden folder: its files move to `folder` if the block succeeds, and are removed otherwise.
+    """Context manager for a hidden folder, whose files move to `folder` if the `with` block succeeds.
+
+    If the block fails, they are removed.
 
     Raises
     ------
@@ -200,7 +202,7 @@ def _with_own_catalog(document: dict[str, Any], file: Path) -> dict[str, Any]:
 
 
 def _with_curves(document: dict[str, Any], name: str, file: Path) -> dict[str, Any]:
-    """Replace the names of curve files in catalogue `name` by the points in these files; return the document."""
+    """Replace the names of curve files in catalogue `name` with the points in these files; return the document."""
     entries = document.get(name)
     parts = entries.get("parts") if isinstance(entries, dict) else None
     for part_id, part in parts.items() if isinstance(parts, dict) else ():
@@ -234,7 +236,7 @@ def _beside(file: Path, name: str, key: str) -> Path:
     try:
         target = (folder / name).resolve()
         is_file = target.is_file()
-    except (ValueError, RuntimeError) as err:  # null byte in the name, or a loop of links
+    except (ValueError, RuntimeError) as err:  # null byte in the name, or a loop of symbolic links
         raise DesignError(f"{file}: {key}: {shown(name)} is no name of a file: {err}") from None
     except OSError as err:  # name too long, or folder without access
         raise DesignError(f"{file}: {key}: {shown(name)}: {err.strerror}; correct the name") from None
@@ -253,7 +255,7 @@ def _beside(file: Path, name: str, key: str) -> Path:
 
 
 def file_schema() -> dict[str, Any]:
-    """JSON Schema of a design file: that of the specification, and the keys that refer to other files."""
+    """JSON Schema of a design file: the schema of the specification, plus the keys that refer to other files."""
     schema = SensorDesign.model_json_schema()
     schema["$schema"] = "https://json-schema.org/draft/2020-12/schema"
     schema["properties"][CATALOG_FILES] = {

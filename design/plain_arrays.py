@@ -24,7 +24,7 @@ MOST_MEMBERS = 10_000
 MOST_RATIO = 100
 """Largest accepted ratio of unpacked to packed size.
 
-Model data shrink to a tenth at most, arrays of zeros to a thousandth.
+Model data are compressed by a factor of 10 at most, arrays of zeros by 1000.
 """
 FREE_BYTES = 1_000_000
 """Total unpacked size up to which any ratio of unpacked to packed size is accepted."""
@@ -40,7 +40,7 @@ _LENGTHS = {
 }
 """Format of the length field in an array's header, by the header's version (see numpy.lib.format)."""
 _KIND = re.compile(r"[<>|=]?[biufcSU]\d{1,4}")
-"""Accepted array types: numbers and texts of fixed length, but neither objects nor records."""
+"""Accepted array types: numbers and strings of fixed length, but neither objects nor records."""
 _UNREADABLE = (
     OSError,
     ValueError,
@@ -66,7 +66,7 @@ def plain_arrays(file: Path, *, most_bytes: int) -> dict[str, NDArray[Any]]:
 
     Parameters
     ----------
-    most_bytes : limit of the total unpacked size; a second limit is `MOST_RATIO` times the file's size
+    most_bytes : upper limit of the total unpacked size; a second limit is `MOST_RATIO` times the file's size
 
     Raises
     ------
@@ -91,7 +91,7 @@ def plain_arrays(file: Path, *, most_bytes: int) -> dict[str, NDArray[Any]]:
 
 
 def _require_fitting(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> None:
-    """Raise ValueError if an array's size differs from that stated by the archive; only its header is unpacked."""
+    """Raise ValueError if an array's size differs from the size stated by the archive; only its header is unpacked."""
     if member.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):  # others unpack without limit
         raise ValueError(f"{member.filename}: is packed in another way than NumPy packs arrays")
     with archive.open(member) as stream:
@@ -127,7 +127,7 @@ def _header(stream: IO[bytes], name: str) -> tuple[np.dtype[Any], tuple[int, ...
         case {"descr": str(kind), "fortran_order": bool(order), "shape": tuple(shape)} if _KIND.fullmatch(
             kind
         ) and all(type(one) is int and 0 <= one < 2**40 for one in shape):
-            if (found := np.dtype(kind)).itemsize:  # texts of length 0 take no bytes for any shape
+            if (found := np.dtype(kind)).itemsize:  # strings of length 0 take no bytes, whatever the shape
                 return found, shape, order
     raise ValueError(
         f"{name}: its header is not that of an array of numbers or texts; objects are not loaded"

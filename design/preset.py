@@ -1,4 +1,4 @@
-"""The packaged designs (presets): two pads from one publication, two published discs, and six designs of optopad."""
+"""The packaged designs (presets): two pads from one publication, two published discs, and six of optopad's own."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ FLAT_PRESETS = ("piacenza2017-pad", "piacenza2017-pair", "oblong-60x40", "finger
 SHAPED_PRESETS = ("levi2013-disc", "crowned-40x25", "fingertip-dome", "gripper-stadium")
 """Disc, stadium and crowned pads."""
 BOARD_PRESETS = ("gripper-teensy", "roboy-lightskin")
-"""A rectangle and a disc with other electronics than one input per receiver that is measured once."""
+"""A rectangle and a disc that do not have the usual electronics (one input per receiver, which is read once)."""
 PRESETS = FLAT_PRESETS + SHAPED_PRESETS + BOARD_PRESETS
 
 
@@ -44,7 +44,7 @@ def preset(name: str) -> SensorDesign:
 
 
 def new_text(name: str, preset_name: str) -> str:
-    """Text of a new design file from a preset, without the comment and the description of the preset itself.
+    """Text of a new design file based on a preset, without the comment and the description of the preset itself.
 
     Raises
     ------

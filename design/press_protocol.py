@@ -2,13 +2,12 @@
 
 A protocol file is TOML (docs/how-to/simulate-data-set.md). The protocols `piacenza2017` and `piacenza2017-quick` are
 packaged. Depth is positive into the pad; 0 or less means no contact. Locations are in the workspace of the design, or
-in a smaller `workspace_mm`. Grids are centred in it. The order of locations is shuffled when data are simulated. Random
-locations depend on `place_seed` of their set only. The light signals without noise are therefore independent of the
+in the smaller `workspace_mm` if given. Grids are centred in this area. The order of locations is shuffled when data are
+simulated. Random locations depend only on their set's `place_seed`, so the signals without noise do not depend on the
 seed for noise and order.
 
-Load protocols define the motion of a tip while its load is measured: steps to a depth and back, with pauses.
-
-Their values and sources are in `data/load_protocols.toml`. The contact model computes the load.
+Load protocols define the motion of a tip while its load is measured: steps to a depth and back, with pauses. Their
+values and sources are in `data/load_protocols.toml`. The contact model computes the load.
 """
 
 from __future__ import annotations
@@ -38,7 +37,7 @@ from design.spec import SensorDesign, canonical_json
 
 
 class LoadProtocol(Model):
-    """Motion of a tip while its load is measured: equal steps to the deepest press and back, and a pause after each."""
+    """Motion of a tip while its load is measured: equal steps to the deepest press and back, with pauses."""
 
     title: Text
     step_mm: Quantity
@@ -99,7 +98,7 @@ Length = Annotated[float, Field(ge=-100.0, le=100.0)]
 
 
 class DepthSegment(Model):
-    """Range of depths in equal steps, with a sample at both ends."""
+    """Range of depths in equal steps, with samples at both ends."""
 
     from_mm: Length
     to_mm: Length
@@ -118,7 +117,7 @@ class DepthSegment(Model):
 
     @property
     def depths_mm(self) -> tuple[float, ...]:
-        """All depths of the segment, rising [mm]."""
+        """All depths of the segment, increasing [mm]."""
         count = round((self.to_mm - self.from_mm) / self.step_mm) + 1
         return tuple(round(self.from_mm + k * self.step_mm, ROUND_DIGITS) for k in range(count))
 
@@ -157,7 +156,7 @@ class PressSet(Model):
 
 
 def _require_apart(sets: tuple[PressSet, ...]) -> None:
-    """Raise ValueError if a training and a test set share random locations: test errors would be too small."""
+    """Raise ValueError if a training and a test set share random locations, which would make test errors too small."""
     trained = {one.place_seed: one.name for one in sets if one.random_places and one.role == "train"}
     for one in sets:
         if one.random_places and one.role == "test" and one.place_seed in trained:
@@ -217,7 +216,7 @@ class PressProtocol(Model):
 
     @property
     def approach_mm(self) -> tuple[float, ...]:
-        """Depths of the approach, rising [mm]."""
+        """Depths of the approach, increasing [mm]."""
         return tuple(depth for segment in self.approach for depth in segment.depths_mm)
 
     @property
@@ -227,14 +226,14 @@ class PressProtocol(Model):
 
     @cached_property
     def depth_mm(self) -> FloatArray:
-        """Depth of every sample of one press [mm], (sample,): the approach and then the retraction."""
+        """Depth of each sample of one press [mm], shape (sample,): first the approach, then the retraction."""
         down = self.approach_mm
         back = down[::-1][int(self.turn == "once") :] if self.retract == "mirrored" else ()
         return np.array([*down, *back])
 
     @cached_property
     def is_retracting(self) -> BoolArray:
-        """Whether each sample of one press belongs to the retraction, (sample,)."""
+        """Whether each sample of one press belongs to the retraction, shape (sample,)."""
         return np.arange(len(self.depth_mm)) >= len(self.approach_mm)
 
     @property
@@ -248,12 +247,12 @@ class PressProtocol(Model):
         return hashlib.sha256(canonical_json(self.model_dump(mode="json")).encode()).hexdigest()
 
     def places_mm(self, design: SensorDesign) -> tuple[FloatArray, ...]:
-        """Press locations of each set in unshuffled order, (location, 2): x, y in the cavity frame [mm].
+        """Press locations of each set in unshuffled order, (location, 2): x, y in the cavity's coordinate system [mm].
 
         Raises
         ------
-        ModelScopeError : the design has no workspace, the protocol presses too deep, or its workspace exceeds the
-            design's.
+        ModelScopeError : the design has no workspace, the protocol presses too deep, or the protocol's workspace
+            exceeds the design's.
         InputError : the protocol has too many locations or samples.
         """
         space = self._workspace(design)
@@ -279,7 +278,7 @@ class PressProtocol(Model):
         }
 
     def fitted_to(self, design: SensorDesign) -> PressProtocol:
-        """The protocol without depths beyond the design's `max_depth_mm`; the same object if there are none."""
+        """The protocol without depths beyond the design's `max_depth_mm`; the same object if it has none."""
         limit = design.operating.max_depth_mm
         if self.deepest_mm <= limit + SLACK_MM:
             return self

@@ -1,7 +1,8 @@
 """Content that all recordings of presses share: the sets of presses, the dark state, and signals from readings.
 
-The driver and the test stage record a manufactured unit. The simulation makes data in the same form. Learning programs
-read both. The module needs numpy and the standard library only.
+The driver and the test stage record a manufactured unit, and the simulation makes data in the same form. Learning
+programs read both. A frame consists of states: in each, one emitter is lit, or none in a dark state. The module needs
+numpy and the standard library only.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from design.arrays import IntArray
 from design.errors import InputError
 
 OFF = "off"
-"""Name of the dark state, in which no emitter is lit."""
+"""Name of a dark state, in which no emitter is lit."""
 ROLES = ("train", "test")
 PATTERNS = ("grid", "random", "unknown", "measured")
 """Permitted patterns of locations; older files have `measured` in place of `unknown`."""
@@ -73,7 +74,7 @@ def lit_emitters(emitter_count: int, dark: str = "frame") -> tuple[int | None, .
 
     Parameters
     ----------
-    dark : ``frame``: one dark state at the end; ``each``: one before and one after each emitter's state
+    dark : ``frame`` for one dark state at the end; ``each`` for a dark state before and after every emitter's state
     """
     between = () if dark == "frame" else (None,)
     return (*(state for number in range(emitter_count) for state in (*between, number)), None)
@@ -81,15 +82,15 @@ def lit_emitters(emitter_count: int, dark: str = "frame") -> tuple[int | None, .
 
 @cache
 def nearest_dark_states(states: tuple[int | None, ...]) -> IntArray:
-    """Dark states nearest to each emitter's state: two equally near ones, or the nearest one twice.
+    """The dark states nearest to each emitter's state: two if they are equally near, else the nearest one twice.
 
     Parameters
     ----------
-    states : emitter that is lit in each state of a frame, None in a dark state; one or more are dark
+    states : emitter that is lit in each state of a frame, None in a dark state; at least one state is dark
 
     Returns
     -------
-    (emitter, 2) indices of states, the earlier one first; read-only
+    (emitter, 2) indices of dark states, the earlier one first; read-only
     """
     dark = np.array([state for state, emitter in enumerate(states) if emitter is None])
     found = []
@@ -105,12 +106,12 @@ def nearest_dark_states(states: tuple[int | None, ...]) -> IntArray:
 def with_one_dark(
     counts: NDArray[Number], states: tuple[int | None, ...], full_scale: float
 ) -> NDArray[np.float64]:
-    """Readings of a frame of any states as readings of the emitters' states and one dark state, not rounded.
+    """Convert frames with any number of dark states to frames with one, at the end; results are not rounded.
 
     Each emitter's reading is reduced by the mean of its nearest dark readings, and raised by the largest dark reading
-    of its receiver. So `signals_of` gives the difference to the nearest dark readings, and no reading is below 0.
-    A reading stays at full scale if it was there, and a sum above full scale becomes full scale. The readings of a
-    frame with one dark state, the last, remain as they are.
+    of its receiver. `signals_of` then gives the difference from the nearest dark readings, and no reading is below 0. A
+    reading at full scale stays there, and a sum above full scale becomes full scale. If the only dark state is already
+    the last one, the readings do not change.
 
     Parameters
     ----------
@@ -120,7 +121,7 @@ def with_one_dark(
 
     Returns
     -------
-    (..., emitter + 1, receiver) readings; the last row has each receiver's largest dark reading [counts]
+    (..., emitter + 1, receiver) readings; the last state has each receiver's largest dark reading [counts]
     """
     read = counts.astype(np.float64)
     lit = read[..., [emitter is not None for emitter in states], :]

@@ -1,7 +1,7 @@
-"""Parser of TOML text with limits on its size, so that no text takes too long.
+"""Parser of TOML text with limits on its size, so that parsing never takes too long.
 
-The parsing time grows with the square of the number of parts in a dotted key, and is some microseconds per value. Files
-of optopad are nested a few levels deep and have some thousand values at most. Integers of hundreds of digits are also
+The parsing time grows with the square of the number of parts in a dotted key, plus a few microseconds per value. Files
+of optopad are nested a few levels deep and have a few thousand values at most. Integers of hundreds of digits are also
 refused, because they convert neither to floats nor back to text. The module needs the standard library only.
 
 The parser's message about invalid TOML says only where it stopped. This module adds a remedy for common mistakes.
@@ -51,12 +51,12 @@ _MEANT = (
     ),
     (_KEY + r"\s+[^=\s]", "write = between name and value"),
 )
-"""Patterns of common invalid lines with their remedies; the first match is used."""
+"""Patterns of common invalid lines, each with its remedy; the first match is used."""
 _PATTERNS = tuple((re.compile(pattern), way_out) for pattern, way_out in _MEANT)
 
 
 def explained(message: str, text: str) -> str:
-    """Extend a parser's message by the line that it refers to, and by a remedy if one is known.
+    """Extend a parser's message with the line that it refers to, and with a remedy if one is known.
 
     Parameters
     ----------
@@ -82,12 +82,12 @@ MOST_PARTS = 20
 MOST_VALUES = 30_000
 """Largest total number of keys, list entries and tables, estimated from punctuation marks.
 
-Parsing then takes 0.5 s. The packaged catalogue has 3,000.
+Parsing this many takes 0.5 s. The packaged catalogue has 3,000.
 """
 MOST_BITS = 333
-"""Most bits of an integer, about 100 digits: it still converts to float and text, so a field can report its limit."""
+"""Largest integer [bits], about 100 digits: float and text can still hold it, so a field can report its limit."""
 LONGEST_DECIMAL_BITS = 2_000
-"""Most bits of a decimal integer: Python can be configured to refuse more than 640 digits, and these have fewer."""
+"""Largest decimal integer [bits]: it has fewer than 640 digits, the lowest limit that Python can be set to."""
 
 _QUOTED = re.compile(
     r'"""(?:[^"\\]|\\.|"(?!""))*+(?:""")?|'
@@ -96,7 +96,7 @@ _QUOTED = re.compile(
     r"'[^'\n]*+'?|#[^\n]*+",
     re.DOTALL,
 )
-"""Quoted texts and comments. A text without an end extends to the end of the document, so that search is linear."""
+"""Quoted strings and comments. An unterminated string extends to the end of the document, so the search is linear."""
 _DEEP = re.compile(rf"(?<![\w-])[\w-]++(?:[ \t]*+\.[ \t]*+[\w-]++){{{MOST_PARTS},}}+")
 _SIGNS = re.compile(r"[=,\[{]")
 _STAND_IN = "q"
@@ -108,7 +108,8 @@ def parsed_toml(text: str) -> dict[str, Any]:
     Raises
     ------
     tomllib.TOMLDecodeError : the text is not TOML.
-    ValueError : the text is nested too deep, or has too many values or too large integers; the message says which.
+    ValueError : the text is nested too deeply, or has too many values or integers that are too large; the message says
+        which.
     """
     bare = _QUOTED.sub(_STAND_IN, text)
     if deep := _DEEP.search(bare):
@@ -137,7 +138,7 @@ def require_plain(document: Any) -> None:
 
     Raises
     ------
-    ValueError : the data are nested too deep, or an integer has more than 100 digits; the message names the field.
+    ValueError : the data are nested too deeply, or an integer has more than 100 digits; the message names the field.
     """
     for path, value in _nodes(document):
         if len(path) > MOST_PARTS:

@@ -1,4 +1,4 @@
-"""Resistors of the transistor switches of the emitters, and the current of the supply.
+"""Resistors of the transistors that switch the emitters, and the current from the supply.
 
                 supply                     Each emitter has its own NPN transistor; the pin drives the
                   |                        base. One emitter is lit at a time.
@@ -12,19 +12,20 @@
 
 The choice is conservative. The calculation uses the lower end of the forward voltage's band, if there is one, and
 neglects the transistor's own voltage drop. The emitter's current is therefore below its maximum. The supply's tolerance
-and heating are not included. The receivers' amplifiers are in `design.circuit.transimpedance`.
+and any heating are not included. The receivers' amplifiers are in `design.circuit.transimpedance`.
 
-With LED drivers no emitter has a transistor or a series resistor. Each anode is at the supply, and each cathode at an
-output of constant current. One reference resistor on each driver sets the current of all outputs:
+With LED drivers, no emitter has a transistor or a series resistor. Each anode is connected to the supply, and each
+cathode to a constant-current output. One reference resistor on each driver sets the current of all outputs:
 
     reference = current ratio x reference voltage / current, rounded up to E24
 
-The current is the least `max_current_ma` of the design's emitters, and at most that of an output.
+The current is the lowest `max_current_ma` of the design's emitters, or that of an output if this is lower.
 
 The supply feeds the lit emitter and its base, the amplifiers and the board.
 
 One emitter is lit at a time. If a fault lights all emitters, their currents add up. Each is the largest current that
-the emitter's resistor permits. The other currents are assumed (`design/data/assumptions.toml`).
+the emitter's resistor permits. The currents of the amplifiers and the board are assumed
+(`design/data/assumptions.toml`).
 """
 
 from __future__ import annotations
@@ -44,13 +45,13 @@ MW_PER_W = 1e3
 
 @dataclass(frozen=True, kw_only=True)
 class EmitterSwitch:
-    """Resistors and currents of the transistor switch of one kind of emitter.
+    """Resistors and currents of the transistor switch for one type of emitter.
 
     Attributes
     ----------
     series_ohm : resistor in series with the emitter; None if the supply voltage is too low to light it
     base_ohm : resistor before the transistor's base
-    forward_v : forward voltage of the calculation, the lower end of its band if there is one
+    forward_v : forward voltage used in the calculation: the lower end of its band if there is one
     current_ma : largest current, at this forward voltage
     usual_current_ma : current at the typical forward voltage, which determines the emitted light
     base_current_ma : current from the pin into the transistor's base
@@ -67,7 +68,7 @@ class EmitterSwitch:
 
 
 def most_drive_ma(design: SensorDesign, board: Board) -> tuple[str, float]:
-    """Name and current limit [mA] of the output that drives an emitter's base resistor: a pin, or a shift register."""
+    """Name and current limit [mA] of what drives an emitter's base resistor: a pin, or a shift register's output."""
     register = shift_register_of(design)
     if register is None:
         return "a pin", board.max_pin_current_ma.value
@@ -75,7 +76,7 @@ def most_drive_ma(design: SensorDesign, board: Board) -> tuple[str, float]:
 
 
 def emitter_switch(part: Part, board: Board) -> EmitterSwitch:
-    """Compute the resistors of the transistor switch for an emitter of the catalogue on a board."""
+    """Compute the resistors of the transistor switch for a catalogue emitter on a given board."""
     assert part.forward_voltage_v is not None, "the catalogue gives every emitter a forward voltage"
     assert part.max_current_ma is not None, "the catalogue gives every emitter a current"
     supply = board.emitter_v
@@ -100,14 +101,14 @@ def emitter_switch(part: Part, board: Board) -> EmitterSwitch:
 
 @dataclass(frozen=True, kw_only=True)
 class CurrentSink:
-    """The constant current of all outputs of a design's LED drivers.
+    """The constant current that all outputs of a design's LED drivers share.
 
     Attributes
     ----------
     reference_ohm : standard resistor at the reference pin of each driver
     current_ma : current through the emitter that is on
-    asked_ma : least `max_current_ma` of the design's emitters; more than current_ma where an output limits it
-    dropout_v : voltage at the output that is on, which the supply gives in addition to the forward voltage
+    asked_ma : lowest `max_current_ma` of the design's emitters; more than `current_ma` if the outputs cannot supply it
+    dropout_v : voltage at the output that is on, which the supply must provide in addition to the forward voltage
     """
 
     reference_ohm: float
@@ -116,14 +117,14 @@ class CurrentSink:
     dropout_v: float
 
     def needed_v(self, part: Part) -> float:
-        """Least supply of an emitter: its forward voltage, the upper end of a band, and the dropout [V]."""
+        """Lowest supply voltage for an emitter [V]: its largest possible forward voltage, plus the dropout."""
         forward = part.forward_voltage_v
         assert forward is not None, "the catalogue gives every emitter a forward voltage"
         return (forward.value if forward.high is None else forward.high) + self.dropout_v
 
 
 def current_sink(design: SensorDesign) -> CurrentSink | None:
-    """The current of the design's LED drivers; None where each emitter has a transistor."""
+    """The current of the design's LED drivers; None if each emitter has a transistor."""
     driver = driver_of(design)
     if driver is None:
         return None
@@ -154,10 +155,10 @@ class SupplyCurrent:
 
     Attributes
     ----------
-    emitter_ma : the emitter with the largest current, and the base current of its transistor, if it has one
-    all_emitters_ma : all emitters at once, which the firmware never lights together
-    amplifiers_ma, board_ma : assumed
-    circuits_ma : converters and LED drivers themselves
+    emitter_ma : current of the emitter that draws most, plus the base current of its transistor, if it has one
+    all_emitters_ma : the same for all emitters at once, which the firmware never lights together
+    amplifiers_ma, board_ma : assumed currents of the amplifiers and the board
+    circuits_ma : own current of converters and LED drivers
     """
 
     emitter_ma: float
@@ -178,7 +179,7 @@ class SupplyCurrent:
 
 
 def supply_current(design: SensorDesign) -> SupplyCurrent:
-    """The currents of a design."""
+    """The currents that a design draws from the supply."""
     cavity, board, sink = cavity_of(design), board_of(design), current_sink(design)
     switches = [emitter_switch(one.part, board) for one in cavity.emitters]
     each = [switch.current_ma + switch.base_current_ma for switch in switches]

@@ -1,25 +1,25 @@
 """Assignment of the board's pins to emitters, and of its analogue inputs to receivers.
 
-Wiring, driver configuration, firmware and rules use the same assignment. If the design has a list, it has exactly one
-entry per part, in the order of E1, E2, ... and R1, R2, ... Without a list, pins and inputs are assigned in the board's
+Wiring, driver configuration, firmware and rules use the same assignment. If the design lists pins or inputs, the list
+has exactly one entry per part, in the order of E1, E2, ... and R1, R2, ... If not, they are assigned in the board's
 recommended order.
 
 - Multiplexers: each is connected to one input. Consecutive receivers are on different multiplexers, and all
-  multiplexers have the same address. After each change of the address, every multiplexer therefore gives one reading.
+  multiplexers share the address lines. After each change of the address, every multiplexer therefore gives one reading.
 - Converters: receivers are assigned in blocks. With 8 inputs each, U1 has R1 to R8, and U2 has R9 to R16. Converters
   have separate chip selects and no shared address, so blocks cost no time, and one converter is wired to neighbouring
   receivers.
 
 The module also computes the time of a full frame on the board, and the serial rates that an AVR's clock permits.
 
-A frame has one state for each emitter lit alone, and then one with all emitters off. The frame time is a sum. In
-every state it includes the settling time of the light and the conversions of every receiver. Then comes the time to
-send the packed frame. With LED drivers each state begins with their data on the SPI bus. With converters a conversion
-is a reading on the bus. The sum is conservative, because the firmware sends one frame while it converts the next. For
-9 states, 8 receivers, prescaler 64 and 1 Mbaud the sum is 5.0 ms, and a simulated ATmega2560 needs 4.1 ms
+A frame has one state for each emitter lit alone, and then one with all emitters off. The frame time is a sum: for each
+state, the settling time of the light and the conversions of every receiver; then the time to send the packed frame.
+With LED drivers, each state begins by sending their data on the SPI bus. With converters, a conversion is a reading on
+the bus. The sum is conservative, because the firmware sends one frame while it converts the next. For 9 states, 8
+receivers, prescaler 64 and 1 Mbaud the sum is 5.0 ms, and a simulated ATmega2560 needs 4.1 ms
 (docs/validation/firmware.md).
 
-The sum does not include the processor's time for packing, which overlaps with the conversions, and the longer first
+The sum includes neither the processor's time for packing, which overlaps with the conversions, nor the longer first
 conversion after a reset.
 """
 
@@ -45,7 +45,7 @@ SHIFT_PINS = 3
 DRIVER_PINS = 2
 """Pins of a chain of LED drivers in addition to the SPI bus: latch and blank."""
 EDGE_US = 1.0
-"""Wait of the firmware after each edge of latch and blank [us]."""
+"""Wait of the firmware after each edge of the LED drivers' latch and blank signals [us]."""
 DRIVER_EDGES = 4
 
 
@@ -55,7 +55,7 @@ def board_of(design: SensorDesign) -> Board:
 
 
 def full_scale_v(design: SensorDesign) -> float:
-    """Voltage at an input that reads full scale [V]."""
+    """Voltage at an input that gives a full-scale reading [V]."""
     board, converter = board_of(design), converter_of(design)
     if converter is not None:
         return converter.full_scale_on(board)
@@ -65,13 +65,13 @@ def full_scale_v(design: SensorDesign) -> float:
 
 
 def amplifier_v(design: SensorDesign) -> float:
-    """Supply of the amplifiers, above which no reading rises [V]."""
+    """Supply voltage of the amplifiers, which no reading can exceed [V]."""
     board, converter = board_of(design), converter_of(design)
     return board.pin_v if converter is None else converter.analog_v(board)
 
 
 def adc_bits(design: SensorDesign) -> int:
-    """Bits of a reading, of the converter or of the board's own."""
+    """Number of bits in a reading: the converter's if the design has one, else the board's own."""
     converter = converter_of(design)
     return board_of(design).adc_bits if converter is None else converter.bits
 
@@ -84,9 +84,9 @@ class ReceiverPath:
     ----------
     channel : name of the board's analogue input; "" with converters
     multiplexer : index of the multiplexer before the input, from 0; None without multiplexers
-    converter : index of the converter that reads the receiver, from 0; None if the board's own converter does
-    address : address at which the multiplexer selects this receiver, or its input of the converter, from 0; None if the
-        receiver has an input of the board of its own
+    converter : index of the converter that reads the receiver, from 0; None if the board's own converter reads it
+    address : address at which the multiplexer selects this receiver, or the input that it has on the converter, from 0;
+        None if the receiver has its own input on the board
     """
 
     channel: str = ""
@@ -96,7 +96,7 @@ class ReceiverPath:
 
     @property
     def label(self) -> str:
-        """Terminal of the amplifier's output: an input as A0, M1-C3 of multiplexer M1, or U1-C3 of converter U1."""
+        """Where the amplifier's output goes, such as input A0, M1-C3 of multiplexer M1, or U1-C3 of converter U1."""
         if self.converter is not None:
             return f"U{self.converter + 1}-C{self.address}"
         return self.channel if self.multiplexer is None else f"M{self.multiplexer + 1}-C{self.address}"
@@ -119,7 +119,7 @@ def converter_of(design: SensorDesign) -> Converter | None:
 
 
 def shift_register_of(design: SensorDesign) -> ShiftRegister | None:
-    """Catalogue entry of a design's shift registers; None without shift registers."""
+    """Catalogue entry of a design's shift registers; None if it has none."""
     given = design.board.emitters
     if given is None or given.shift_register is None:
         return None
@@ -135,7 +135,7 @@ def driver_of(design: SensorDesign) -> LedDriver | None:
 
 
 def emitter_label(design: SensorDesign, number: int) -> str:
-    """Terminal that switches an emitter: a pin as D22, S1-Q3 of shift register S1, or L1-Q3 of LED driver L1.
+    """Terminal that switches an emitter, such as pin D22, S1-Q3 of shift register S1, or L1-Q3 of LED driver L1.
 
     Parameters
     ----------
@@ -151,7 +151,7 @@ def emitter_label(design: SensorDesign, number: int) -> str:
 
 
 def spi_pins(design: SensorDesign, board: Board) -> tuple[int, ...]:
-    """Pins of the board's SPI bus: clock, data out, data in; none where the design does not use it."""
+    """Pins of the board's SPI bus: clock, data out, data in; empty if the design does not use the bus."""
     return () if converter_of(design) is None and driver_of(design) is None else board.spi_pins
 
 
@@ -164,7 +164,7 @@ def _open_pins(design: SensorDesign, board: Board) -> tuple[int, ...]:
 def switch_pins(design: SensorDesign, board: Board, emitter_count: int) -> tuple[int, ...]:
     """The board's pins that switch emitters.
 
-    They are one per emitter; or data, clock and latch of the shift registers; or latch and blank of the LED drivers.
+    There is one per emitter; with shift registers there are data, clock and latch; with LED drivers, latch and blank.
     """
     given, pins = design.board.emitters, _open_pins(design, board)
     if given is not None:
@@ -193,11 +193,11 @@ def address_pins(design: SensorDesign) -> tuple[int, ...]:
 
 
 def select_pins(design: SensorDesign) -> tuple[int, ...]:
-    """Digital pins of the converters' chip selects, in their order; none without converters.
+    """Digital pins for the converters' chip selects, in the order of the converters; empty without converters.
 
     Raises
     ------
-    DesignError : as `assigned_pins`.
+    DesignError : the board, the converter or a part is not in the catalogue.
     """
     converter, given = converter_of(design), design.board.receivers
     if converter is None or given is None:
@@ -206,7 +206,7 @@ def select_pins(design: SensorDesign) -> tuple[int, ...]:
 
 
 def _spare_pins(design: SensorDesign) -> tuple[int, ...]:
-    """Digital pins that neither emitters nor the SPI bus have."""
+    """Digital pins that neither the emitters nor the SPI bus use."""
     board = board_of(design)
     used = switch_pins(design, board, len(cavity_of(design).emitters))
     return tuple(pin for pin in _open_pins(design, board) if pin not in used)
@@ -233,8 +233,8 @@ def receiver_paths(design: SensorDesign) -> tuple[ReceiverPath, ...]:
 def assigned_pins(design: SensorDesign) -> tuple[tuple[int, ...], tuple[str, ...]]:
     """Pins in the order of the emitters, and analogue inputs in the order of the receivers or multiplexers.
 
-    With shift registers or LED drivers an emitter's number is the number of its output in the chain, from 0. With
-    converters there are no inputs of the board.
+    With shift registers or LED drivers, an emitter's pin is replaced by the number of its output in the chain, from 0.
+    With converters, the inputs are empty.
 
     Raises
     ------
@@ -321,7 +321,7 @@ def _emitter_findings(design: SensorDesign, board: Board, emitter_count: int) ->
 
 
 def _bus_findings(design: SensorDesign, board: Board) -> list[Finding]:
-    """The finding that the board has no SPI bus which the firmware drives."""
+    """Errors if the design needs an SPI bus and the firmware cannot drive one on this board."""
     use = design.board
     fields = [
         *(["board.receivers.converter"] if converter_of(design) else []),
@@ -342,13 +342,13 @@ def _bus_findings(design: SensorDesign, board: Board) -> list[Finding]:
 
 
 def _least_switch_count(design: SensorDesign, pin_count: int, emitter_count: int) -> int:
-    """Pins that switch emitters; of shift registers, which are proposed, where the emitters have too few pins."""
+    """Number of pins that switch emitters; if the board has too few, the number with shift registers instead."""
     count = _switch_count(design, emitter_count)
     return count if count <= pin_count else SHIFT_PINS
 
 
 def _registers_needed(design: SensorDesign, board: Board, emitter_count: int) -> str | None:
-    """The way out of too few pins for the emitters."""
+    """Remedy for too few emitter pins: a shift register or an LED driver that fits the board; None if none does."""
     ways: list[str] = []
     for name, one in entries_of(design).shift_registers.items():
         if one.works_on(board) and not ways:
@@ -408,7 +408,7 @@ def input_count(design: SensorDesign, receiver_count: int) -> int:
 def _multiplexers_needed(
     design: SensorDesign, board: Board, emitter_count: int, receiver_count: int
 ) -> str | None:
-    """The way out of too few inputs: the multiplexer with the fewest inputs, and the first converter, if they fit."""
+    """Remedy for too few inputs: a multiplexer or a converter that fits; None if there is none."""
     if design.board.receivers is not None:
         return None
     ways = [
@@ -448,7 +448,7 @@ def _multiplexer_way(
 
 
 def _address_findings(design: SensorDesign, board: Board, emitter_count: int) -> list[Finding]:
-    """Errors about the multiplexers' supply voltage and about the pins of their address."""
+    """Errors about the multiplexers' supply voltage and about the pins of their address lines."""
     multiplexer, given = multiplexer_of(design), design.board.receivers
     if multiplexer is None or given is None:
         return []
@@ -462,7 +462,7 @@ def _address_findings(design: SensorDesign, board: Board, emitter_count: int) ->
 def _converter_findings(
     design: SensorDesign, board: Board, converter: Converter, emitter_count: int, receiver_count: int
 ) -> list[Finding]:
-    """Findings about the converters' supply, the pins of their chip selects, and settings of the board's own."""
+    """Findings about the converters' supply, their chip-select pins, and settings of the board's own converter."""
     use, found = design.board, []
     if not converter.works_on(board):
         found.append(_supply_error("board.receivers.converter", converter, board))
@@ -490,7 +490,7 @@ def _converter_findings(
 
 @dataclass(frozen=True)
 class _Pins:
-    """Pins that the receivers' circuits need: field, name of the circuit, number and purpose."""
+    """Pins that the receivers' circuits need: the design's field, name of the circuit, number and purpose."""
 
     field: str
     chip: str
@@ -631,12 +631,12 @@ VERSION_BYTES = 1
 SEQUENCE_BYTES = 4
 TIME_BYTES = 4
 CHECK_BYTES = 4
-"""Length of a frame's check value, the CRC-32 over all preceding bytes."""
+"""Length of a frame's check value [bytes], the CRC-32 of all preceding bytes."""
 LINE_BITS_PER_BYTE = 10
 """Bits on the serial line for each byte: start bit, 8 data bits, stop bit."""
 
 UART_CLOCKS_PER_BIT = 8
-"""Least clock cycles per bit of an AVR's UART at double speed (U2X); others are multiples."""
+"""Smallest number of clock cycles per bit of an AVR's UART at double speed (U2X); all others are its multiples."""
 
 UART_MAX_DIVISOR = 4096
 """Largest divisor of an AVR's UART, whose register has 12 bits."""
@@ -647,7 +647,7 @@ US_PER_S = 1e6
 
 
 def state_count(emitter_count: int, dark: str = "frame") -> int:
-    """Number of states of a frame, see `lit_emitters`."""
+    """Number of states in a frame, as in `lit_emitters`."""
     return len(lit_emitters(emitter_count, dark))
 
 
@@ -679,14 +679,14 @@ def sending_time_ms(board: Board, use: BoardUse, byte_count: int) -> float:
 
 
 def reading_time_ms(board: Board, use: BoardUse, converter: Converter | None) -> float:
-    """Time of one reading, by the converter or by the board's own [ms]."""
+    """Time of one reading [ms], by the given converter or, if it is None, by the board's own."""
     if converter is not None:
         return converter.reading_us(board) / US_PER_MS
     return conversion_time_ms(board, use.adc_prescaler)
 
 
 def switch_time_ms(driver: LedDriver | ShiftRegister | None, emitter_count: int, dark: str) -> float:
-    """Time to switch an emitter on [ms]: pins 0, LED drivers all bits, edges of latch and blank, and their delay."""
+    """Time that shift registers or LED drivers take to switch an emitter [ms]; 0 if `driver` is None."""
     if driver is None:
         return 0.0
     if isinstance(driver, ShiftRegister):
@@ -696,7 +696,7 @@ def switch_time_ms(driver: LedDriver | ShiftRegister | None, emitter_count: int,
 
 
 def lit_time_us(design: SensorDesign) -> float:
-    """Time from an emitter's light until the end of its state: settling, then all readings [us]."""
+    """Time from lighting an emitter until the end of its state [us]: settling, then all readings."""
     board, use, count = board_of(design), design.board, len(cavity_of(design).receivers)
     return _lit_ms(board, use, count, multiplexer_of(design), converter_of(design)) * US_PER_MS
 
@@ -725,7 +725,7 @@ def frame_time_ms(
     converter: Converter | None = None,
     driver: LedDriver | ShiftRegister | None = None,
 ) -> float:
-    """Time of one full frame: all states, then the line [ms]; with multiplexers each new address also settles."""
+    """Time of one full frame [ms]: all states, then sending it, with settling after each new multiplexer address."""
     state = switch_time_ms(driver, emitter_count, use.dark)
     state += _lit_ms(board, use, receiver_count, multiplexer, converter)
     bits = board.adc_bits if converter is None else converter.bits
@@ -755,8 +755,8 @@ def frame_rate_hz(
 
     Parameters
     ----------
-    board : None for the board of the design
-    adc_prescaler : divider of the converter's clock; None for that of the design
+    board : board to use; None for the design's own
+    adc_prescaler : divider of the converter's clock; None for the design's own
     """
     cavity, use = cavity_of(design), design.board
     if adc_prescaler is not None:
@@ -785,12 +785,12 @@ def _fits_on(design: SensorDesign, name: str, board: Board) -> bool:
 
 
 def baud_divisor(clock_hz: int, baud: int) -> int:
-    """Divisor of an eighth of an AVR's clock that gives the serial rate nearest to `baud`."""
+    """Number by which an eighth of an AVR's clock is divided to get the serial rate nearest to `baud`."""
     return min(max(round(clock_hz / (UART_CLOCKS_PER_BIT * baud)), 1), UART_MAX_DIVISOR)
 
 
 def made_baud(clock_hz: int, baud: int) -> float:
-    """Serial rate of an AVR's UART that is nearest to the requested one [baud]."""
+    """Serial rate nearest to the requested one that an AVR's UART can produce [baud]."""
     return clock_hz / (UART_CLOCKS_PER_BIT * baud_divisor(clock_hz, baud))
 
 

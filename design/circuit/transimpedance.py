@@ -8,13 +8,13 @@ r"""The receivers' transimpedance amplifiers: gain from light to counts, feedbac
 
 The flux is the share of an emitter's power that reaches the receiver. The power is proportional to the emitter's
 current, which follows from its typical forward voltage and its series resistor. The responsivity is the data sheet's
-value if this is stated near the emitter's wavelength. Otherwise silicon's quantum efficiency is assumed constant, which
-is too high by `silicon_blue_loss` at worst. For several kinds of emitters the mean product of power and responsivity is
+value if it is given near the emitter's wavelength. Otherwise silicon's quantum efficiency is assumed constant, which is
+too high by `silicon_blue_loss` at worst. For several types of emitter, the mean product of power and responsivity is
 used.
 
 The amplifier does not ring if CF >= sqrt((C_diode + C_in) / (2 pi RF GBW)), which gives a phase margin of at least 45
 degrees (Graeme, "Photodiode Amplifiers", 1996, ch. 3). It settles to half a count in time if RF CF ln 2^(bits + 1) <=
-settle time. The model does not include the dark current (2 nA, millivolts), the LED's fall time, and the stray
+settle time. The model does not include the dark current (2 nA, millivolts), the LED's fall time, or the stray
 capacitance of the resistor (about 0.2 pF in addition to CF).
 """
 
@@ -55,13 +55,13 @@ class Feedback:
 
     Attributes
     ----------
-    exact_ohm : resistance that gives the required gain, or the resistance that the design states
+    exact_ohm : resistance that gives the required gain, or the one given in the design
     low_ohm, high_ohm : range of this resistance from the bands of power and responsivity
-    standard_ohm : nearest standard value, or the resistance that the design states
+    standard_ohm : nearest standard value, or the resistance given in the design
     counts_per_flux : required gain: counts if all emitted power reached the receiver
     capacitor_pf : standard value of the feedback capacitor
     settles_us : time until the reading is within half a count of its final value
-    is_in_time : whether this is at most the design's settling time
+    is_in_time : whether `settles_us` is at most the design's settling time
     """
 
     exact_ohm: float
@@ -80,9 +80,9 @@ class Feedback:
 
 
 def emitted_mw(part: Part, board: Board, sink: CurrentSink | None = None) -> Quantity | None:
-    """Light of an emitter behind its series resistor, or at the constant current of an LED driver.
+    """Light power of an emitter with its series resistor, or at the constant current of an LED driver [mW].
 
-    None if its power is unknown, or if the supply cannot light it.
+    None if the emitter's power is unknown, or if the supply cannot light it.
     """
     full, switch, forward = part.radiant_power_mw, emitter_switch(part, board), part.forward_voltage_v
     current_ma = switch.usual_current_ma if sink is None else sink.current_ma
@@ -129,12 +129,12 @@ def counts_per_flux_per_ohm(design: SensorDesign) -> tuple[Quantity, ...] | None
 
 
 def fitted_counts_per_flux(design: SensorDesign) -> tuple[float, ...]:
-    """Gain of each receiver with the resistances of `gain.feedback_ohm`: counts if all emitted power reached it.
+    """Gain of each receiver with the resistances in `gain.feedback_ohm`: its counts if all emitted power reached it.
 
     Raises
     ------
-    DesignError : the design has a rule instead of resistances, not one resistance per receiver, or an emitter of
-        unknown power.
+    DesignError : the design has a rule instead of resistances, a wrong number of resistances, or an emitter of unknown
+        power.
     """
     findings = list(gain_findings(design))
     per_ohm, ohms = counts_per_flux_per_ohm(design), given_ohms(design)
@@ -144,7 +144,7 @@ def fitted_counts_per_flux(design: SensorDesign) -> tuple[float, ...]:
 
 
 def given_ohms(design: SensorDesign) -> tuple[float, ...] | None:
-    """Feedback resistances that a design states, one per receiver; None if it has a rule instead."""
+    """Feedback resistances given in a design, one per receiver; None if it has a rule instead."""
     given = design.gain.feedback_ohm
     if isinstance(given, str):
         return None
@@ -158,12 +158,12 @@ def feedbacks_of(
 
     Parameters
     ----------
-    counts_per_flux : required gain of each receiver, from a simulation: counts if all emitted power reached it; None
-        without a simulation. It is ignored if the design states resistances.
+    counts_per_flux : required gain of each receiver, computed by a simulation: its counts if all emitted power reached
+        it. None if there was no simulation. Ignored if the design gives resistances.
 
     Returns
     -------
-    One result per receiver. None if an emitter's power is unknown, or if neither gains nor resistances are known.
+    One result per receiver; or None if an emitter's power is unknown, or if neither gains nor resistances are known.
     """
     per_ohm, ohms = counts_per_flux_per_ohm(design), given_ohms(design)
     if per_ohm is None:
@@ -179,7 +179,7 @@ def feedbacks_of(
 
 
 def gain_findings(design: SensorDesign) -> Iterator[Finding]:
-    """Errors that prevent resistances from defining a gain: their wrong number, or an emitter of unknown power."""
+    """Errors about given resistances that define no gain: a wrong number of them, or an emitter of unknown power."""
     given = design.gain.feedback_ohm
     if isinstance(given, str):
         return
@@ -257,13 +257,13 @@ def _mean_product(lit: list[tuple[Quantity, float]], receiver: Part, scale: floa
 
 
 def filter_settles_us(design: SensorDesign) -> float:
-    """Time in which the input filter of the design's converters settles; 0 without one [us]."""
+    """Time in which the input filter of the design's converters settles [us]; 0 without a filter."""
     converter = converter_of(design)
     return 0.0 if converter is None else converter.filter_settles_us
 
 
 def settle_words(design: SensorDesign) -> str:
-    """The time in which an amplifier has to settle, and its field."""
+    """Text for messages: the time within which an amplifier has to settle, with the field that sets it."""
     words, filter_us = f"board.settle_us = {design.board.settle_us:g} us", filter_settles_us(design)
     return f"{words} less {filter_us:.0f} us of the converter's input filter" if filter_us else words
 
@@ -299,7 +299,7 @@ def _least_pf(part: Part, ohm: float) -> float:
 def _capacitor_pf(least_pf: float, most_pf: float) -> float:
     """The largest standard value up to `most_pf`, which gives the least noise and still settles in time.
 
-    If it is below `least_pf`, the smallest standard value of at least `least_pf`, for stability.
+    If that is below `least_pf`, the smallest standard value of at least `least_pf` is returned, for stability.
     """
     most = standard_at_most(most_pf, E12)
     return most if most >= least_pf else standard_at_least(least_pf, E12)

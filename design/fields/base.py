@@ -40,7 +40,7 @@ def known_paths(model: type[BaseModel], prefix: str = "") -> tuple[str, ...]:
 
 
 def known_values(model: type[BaseModel]) -> tuple[str, ...]:
-    """Dotted paths of the fields of a model that have a value and no further fields."""
+    """Dotted paths of the fields of a model that hold a value themselves and no further fields."""
     known = known_paths(model)
     return tuple(path for path in known if not any(other.startswith(f"{path}.") for other in known))
 
@@ -84,7 +84,7 @@ def set_at(document: dict[str, Any], path: str, value: Any, *, known: tuple[str,
 
 
 def leaves(document: Any, path: str = "") -> Iterator[tuple[str, Any]]:
-    """Dotted path and value of everything in nested dicts and lists that is not itself a dict or list."""
+    """Dotted path and value of each item in nested dicts and lists that is not itself a dict or list."""
     if isinstance(document, dict | list):
         items = document.items() if isinstance(document, dict) else enumerate(document)
         for key, value in items:
@@ -120,7 +120,7 @@ def _free_keys(path: str) -> bool:
 
 
 NAME_PATTERN = r"^[A-Za-z0-9][A-Za-z0-9._-]{0,62}$"
-"""Pattern of the names of designs, protocols and searches, which become names of files and folders."""
+"""Pattern of the names of designs, protocols and searches, which become file and folder names."""
 
 
 def _usable(name: str) -> str:
@@ -145,7 +145,7 @@ class Model(BaseModel):
     )
 
     unsaid: ClassVar[tuple[str, ...]] = ()
-    """Fields that a dump leaves out at their default, so that designs older than the field keep their digest."""
+    """Fields that a dump omits if they have their default value, so designs older than the field keep their digest."""
 
     @model_serializer(mode="wrap")
     def _as_said(self, plain: SerializerFunctionWrapHandler) -> dict[str, Any]:
@@ -157,5 +157,5 @@ class Model(BaseModel):
         return self._outlined(document)
 
     def _outlined(self, document: dict[str, Any]) -> dict[str, Any]:
-        """Final form of a dump, before it is returned; an outline may replace fields (a disc has a diameter)."""
+        """Hook for subclasses: final form of a dump; for example, a disc has a diameter and no length and width."""
         return document

@@ -15,7 +15,7 @@ class Finding:
     """An error, a warning or a note about a design.
 
     A design with an error cannot be manufactured or simulated. A warning names a problem that does not prevent this. A
-    note states a limitation that all usual designs of the kind have.
+    note states a limitation that every usual design has.
 
     Attributes
     ----------
@@ -51,7 +51,7 @@ def error(field: str, message: str, *, value: object, limit: object, way_out: st
 
 
 def warning(field: str, message: str, *, value: object, limit: object, way_out: str) -> Finding:
-    """Make a finding of severity `warning`, which does not prevent manufacture and simulation of the design."""
+    """Make a finding of severity `warning`, which prevents neither manufacture nor simulation of the design."""
     return Finding(
         severity="warning",
         field=field,
@@ -63,7 +63,7 @@ def warning(field: str, message: str, *, value: object, limit: object, way_out: 
 
 
 def note(field: str, message: str, *, value: object, limit: object, way_out: str) -> Finding:
-    """Make a finding of severity `note`, about a limitation of every usual design of its kind."""
+    """Make a finding of severity `note`, about a limitation that every usual design has."""
     return replace(warning(field, message, value=value, limit=limit, way_out=way_out), severity="note")
 
 

@@ -14,13 +14,13 @@ from design.fields.quantity import Quantity
 
 
 def data_table(file: str) -> dict[str, Any]:
-    """Read a TOML file of the folder `design/data` as a dictionary."""
+    """Read a TOML file from the folder `design/data` as a dictionary."""
     return tomllib.loads((files("design") / "data" / file).read_text(encoding="utf-8"))
 
 
 @cache
 def data_quantities(file: str) -> dict[str, Quantity]:
-    """Read a TOML file of the folder `design/data` whose rows are quantities, by their names."""
+    """Read a TOML file of quantities from the folder `design/data`, as a dictionary by name."""
     return {name: Quantity(**row) for name, row in data_table(file).items()}
 
 
@@ -31,10 +31,10 @@ def packaged_or_own(
 
     Parameters
     ----------
-    package : Python package that has the packaged files
+    package : Python package that contains the packaged files
     names : names of the packaged files
     kind : kind of file, for messages
-    listed_as : term for the packaged files, for messages
+    listed_as : term for the list of packaged files, for messages
 
     Raises
     ------

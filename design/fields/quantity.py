@@ -4,7 +4,7 @@ The confidence has four levels. A value is *measured* on the manufactured unit, 
 (computed from read values), or *unverified* (assumed, or quoted from memory). The band from `low` to `high` is believed
 to contain the true value.
 
-Other units are converted when a specification is read; everywhere else there is one unit per quantity.
+Values in other units are converted when a specification is read; everywhere else there is one unit per quantity.
 
 Lengths are in mm, angles in degrees, forces in N, moduli in MPa.
 """
@@ -19,7 +19,7 @@ from pydantic import AfterValidator, Field, StringConstraints, model_validator
 from design.fields.base import Model
 
 ROUNDING_MM = 1e-9
-"""Rounding error of sums of decimal lengths; lengths that differ by less count as equal."""
+"""Rounding error of sums of decimal lengths [mm]; lengths that differ by less count as equal."""
 
 MM_PER_CM = 10.0
 NM_PER_UM = 1000.0
@@ -32,13 +32,13 @@ def absorption_per_mm(absorption_db_per_cm: float) -> float:
 
     Notes
     -----
-    10^(-dB/10) = exp(-a L), so that a L = ln(10)/10 for each dB of loss.
+    10^(-dB/10) = exp(-a L), so a L = ln(10)/10 for each dB of loss.
     """
     return absorption_db_per_cm * math.log(10.0) / 10.0 / MM_PER_CM
 
 
 def lambertian_order(half_angle_deg: float) -> float:
-    """Order m of the intensity law cos^m that decreases to one half at `half_angle_deg` [-].
+    """Order m of the intensity law cos^m that falls to one half at `half_angle_deg` [-].
 
     The result is rounded, so that 60 degrees gives exactly 1, for which the light model has a special case. The
     rounding is far below the precision of any data sheet.
@@ -48,7 +48,7 @@ def lambertian_order(half_angle_deg: float) -> float:
 
 Confidence = Literal["measured", "read", "inferred", "unverified"]
 CONFIDENCES: tuple[Confidence, ...] = ("measured", "read", "inferred", "unverified")
-"""Confidences from the highest to the lowest."""
+"""Confidence levels, from highest to lowest."""
 
 Text = Annotated[str, StringConstraints(strip_whitespace=True, min_length=1)]
 
@@ -85,7 +85,7 @@ class Cost(Model):
 
 
 def check_band(value: float, low: float | None, high: float | None) -> None:
-    """Refuse a band that does not contain its value; None for `low` or `high` means no limit.
+    """Refuse a band that does not contain its value; if `low` or `high` is None, there is no limit on that side.
 
     Raises
     ------

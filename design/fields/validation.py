@@ -13,7 +13,7 @@ from design.fields.base import IDENTIFIER_PATTERN, NAME_PATTERN, nearest
 
 LISTED_FINDINGS = 20
 WORDED_FINDINGS = 100
-"""Largest number of findings that are described in words; searching similar names takes a millisecond for each."""
+"""Largest number of findings that are described in words; searching for similar names takes a millisecond for each."""
 
 _WAY_OUT = {
     "missing": "is missing; add it (see `optopad schema`, or start from `optopad new`)",
@@ -47,7 +47,7 @@ PATTERN_WORDS = {
     r"^[A-Z]{3}$": "an ISO 4217 code in capital letters, as EUR",
     r"^\d{4}-(0[1-9]|1[0-2])(-(0[1-9]|[12]\d|3[01]))?$": "a date as 2026-05 or 2026-05-04",
 }
-"""Description of the permitted texts, by their regular expression."""
+"""Descriptions of the permitted texts, each under its regular expression."""
 
 _WANTED = {
     "finite_number": "must be a finite number",
@@ -92,7 +92,7 @@ def field_path(detail: ErrorDetails) -> str:
 def _of_the_branch_meant(details: list[ErrorDetails]) -> list[ErrorDetails]:
     """Remove findings about the other type where a field accepts a single value or a list.
 
-    Pydantic reports both alternatives; those about the user's type are kept.
+    Pydantic reports both alternatives; only findings about the type that the user gave are kept.
     """
     takes_a_list = {detail["loc"][:at] for detail in details if (at := _list_branch(detail)) is not None}
     takes_a_value = {detail["loc"][:-1] for detail in details if _list_branch(detail) is None}
@@ -144,7 +144,7 @@ def _lines(details: list[ErrorDetails], known: tuple[str, ...], identifiers: tup
 
 
 def _finding(detail: ErrorDetails, known: tuple[str, ...], identifiers: tuple[str, ...]) -> tuple[str, str]:
-    """Text of a finding, and the limit; the limit is empty if the text already includes it."""
+    """Text of a finding, and the limit, which is empty if the text already includes it."""
     field, kind = field_path(detail), detail["type"]
     if kind == "extra_forbidden":
         return f"{field}: is not a field of a design; {_near(field, known)}", ""
@@ -156,7 +156,7 @@ def _finding(detail: ErrorDetails, known: tuple[str, ...], identifiers: tuple[st
 
 
 def _near(field: str, known: tuple[str, ...]) -> str:
-    """Remedy for an unknown field: known names that are similar to it, or else to remove it."""
+    """Remedy for an unknown field: known names that are similar to it, if any, or removing the field."""
     parent = field.rpartition(".")[0]
     near = nearest(field, tuple(path for path in known if path.rpartition(".")[0] == parent))
     hint = f"did you mean {', '.join(near)}? Else " if near else ""
@@ -197,7 +197,7 @@ def _limit(detail: ErrorDetails, field: str, identifiers: tuple[str, ...]) -> st
 
 
 def _bound(detail: ErrorDetails, field: str) -> str:
-    """The exceeded limit as text; for lengths also a question whether they were given in another unit."""
+    """The exceeded limit as text; for a length, it may ask whether the value was given in another unit."""
     limit = next(iter(detail["ctx"].values()))
     said = f"{limit:.12g}" if isinstance(limit, int | float) else f"{limit}"
     if not field.endswith("_mm"):

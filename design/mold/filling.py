@@ -1,9 +1,9 @@
 """Filling holes of a crowned pad's mold: silicone enters through the floor, with the mold upside down on its lid.
 
-The lid shapes the crown (`cad.lid`). In this position the floor is highest, so that air leaves there and no filling
-hole touches the optical surface. The sprue is the hole that receives the silicone. The clear layer is poured by weight
-up to the level of the black layer. Then the black layer is poured until it rises in the vents. The silicone that
-remains in the holes is black.
+The lid shapes the crown (`cad.lid`). In this position the floor is highest, so air escapes there and no filling hole
+touches the optical surface. The sprue is the hole that receives the silicone. The clear layer is poured by weight up to
+the level of the black layer. Then the black layer is poured until it rises in the vents. The silicone that remains in
+the holes is black.
 
         sprue                      vents          turned over: floor up
        ___| |_______________________| |___

@@ -2,7 +2,7 @@ r"""The label of a mold: a text engraved in its underside, below the cavity, awa
 
     seen from below                     one letter: 5 x 7 points, each a square of 1.25 pitches,
     +---------------------------+       so that points which meet at a corner overlap: a cut that
-    | o                       o |       touches itself along an edge only is no manifold
+    | o                       o |       touches itself along an edge only is not manifold
     |     ###   #####                      ##
     |     #       #     8.5               #  #
     |     ###   #####                      ##
@@ -11,8 +11,8 @@ r"""The label of a mold: a text engraved in its underside, below the cavity, awa
 
 The underside is on the print bed, where raised letters would lift the mold. Strokes are at most two millimetres wide,
 so that the printer bridges them without support. Long texts are broken into lines. Letters are capitals made of
-rectangles and not a font of the system, so that equal designs give equal molds everywhere. The pitch is the distance
-between neighbouring points of the dot matrix.
+rectangles and not a system font, so equal designs give equal molds on every computer. The pitch is the distance between
+neighbouring points of the dot matrix.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from design.shape.cavity import plan_of
 from design.spec import SensorDesign
 
 DEPTH_MM = 0.6
-"""Depth of the strokes: three layers of 0.2 mm, so that they are legible although the first layer is squeezed."""
+"""Depth of the strokes: three layers of 0.2 mm, so they are legible even though the first layer is squeezed."""
 MARGIN_MM = 0.8
 """Distance between the text and the outline of the cavity above it."""
 SMALLEST_PITCH_MM = 0.6

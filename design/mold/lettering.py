@@ -1,9 +1,9 @@
 """Engraved letters made of rectangles: overlapping points of a dot matrix, the area that they cover, and its outline.
 
 The pitch is the distance between neighbouring points. A point is a square with a side of 1.25 pitches, so that diagonal
-neighbours overlap. Without overlap the cut would touch itself only along an edge and not be a manifold. A row of
-adjacent points becomes one rectangle, a stroke. Letters are not a font of the system, so that equal designs give equal
-molds everywhere.
+neighbours overlap. Without this overlap, the cut would touch itself only along an edge and not be manifold. A row of
+adjacent points becomes one rectangle, a stroke. Letters are not a system font, so equal designs give equal molds on
+every computer.
 """
 
 from __future__ import annotations
@@ -69,7 +69,7 @@ def area_mm2(strokes: Iterable[Stroke]) -> float:
 
 
 def integral(strokes: Iterable[Stroke], antiderivative: Callable[[float], float]) -> float:
-    """Integral over the area covered by strokes of a function of x, given its antiderivative."""
+    """Integral of a function of x over the area covered by strokes, from the function's antiderivative."""
     grid = _Grid(tuple(strokes))
     return sum(
         (antiderivative(grid.xs[i + 1]) - antiderivative(grid.xs[i])) * grid.height(j)
@@ -120,7 +120,7 @@ class _Grid:
         return self.ys[j + 1] - self.ys[j]
 
     def loops(self) -> list[Loop]:
-        """Closed outlines of the covered cells, which are on the left of the outline, with corners only [mm]."""
+        """Corners of the closed outlines of the covered cells [mm]; the cells are to the left of their outline."""
         following = dict(edge for cell in sorted(self.covered) for edge in self._open_edges(*cell))
         loops = []
         while following:
@@ -134,7 +134,7 @@ class _Grid:
         return loops
 
     def _open_edges(self, i: int, j: int) -> list[tuple[Point, Point]]:
-        """Directed edges of a covered cell towards neighbours that are not covered, as pairs of grid corners."""
+        """Directed edges between a covered cell and neighbours that are not covered, as pairs of grid corners."""
         sides = (
             ((i, j - 1), (i, j), (i + 1, j)),
             ((i + 1, j), (i + 1, j), (i + 1, j + 1)),
@@ -159,7 +159,7 @@ def _signed_area(loop: Loop) -> float:
 
 
 def _holds(loop: Loop, point: tuple[float, float]) -> bool:
-    """Whether a point is inside an outline of axis-parallel edges; counts crossings of a ray to the right."""
+    """Whether a point is inside an outline of axis-parallel edges, by counting crossings of a ray to the right."""
     x, y = point[0] + 1e-7, point[1] + 1e-7
     edges = zip(loop, loop[1:] + loop[:1], strict=True)
     return sum(x0 > x and (y0 > y) != (y1 > y) for (x0, y0), (_, y1) in edges) % 2 == 1

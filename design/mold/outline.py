@@ -1,6 +1,6 @@
 r"""Numeric model of the printed mold, before any solid is made.
 
-Positions are in the cavity frame (`design.shape.cavity`), and the mold is centred on the cavity.
+Positions are in the cavity's coordinate system (`design.shape.cavity`), and the mold is centred on the cavity.
 
       top   ____      lip, 45 deg      ____
            |    \                     /    |   rim
@@ -43,18 +43,18 @@ CORNER_SHARE_OF_WALL = 1 / 3
 
 @dataclass(frozen=True, kw_only=True)
 class MoldOutline:
-    """Dimensions of the mold, in the cavity frame [mm].
+    """Dimensions of the mold, in the cavity's coordinate system [mm].
 
     Attributes
     ----------
     plan : outline of the cavity, and the pad's top
     wall_x_mm, wall_y_mm : least thickness of the mold's walls along x and along y
     bottom_mm, cavity_bottom_mm, top_mm : height z of the underside, the cavity's floor and the rim
-    fill_mm : height z of the highest point of the undisturbed top's edge
+    fill_mm : largest height z along the edge of the untouched top
     filling : holes through the floor for filling a crowned pad, the sprue first; empty for a flat top
     lip_mm : leg of the 45-degree pour lip, which is above the fill level; 0 for none
     corner_radius_mm : radius of the outer vertical edges
-    origin_cut_mm : cut of the outer edge at the origin
+    origin_cut_mm : size of the 45-degree cut of the outer edge at the origin
     ledge_mm : width of the seat for a glass cover at the fill level, in place of the lip; 0 for none
     fixing_holes : vertical holes for screws or pins
     sockets : cuts for the optical parts
@@ -180,7 +180,7 @@ def outline_of(design: SensorDesign) -> MoldOutline:
 
 
 def _with_room(socket: Socket, fixing_holes: tuple[Hole, ...], mold: Mold) -> Socket:
-    """A socket as given, or without its lead channel if that is too near to a fixing hole."""
+    """A socket as given, or without its lead channel if the channel is too near a fixing hole."""
     channel = socket.channel
     if channel is None:
         return socket
@@ -202,7 +202,7 @@ def _numbers(
 
 
 def bed_lift_mm(design: SensorDesign) -> float:
-    """Offset that is added to z of the cavity frame in every file of the mold, so that the print bed is z = 0 [mm]."""
+    """Offset added to z of the cavity's coordinates in all files of the mold, so that the print bed is z = 0 [mm]."""
     return design.cavity.black_thickness_mm + design.mold.floor_mm
 
 
@@ -230,7 +230,7 @@ def _frame(part: PlacedPart, outer: Outline, wall_x: float, wall_y: float) -> Wa
 def _fixing_holes(
     mold: Mold, cavity: CavityGeometry, outer: Outline, bottom: float, top: float
 ) -> tuple[Hole, ...]:
-    """Fixing holes: in the corners, or in a mold without corners between the optical parts."""
+    """Fixing holes: in the corners or, if the mold has no corners, between the optical parts."""
     if mold.fixing_hole_diameter_mm == 0:
         return ()
     inset, radius = mold.fixing_hole_inset_mm, mold.fixing_hole_diameter_mm / 2
@@ -243,7 +243,7 @@ def _fixing_holes(
 def _between_parts_mm(cavity: CavityGeometry, within: Outline) -> list[Point]:
     """Up to four points on an outline for fixing holes, in directions halfway between neighbouring optical parts.
 
-    They are nearest to the diagonals of the bounding box.
+    The points nearest to the diagonals of the bounding box are chosen.
     """
     (x, y), (x0, y0, x1, y1) = within.centre_mm, within.box_mm
     at = sorted({_direction_deg(part.position_mm[0] - x, part.position_mm[1] - y) for part in cavity.parts})

@@ -58,7 +58,7 @@ class PartNumber:
     Attributes
     ----------
     name : name of the part
-    frame : coordinates of the wall in whose outer face the name is engraved
+    frame : coordinate system of the wall in whose outer face the name is engraved
     strokes : rectangles; x along the wall, y upward [mm]
     stroke_mm : width of a stroke
     """
@@ -70,7 +70,7 @@ class PartNumber:
 
     @property
     def volume_mm3(self) -> float:
-        """Volume that the name removes from the mold [mm3]; a round outer face recedes from the facet's plane."""
+        """Volume that the name removes from the mold [mm3], less where a round outer face recedes from the facet."""
         flat = area_mm2(self.strokes) * DEPTH_MM
         if not self.frame.is_facet:
             return flat
@@ -97,7 +97,7 @@ def part_numbers(
     sockets : sockets of one wall, in their order along it
     around : all sockets of a mold with round walls; empty for a rectangular mold
     fixing_holes : fixing holes of the mold
-    bottom_mm : height z of the mold's underside, or of its frame if that is a separate piece
+    bottom_mm : height z of the mold's underside; if the mold is parted, that of its upper piece
     web_mm : thinnest wall that can be printed
     """
     if not sockets:
@@ -180,7 +180,7 @@ def _points(text: str) -> set[Point]:
 
 
 def unnumbered(names: Sequence[str], numbers: Sequence[PartNumber]) -> Iterator[str]:
-    """The names that are not engraved on the mold."""
+    """Names of parts that do not fit and are therefore not engraved on the mold."""
     there = {one.name for one in numbers}
     return (name for name in names if name not in there)
 

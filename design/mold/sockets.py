@@ -1,7 +1,8 @@
-r"""Numeric model of a socket: the cuts that hold one optical part in the mold's wall, in the cavity frame.
+r"""Numeric model of a socket: the cuts that hold one optical part in the mold's wall.
 
-A part is inserted from the top. Its pocket is open upward, and open to the cavity so that silicone is cast against the
-active face. The drawing shows the wall at low y from above (t is measured outward):
+Positions are in the cavity's coordinate system. A part is inserted from the top. Its pocket is open upward, and open to
+the cavity so that silicone is cast against the active face. The drawing shows the wall at low y from above (t is
+measured outward):
 
             cavity
       ------+           +------  t = 0, inner face of the wall
@@ -12,8 +13,8 @@ active face. The drawing shows the wall at low y from above (t is measured outwa
                |  |  |           radial part: round holes from the pocket's floor down through the mold
       ---------+  +--+---------  t = wall thickness, outer face
 
-Pocket and slots extend down to the body's base less the clearance, so that the design's height of a part is never
-changed. A base below the clear layer is in the black layer. A pocket may even extend into the floor of the mold, and
+Pocket and slots extend down to the body's base less the clearance, so the part is always at its height in the design. A
+base below the clear layer is in the black layer. A pocket may even extend into the floor of the mold, and
 `design.mold.webs` then requires enough floor under it.
 
 Leads are in a row along the wall, centred on the active area. Radial leads leave the body at half its depth, unless the
@@ -62,7 +63,7 @@ CHANNEL_MARGIN_MM = 0.1
 
 @dataclass(frozen=True, kw_only=True)
 class Box:
-    """A box with edges along the axes of the cavity frame [mm]."""
+    """A box with edges along the axes of the cavity's coordinate system [mm]."""
 
     x0: float
     x1: float
@@ -74,7 +75,7 @@ class Box:
 
 @dataclass(frozen=True, kw_only=True)
 class Hole:
-    """A vertical round hole in the cavity frame [mm]."""
+    """A vertical round hole, in the cavity's coordinate system [mm]."""
 
     x: float
     y: float
@@ -85,13 +86,13 @@ class Hole:
 
 @dataclass(frozen=True, kw_only=True)
 class WallFrame:
-    """Coordinates of a wall of the mold: along the wall, and outward from its inner face.
+    """Coordinate system of a wall of the mold: along the wall, and outward from its inner face.
 
     Attributes
     ----------
     line : inner face of the wall, seen from above
-    thickness_mm : thickness of the wall; at the middle of the facet in a round wall
-    outer_radius_mm : radius of a round outer face around a centre opposite the facet's middle; 0 for a flat outer face
+    thickness_mm : thickness of the wall; in a round wall, at the middle of the facet
+    outer_radius_mm : radius of a round outer face, whose centre is opposite the facet's middle; 0 for a flat outer face
     """
 
     line: Line
@@ -114,7 +115,7 @@ class WallFrame:
         return self.line.length_mm
 
     def point(self, along_mm: float, outward_mm: float) -> tuple[float, float]:
-        """Position (x, y) in the cavity frame [mm]."""
+        """Position (x, y) in the cavity's coordinate system [mm]."""
         return self.line.point(along_mm, outward_mm)
 
     def along_and_outward_mm(self, x_mm: float, y_mm: float) -> tuple[float, float]:
@@ -145,11 +146,11 @@ class WallFrame:
 
     @property
     def runs_along_axes(self) -> bool:
-        """Whether the wall is parallel to x or y, so that a cut in it is a box in the cavity frame."""
+        """Whether the wall is parallel to x or y, so that the edges of a cut in it are along the cavity's axes."""
         return 0.0 in self.line.outward
 
     def box(self, cut: Cut) -> Box:
-        """A cut of this wall as a box in the cavity frame; for a facet the bounding box of the cut."""
+        """A cut of this wall as a box along the cavity's axes; for a facet, the bounding box of the cut."""
         xs, ys = zip(*self.corners(cut), strict=True)
         return Box(x0=min(xs), x1=max(xs), y0=min(ys), y1=max(ys), z0=cut.floor, z1=cut.top)
 
@@ -161,8 +162,8 @@ class WallFrame:
     def apart_mm(self, cut: Cut, other: WallFrame, cut_there: Cut) -> float:
         """Horizontal distance between a cut of this wall and a cut of another wall [mm]; zero or less if they overlap.
 
-        Of two separate convex polygons, one has a corner at the shortest distance. If the middle of one is inside the
-        other, they overlap.
+        If the middle of one cut is inside the other, they overlap. Otherwise one of them has a corner at the shortest
+        distance.
         """
         mine = [
             self.along_and_outward_mm(*place)
@@ -200,12 +201,12 @@ class Socket:
     Attributes
     ----------
     part : the part at its position
-    frame : coordinates of its wall
+    frame : coordinate system of its wall
     pocket : space for the part's body
     slots : paths for the wires of a surface-mount part to the outside
     necks : narrow outer ends of the slots, for strain relief
     holes : paths for the leads of a radial part through the floor
-    channel : path for these leads in the underside to the outside; None if there is no space, or without strain relief
+    channel : path for these leads in the underside to the outside; None if there is no space or no strain relief
     """
 
     part: PlacedPart
@@ -245,7 +246,7 @@ def socket_of(part: PlacedPart, mold: Mold, frame: WallFrame, top_mm: float, bot
     ----------
     part : the part at its position
     mold : clearances and thinnest web
-    frame : coordinates of its wall
+    frame : coordinate system of its wall
     top_mm, bottom_mm : height z of the mold's upper and lower face
     """
     room = clearance_mm(mold, part.part_id)
@@ -345,7 +346,7 @@ def _wire_spans(part: Part, mold: Mold, half_pocket_mm: float) -> list[tuple[flo
 
 
 OWN_COLLAR_WEBS = 3
-"""Distance between neighbouring pockets, in webs, from which each has its own collar.
+"""Least distance between neighbouring pockets for each to have its own collar [webs].
 
 A web is the least printable wall thickness.
 """
@@ -358,7 +359,7 @@ class Collar:
     Attributes
     ----------
     names : names of the held parts
-    frame : coordinates of the mold's wall below
+    frame : coordinate system of the mold's wall below
     block : the collar before pockets and slots are cut
     """
 
@@ -373,7 +374,7 @@ class Collar:
 
     @property
     def box(self) -> Box:
-        """The collar before it is cut, as a box in the cavity frame."""
+        """The collar before it is cut, as a box along the cavity's axes."""
         return self.frame.box(self.block)
 
 

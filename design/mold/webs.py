@@ -88,7 +88,7 @@ def clearances(design: SensorDesign) -> tuple[Clearance, ...]:
 
 
 def rim_clearances(design: SensorDesign) -> tuple[Clearance, ...]:
-    """Distance of each part's body below the rim; a taller body can be printed but is in the way of blade or lid."""
+    """Distance of each part's body below the rim; a taller body is printable but in the way of the blade or lid."""
     outline = outline_of(design)
     return tuple(
         Clearance(
@@ -104,7 +104,7 @@ def rim_clearances(design: SensorDesign) -> tuple[Clearance, ...]:
 
 
 def tightest(found: tuple[Clearance, ...]) -> tuple[Clearance, ...]:
-    """For each kind of distance the clearance that is nearest to its limit, in the order of first appearance."""
+    """For each kind of distance, the clearance that is nearest to its limit, in the order of first appearance."""
     worst: dict[str, Clearance] = {}
     for one in found:
         if one.name not in worst or one.spare_mm < worst[one.name].spare_mm:

@@ -1,8 +1,8 @@
 """Angular tables from data sheets: relative intensity or response as a function of the angle to the axis, in air.
 
 Values are interpolated linearly in the angle. Beyond the last angle they are assumed to decrease linearly to 0 at 90
-degrees; a table that extends to 90 degrees needs no such assumption. Only ratios of the values are used, so that their
-unit does not matter. The pattern is rotationally symmetric about the axis.
+degrees; a table that extends to 90 degrees needs no such assumption. Only ratios of the values are used, so their unit
+does not matter. The pattern is rotationally symmetric about the axis.
 
 The model does not include packages whose emission differs between two planes.
 """
@@ -21,7 +21,7 @@ from design.fields.quantity import Confidence, Text
 
 MAX_POINTS = 400
 FLAT_FACE_LEAST_DEG = 40.0
-"""Half angle below which a data sheet's part must have a lens, which acts differently in elastomer than in air."""
+"""Half angle below which a part must have a lens, which acts differently in elastomer from in air."""
 
 AngleDeg = Annotated[float, Field(ge=0.0, le=90.0)]
 Relative = Annotated[float, Field(ge=0.0, le=1e6)]

@@ -16,7 +16,7 @@ from design.fields.quantity import Quantity
 
 
 def assumption(name: str) -> Quantity:
-    """A value of the file `design/data/assumptions.toml` by its name."""
+    """A value from the file `design/data/assumptions.toml`, by its name."""
     return data_quantities("assumptions.toml")[name]
 
 
@@ -66,7 +66,7 @@ Bed = tuple[float, float, float]
 
 
 def printer(name: str) -> Quantity:
-    """A value of the file `design/data/printer.toml` by its name."""
+    """A value from the file `design/data/printer.toml`, by its name."""
     return data_quantities("printer.toml")[name]
 
 
@@ -80,7 +80,7 @@ def bed_of(text: str) -> Bed:
 
     Raises
     ------
-    InputError : the text is not three lengths above 0.
+    InputError : the text does not consist of three lengths above 0.
     """
     pieces = re.split(r"[,x]", text.strip().lower())
     try:

@@ -26,7 +26,7 @@ SUPPLY_BITS = 64
 """Bits of the ADC multiplexer's register that select the supply as the full-scale reference."""
 
 MUX5 = 32
-"""The sixth bit of an ADC multiplexer setting, which is in another register than the other bits."""
+"""The sixth bit of an ADC multiplexer setting, which is in a different register from the other bits."""
 
 
 class BoardFirmware(Model):
@@ -54,7 +54,7 @@ class BoardFirmware(Model):
 
 
 class BootDrive(Model):
-    """The drive as which a board appears in its boot mode: a UF2 file that is copied to it programs the board."""
+    """The drive that a board in boot mode appears as: copying a UF2 file to it programs the board."""
 
     source: Annotated[Text, Field(description="where the entry's values come from")]
     confidence: Confidence

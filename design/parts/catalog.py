@@ -1,8 +1,8 @@
 """Catalogue of parts, elastomers, mold materials, boards and chips: the entries, the packaged files, and look-up.
 
-Every file, packaged or the user's own, has tables such as `parts`, `elastomers`, `mold_materials` and `boards`, each
-with its entries by identifier. A part is an emitter or a receiver. The drawing shows a part seen from the cavity, with
-its active face flush with the wall:
+Every file, packaged or the user's own, has tables such as `parts`, `elastomers`, `mold_materials` and `boards`, each of
+which holds its entries by identifier. A part is an emitter or a receiver. The drawing shows a part seen from the
+cavity, with its active face flush with the wall:
 
           body_width_mm                     wall
         +---------------+            |  body_depth_mm |
@@ -266,7 +266,7 @@ class MoldMaterial(Model):
 class Board(Model):
     """A microcontroller board: voltages, analogue-to-digital converter, pins, and link to the host.
 
-    On boards with AVR chips, converter and serial line divide the processor's clock. The fields
+    On boards with AVR chips, the converter and the serial line divide the processor's clock. The fields
     `adc_clocks_per_conversion`, `adc_prescalers` and `exact_bauds` apply to these only. Every other board has
     `conversion_us`.
     """
@@ -372,12 +372,12 @@ class Board(Model):
 
     @property
     def divides_clock(self) -> bool:
-        """Whether converter and serial line divide the processor's clock, as on AVRs."""
+        """Whether the converter and the serial line divide the processor's clock, as on AVRs."""
         return self.adc_prescalers is not None
 
     @property
     def spi_pins(self) -> tuple[int, ...]:
-        """Pins of the SPI bus that the portable program drives: clock, data out, data in; () without one."""
+        """Pins of the SPI bus that the portable program drives: clock, data out, data in; empty if there is none."""
         return () if self.arduino is None or self.arduino.spi_pins is None else self.arduino.spi_pins
 
     @property
@@ -447,7 +447,7 @@ class Board(Model):
 
 
 def _assumed_v() -> float:
-    """Supply voltage that is assumed for a board whose entry does not state it [V]."""
+    """Supply voltage assumed for a board whose entry does not state it [V]."""
     return assumption("supply_v").value
 
 
@@ -526,7 +526,8 @@ def find_part(entries: CatalogEntries, part_id: str, kind: Literal["emitter", "r
 
     Raises
     ------
-    DesignError : there is no such part, or it has the other kind; the message suggests similar ones of this kind.
+    DesignError : there is no such part, or it is of the other kind; the message suggests similar parts of the right
+        kind.
     """
     of_kind = {name: part for name, part in entries.parts.items() if part.kind == kind}
     if part_id in entries.parts and part_id not in of_kind:
@@ -564,12 +565,12 @@ def find_shift_register(entries: CatalogEntries, register_id: str) -> ShiftRegis
 
 
 def find_converter(entries: CatalogEntries, converter_id: str) -> Converter:
-    """The converter of that identifier; DesignError with the nearest names when there is none."""
+    """Find the converter with an identifier; DesignError with similar names if there is none."""
     return _find(entries.converters, converter_id, "converter", "converters")
 
 
 def find_led_driver(entries: CatalogEntries, driver_id: str) -> LedDriver:
-    """The LED driver of that identifier; DesignError with the nearest names when there is none."""
+    """Find the LED driver with an identifier; DesignError with similar names if there is none."""
     return _find(entries.led_drivers, driver_id, "LED driver", "led_drivers")
 
 

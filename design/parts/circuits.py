@@ -1,7 +1,7 @@
 """Circuits between a board and the sensor's parts: entries of the catalogue's `circuits.toml`.
 
 Multiplexers and shift registers extend the board's inputs and pins. Converters and LED drivers are on the board's SPI
-bus; converters replace the board's own, and LED drivers replace the emitters' transistors and resistors.
+bus; converters replace the board's own converter, and LED drivers replace the emitters' transistors and resistors.
 """
 
 from __future__ import annotations
@@ -31,15 +31,15 @@ KHZ_PER_MHZ = 1e3
 
 
 class Voltages(Protocol):
-    """The two supplies of a board."""
+    """The two supply voltages of a board: for its pins, and for the emitters."""
 
     @property
     def pin_v(self) -> float:
-        """Level of the pins [V]."""
+        """High level of the pins [V]."""
 
     @property
     def emitter_v(self) -> float:
-        """Supply of the emitters [V]."""
+        """Supply voltage of the emitters [V]."""
 
 
 class Chip(Model):
@@ -54,16 +54,16 @@ class Chip(Model):
 
     @property
     def name(self) -> str:
-        """The title up to its first comma, as 74HC4067."""
+        """The title up to its first comma, such as 74HC4067."""
         return self.title.split(",")[0]
 
     def works_on(self, board: Voltages) -> bool:
-        """Whether the level of the board's pins is a supply that it permits."""
+        """Whether the chip can be supplied at the level of the board's pins."""
         return self.supply_low_v <= board.pin_v <= self.supply_high_v
 
 
 class Multiplexer(Chip):
-    """Analogue switches that connect one of several amplifiers to one input of the board, by an address of bits."""
+    """Analogue switches that connect one of several amplifiers to an input of the board, chosen by address lines."""
 
     channels: Annotated[int, Field(ge=2, le=64, description="amplifiers that it chooses from")]
     enable: Annotated[
@@ -74,11 +74,11 @@ class Multiplexer(Chip):
 
     @property
     def address_bits(self) -> int:
-        """Lines of the address."""
+        """Number of address lines."""
         return (self.channels - 1).bit_length()
 
     def needed(self, receiver_count: int) -> int:
-        """Number of multiplexers, and of the board's inputs, for that many receivers."""
+        """Number of multiplexers for this many receivers; each uses one of the board's inputs."""
         return math.ceil(receiver_count / self.channels)
 
 
@@ -89,18 +89,19 @@ class ShiftRegister(Chip):
     max_output_ma: Annotated[CurrentMa, Field(description="of one output")]
 
     def needed(self, emitter_count: int) -> int:
-        """Number of shift registers in the chain for that many emitters."""
+        """Number of shift registers in the chain for this many emitters."""
         return math.ceil(emitter_count / self.outputs)
 
     def switch_us(self, emitter_count: int, dark: str) -> float:
-        """Time to switch an emitter, as the mean over the states of a frame [us]; AVR boards need less.
+        """Mean time to switch from one state of a frame to the next [us]; AVR boards need less.
 
-        One clock moves the lit output on by one. For an emitter after any other state, a bit is clocked in anew, and
-        for other dark states zeros are clocked into the whole chain. The latch is one more pulse.
+        One clock pulse shifts the lit output by one, to the next emitter or out past the last one. To light any other
+        emitter, a new bit is clocked in. For any other dark state, zeros are clocked into the whole chain. The latch
+        needs one more pulse.
 
         Parameters
         ----------
-        dark : ``frame`` or ``each``, see `design.recordings.lit_emitters`
+        dark : ``frame`` or ``each``, as in `design.recordings.lit_emitters`
         """
         states, lit, edges = lit_emitters(emitter_count, dark), emitter_count, 0
         for emitter in states:
@@ -114,20 +115,20 @@ class ShiftRegister(Chip):
 
 
 COMMAND_CLOCKS = {"mcp3208": 24, "ads8688": 32}
-"""Clocks of the SPI bus for one reading, by the converter's commands."""
+"""SPI clock cycles for one reading, for each command set that converters use."""
 
 COMMAND_BITS = {"mcp3208": 12, "ads8688": 16}
-"""Bits of a reading in a frame, by the converter's commands."""
+"""Number of bits in a reading, for each command set that converters use."""
 
 FIVE_V = 4.75
-"""Least supply that counts as 5 V, which is 5 V less its usual tolerance [V]."""
+"""Lowest supply that counts as 5 V, which is 5 V less its usual tolerance [V]."""
 
 
 class Converter(Chip):
-    """Converter on the board's SPI bus, which reads the receivers in place of the board's own; one chip select each.
+    """Converter on the board's SPI bus that reads receivers in place of the board's own; each has its own chip select.
 
-    The chip's supply is at the level of the board's pins. If it has a separate digital supply, that one is at the
-    pins' level, and the other is the emitters' supply. The amplifiers have the supply of the analogue part.
+    The chip is supplied at the level of the board's pins. If it has separate digital and analogue supplies, the digital
+    one is at this level, and the analogue one is the emitters' supply. The amplifiers share the analogue supply.
     """
 
     unsaid = ("logic_low_v", "logic_high_v", "full_scale_v", "range_code", "clock_5v_mhz", "input_filter_khz")
@@ -187,18 +188,18 @@ class Converter(Chip):
         return self.logic_low_v is not None
 
     def works_on(self, board: Voltages) -> bool:
-        """Whether the board has the supplies that it permits."""
+        """Whether the board has supplies that suit the converter."""
         if self.logic_low_v is None or self.logic_high_v is None:
             return super().works_on(board)
         logic = self.logic_low_v <= board.pin_v <= self.logic_high_v
         return logic and self.supply_low_v <= board.emitter_v <= self.supply_high_v
 
     def analog_v(self, board: Voltages) -> float:
-        """Supply of its analogue part, and of the amplifiers [V]."""
+        """Analogue supply of the converter, and supply of the amplifiers [V]."""
         return board.emitter_v if self.has_own_logic else board.pin_v
 
     def full_scale_on(self, board: Voltages) -> float:
-        """Voltage that reads full scale [V]."""
+        """Input voltage that gives a full-scale reading [V]."""
         return self.analog_v(board) if self.full_scale_v is None else self.full_scale_v
 
     def clock_hz(self, board: Voltages) -> int:
@@ -207,17 +208,17 @@ class Converter(Chip):
         return round((fast or self.clock_mhz).value * HZ_PER_MHZ)
 
     def reading_us(self, board: Voltages) -> float:
-        """Time of one reading: clocks, the gap in whole microseconds, calls [us]."""
+        """Time of one reading [us]: clock cycles, the gap in whole microseconds, and the core's function calls."""
         clocks_us = COMMAND_CLOCKS[self.commands] / self.clock_hz(board) * HZ_PER_MHZ
         return clocks_us + math.ceil(self.gap_us.value) + self.call_us.value
 
     @property
     def filter_settles_us(self) -> float:
-        """Time in which a Butterworth filter of its inputs settles to half a count of full scale [us].
+        """Time in which the input filter (Butterworth) settles to half a count of full scale [us]; 0 without one.
 
         Notes
         -----
-        Its step decays with the envelope exp(-w t / sqrt 2), w = 2 pi f.
+        The error of its step response decays with the envelope exp(-w t / sqrt 2), w = 2 pi f.
         """
         if self.input_filter_khz is None:
             return 0.0
@@ -225,7 +226,7 @@ class Converter(Chip):
         return math.sqrt(2.0) * math.log(2 ** (self.bits + 1)) / per_us
 
     def needed(self, receiver_count: int) -> int:
-        """Number of converters, and of chip selects, for that many receivers."""
+        """Number of converters for this many receivers; each uses one chip select."""
         return math.ceil(receiver_count / self.channels)
 
 
@@ -256,11 +257,11 @@ class LedDriver(Chip):
     ]
 
     def needed(self, emitter_count: int) -> int:
-        """Number of drivers in the chain for that many emitters."""
+        """Number of drivers in the chain for this many emitters."""
         return math.ceil(emitter_count / self.outputs)
 
     def bits(self, emitter_count: int) -> int:
-        """Bits that each change of light sends through the chain."""
+        """Number of bits that are sent through the chain to change which emitters are lit."""
         return self.needed(emitter_count) * self.outputs * self.grayscale_bits
 
     def clock_hz(self, emitter_count: int) -> int:
@@ -270,7 +271,7 @@ class LedDriver(Chip):
 
     @property
     def turn_on_wait_us(self) -> int:
-        """Wait of the firmware after blanking, the longest time until the outputs are on [us]."""
+        """Time that the firmware waits after blanking [us]: the longest time until the outputs are on."""
         return math.ceil(self.turn_on_us.value if self.turn_on_us.high is None else self.turn_on_us.high)
 
     @property

@@ -80,7 +80,7 @@ class IndexFormula(Model):
         return self
 
     def index(self, wavelength_um: float) -> float:
-        """Refractive index by the formula at a wavelength in its range [-]."""
+        """Refractive index from the formula, at a wavelength in its range [-]."""
         square = wavelength_um**2
         return sqrt(1.0 + self.b * square / (square - self.c_um2))
 
@@ -156,8 +156,8 @@ class Elastomer(Model):
 class _Interpolated:
     """Refractive index that is interpolated between two tables.
 
-    `ends` are the indices of the two tables at the wavelength. `is_tabulated` tells whether the value is an entry of a
-    table.
+    `ends` are the refractive indices from the two tables at the wavelength. `is_tabulated` is true if the value is an
+    entry of a table.
     """
 
     value: float
@@ -177,9 +177,10 @@ def refractive_index(elastomer: Elastomer, mixing_ratio: float, wavelength_um: f
 
     Returns
     -------
-    The index [-]. Its band includes the formulas of other sources; outside a formula's range its difference from the
-    table at the nearest end is used. For a permitted mixing ratio outside the tables the nearest table is used, and the
-    band includes all tables. The tables show no trend with the ratio, only scatter between samples.
+    The index [-]. Its band includes the values of other sources' formulas. Outside the wavelengths of a formula, its
+    difference from the tables at its nearest wavelength is used. If the mixing ratio is permitted but outside the
+    tables, the nearest table is used and the band includes all tables, because they show no trend with the ratio, only
+    scatter between samples.
 
     Raises
     ------
@@ -223,7 +224,7 @@ def youngs_modulus_mpa(elastomer: Elastomer, mixing_ratio: float) -> Quantity:
 
     Raises
     ------
-    DesignError : the mixing ratio is outside the range of the catalogue's rows.
+    DesignError : the mixing ratio is outside the range of the catalogue's table.
     """
     rows = elastomer.modulus
     below, above, _ = _bracket(
@@ -266,7 +267,7 @@ def _bracket(knots: Sequence[float], at: float, what: str, way_out: str) -> tupl
 
 
 def _ratio_with_table(elastomer: Elastomer, mixing_ratio: float) -> float:
-    """The mixing ratio itself, or for a permitted ratio outside the tables the ratio of the nearest table."""
+    """The mixing ratio itself or, if it is permitted but outside the tables, the ratio of the nearest table."""
     ratios = [table.mixing_ratio for table in elastomer.index]
     if len(ratios) == 1 or not elastomer.mixing_ratio_low <= mixing_ratio <= elastomer.mixing_ratio_high:
         return mixing_ratio
@@ -292,7 +293,7 @@ def _interpolate(elastomer: Elastomer, mixing_ratio: float, wavelength_um: float
 
 
 def _in_table(table: IndexTable, wavelength_um: float, title: str) -> tuple[float, bool]:
-    """Refractive index of a table at a wavelength, and whether this is an entry of the table."""
+    """Refractive index from a table at a wavelength, and whether the table has an entry for this wavelength."""
     below, above, weight = _bracket(
         table.wavelength_um,
         wavelength_um,

@@ -5,13 +5,13 @@ w is linear between its points and 0 outside. It is the emitted power times the 
 because only ratios are used. Simpson's rule integrates pieces of at most 10 nm, and is exact where n is linear in a
 piece.
 
-The index is averaged, not the signal. The mean of a signal F(n) is F(mean) + F'' var(n) / 2 + ..., so that the error is
-of second order. `deviation` is the square root of var(n). Absorption is not averaged.
+The index is averaged, not the signal. The mean of a signal F(n) is F(mean) + F'' var(n) / 2 + ..., so the error is of
+second order. `deviation` is the square root of var(n). Absorption is not averaged.
 
-A CSV file from a digitising program can give a data sheet's curve, either an angular table or a spectrum:
+A CSV file from a digitising program can provide a data sheet's curve, either an angular table or a spectrum:
 
     angle_deg, relative        a heading, empty lines and lines that begin with # are skipped
-    -89.6, 0.02                rows in any order, as many as there are
+    -89.6, 0.02                any number of rows, in any order
     0.31, 0.99
 
 The points are processed in this order, and the field `adapted` of the table records each change:
@@ -60,13 +60,14 @@ def with_curve(table: dict[str, Any], file: Path, kind: str) -> dict[str, Any]:
 
     Parameters
     ----------
-    table : fields of the table, `curve_csv` among them
+    table : fields of the table, including `curve_csv`
     file : path of the curve file
     kind : field of a part, one of the keys of `CURVES`
 
     Raises
     ------
-    DesignError : the table has points and a file, the file cannot be read, or its points are not such a curve.
+    DesignError : the table has both points and a file, the file cannot be read, or its points do not form a curve of
+        this kind.
     """
     across, value = CURVES[kind]
     if doubled := [name for name in (across, value) if name in table]:
@@ -134,7 +135,7 @@ def _folded(
 
 
 def _sorted(where: FloatArray, values: FloatArray, changes: list[str]) -> tuple[FloatArray, FloatArray]:
-    """Points in rising order, with the mean of points at the same angle or wavelength.
+    """Points in increasing order, with the mean of points at the same angle or wavelength.
 
     Changes are appended to `changes` in words.
     """
@@ -158,7 +159,7 @@ def _from_axis(angles: FloatArray, changes: list[str], file: Path) -> FloatArray
 
 
 def _thinned(where: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray, list[str]]:
-    """Reduce a curve to at most `MOST_POINTS` points; the third result describes the change."""
+    """Reduce a curve to at most `MOST_POINTS` points; the last result describes the change, if any."""
     if len(where) <= MOST_POINTS:
         return where, values, []
     grid = np.linspace(where[0], where[-1], MOST_POINTS)
@@ -221,7 +222,7 @@ class SpectralIndex:
 
     Attributes
     ----------
-    mean : weighted mean of the index; the ends of its band are the weighted means of the ends [-]
+    mean : weighted mean of the index [-]; the ends of its band are the weighted means of the ends of the index's band
     deviation : weighted standard deviation of the index over the spectrum [-]
     """
 
@@ -239,7 +240,7 @@ def spectral_index(spectrum: Spectrum, index_at: Callable[[float], Quantity]) ->
 
     Raises
     ------
-    DesignError : `index_at` has no index for a wavelength with a weight.
+    DesignError : `index_at` has no index for a wavelength of the spectrum.
     """
     samples = [(index_at(where), share) for where, share in spectrum.samples()]
     value = sum(share * index.value for index, share in samples)

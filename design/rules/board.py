@@ -1,8 +1,8 @@
 """Rules for the board: pins, converter, frame rate, serial rate, and the generated firmware.
 
-An asynchronous receiver samples the last of 10 bits after 9.5 bit times. Sender and receiver may then differ by half a
-bit, which is 5.3 %. About half of that is permitted for each end, because the other end may also deviate: a deviation
-of more than 2.5 % is an error, and one of more than 1 % is a warning.
+An asynchronous receiver samples the last of 10 bits after 9.5 bit times, when the clocks of sender and receiver may
+differ by half a bit, which is 5.3 %. About half of that is allowed for each end, because the other end may also
+deviate: a deviation of more than 2.5 % is an error, and one of more than 1 % is a warning.
 
 Rules for the firmware cover the chip, its converter, the ports of the used pins, and memory.
 
@@ -40,7 +40,7 @@ from design.spec import SensorDesign
 
 FIRMWARE_ADC_BITS = 10
 PORTABLE_ADC_BITS = range(8, 17)
-"""Numbers of bits per reading that the portable firmware can pack; it is for boards other than AVR chips."""
+"""Numbers of bits per reading that the portable firmware, for boards other than AVR chips, can pack."""
 
 TICK_HZ = 8_000_000
 """Frequency of which an AVR's clock must be a multiple.
@@ -53,7 +53,7 @@ FRAME_BUFFERS = 2
 """Number of frame buffers: the firmware fills one while it sends the other."""
 
 PROGRAM_RAM_BYTES = 512
-"""Memory that the firmware needs in addition to the frames.
+"""Memory that the firmware needs in addition to the frames [bytes].
 
 It covers variables (170 bytes measured), five bytes per emitter, and the stack.
 """
@@ -154,9 +154,9 @@ def _memory_findings(
 
 
 LEAST_TARGET_SHARE = 0.05
-"""Share of a converter's full scale below which a target for the untouched readings is warned of."""
+"""Share of a converter's full scale below which the target for untouched readings causes a warning."""
 USUAL_TARGET_SHARE = 0.3
-"""Share of full scale of the default target at 10 bits, 300 of 1023 counts."""
+"""The default target for untouched readings as a share of full scale: 300 of 1023 counts at 10 bits."""
 
 BAUD_ERROR_LIMIT = 0.025
 BAUD_ERROR_WARNING = 0.01
@@ -183,7 +183,7 @@ def board_findings(
 
 
 def circuit_findings(design: SensorDesign, board: Board) -> Iterator[Finding]:
-    """Findings about the circuit around the board: light an emitter, switch it by a pin, settle in time."""
+    """Findings about the circuit around the board: it must light the emitters, switch them, and settle in time."""
     sink = current_sink(design)
     yield from _switch_findings(design, board) if sink is None else _sink_findings(design, board, sink)
     yield from _target_findings(design)
@@ -192,7 +192,7 @@ def circuit_findings(design: SensorDesign, board: Board) -> Iterator[Finding]:
 
 
 def _target_findings(design: SensorDesign) -> Iterator[Finding]:
-    """A gain for the counts of the board's own converter, left as it was for one of more bits."""
+    """Warning about a target in counts that is too low for a converter with more bits than the board's own."""
     steps, target = 2 ** adc_bits(design), design.gain.target_counts
     converter, given = converter_of(design), design.gain.feedback_ohm
     if converter is None or not isinstance(given, str) or target >= LEAST_TARGET_SHARE * steps:
@@ -267,7 +267,7 @@ def _sink_findings(design: SensorDesign, board: Board, sink: CurrentSink) -> Ite
 
 
 def _switch_findings(design: SensorDesign, board: Board) -> Iterator[Finding]:
-    """Findings about emitters with a transistor each."""
+    """Findings about emitters that are each switched by a transistor."""
     for placed in {one.part_id: one for one in cavity_of(design).emitters}.values():
         switch = emitter_switch(placed.part, board)
         supply_v = board.emitter_v
@@ -302,7 +302,7 @@ def _reference_findings(design: SensorDesign, board: Board) -> Iterator[Finding]
 
 
 def _voltage_findings(design: SensorDesign, board: Board) -> Iterator[Finding]:
-    """Warning about a user's board whose entry has no voltages: 5 V is assumed, which destroys a 3.3 V board."""
+    """Warning about a user's board whose entry gives no voltages: 5 V is assumed, which destroys a 3.3 V board."""
     if board.supply_v is None or board.logic_v is None:
         yield warning(
             "board.kind",

@@ -67,7 +67,7 @@ def check(design: SensorDesign) -> tuple[Finding, ...]:
 
 
 def notes(design: SensorDesign) -> tuple[Finding, ...]:
-    """Notes about limitations of a usual design that a user may not expect; only for a design without errors."""
+    """Notes about usual limitations that a user may not expect; the design must have no errors."""
     return tuple(reach_notes(design))
 
 

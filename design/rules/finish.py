@@ -21,7 +21,7 @@ Beyond it a Lambertian source emits 3 % of its power.
 
 
 def finish_findings(design: SensorDesign) -> Iterator[Finding]:
-    """Findings about walls that reflect like a mirror: a missing or unused refractive index, and longer computation."""
+    """Findings about mirror-like walls: a missing or unused refractive index, or longer computation."""
     surfaces = design.surfaces
     if surfaces.wall_index is not None and surfaces.wall_finish != "glossy":
         yield error(

@@ -1,8 +1,8 @@
 """Rules for the simulation of a design: active areas, light paths, workspace, press depth, and material tables.
 
-The elastic depth is the thickness of clear and black layer together. The contact model is valid up to 0.8 of the
-elastic depth, and up to 1.7 tip radii. For deeper presses the verdict is OUT_OF_MODEL_SCOPE, and the rule gives a
-warning. A press deeper than the clear layer is impossible and gives an error.
+The elastic depth is the total thickness of the clear and the black layer. The contact model is valid for presses as
+deep as 0.8 of the elastic depth, but no deeper than 1.7 tip radii. For deeper presses the verdict is
+OUT_OF_MODEL_SCOPE, and the rule gives a warning. A press deeper than the clear layer is impossible and gives an error.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ from design.spec.layout import MAX_PER_KIND, Kind
 SURROUND_MM = 0.1
 """Offset of additional presses around a location [mm].
 
-With them the verdict evaluates whether nearby locations can be distinguished.
+With these presses the verdict evaluates whether nearby locations can be distinguished.
 """
 KINDS: tuple[Kind, Kind] = ("emitter", "receiver")
 
@@ -82,7 +82,7 @@ def name_findings(cavity: CavityGeometry) -> Iterator[Finding]:
 
 
 def area_findings(cavity: CavityGeometry) -> Iterator[Finding]:
-    """Findings about emitting or sensitive areas that are not, or only partly, in the clear layer."""
+    """Findings about emitting or sensitive areas that are partly or wholly outside the clear layer."""
     seen: set[tuple[str, str, float]] = set()
     for part in cavity.parts:
         key = (part.height_field, part.part_id, round(part.clear_mm, 9))
@@ -153,7 +153,7 @@ def workspace_findings(design: SensorDesign, cavity: CavityGeometry) -> Iterator
 
 
 def depth_findings(design: SensorDesign) -> Iterator[Finding]:
-    """Findings about a layer outside the contact model, or a press deeper than the clear layer or the model's range."""
+    """Findings about a layer outside the contact model's range, or a press too deep for the layer or the model."""
     yield from _layer_findings(design) if plan_of(design).top.is_flat else _crowned_layer_findings(design)
     yield from _press_findings(design)
 
@@ -245,7 +245,7 @@ def material_findings(design: SensorDesign) -> Iterator[Finding]:
 
 
 def colour_findings(design: SensorDesign, cavity: CavityGeometry) -> Iterator[Finding]:
-    """Warnings about emitters with another wavelength than the default emitter, which sets the refractive index."""
+    """Warnings about emitters whose wavelength differs from the default emitter's, which sets the refractive index."""
     default = properties.wavelength_um(design) * 1000.0
     spectrum = properties.part_of(design, design.emitters.part, "emitter").spectrum
     others = {

@@ -1,7 +1,8 @@
 """Rules for the mold: printable walls, and its options such as a glass cover's seat, a parted mold, and fits.
 
 Every distance in the mold that is too small (`design.mold.webs`) becomes a finding with a remedy. Distances that the
-same change of the design would correct are one finding, which names the worst location and counts the others.
+same change to the design would correct are combined into one finding, which names the worst location and counts the
+others.
 
 Names of parts that do not fit on the outer face are not reported here but by the checks of printed parts
 (`cad.checks`).
@@ -28,9 +29,9 @@ from design.spec.properties import elastomer_of, entries_of
 class Words:
     """Texts of the finding about a distance in the mold that is too small, with placeholders.
 
-    Placeholders from the `Clearance` are {where}, {parts}, {wall}, {field}, {value} and {needed}. In addition {overlap}
-    is the negative value, {twice} is twice the missing length, and {length} is the inner length of the wall. {mouth}
-    names the opening at the rim, and {outside} names the fields of the mold's outer size.
+    Placeholders from the `Clearance` are {where}, {parts}, {wall}, {field}, {value} and {needed}. In addition,
+    {overlap} is the value with its sign reversed, {twice} is twice the missing length, and {length} is the inner length
+    of the wall. {mouth} names the opening at the rim, and {outside} names the fields of the mold's outer size.
     """
 
     message: str
@@ -141,9 +142,9 @@ def web_findings(design: SensorDesign) -> Iterator[Finding]:
 
 
 def _groups(found: list[Clearance]) -> list[list[Clearance]]:
-    """Groups of distances that the same change of the design would correct.
+    """Groups of distances that the same change to the design would correct.
 
-    They have the same remedy, and the same field or, for fields of the layout, the same wall.
+    The distances of a group have the same remedy, and the same field or, for fields of the layout, the same wall.
     """
     groups: dict[tuple[str, str | None], list[Clearance]] = {}
     for one in found:
@@ -173,17 +174,17 @@ def _filling(one: Clearance, design: SensorDesign) -> dict[str, str | None]:
 
 
 LEAST_SEAT_MM = 0.5
-"""Least height of the rim that holds a glass cover in position."""
+"""Least height of the rim around a glass cover, to hold it in position [mm]."""
 RESIN = re.compile(
     r"resin|stereo-?lith|photopolymer|\bm?sla\b|\bdlp\b|\blcd\b|polyjet|material jet", re.IGNORECASE
 )
-"""Pattern that detects prints in liquid resin, in the name or title of a mold material."""
+"""Pattern that detects resin printing from the name or title of a mold material."""
 OTHER_CURE = re.compile(r"\btin\b|condensation", re.IGNORECASE)
 """Pattern that detects silicones that do not cure with platinum, unlike most clear ones."""
 
 
 def is_inhibited(design: SensorDesign) -> bool:
-    """Whether the mold is printed in resin and the silicone cures with platinum, which may then remain tacky."""
+    """Whether the mold is printed in resin and the silicone cures with platinum, which may leave it tacky."""
     found = entries_of(design).mold_materials.get(design.mold.material)
     silicone = elastomer_of(design)
     said = " ".join((design.elastomer.material, silicone.title, *silicone.notes))

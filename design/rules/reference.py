@@ -1,6 +1,6 @@
 """Rules for names in a design: parts, materials, boards and measured values must exist in the catalogue.
 
-A missing name is reported once for each field that refers to it. The other rules check everything else, so that one
+A missing name is reported once for each field that refers to it. The other rules still check everything else, so a
 spelling mistake does not hide other errors.
 """
 
@@ -19,7 +19,7 @@ from design.spec.layout import Kind, Placement
 from design.spec.properties import entries_of, part_of
 
 Named = tuple[str, Callable[[CatalogEntries, str], object], str]
-"""Field of a design, function that looks up its name in the catalogue, and the name."""
+"""Field of a design, function that looks up a name in the catalogue, and the name in this field."""
 
 
 def part_findings(design: SensorDesign, places: tuple[Placement, ...]) -> list[Finding]:
@@ -38,7 +38,7 @@ def entry_findings(design: SensorDesign) -> Iterator[Finding]:
 
 
 def found_board(design: SensorDesign) -> Board | None:
-    """Catalogue entry of the design's board; None if the board, or another chip of the design, does not exist there."""
+    """Catalogue entry of the design's board; None if it, or another chip of the design, is not in the catalogue."""
     if any(_absent(design, *_electronics(design))):
         return None
     return entries_of(design).boards[design.board.kind]

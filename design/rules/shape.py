@@ -5,7 +5,7 @@ are checked before a contact is computed.
 
 The packaged library has precomputed contacts for a range of layers, which were compared with an independent
 finite-element solution (docs/validation/contact.md). For other layers the contact is computed when needed, which takes
-minutes and has no independent comparison. Beyond `LAYER_DEPTH_RANGE` the contact model is not used.
+minutes, and the result has not been compared. Beyond `LAYER_DEPTH_RANGE` the contact model is not used.
 """
 
 from __future__ import annotations
@@ -28,18 +28,18 @@ from design.spec import SensorDesign
 from design.spec.layout import expand
 
 LARGEST_SHARE_OF_LAYER = 0.8
-"""Deepest press that the contact model covers, as a share of the thickness of clear and black layer together [-]."""
+"""Deepest press that the contact model covers, as a share of the layers' total thickness (clear and black) [-]."""
 DEEPEST_PRESS = 1.7
 """Deepest press that the contact model covers [tip radii]."""
 LIBRARY_LAYER_RANGE = (1.3, 6.0)
-"""Elastic depths (clear and black layer together) in the packaged contact library [tip radii]."""
+"""Elastic depths (total thickness of clear and black layer) in the packaged contact library [tip radii]."""
 CROWNED_LAYER_RANGE = (DEEPEST_PRESS / LARGEST_SHARE_OF_LAYER, 6.0)
-"""Elastic depths (clear and black layer together) that the contact model covers under a crown [tip radii].
+"""Elastic depths (total thickness of clear and black layer) that the contact model covers under a crown [tip radii].
 
-They apply to every location.
+The elastic depth at every location must be in this range.
 """
 LAYER_DEPTH_RANGE = (1.0, 10.0)
-"""Elastic depths (clear and black layer together) that the contact model covers [tip radii]."""
+"""Elastic depths (total thickness of clear and black layer) that the contact model covers [tip radii]."""
 NEAREST_WALL = 1.5
 """Least distance of a wall from the axis of a press [tip radii].
 
@@ -50,7 +50,7 @@ LARGEST_CROWN = 0.25
 
 
 def thinnest_elastic_mm(design: SensorDesign) -> float:
-    """Least thickness of clear and black layer together in the workspace [mm]; under a crown it is at the border.
+    """Least total thickness of clear and black layer in the workspace [mm]; under a crown this is at the border.
 
     NaN if the crown does not reach the border of the workspace.
     """
@@ -69,20 +69,20 @@ def deepest_modelled_mm(design: SensorDesign) -> float:
 
 
 STEEPEST_RIM_DEG = 60.0
-"""Largest slope of a crown at its edge: with a steeper one the lid cannot be removed, and a press misses the top."""
+"""Largest slope of a crown at its edge; if steeper, the lid cannot be removed, and a press misses the top."""
 LEAST_RIM_MM = 1.0
-"""Least thickness of the clear layer at the edge of a crown."""
+"""Least thickness of the clear layer at the edge of a crown [mm]."""
 WIDEST_FACET = 0.5
 """Largest ratio of a facet's half width to the radius of its round wall."""
 
 
 def is_spanned(design: SensorDesign) -> bool:
-    """Whether outline, facets and crown form a valid pad, so that locations on it can be computed."""
+    """Whether the outline, facets and crown form a valid pad, so that locations on it can be computed."""
     return not any(finding.severity == "error" for finding in span_findings(design))
 
 
 def span_findings(design: SensorDesign) -> Iterator[Finding]:
-    """Errors about a crown that does not span its pad, a thin layer at its edge, or too wide facets in round walls."""
+    """Errors about a crown that does not span its pad or has a thin edge, or facets too wide for their round wall."""
     plan = plan_of(design)
     if not plan.top.is_flat:
         yield from _crown_findings(plan)

@@ -4,16 +4,16 @@
         ┌──────────────────────────────────────────────┐
         └► propose a batch ──► judge it (here, or fanned out) ──► record each design as it comes ┘
 
-Each judged design is recorded at once, so that an interruption loses none. The objective is an argument, so that this
-module does not depend on the light model. A whole batch is proposed before its designs are judged, and each proposal
-has a seed that depends on its position. The same space, seed and batch size therefore give the same designs for any
-number of processes, any order of the results, and any interruptions. Shared studies are the exception: a worker's
-proposals depend on the designs that other workers have finished.
+Each judged design is recorded at once, so an interruption loses none. The objective is an argument, so this module does
+not depend on the light model. A whole batch is proposed before its designs are judged, and each proposal has a seed
+that depends on its position. The same space, seed and batch size therefore give the same designs for any number of
+processes, any order of the results, and any interruptions. Shared studies are the exception: a worker's proposals
+depend on the designs that other workers have finished.
 
 A study is the record of a search. It is stored in a database that Optuna manages, either a SQLite file in the search's
-folder or a database at a given address. Several processes (workers) may then share one study. A sampler proposes the
-designs. The study contains the digest of its search space, and a search with another space is refused. If a process is
-killed, its unfinished designs are proposed again with the same values.
+folder or a database at a given address. Several processes (workers) may share one study. A sampler proposes the
+designs. The study contains the digest of its search space, and a search with a different space is refused. If a process
+is killed, its unfinished designs are proposed again with the same values of their fields.
 """
 
 from __future__ import annotations
@@ -50,21 +50,21 @@ CONNECT_TIMEOUT_S = 10
 LOCK_TIMEOUT_S = 120
 CREATE_ATTEMPTS = 8
 GRACE_BEATS = 3
-"""Number of heartbeats that a worker may miss before other workers get its unfinished designs."""
+"""Number of heartbeats that a worker may miss before its unfinished designs go to other workers."""
 MAX_GRID = 100_000
 POPULATION = 32
-"""Designs per generation of the sampler NSGA-II.
+"""Number of designs in a generation of the sampler NSGA-II.
 
-It is less than Optuna's 50, so that a few hundred designs give more generations.
+It is smaller than Optuna's 50, so that a few hundred designs make more generations.
 """
 QUEUE_PATIENCE_S = 30
-"""Longest time that a worker waits for another one to queue the first designs of a shared study [s]."""
+"""Longest time that a worker waits for another worker to queue the first designs of a shared study [s]."""
 FINISHED = (TrialState.COMPLETE, TrialState.PRUNED)
 
 
 @contextmanager
 def opened_study(space: SearchSpace, url: str, *, heartbeat_s: int | None = None) -> Iterator[optuna.Study]:
-    """Context manager of the study of a search space; the study is created if it is missing.
+    """Context manager that yields the study of a search space; the study is created if it does not exist.
 
     Parameters
     ----------
@@ -73,7 +73,7 @@ def opened_study(space: SearchSpace, url: str, *, heartbeat_s: int | None = None
 
     Raises
     ------
-    InputError : the database cannot be reached, or has a study with this name but another search space.
+    InputError : the database cannot be reached, or has a study with this name but a different search space.
     """
     require_sampler(space)
     optuna.logging.set_verbosity(optuna.logging.ERROR)
@@ -178,7 +178,7 @@ def _write_ahead(connection: Any, _: Any) -> None:
 
 
 def distributions_of(space: SearchSpace) -> dict[str, BaseDistribution]:
-    """Optuna's distribution of each field of a search space, by dotted path; choices are labels."""
+    """Optuna's distribution of each field of a search space, by dotted path; choices appear as their labels."""
     return {field.path: _distribution(space, field) for field in space.fields}
 
 
@@ -200,7 +200,7 @@ def require_sampler(space: SearchSpace) -> None:
     Raises
     ------
     InputError : the library of the sampler is not installed.
-    DesignError : the grid has more than `MAX_GRID` points.
+    DesignError : the grid of a grid search has more than `MAX_GRID` points.
     """
     sampler = space.search.sampler
     if sampler == "gp" and importlib.util.find_spec("torch") is None:
@@ -214,16 +214,16 @@ def require_sampler(space: SearchSpace) -> None:
 
 
 def grid_size(space: SearchSpace) -> int:
-    """Number of points of the complete grid."""
+    """Number of points in the complete grid of a search space."""
     return math.prod(len(space.values_of(field) or ()) for field in space.fields)
 
 
 def sampler_of(space: SearchSpace, index: int, worker: str) -> BaseSampler:
-    """Sampler for one proposal; its seed depends on the position, so that a resumed search gives the same designs.
+    """Sampler for one proposal; its seed depends on `index`, so that a resumed search gives the same designs.
 
     Parameters
     ----------
-    index : number of designs that were proposed before
+    index : number of designs proposed so far
     worker : name of the worker in a shared study; empty if the study is not shared
     """
     key = f"{space.search.seed}:{index}:{worker}".encode()
@@ -253,8 +253,8 @@ def queue_first(
     For the grid sampler these are all points of the grid. Otherwise they are the base design, if it is in the space,
     and then the points of `first`.
 
-    If workers start at the same time, the one that creates the study queues the designs. The others wait for it up to
-    `QUEUE_PATIENCE_S`.
+    If workers start at the same time, the one that creates the study queues the designs. The others wait up to
+    `QUEUE_PATIENCE_S` for this.
     """
     for _ in range(QUEUE_PATIENCE_S if is_shared else 0):
         if study.user_attrs.get(QUEUED) is not None or study.user_attrs.get(MAKER) in (None, _me()):
@@ -287,7 +287,8 @@ def _queue_grid(study: optuna.Study, space: SearchSpace) -> None:
 def recover(study: optuna.Study, *, is_shared: bool) -> None:
     """Queue the unfinished designs of killed processes again.
 
-    In a shared study these are the designs without a recent heartbeat, else all designs that are marked as running.
+    In a shared study these are the designs without a recent heartbeat; otherwise they are all designs marked as
+    running.
     """
     if is_shared:
         with warnings.catch_warnings():
@@ -314,12 +315,12 @@ def release(study: optuna.Study, numbers: Sequence[int]) -> None:
 
 
 def trials_in(study: optuna.Study, *states: TrialState) -> list[FrozenTrial]:
-    """Optuna's trials (designs) that are in one of some states, in the order of their numbers."""
+    """Optuna's trials (designs) that are in any of the given states, in the order of their numbers."""
     return study.get_trials(deepcopy=False, states=states)
 
 
 def _propose_again(study: optuna.Study, trial: FrozenTrial) -> None:
-    """Queue the values of a lost trial again, if it had a value for every field."""
+    """Queue the values of a lost trial again, provided that every field had a value."""
     point = trial.system_attrs.get("fixed_params") or trial.params
     wanted = {field["path"] for field in study.user_attrs[SPACE]["fields"]}
     if set(point) == wanted:
@@ -345,9 +346,9 @@ class Findings:
     base : result of the objective for the base design
     limits : limits that a feasible design must satisfy
     tried : finished designs, in the order of their proposal
-    front : Pareto front, which consists of the feasible designs that no other one dominates
+    front : Pareto front: the feasible designs that no other feasible design dominates
     wanted : requested number of designs
-    is_interrupted : whether the user stopped the search before that number was reached
+    is_interrupted : whether the user stopped the search before the number `wanted` was reached
     """
 
     space: SearchSpace
@@ -360,12 +361,13 @@ class Findings:
 
 
 OnTried = Callable[[Findings, Tried | None], None]
-"""Callback at the start and after every design; it receives the results so far and the judged design (first None)."""
+"""Callback at the start and after each design. It receives the results so far and the design, or None at the start."""
 
 Refine = Callable[[Findings, int], Sequence[dict[str, Value]]]
-"""Function that returns more points to judge when the sampler's designs are judged.
+"""Function that returns more points to judge after all of the sampler's designs have been judged.
 
-It receives the results and the number of the round, and is called until it returns none.
+It receives the results so far and the number of the round, from 0. It is called again after each round until it returns
+no points.
 """
 
 
@@ -395,17 +397,18 @@ def explore(
     ----------
     objective : function that judges one design
     url : address of the study's database
-    trials : total number of designs, with those of earlier runs; None for the number in the space
+    trials : total number of designs, including those of earlier runs; if None, the number in the space's settings
     is_shared : whether other processes may work on the study at the same time
     fan_out : function that judges a batch of designs, for example in several processes
     on_tried : callback at the start and after every design
     heartbeat_s : period of a worker's heartbeat in a shared study [s]
-    first : points of the space that are judged before the sampler's proposals
+    first : points of the space to judge before the sampler's proposals
     refine : function that returns more points to judge after `trials` designs; not for a shared study
 
     Raises
     ------
-    InputError : the database cannot be reached, or its study has another space; judged designs remain recorded.
+    InputError : the database cannot be reached, or its study has a different search space; judged designs remain
+        recorded.
     DesignError : the grid is too large, or a limit cannot be computed from the base design.
     """
     with opened_study(space, url, heartbeat_s=heartbeat_s if is_shared else None) as study:
@@ -474,7 +477,7 @@ class _Run:
         return _findings(self.study, self.space, self.base, self.limits, self.wanted, is_interrupted)
 
     def _next_round(self) -> int:
-        """Queue the points that `refine` returns after all other designs; return the size of their first batch."""
+        """Queue the points that `refine` returns when all other designs are judged; return their first batch's size."""
         if self.refine is None:
             return 0
         rounds = list(self.study.user_attrs.get(ROUNDS, ()))
@@ -497,7 +500,7 @@ class _Run:
         return _judged_from(known)
 
     def _next_size(self) -> int:
-        """Number of designs in the next batch; 0 if none remain and other workers have finished theirs."""
+        """Number of designs in the next batch; 0 if none remain and no other worker is still judging designs."""
         waited, seen = 0.0, -1
         while True:
             finished = len(trials_in(self.study, *FINISHED))
@@ -516,10 +519,10 @@ class _Run:
                 beat(self.study, [trial._trial_id for trial in trials_in(self.study, TrialState.RUNNING)])
 
     def _batch_size(self, before: int) -> int:
-        """Number of designs up to the next multiple of the batch size; `before` is the number of designs so far.
+        """Number of designs that complete a batch; `before` is the number of designs so far.
 
-        A resumed search then has the same batches as an uninterrupted one. With quasi-random points the first batch has
-        one design, because Optuna needs one recorded design that defines the space.
+        A resumed search then has the same batches as an uninterrupted one. With quasi-random points, the first batch
+        has a single design, because Optuna needs one recorded design to define the space.
         """
         size = self.space.search.batch
         if self.space.search.sampler == "qmc":
@@ -591,7 +594,7 @@ class _Run:
 
     @contextmanager
     def _beating(self, asked: list[_Asked]) -> Iterator[None]:
-        """Context manager that sends heartbeats of designs while they are judged, if the study is shared."""
+        """Context manager that sends heartbeats for the designs that are being judged, if the study is shared."""
         if not self.is_shared:
             yield
             return

@@ -1,8 +1,8 @@
 """Figures of merit of a design that a search can improve or limit: name, unit, direction and meaning.
 
 They are the figures that `optopad score` reports. `dead_share`, `location_bound_mm` and `depth_bound_mm` describe the
-whole pad. In a pad with facing rows the others describe the facing pair that determines the verdict. In other pads they
-describe the median of the judged pairs.
+whole pad. The other figures describe the facing pair that determines the verdict in a pad with facing rows, or the
+median of the judged pairs in any other pad.
 """
 
 from __future__ import annotations
@@ -80,11 +80,11 @@ FIGURES: dict[str, Figure] = {
 }
 
 BOUND_FIGURES = frozenset({"location_bound_mm", "depth_bound_mm", "dead_share"})
-"""Figures that take long to compute, because they need the Fisher information of the whole pad."""
+"""Figures that take a long time to compute, because they need the Fisher information of the whole pad."""
 
 
 NO_OBJECTIVE_ALONE = frozenset({"continuity", "deadband_mm"})
 """Figures that are not permitted as the only objectives.
 
-Thin pads are best in them, with half the signal and a third of the depth range.
+Thin pads have the best values of these figures, but only half the signal and a third of the depth range.
 """

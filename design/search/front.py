@@ -12,13 +12,13 @@ from design.search.space import SearchSpace
 
 
 def not_dominated(losses: FloatArray) -> BoolArray:
-    """Whether each row is not dominated, (n,).
+    """Array (n,) that is true for each design that no other design dominates.
 
-    Another row dominates if it is at most as large in every column and smaller in one.
+    A design dominates another one if no loss of it is larger and at least one is smaller.
 
     Parameters
     ----------
-    losses : (n, figure) numbers to minimise
+    losses : (n, figure) numbers to minimise, one array row per design
     """
     kept = np.ones(len(losses), dtype=np.bool_)
     for row, loss in enumerate(losses):
@@ -28,7 +28,7 @@ def not_dominated(losses: FloatArray) -> BoolArray:
 
 
 def losses_of(space: SearchSpace, tried: Sequence[Tried]) -> FloatArray:
-    """Objectives of designs as (n, objective), with signs such that smaller is better."""
+    """Objectives of designs as an array (n, objective), with signs chosen so that smaller is better."""
     rows = [
         [
             float(one.judged.figures[objective.figure] or 0.0) * (1 if objective.sense == "minimize" else -1)
@@ -40,7 +40,7 @@ def losses_of(space: SearchSpace, tried: Sequence[Tried]) -> FloatArray:
 
 
 def pareto_front(space: SearchSpace, tried: Sequence[Tried]) -> tuple[Tried, ...]:
-    """Feasible designs that no other one dominates, without duplicates, sorted by the first objective (best first)."""
+    """Feasible designs that no other dominates, without duplicates; the best in the first objective comes first."""
     feasible = [one for one in tried if one.is_feasible]
     losses = losses_of(space, feasible)
     kept: dict[str, tuple[float, Tried]] = {}

@@ -1,7 +1,7 @@
 """Importance of each field for an objective, by the method PED-ANOVA (Watanabe et al., IJCAI 2023).
 
-For each field the method compares the distribution of the best tenth of the designs with that of all designs. Designs
-whose judgement stopped early are excluded. Interactions between fields are not separated.
+For each field, the method compares the distribution of its values in the best tenth of the designs with that in all
+designs. Designs whose judgement stopped early are excluded. Interactions between fields are not separated.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from design.search.explore import opened_study, trials_in
 from design.search.space import SearchSpace
 
 LEAST_DESIGNS = 20
-"""Least number of designs, because the best tenth of fewer designs does not mean anything."""
+"""Least number of designs: with fewer, the best tenth means nothing."""
 
 
 def importances(space: SearchSpace, url: str) -> dict[str, dict[str, float]]:

@@ -3,10 +3,10 @@
     base design ──► fields that are cheap to change, around their values ──► `design.search.points`, then the sampler
         ──► of the designs without a deadband: fewest changes, most robust, most depth, best accuracy
 
-A deadband is a range of depth in which the signals change too little to resolve the depth. The usable depth is the
-depth down to which there is no deadband. The margin is the smallest signal change between two depths 0.3 mm apart, in
-units of its noise (sigma); below 3 sigma there is a deadband. Designs are compared by these criteria, in this order: no
-deadband, usable depth, margin, accuracy, few changes.
+A deadband is a range of depth in which the signals change too little to resolve the depth. Depth can be resolved down
+to the usable depth. The margin is the smallest signal change between two depths 0.3 mm apart, in units of its noise
+(sigma); below 3 sigma there is a deadband. Designs are compared by these criteria, in this order: no deadband, usable
+depth, margin, accuracy, few changes.
 
 The module also defines the limits of a search and the result of its objective.
 """
@@ -26,7 +26,7 @@ from design.spec import SensorDesign
 from design.spec.cheap_fields import ALONG, CLEAR, HEIGHTS, TARGET, cheap_fields
 
 UNUSABLE = 10.0
-"""Violation of a design that breaks a rule or is outside the models: more than any missed limit in practice."""
+"""Violation of a design that breaks a rule or is outside the models; in practice, no missed limit has more."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -36,8 +36,8 @@ class Limit:
     Attributes
     ----------
     figure : name of the figure, or "verdict"
-    at_least, at_most : ends of the permitted range; None means unlimited
-    equals : the required verdict; None for other figures
+    at_least, at_most : ends of the permitted range; None means no limit on that side
+    equals : the required verdict; None if the limit is on a figure of merit
     """
 
     figure: str
@@ -46,7 +46,7 @@ class Limit:
     equals: str | None = None
 
     def violation(self, judged: Judged) -> float | None:
-        """Violation of the limit by a design, relative to the limit; 0 or less if satisfied, None if unknown."""
+        """How far a design violates the limit, relative to the limit; 0 or less if it is met, None if unknown."""
         if self.equals is not None:
             if not judged.verdict:
                 return None
@@ -77,8 +77,8 @@ class Judged:
     Attributes
     ----------
     figures : figures of merit by name; None if a figure could not be computed
-    verdict : CONTIGUOUS, DEADBAND or OUT_OF_MODEL_SCOPE; empty if the judgement stopped before it
-    reason : reason why the judgement stopped early; empty if it is complete
+    verdict : CONTIGUOUS, DEADBAND or OUT_OF_MODEL_SCOPE; empty if the judgement stopped before the verdict
+    reason : why the judgement stopped early; empty if it is complete
     may_be : whether the design may have no deadband, given the numerical error of the light model
     """
 
@@ -88,7 +88,7 @@ class Judged:
     may_be: bool = False
 
     def violations(self, limits: Sequence[Limit]) -> dict[str, float]:
-        """Violation of every limit whose figure is known, by the limit's text.
+        """Violation of every limit whose figure is known, keyed by the limit's text.
 
         The entry `usable` is added if the judgement stopped early for another reason.
         """
@@ -106,7 +106,7 @@ class Tried:
     ----------
     number : number of the design in the study
     parameters : value of each field by dotted path; choices as labels
-    digest : digest of the design; empty if its values are not compatible
+    digest : digest of the design; empty if its values are not compatible with each other
     judged : result of the objective
     is_feasible : whether the design was judged completely and satisfies all limits
     seconds : computing time [s]
@@ -136,7 +136,7 @@ def one_by_one(
 
 
 def limits_of(space: SearchSpace, base: Judged) -> tuple[Limit, ...]:
-    """Limits of a search as numbers, from the constraints of its space and the base design's figures.
+    """Limits of a search as numbers, computed from the constraints of its space and the base design's figures.
 
     Raises
     ------
@@ -172,23 +172,23 @@ Kind = Literal["fewest changes", "most robust", "most depth", "best accuracy"]
 Range = tuple[float, float]
 KINDS: tuple[Kind, ...] = ("fewest changes", "most robust", "most depth", "best accuracy")
 STEPS = {**dict.fromkeys(HEIGHTS, 0.1), CLEAR: 0.25, TARGET: 25.0}
-"""Step of each field that varies by default [unit of the field]; for other fields it is a 50th of the range."""
+"""Step of each field that varies by default, in the field's unit; the step of other fields is a 50th of their range."""
 REACH = {**dict.fromkeys(HEIGHTS, 3.0), CLEAR: 4.0, TARGET: 200.0}
-"""Default range of a field on each side of its value [unit of the field]."""
+"""How far a field varies by default on each side of its value in the base design, in the field's unit."""
 ALONG_REACH_MM, ALONG_STEP_MM = 2.0, 0.25
-"""Default range and step of the pitch and shift of parts along a wall."""
+"""How far the pitch and shift of parts along a wall vary by default on each side of their value, and their step."""
 SAFE_MARGIN = 4.5
-"""Margin [sigma] in a quick search from which a design is assumed to have no deadband in an accurate score either."""
+"""Margin [sigma] in a quick search above which an accurate score is assumed to find no deadband either."""
 AMPLE_MARGIN = 2.0 * SAFE_MARGIN
 """Margin above which an even larger margin is no benefit [sigma]."""
 NEAR_BEST_MM = 0.5
-"""Difference up to which two usable depths count as equal [mm]."""
+"""Largest difference between two usable depths that count as equal [mm]."""
 WORTH_MARGIN, WORTH_ACCURACY = 0.2, 0.05
-"""Least relative improvements of margin and accuracy that justify a change of a design without a deadband [-]."""
+"""Least relative improvements in margin and in accuracy that justify changing a design without a deadband [-]."""
 NEAR_SHARE = 0.08
-"""Share of a field's range up to which two values count as similar [-]."""
+"""Largest difference between two values that count as similar, as a share of the field's range [-]."""
 ENOUGH_SHARE = 0.6
-"""Least usable depth of the recommendations "fewest changes" and "most robust", relative to the deepest one [-]."""
+"""Least usable depth of the recommendations "fewest changes" and "most robust", as a share of the deepest one [-]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -213,7 +213,7 @@ def improvement_space(
 
     Parameters
     ----------
-    vary : range (low, high) of additional fields to vary, by dotted path; None for the default range
+    vary : additional fields to vary: range (low, high) by dotted path, or None for the field's default range
     keep : dotted paths of fields that must not change
     more_parts : whether layouts may have more parts per side
     figures : objectives, the most important first
@@ -294,7 +294,8 @@ def _field(design: SensorDesign, path: str, given: Range | None) -> dict[str, An
 def _step_within(path: str, value: float, low: float, high: float) -> float | None:
     """Default step of a field in a given range.
 
-    None if the range and the base design's position in it are not whole numbers of steps, or if there is no default.
+    None if the field has no default step, or if the range, or the base design's distance from its lower end, is not a
+    whole number of steps.
     """
     if isinstance(value, int):
         return 1.0
@@ -334,7 +335,7 @@ def picks(
     Parameters
     ----------
     accuracy : figure that measures accuracy; "best accuracy" needs a figure of the whole pad (`BOUND_FIGURES`)
-    most_mm : largest plausible usable depth [mm]
+    most_mm : upper limit of the greatest usable depth [mm], with which the other designs are compared
     """
     possible = [one for one in tried if is_possible(one.judged) and changes_of(space, one.parameters)]
     if not possible:
@@ -380,12 +381,12 @@ def is_sound(judged: Judged, safe: float = SAFE_MARGIN) -> bool:
 def betters(base: Judged, judged: Judged, accuracy: str, safe: float = SAFE_MARGIN) -> bool:
     """Whether a design is enough of an improvement on the base design to be recommended.
 
-    If the base design has a deadband, a design without one is sufficient. Otherwise its usable depth must be larger, or
-    its accuracy or margin better at about the same depth.
+    If the base design has a deadband, any design without one is enough. Otherwise the design must have a larger usable
+    depth, or better accuracy or margin at about the same depth.
 
     Parameters
     ----------
-    safe : margin from which the base design counts as free of deadbands [sigma]
+    safe : margin at which the base design counts as free of deadbands [sigma]
     """
     if not is_sound(base, safe):
         return is_possible(judged)
@@ -398,12 +399,12 @@ def betters(base: Judged, judged: Judged, accuracy: str, safe: float = SAFE_MARG
 
 
 def _is_stronger(judged: Judged, other: Judged) -> bool:
-    """Whether the margin, at most `AMPLE_MARGIN`, is larger by more than the share `WORTH_MARGIN`."""
+    """Whether the margin of `judged`, at most `AMPLE_MARGIN`, exceeds that of `other` by more than `WORTH_MARGIN`."""
     return min(margin_of(judged), AMPLE_MARGIN) > (1.0 + WORTH_MARGIN) * margin_of(other)
 
 
 def _is_finer(judged: Judged, other: Judged, accuracy: str) -> bool:
-    """Whether the accuracy is better by more than the share `WORTH_ACCURACY`."""
+    """Whether `judged` is more accurate than `other` by more than the share `WORTH_ACCURACY`."""
     was = _accuracy(other, accuracy)
     if math.isinf(was):
         return math.isfinite(_accuracy(judged, accuracy))
@@ -432,7 +433,7 @@ def usable_of(judged: Judged) -> float:
 
 
 def _accuracy(judged: Judged, figure: str) -> float:
-    """Accuracy figure of a result with its sign such that smaller is better; infinite if unknown."""
+    """Accuracy figure of a result, with its sign chosen so that smaller is better; infinite if unknown."""
     value = judged.figures.get(figure)
     if value is None:
         return float("inf")
@@ -440,7 +441,7 @@ def _accuracy(judged: Judged, figure: str) -> float:
 
 
 def cost_of(space: SearchSpace, one: Tried) -> tuple[int, float]:
-    """Number of changed fields, and sum of the changes as shares of the fields' ranges."""
+    """Number of changed fields, and the sum of the changes, each as a share of its field's range."""
     changes, base = changes_of(space, one.parameters), space.base.model_dump(mode="json")
     changed = [field for field in space.fields if field.path in changes]
     size = 0.0

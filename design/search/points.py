@@ -1,7 +1,7 @@
 """Starting points and refinements of a search around a base design.
 
-First single fields are changed, then a regular grid over part heights and layer thickness is judged, and later designs
-around the best ones.
+The first points change single fields, the next form a regular grid over part heights and layer thickness, and later
+ones are near the best designs.
 """
 
 from __future__ import annotations
@@ -16,22 +16,22 @@ from design.search.space import ROUND_DIGITS, SearchSpace, SpaceField, Value
 from design.spec.cheap_fields import CLEAR, HEIGHTS
 
 FIRST_SHARES = (0.15, 0.3, 0.5, 0.8)
-"""Sizes of the first single changes, as shares of the height by which the emitters and receivers are too low."""
+"""Sizes of the first changes of single fields, as shares of the height by which emitters and receivers are too low."""
 WIDE_SHARES = (0.5, 1.0)
-"""Sizes of the first single changes if no height is missing, as shares of `WIDE_MM`."""
+"""Sizes of the first changes of single fields, as shares of `WIDE_MM`, if the parts are high enough."""
 WIDE_MM = 1.0
 LEAST_SPREAD, TOP_MM = 3, 1.0
-"""Least number of values per field in a grid, and least distance of its part heights below the pad's top [mm]."""
+"""Least number of values per field in a grid, and least distance of parts below the pad's top in a grid [mm]."""
 MOVES = (4.0, 2.0, 2.0, 1.0)
-"""Size of the changes around the best design in each round [steps of a field]."""
+"""Size of the changes to the best design in each round [steps of a field]."""
 MOST_A_ROUND = 10
 """Largest number of designs in a round."""
 PROMISE = 3.0
-"""Usable depth that outweighs one millimetre of deadband in the choice of the most promising deep design [mm/mm]."""
+"""Usable depth [mm] that makes up for one millimetre of deadband when the most promising deep design is chosen."""
 
 
 def start_of(space: SearchSpace) -> dict[str, Value]:
-    """Values of the base design by dotted path; a value outside its range is replaced by the nearest permitted one."""
+    """Values of the base design by dotted path; a value outside its range is moved to the nearest permitted one."""
     found, document = dict[str, Value](), space.base.model_dump(mode="json")
     for field in space.fields:
         value = space.base_value(field)
@@ -50,10 +50,10 @@ def first_points(
 
     Parameters
     ----------
-    sides : direction of change by dotted path, 1 to increase and -1 to decrease, the most promising field first; other
-        part heights and the layer thickness change in both directions
-    short_mm : height by which emitters and receivers are too low, which sets the size of changes [mm]; None if they are
-        high enough
+    sides : direction of change by dotted path, the most promising field first: 1 to increase, -1 to decrease. Part
+        heights and the layer thickness that are not in `sides` change in both directions.
+    short_mm : height by which emitters and receivers are too low [mm], which sets the size of the changes; None if they
+        are high enough
     """
     base = start_of(space)
     order = [*sides, *(path for path in (*HEIGHTS, CLEAR) if path not in sides)]
@@ -87,7 +87,7 @@ def spread_points(space: SearchSpace, most: int) -> list[dict[str, Value]]:
 
     Parameters
     ----------
-    most : largest number of points; the result is empty if it permits fewer than three values per field
+    most : largest number of points; if it permits fewer than three values per field, the result is empty
     """
     base = start_of(space)
     thickness = next((field for field in space.fields if field.path == CLEAR and field.low is not None), None)
@@ -110,7 +110,7 @@ def spread_points(space: SearchSpace, most: int) -> list[dict[str, Value]]:
 
 
 def _at(space: SearchSpace, field: SpaceField, share: float, highest: float) -> Value:
-    """The permitted value of a field nearest to a share of its range, which ends at `highest` if that is lower."""
+    """The permitted value nearest to a share of a field's range; the range ends at `highest` if that is lower."""
     assert field.low is not None
     assert field.high is not None
     at = field.low + share * (max(min(field.high, highest), field.low) - field.low)
@@ -118,7 +118,7 @@ def _at(space: SearchSpace, field: SpaceField, share: float, highest: float) -> 
 
 
 def _moved(space: SearchSpace, field: SpaceField, base: dict[str, Value], by: float) -> Value:
-    """The permitted value of a field nearest to its value in `base` plus `by`, at least a step away."""
+    """The permitted value of a field that is nearest to its value in `base` plus `by`, and differs from it."""
     start = float(base[field.path])
     assert field.low is not None
     assert field.high is not None
@@ -135,9 +135,10 @@ def refinements(
     Parameters
     ----------
     tried : designs judged so far
-    number : number of the round, from 0; it selects the size of the changes from `MOVES`, after which the result is
-        empty
-    starts : 1 for points around the best design; 2 to add points around the deepest design with only a short deadband
+    number : number of the round, from 0, which selects the size of the changes from `MOVES`; after the last of these,
+        the result is empty
+    starts : 1 for points around the best design; 2 to add points around the deepest design whose deadband, if any, is
+        short
     """
     if number >= len(MOVES) or not tried:
         return []
@@ -179,7 +180,7 @@ def _around(space: SearchSpace, here: dict[str, Value], steps: float) -> list[di
 
 
 def _step(field: SpaceField) -> float:
-    """Step of a field with a range, in its unit; a 50th of the range if it has none."""
+    """Step of a field with a range, in its unit; a 50th of the range if the field has no step."""
     assert field.low is not None
     assert field.high is not None
     return field.step or (field.high - field.low) / 50.0

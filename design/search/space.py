@@ -13,7 +13,7 @@ A file is TOML:
 
     [[fields]]
     path = "layout.0.parts_per_side"
-    choices = [2, 3, 4]                   # whole patterns as well: path = "layout"
+    choices = [2, 3, 4]                   # or whole patterns: path = "layout"
 
     [[objectives]]
     figure = "evenness"                   # see design.search.figures
@@ -23,8 +23,8 @@ A file is TOML:
     at_least_base = 1.0                   # times the base design's
 
 A point of the space has one value for each field. Choices are represented by their labels, which are JSON texts. The
-digest identifies base, fields, objectives, constraints and accuracy. Searches with equal digests may use the same
-study; sampler, seed and number of trials may differ.
+digest identifies the base design, fields, objectives, constraints and accuracy. Searches with equal digests may use the
+same study, even if sampler, seed and number of trials differ.
 """
 
 from __future__ import annotations
@@ -70,7 +70,7 @@ _FIXED = frozenset({"schema_version", "name", "description", "measured", "catalo
 
 
 class SpaceField(Model):
-    """One field that varies: a range, or choices."""
+    """One field that varies over a range, or between choices."""
 
     path: Annotated[str, Field(min_length=1, description="dotted path of a field of the design")]
     low: Annotated[float | None, Field(description="smallest value")] = None
@@ -123,12 +123,12 @@ class SpaceObjective(Model):
 
     @property
     def sense(self) -> Direction:
-        """Direction of improvement: the given one, or else the default of the figure."""
+        """Direction of improvement: the given one, or else the figure's default."""
         return self.direction or FIGURES[self.figure].better
 
 
 class SpaceConstraint(Model):
-    """Limit of one figure: numbers, multiples of the base design's figure, or a required verdict."""
+    """Limit of one figure: a number, a multiple of the base design's figure, or a required verdict."""
 
     figure: str
     equals: Annotated[Literal["CONTIGUOUS", "DEADBAND"] | None, Field(description="for `verdict` only")] = (
@@ -220,7 +220,7 @@ class SearchSpace(Model):
                 raise ValueError(f"{field.path}: {_shown(value)}: {_last_line(err)}") from None
 
     def is_whole(self, field: SpaceField) -> bool:
-        """Whether a range has integers only: its ends and step are integers, and the design accepts no others."""
+        """Whether a range has integers only: its ends and step are integers, and the design accepts no other values."""
         numbers = [value for value in (field.low, field.high, field.step) if value is not None]
         if field.choices is not None or any(value != round(value) for value in numbers):
             return False
@@ -296,7 +296,7 @@ class SearchSpace(Model):
 
     @cached_property
     def digest(self) -> str:
-        """SHA-256 of the space without name, description and the sampler's settings, as 64 hexadecimal digits."""
+        """SHA-256 of the space, apart from name, description and the sampler's settings, as 64 hexadecimal digits."""
         document = self.model_dump(mode="json", exclude={"name", "description", "search", "base"})
         return hashlib.sha256(canonical_json(document | {"base": self.base.digest}).encode()).hexdigest()
 
@@ -304,7 +304,7 @@ class SearchSpace(Model):
 def load_space(path: str | Path) -> SearchSpace:
     """Load a search space from a file, or a packaged one by its name.
 
-    In the file `base` names a preset, or a design file in the same folder.
+    In the file, `base` names a preset, or a design file in the same folder.
 
     Raises
     ------

@@ -1,8 +1,9 @@
 """The geometry of the cavity, which the printed mold and the light model share.
 
-In the cavity frame x and y run from 0 at one corner of the cavity's bounding box to the inner length and width. The
-plane z = 0 is the bottom of the clear layer, and z = clear thickness is the undisturbed top. An optical part (emitter
-or receiver) is behind its wall: its active face is flush with the inner face of the wall, and its body extends outward.
+In the cavity's coordinate system, x and y run from 0 at one corner of the cavity's bounding box to the inner length and
+width. The plane z = 0 is the bottom of the clear layer, and z = clear thickness is the undisturbed top. An optical part
+(emitter or receiver) is behind its wall: its active face is flush with the inner face of the wall, and its body extends
+outward.
 
       z ^   rim            ......
         |  |      |        clear thickness (undisturbed top)
@@ -11,15 +12,15 @@ or receiver) is behind its wall: its active face is flush with the inner face of
         |  | black |       -black thickness
         |  | floor |       -black thickness - floor
 
-A `Plan` combines the outline of the pad seen from above and its top. In a round wall each part has a flat facet.
+A `Plan` combines the pad's outline, seen from above, with its top. In a round wall each part has a flat facet.
 
 The module also selects the emitter-receiver pairs whose response is judged, and the location of the press for each.
 
 The chord of a pair is the straight line between its parts, seen from above. A pair has a direct path if its parts are
 in different walls. The press for a pair is at the midpoint of its chord, or at the nearest location in the workspace.
 The pair is judged if the tip is then over the chord. Other pairs are reported but not judged: those with both parts in
-one wall, and those across a corner that no press can reach. In facing rows all emitters are in one wall and all
-receivers in the opposite one. There the judged pairs are those that face each other, the middle one first.
+one wall, and those across a corner that no press can reach. In facing rows, all emitters are in one wall and all
+receivers in the opposite one; the judged pairs are those that face each other, the middle one first.
 """
 
 from __future__ import annotations
@@ -45,7 +46,7 @@ NODES = 32
 TURN_RAD = 2.0 * math.pi / 96
 """Angle between two corners of the polygon that represents a round wall.
 
-The arc exceeds the polygon's side by 5e-4 of its radius.
+The arc bulges beyond the polygon's side by 5e-4 of its radius.
 """
 PIECES = 16
 """Number of pieces of a straight wall in drawings where its upper edge is curved."""
@@ -90,8 +91,8 @@ class Plan:
 
     Attributes
     ----------
-    outline : outline in the cavity frame, with a flat facet for each part in a round wall
-    top : top without contact
+    outline : outline in the cavity's coordinate system, with a flat facet for each part in a round wall
+    top : the untouched top
     """
 
     outline: Outline
@@ -129,7 +130,7 @@ class Plan:
 
     @property
     def centre_mm(self) -> Point:
-        """Middle of the pad (x, y) in the cavity frame, under the highest point [mm]."""
+        """Middle of the pad (x, y), under the highest point [mm]."""
         return self.outline.centre_mm
 
     @property
@@ -140,7 +141,7 @@ class Plan:
         return max(self.length_mm, self.width_mm) / 2
 
     def stands_mm(self, wall: Line) -> float:
-        """Distance of a wall from the middle [mm]."""
+        """Distance of a wall from the middle of the pad [mm]."""
         return -wall.along_and_outward_mm(*self.centre_mm)[1]
 
     @property
@@ -201,7 +202,7 @@ def outline_mm(plan: Plan) -> FloatArray:
 
 
 def edge_mm(plan: Plan) -> FloatArray:
-    """Edge of the untouched top as a polygon (n, 3), counter-clockwise: x, y, z in the cavity frame [mm].
+    """Edge of the untouched top as a polygon (n, 3), counter-clockwise: x, y, z in the cavity's coordinates [mm].
 
     Heights are NaN where the crown's radius is too small for the pad.
     """
@@ -217,7 +218,7 @@ class PlacedPart:
     ----------
     name : name of the part, such as E1
     kind : `emitter` or `receiver`
-    line : its flat wall, or its own facet in a round wall
+    line : the flat wall that holds it, or its own facet in a round wall
     along_mm : position of the active area's centre along the wall
     height_mm : height of the active area's centre above the clear layer's bottom
     part_id : identifier in the catalogue
@@ -274,7 +275,7 @@ class PlacedPart:
 
     @property
     def position_mm(self) -> tuple[float, float, float]:
-        """Centre of the active area in the cavity frame (x, y, z) [mm]."""
+        """Centre of the active area (x, y, z) in the cavity's coordinate system [mm]."""
         return (*self.line.point(self.along_mm), self.height_mm)
 
 
@@ -336,7 +337,7 @@ def cavity_of(design: SensorDesign) -> CavityGeometry:
 
     Raises
     ------
-    DesignError : a part is not in the catalogue, or is there as the other kind (emitter or receiver).
+    DesignError : a part is not in the catalogue, or is of the other kind (emitter or receiver).
     """
     size = design.cavity
     bare = plan_of(design)
@@ -352,7 +353,7 @@ def cavity_of(design: SensorDesign) -> CavityGeometry:
 
 
 def workspace_of(design: SensorDesign) -> Outline:
-    """Area of the permitted press locations, with the required margin from tip to wall; empty in a small pad."""
+    """Area of the permitted press locations, with the required margin from tip to wall; empty for a small pad."""
     size, inset = design.cavity, design.indenter.tip_radius_mm + design.operating.workspace_margin_mm
     return outline_in(size.outline, (inset, inset, size.length_mm - inset, size.width_mm - inset))
 
@@ -360,7 +361,7 @@ def workspace_of(design: SensorDesign) -> Outline:
 def part_field(place: Placement) -> str:
     """Dotted path of the field that names the catalogue part of a layout position.
 
-    It is a field of the layout entry, or else of the section `emitters` or `receivers`.
+    It is a field of the layout entry if that names a part, else of the table `emitters` or `receivers`.
     """
     return f"{place.origin}.part" if place.part is not None else f"{place.kind}s.part"
 
@@ -370,7 +371,7 @@ def part_half_width_mm(design: SensorDesign, place: Placement) -> tuple[float, s
 
     Raises
     ------
-    DesignError : a part is not in the catalogue, or is there as the other kind (emitter or receiver).
+    DesignError : a part is not in the catalogue, or is of the other kind (emitter or receiver).
     """
     section = design.emitters if place.kind == "emitter" else design.receivers
     part_id = place.part or section.part
@@ -411,7 +412,7 @@ def _top_over_mm(bare: Plan, line: Line, along_mm: float, half_width_mm: float) 
 
 
 FACING_TOLERANCE_MM = 1e-6
-"""Largest difference between the positions of two parts along their walls with which they face each other."""
+"""Parts in opposite walls face each other if their positions along the walls differ by at most this [mm]."""
 
 
 def direct_path_pairs(cavity: CavityGeometry) -> BoolArray:
@@ -435,7 +436,7 @@ def _sit_opposite(cavity: CavityGeometry) -> bool:
 
 
 def facing_pairs(cavity: CavityGeometry) -> tuple[tuple[int, int], ...]:
-    """Facing pairs as (emitter, receiver) indices, the middle pair first; empty if not in two opposite rows."""
+    """Facing pairs as (emitter, receiver) indices, the middle pair first; empty for a pad without facing rows."""
     if not _sit_opposite(cavity):
         return ()
     pairs = [
@@ -451,9 +452,9 @@ def facing_pairs(cavity: CavityGeometry) -> tuple[tuple[int, int], ...]:
 def judged_pairs(cavity: CavityGeometry) -> tuple[tuple[int, int], ...]:
     """Pairs that are judged one by one and determine the gain, as (emitter, receiver) indices.
 
-    In facing rows these are the pairs that face each other. On other pads these are the pairs with parts in different
-    walls whose straight path passes below the tip at their press. If there is none, all pairs with parts in different
-    walls are judged.
+    In facing rows these are the pairs that face each other. On other pads they are the pairs with parts in different
+    walls whose straight path passes below the tip at their press. If there are no such pairs, all pairs with parts in
+    different walls are judged.
     """
     facing = facing_pairs(cavity)
     if facing:

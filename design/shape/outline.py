@@ -59,7 +59,7 @@ class Line:
     length_mm: float
 
     def point(self, along_mm: float, outward_mm: float = 0.0) -> Point:
-        """Position (x, y) in the cavity frame [mm]."""
+        """Position (x, y) in the cavity's coordinate system [mm]."""
         (x, y), (tx, ty), (nx, ny) = self.origin, self.tangent, self.outward
         return x + along_mm * tx + outward_mm * nx, y + along_mm * ty + outward_mm * ny
 
@@ -124,7 +124,7 @@ class Arc:
 
 
 PLAIN: Kind = "rectangle"
-"""The kind of outline that files and tables do not mention."""
+"""The usual kind of outline, which files and tables do not mention."""
 X, Y = (1.0, 0.0), (0.0, 1.0)
 
 
@@ -163,27 +163,27 @@ class Outline:
 
     @property
     def x0_mm(self) -> float:
-        """Least x [mm]."""
+        """Smallest x [mm]."""
         return self.box_mm[0]
 
     @property
     def y0_mm(self) -> float:
-        """Least y [mm]."""
+        """Smallest y [mm]."""
         return self.box_mm[1]
 
     @property
     def x1_mm(self) -> float:
-        """Greatest x [mm]."""
+        """Largest x [mm]."""
         return self.box_mm[2]
 
     @property
     def y1_mm(self) -> float:
-        """Greatest y [mm]."""
+        """Largest y [mm]."""
         return self.box_mm[3]
 
     @property
     def is_empty(self) -> bool:
-        """Whether the bounding box has a negative size, so that no location is inside."""
+        """Whether the bounding box has a negative size, so no location is inside."""
         return self.x1_mm < self.x0_mm or self.y1_mm < self.y0_mm
 
     def in_box(self, box_mm: Box) -> Outline:
@@ -218,7 +218,7 @@ class Outline:
         return f"{self.size_words} around x {x:g}, y {y:g} mm"
 
     def touches_mm(self, direction: Point) -> tuple[Point, Point]:
-        """Where the outline touches a side of its bounding box [mm]: both ends of a wall, or one point twice.
+        """Where the outline touches a side of its bounding box [mm]: both ends of a wall, or the same point twice.
 
         Parameters
         ----------

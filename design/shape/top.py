@@ -7,9 +7,9 @@ With the curvatures kx and ky along x and y [1/mm], and the location (x, y) rela
 The top is flat if kx = ky = 0, and a sphere of radius 1 / kx if kx = ky > 0. If only one of kx and ky is 0, the top is
 a cylinder, straight along that direction.
 
-A press moves against the normal. The frame of a press has its origin at the location of the press on the top. Its third
-axis is the normal. The first two axes are x and y after the smallest rotation that turns z into the normal. On a
-cylinder the first axis is the straight direction.
+A press moves against the normal. The coordinate system of a press has its origin where the press meets the top. Its
+third axis is the normal. The first two axes are x and y after the smallest rotation that turns z into the normal. On a
+cylinder, the first axis is the straight direction.
 """
 
 from __future__ import annotations
@@ -89,16 +89,17 @@ class Top:
 
     @property
     def in_frame(self) -> Top:
-        """The top in the frame of a press at its highest point; a cylinder is straight along the first axis."""
+        """The top in the coordinates of a press at its highest point; a cylinder is straight along the first axis."""
         low, high = sorted((self.kx, self.ky))
         return Top(clear_mm=0.0, apex_mm=(0.0, 0.0), kx=low, ky=high)
 
     def press_frame(self, x_mm: float, y_mm: float) -> tuple[FloatArray, FloatArray]:
-        """Frame of a press at a location.
+        """Coordinate system of a press at a location.
 
         Returns
         -------
-        Origin (3,) on the untouched top in the cavity frame [mm], and axes (3, 3) as rows: two tangents and the normal.
+        Origin (3,) on the untouched top in the cavity's coordinates [mm], and axes (3, 3) as rows: two tangents and the
+        normal.
         """
         origin = np.array([x_mm, y_mm, float(self.height_mm(x_mm, y_mm))])
         normal = self.normal(x_mm, y_mm)

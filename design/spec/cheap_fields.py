@@ -14,7 +14,7 @@ ALONG = ("pitch_mm", "shift_mm")
 def cheap_fields(design: SensorDesign) -> tuple[str, ...]:
     """Dotted paths of the cheap fields of a design.
 
-    They are part heights, the clear layer's thickness, the gain's target, and the pitch and shift of layout patterns.
+    These are part heights, the clear layer's thickness, the gain's target, and the pitch and shift of layout patterns.
     """
     by_rule = (TARGET,) if isinstance(design.gain.feedback_ohm, str) else ()
     along = (

@@ -8,12 +8,12 @@ from design.spec import Mold
 
 
 def fit(name: str) -> Quantity:
-    """A length of the file `design/data/fits.toml` by its name [mm]."""
+    """A length [mm] from the file `design/data/fits.toml`, by its name."""
     return data_quantities("fits.toml")[name]
 
 
 def clearance_mm(mold: Mold, part_id: str) -> float:
-    """Gap on each side of a part's body [mm]: from the part's fit class, or else `part_clearance_mm` of the mold."""
+    """Gap on each side of a part's body [mm]: from its fit class, or else the mold's `part_clearance_mm`."""
     named = mold.fits.get(part_id)
     return mold.part_clearance_mm if named is None else fit(named).value
 

@@ -7,8 +7,8 @@ A CSV file can give the radial profile of a tip: radius and height above the ape
     1.5, 0.4
     3.0, 3.0               the shank, at indenter.tip_radius_mm
 
-A comma, a semicolon or blanks separate the two numbers, which have a decimal point. The height must be a function of
-the radius; otherwise the profile is refused, and the message names the row.
+The two numbers have a decimal point and are separated by a comma, a semicolon or blanks. The height must be a function
+of the radius; otherwise the profile is refused, and the message names the row.
 
 The contact solver, the printed tip and the report use the same outline of the tip:
 
@@ -25,7 +25,7 @@ The contact solver, the printed tip and the report use the same outline of the t
 |            | between axis and flank                                                                 |
 | profile    | straight lines through the user's points                                               |
 
-This module has geometry only. Whether the contact model resolves a small radius is checked there.
+This module has geometry only. The contact model itself checks whether it can resolve a small radius.
 """
 
 from __future__ import annotations
@@ -64,7 +64,7 @@ def read_profile(file: Path) -> list[list[float]]:
 
 
 class Indenter(Model):
-    """The tip that represents a finger; it is on a cylindrical shank of the same radius."""
+    """The tip that represents a finger, at the end of a cylindrical shank of the same radius."""
 
     unsaid = ("shape", "edge_radius_mm", "cone_half_angle_deg", "apex_radius_mm", "profile_mm")
 
@@ -99,9 +99,9 @@ DEFAULT_ROUNDING = 0.1
 DEFAULT_HALF_ANGLE_DEG = 60.0
 """Default angle between the axis and the flank of a cone [deg]."""
 SMALLEST_STEP_MM = 1e-3
-"""Least difference between the radii of neighbouring points of a profile [mm]."""
+"""Least permitted difference between the radii of neighbouring points of a profile [mm]."""
 END_TOLERANCE_MM = 1e-6
-"""Largest distance between the last point of a profile and the shank [mm]."""
+"""Largest permitted distance between the last point of a profile and the shank [mm]."""
 HIGHEST_PROFILE_MM = 50.0
 """Greatest permitted height of a profile [mm]."""
 OWN_FIELDS = {
@@ -110,7 +110,7 @@ OWN_FIELDS = {
     "cone": ("cone_half_angle_deg", "apex_radius_mm", "edge_radius_mm"),
     "profile": ("profile_mm",),
 }
-"""Fields of each tip shape in addition to `tip_radius_mm`."""
+"""Fields of each tip shape, in addition to `tip_radius_mm`."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -181,7 +181,7 @@ def tip_words(indenter: Indenter) -> str:
 
 
 def shape_fault(indenter: Indenter) -> str | None:
-    """Description of the fault in a combination of an indenter's fields, with limit and remedy; None if it is valid."""
+    """Description of what is wrong with an indenter's fields, with limit and remedy; None if they are valid."""
     own = OWN_FIELDS[indenter.shape]
     for field in sorted({name for names in OWN_FIELDS.values() for name in names} - set(own)):
         if getattr(indenter, field) is not None:
@@ -212,13 +212,13 @@ def shape_fault(indenter: Indenter) -> str | None:
 def profile_fault(
     points: Sequence[tuple[float, float]], tip_radius_mm: float | None, name: Callable[[int], str]
 ) -> str | None:
-    """Description of the fault in a tip's profile; None if it is valid.
+    """Description of what is wrong with a tip's profile; None if it is valid.
 
     Parameters
     ----------
     points : radius and height above the apex of each point, from the apex outward [mm]
-    tip_radius_mm : radius of the shank, at which the profile must end [mm]; None skips this check
-    name : function that returns the name of a point by its index, for the message
+    tip_radius_mm : radius of the shank, at which the profile must end [mm]; if None, the end is not checked
+    name : function that returns a point's name from its index, for the message
     """
     if math.hypot(*points[0]) > END_TOLERANCE_MM:
         return f"{name(0)}: {_shown(points[0])} is refused: a profile starts at its apex, [0, 0]"
@@ -253,7 +253,7 @@ def _shown(point: tuple[float, float]) -> str:
 
 
 def _arc(centre: tuple[float, float], radius: float, first: float, last: float) -> Piece:
-    """An arc between two angles, measured at its centre from the downward direction [rad]."""
+    """An arc between two angles [rad], measured at its centre from the downward direction."""
     start, end = (
         (centre[0] + radius * math.sin(angle), centre[1] - radius * math.cos(angle))
         if 0.0 < angle < 0.5 * math.pi
@@ -292,12 +292,12 @@ def _volume_mm3(piece: Piece) -> float:
 
 
 def _angle(piece: Piece, point: tuple[float, float]) -> float:
-    """Angle of a point on an arc, measured at the arc's centre from the downward direction [rad]."""
+    """Angle of a point on an arc [rad], measured at the arc's centre from the downward direction."""
     return math.atan2(point[0] - piece.centre[0], piece.centre[1] - point[1])
 
 
 def _arc_volume(piece: Piece, angle: float) -> float:
-    """Antiderivative over the angle a of pi (c + q sin a)² q sin a, for an arc of radius q around radius c."""
+    """Antiderivative over the angle a of pi (c + q sin a)² q sin a, for an arc of radius q centred at radius c."""
     c, q, cosine = piece.centre[0], piece.radius, math.cos(angle)
     square = 0.5 * angle - 0.25 * math.sin(2.0 * angle)
     return math.pi * (-c * c * q * cosine + 2.0 * c * q * q * square + q**3 * (cosine**3 / 3.0 - cosine))

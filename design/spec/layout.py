@@ -1,4 +1,4 @@
-"""Layout of emitters and receivers: patterns, and their expansion to the position of each part.
+"""Layout of emitters and receivers: patterns, and the positions of the parts that they describe.
 
 In a round wall a part's position is its direction from the wall's centre, 0 degrees along x, 90 degrees along y. Each
 part has its own flat facet there (`design.shape.cavity`). In a straight wall a position is a distance along the wall,
@@ -72,10 +72,9 @@ class FacingRows(Model):
 
 
 class PerSide(Model):
-    """A number of parts of one kind on each wall, evenly spaced.
+    """Evenly spaced parts of one kind (emitters or receivers), with a separate number for each wall.
 
-    If two such rows, of emitters and of receivers, would have parts at the same position, emitters and receivers
-    alternate.
+    If a row of emitters and a row of receivers would have parts at the same position, the parts alternate.
     """
 
     pattern: Literal["per_side"]
@@ -105,7 +104,7 @@ class Single(Model):
 
 
 class DiscRing(Model):
-    """Alternating emitters and receivers around a disc, evenly spaced, counter-clockwise."""
+    """As many emitters as receivers around a disc, alternating, evenly spaced and counter-clockwise."""
 
     pattern: Literal["disc_ring"]
     count: Annotated[int, Field(ge=1, le=32, description="emitters, and as many receivers")]
@@ -116,7 +115,7 @@ class DiscRing(Model):
 
 
 class Ring(Model):
-    """Any numbers of emitters and receivers around any outline, evenly spaced along each of its walls."""
+    """Any number of emitters and of receivers around any outline, evenly spaced along each of its walls."""
 
     pattern: Literal["ring"]
     emitters: Annotated[int, Field(ge=1, le=64, description="number of emitters")]
@@ -146,7 +145,7 @@ class Ring(Model):
 
     @property
     def kinds(self) -> tuple[Kind, ...]:
-        """Kind (emitter or receiver) of each part, in the order around the outline."""
+        """Kind of each part, emitter or receiver, in order around the outline."""
         if self.sequence is not None:
             turns = (self.emitters + self.receivers) // len(self.sequence)
             return tuple("emitter" if letter == "E" else "receiver" for letter in self.sequence * turns)
@@ -154,7 +153,7 @@ class Ring(Model):
 
 
 class AtAngles(Model):
-    """Parts of one kind in round walls, in given directions from the wall's centre."""
+    """Parts of one kind (emitters or receivers) in round walls, in given directions from the wall's centre."""
 
     pattern: Literal["at_angles"]
     kind: Kind
@@ -183,9 +182,10 @@ class Placement:
     ----------
     name : E1, R1, ... or a name given by the user
     wall : name of the wall; in a round wall the direction, such as `45-degree`
-    along_mm : distance of the part's centre from the wall's end at low x or y [mm]; not used in a round wall
+    along_mm : distance of the part's centre from that end of the wall where x or y is lower [mm]; not used in a round
+        wall
     angle_deg : direction of the part from a round wall's centre; None in a straight wall
-    height_mm : height above the clear layer's bottom; None for the default
+    height_mm : height above the clear layer's bottom [mm]; None for the default
     part : catalogue identifier; None for the default
     origin : dotted path of the pattern that defines the part, for messages
     """
@@ -269,7 +269,7 @@ def _ring(pattern: AlternatingRing, origin: str, cavity: Cavity) -> list[Placeme
         row = _row(count, cavity.wall_length_mm(wall), pattern.pitch_mm)
         walk = (
             row if wall in ("south", "east") else row[::-1]
-        )  # counter-clockwise from the corner at low x and y
+        )  # counter-clockwise from the corner at the lowest x and y
         places += [_plain(kinds[(len(places) + k) % 2], wall, along, origin) for k, along in enumerate(walk)]
     return places
 
@@ -305,7 +305,7 @@ def _disc_ring(pattern: DiscRing, origin: str) -> list[Placement]:
 
 
 def interleaved(emitters: int, receivers: int) -> tuple[Kind, ...]:
-    """Kinds of parts in a row of emitters and receivers, each spread as evenly as possible; an emitter is first."""
+    """Order of emitters and receivers in a row, each kind spread as evenly as possible; an emitter is first."""
     total = emitters + receivers
     return tuple("emitter" if k * emitters % total < emitters else "receiver" for k in range(total))
 
@@ -350,7 +350,7 @@ def _with_rows_in_turn(
 ) -> list[Placement]:
     """Alternate rows of emitters and of receivers that would have parts at the same position of one wall.
 
-    This applies to evenly spaced rows. Rows with a pitch, a shift or a height of their own keep their positions.
+    This applies only to evenly spaced rows. Rows with a pitch, a shift or a height of their own keep their positions.
     """
     plain = {
         f"layout.{number}"

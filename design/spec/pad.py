@@ -28,7 +28,7 @@ class Stretch:
 
 
 class Cavity(Model):
-    """The silicone pad: its outline, inner size of the mold, and the thickness of its two layers.
+    """The silicone pad: its outline, its length and width (inside the mold), and the thickness of its two layers.
 
     A disc has `diameter_mm` in place of length and width, which then equal the diameter. A stadium is a rectangle with
     a half circle at each of its shorter sides.
@@ -97,7 +97,7 @@ class Cavity(Model):
     def border(self) -> tuple[Stretch, ...]:
         """Straight and round walls, counter-clockwise.
 
-        The first is the south wall if it is straight, else the east wall. A disc has a single round wall.
+        The first is the south wall if that is straight, else the east wall. A disc has a single round wall.
         """
         straight = [Stretch(wall=wall, length_mm=self.walls[wall]) for wall in WALLS if wall in self.walls]
         if not self.has_round_walls:
@@ -111,7 +111,7 @@ class Cavity(Model):
 
     @property
     def size_fields(self) -> tuple[str, str]:
-        """Dotted paths of the fields for the inner size along x and along y; a disc has the same field twice."""
+        """Dotted paths of the fields for the inner size along x and along y; for a disc, both are the diameter."""
         own = ("length_mm", "width_mm") if self.diameter_mm is None else ("diameter_mm",) * 2
         return f"cavity.{own[0]}", f"cavity.{own[1]}"
 

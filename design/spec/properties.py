@@ -1,4 +1,4 @@
-"""Physical values of a design: values of the catalogue, or the design's measured values in their place.
+"""Physical values of a design: the catalogue's values, or measured values that the design gives in their place.
 
 Every value has a unit, a source, a confidence, and a band that is believed to contain the true value.
 """
@@ -26,7 +26,7 @@ SECTIONS: dict[str, Kind] = {"emitters": "emitter", "receivers": "receiver"}
 MEASURED_SOURCE = "measured value given in the design"
 AIR_GAP = Quantity(value=1.0, unit="1", source="air, by definition of an air gap", confidence="read")
 ADDED_UNITS = {"emitter": {"radiant_power_mw": "mW"}, "receiver": {"epoxy_index": "1"}}
-"""Values with their units that a measurement may add to a part whose catalogue entry does not have them."""
+"""Units of values that a measurement may add to a part whose catalogue entry lacks them."""
 
 
 def entries_of(design: SensorDesign) -> CatalogEntries:
@@ -39,7 +39,8 @@ def part_of(design: SensorDesign, part_id: str, kind: Kind) -> Part:
 
     Raises
     ------
-    DesignError : the part is unknown, has the other kind, or has a measured value for an unknown field.
+    DesignError : the part is unknown, is of the other kind (emitter or receiver), or has a measured value for an
+        unknown field.
     """
     part = catalog.find_part(entries_of(design), part_id, kind)
     values = design.part_measurements.get(part_id)
@@ -64,7 +65,7 @@ def _with_measurements(part: Part, part_id: str, values: Mapping[str, float]) ->
 
 
 def quantities_of(part: Part) -> dict[str, Quantity]:
-    """All values of a part with unit and source, by field name."""
+    """All values of a part, each with unit and source, by field name."""
     pairs = ((name, getattr(part, name)) for name in type(part).model_fields)
     return {name: value for name, value in pairs if isinstance(value, Quantity)}
 
@@ -95,7 +96,7 @@ def refractive_index(design: SensorDesign) -> Quantity:
 
 
 def elastomer_spectral_index(design: SensorDesign) -> SpectralIndex | None:
-    """Refractive index of the clear elastomer, averaged over the default emitter's spectrum; None without a spectrum.
+    """Refractive index of the clear elastomer, averaged over the default emitter's spectrum, or None without one.
 
     Raises
     ------
@@ -139,7 +140,7 @@ def wall_index(design: SensorDesign) -> Quantity | None:
 
 
 def absorption_db_per_cm(design: SensorDesign) -> Quantity:
-    """Absorption of the clear elastomer [dB/cm]."""
+    """Absorption coefficient of the clear elastomer [dB/cm]."""
     own = design.elastomer.absorption_db_per_cm
     return elastomer_of(design).absorption_db_per_cm if own is None else _measured("dB/cm", own)
 
@@ -150,7 +151,7 @@ def absorption_coefficient_per_mm(design: SensorDesign) -> float:
 
 
 def modulus(design: SensorDesign) -> Quantity:
-    """Young's modulus of the elastomer with source and confidence [MPa]."""
+    """Young's modulus of the elastomer [MPa], with source and confidence."""
     own = design.elastomer.youngs_modulus_mpa
     if own is not None:
         return _measured("MPa", own)
@@ -204,7 +205,7 @@ def used_values(design: SensorDesign) -> tuple[UsedValue, ...]:
 
 
 def _values_of_gain(part: Part, part_id: str) -> list[UsedValue]:
-    """Emitted power or responsivity of a part, if known; the verdict depends on them only for a gain in ohms."""
+    """Emitted power or responsivity of a part, if known; the verdict needs them only for a gain in ohms."""
     name = "radiant_power_mw" if part.kind == "emitter" else "responsivity_a_per_w"
     quantity = quantities_of(part).get(name)
     return (
@@ -237,7 +238,7 @@ def _values_of_part(part: Part, part_id: str) -> list[UsedValue]:
 
 
 def _parts_in_use(design: SensorDesign) -> tuple[tuple[str, Kind], ...]:
-    """Distinct catalogue identifiers and kinds of the parts in a layout, in order."""
+    """Distinct catalogue identifiers and kinds of the parts in a layout, in the order of their first use."""
     return tuple(
         dict.fromkeys(
             (place.part or _section(design, place.kind).part, place.kind) for place in _placements(design)
@@ -248,7 +249,7 @@ def _parts_in_use(design: SensorDesign) -> tuple[tuple[str, Kind], ...]:
 def _bands_in_use(design: SensorDesign) -> dict[str, Band]:
     """Bands of the design's fields by dotted path, for the fields that the layout uses.
 
-    A layout entry with its own height has the band of the section's height.
+    A layout entry with its own height has the same band as the default height of all emitters or receivers.
     """
     bands = dict(_bands())
     for section, kind in SECTIONS.items():
@@ -270,7 +271,7 @@ def _section(design: SensorDesign, kind: Kind) -> Emitters | Receivers:
 
 @dataclass(frozen=True, kw_only=True)
 class Band:
-    """Possible deviation of a design's field on the manufactured unit: `minus` below and `plus` above its value."""
+    """How far a field of the design may deviate on the manufactured unit: `minus` below and `plus` above its value."""
 
     minus: float
     plus: float

@@ -1,9 +1,9 @@
 """The specification of a sensor: all fields in which designs can differ.
 
 A design is immutable; `with_` returns a changed copy. Its `digest` depends on its content, and not on the formatting of
-its file. All lengths are in mm in the cavity frame of `design.shape.cavity`.
+its file. All lengths are in mm in the cavity's coordinate system (`design.shape.cavity`).
 
-Some fields describe deviations of a manufactured unit from the ideal light signal: noise, drift, ambient light, errors
+Some fields describe how the signals of a manufactured unit deviate from ideal ones: noise, drift, ambient light, errors
 of the test stage, and silicone that comes off the walls. The signal chain (`sims.readings.signal_chain`) simulates
 them.
 
@@ -12,9 +12,9 @@ Noise is described in two ways for two purposes, which are never added together:
 - for the verdict (`optopad score`): variance of a reading = 1/12 + read² + (relative x counts)²
 - for the signal chain: every cause separately, with its own time scale and correlations
 
-Both use `read_noise_counts`. For the verdict `relative_noise`, 0.3 %, summarises all noise in proportion to the signal.
-The signal chain uses `led_fluctuation` and `gain_drift` in its place, 0.2 % each, which together are 0.28 %. The chain
-rounds readings as the converter does, which the verdict represents by the variance 1/12.
+Both use `read_noise_counts`. For the verdict, `relative_noise` (0.3 %) summarises all noise in proportion to the
+signal. The signal chain uses `led_fluctuation` and `gain_drift` in its place, 0.2 % each and 0.28 % combined. The chain
+rounds readings as the converter does; the verdict represents this rounding by the variance 1/12.
 
 Sources of the defaults: "bounded" values are limited by the touch table of the paper (Piacenza et al., 2017) at depths
 without contact. "Assumed" values have no source.
@@ -85,7 +85,7 @@ PURE: dict[str, Any] = {
     "position_error_mm": 0.0,
     "wall_unbonded_share": 0.0,
 }
-"""Values of the noise parameters that switch all deviations off: only gain, light and full scale remain."""
+"""Values of the noise parameters that switch all deviations off, so only gain, light and full scale remain."""
 
 
 class Noise(Model):
@@ -204,7 +204,7 @@ Ohm = Annotated[float, Field(ge=100.0, le=1e10)]
 
 
 class Mold(Model):
-    """The printed part around the cavity, with the same outline as the cavity; around a disc it has a diameter."""
+    """The printed part around the cavity, with the same outline; around a disc it is given by its diameter."""
 
     unsaid = (
         "outer_diameter_mm",
@@ -291,7 +291,7 @@ class Mold(Model):
 
     @property
     def outside_fields(self) -> tuple[str, str]:
-        """Dotted paths of the fields for the outer size along x and along y; a round mold has the same field twice."""
+        """Dotted paths of the fields for the outer size along x and along y; both are the diameter if it is round."""
         own = ("length", "width") if self.outer_diameter_mm is None else ("diameter",) * 2
         return f"mold.outer_{own[0]}_mm", f"mold.outer_{own[1]}_mm"
 
@@ -313,7 +313,7 @@ class Mold(Model):
 
 
 class Viscoelastic(Model):
-    """Relaxation of the load at constant depth; there are no default values because no source states any."""
+    """Relaxation of the load at constant depth. There are no default values because no source gives any."""
 
     relaxed_share: Annotated[
         float,
@@ -325,7 +325,7 @@ class Viscoelastic(Model):
 
 
 class Elastomer(Model):
-    """The clear elastomer; a value given here replaces that of the catalogue and counts as measured."""
+    """The clear elastomer. A value given here replaces the catalogue's and counts as measured."""
 
     unsaid = ("viscoelastic",)
 
@@ -383,7 +383,7 @@ class Receivers(Model):
 class ReceiverInputs(Model):
     """Multiplexers between the receivers' amplifiers and the board's inputs, or converters in place of these inputs.
 
-    All multiplexers share the address. All converters share the SPI bus, and each has its own chip select.
+    All multiplexers share the address lines. All converters share the SPI bus, and each has its own chip select.
     """
 
     unsaid = ("converter", "select_pins")
@@ -491,12 +491,12 @@ class BoardUse(Model):
 class Gain(Model):
     """Transimpedance gain of the receivers' amplifiers, by a rule or in ohms.
 
-    The rules use the signals without contact of the judged pairs, in which a press can come between emitter and
-    receiver. In facing rows these are the facing pairs. With the rule `each` every receiver has its own gain: the
-    median over its judged pairs equals `target_counts`. It is less if a pair would otherwise exceed three quarters of
-    full scale. With `common` all receivers have the same gain, and the median over all judged pairs equals the target.
-    With a resistance in ohms the signals depend on the emitters' power. With `common` or ohms, bright pairs may clip at
-    full scale; they are listed.
+    The rules use the untouched signals of the judged pairs, in which a press can come between emitter and receiver. In
+    facing rows these are the facing pairs. With the rule `each`, every receiver has its own gain: the median over its
+    judged pairs equals `target_counts`. This gain is lower if a pair would otherwise exceed three quarters of full
+    scale. With `common`, all receivers have the same gain, and the median over all judged pairs equals the target. With
+    a resistance in ohms, the signals depend on the emitters' power. With `common` or ohms, bright pairs may clip at
+    full scale; the results list them.
     """
 
     unsaid = ("feedback_ohm",)
@@ -618,7 +618,7 @@ class SensorDesign(Model):
         return self
 
     def _misfit(self, pattern: Pattern) -> str | None:
-        """Reason why a pattern does not fit the outline, and a pattern to use instead; None if it fits."""
+        """Reason why a pattern does not fit the outline, and a pattern to use in its place; None if it fits."""
         outline, walls = self.cavity.outline, self.cavity.walls
         for place in expand((pattern,), self.cavity):
             if place.angle_deg is not None and not self.cavity.has_round_walls:
@@ -630,7 +630,7 @@ class SensorDesign(Model):
 
     @property
     def value_noise_counts(self) -> float:
-        """Read noise (standard deviation) of a value in a frame, the mean of `board.averages` readings [counts]."""
+        """Read noise (standard deviation) of a frame's values, each the mean of `board.averages` readings [counts]."""
         return self.noise.read_noise_counts / math.sqrt(self.board.averages)
 
     @cached_property

@@ -4,9 +4,9 @@
     printed, poured, levelled ──► named defaults of `tolerances.toml`, which are assumptions (mostly normal)
     [tolerances] of the design ──► replace either: dotted path = half width in the field's unit; 0 is exact
 
-A value that is listed in the design's field `measured` does not vary. All parts of one kind deviate together; scatter
-between them is not included. Displacements along a wall are not included, nor are correlations between values, because
-none are known.
+A value that is listed in the design's field `measured` does not vary. All emitters deviate together, as do all
+receivers; scatter between individual parts is not included. Displacements along a wall are not included, nor are
+correlations between values, because none are known.
 """
 
 from __future__ import annotations
@@ -36,10 +36,10 @@ class Tolerance:
     Attributes
     ----------
     path : dotted path of the design's field that sets the value
-    value : value of the design, in `unit`
+    value : value in the design, in `unit`
     low, high : ends of the range of possible values
-    distribution : `uniform` from end to end, or `normal` around the middle, cut off at the ends, which are at two
-        standard deviations
+    distribution : `uniform` from end to end, or `normal` around the middle and cut off at the ends, two standard
+        deviations away
     origin : whether the value is unmeasured, varies in manufacture, or has a tolerance in the design
     source : source of the range
     """
@@ -55,7 +55,7 @@ class Tolerance:
 
     @property
     def as_used_value(self) -> UsedValue:
-        """The tolerance in the form of a value with a band, so that a score can evaluate both ends."""
+        """The tolerance as a value with a band, so that a score can be computed for both ends."""
         quantity = Quantity(
             value=self.value,
             unit=self.unit,
@@ -72,7 +72,7 @@ def build_tolerances(design: SensorDesign) -> tuple[Tolerance, ...]:
 
     Raises
     ------
-    DesignError : a path in the design's table `tolerances` is not that of a number.
+    DesignError : a path in the design's table `tolerances` does not lead to a number.
     """
     found = {one.path: one for one in (*_open_values(design), *_made_values(design))}
     for path, half_width in design.tolerances.items():
@@ -83,7 +83,7 @@ def build_tolerances(design: SensorDesign) -> tuple[Tolerance, ...]:
 
 
 def tolerance_findings(design: SensorDesign) -> Iterator[Finding]:
-    """Errors about paths in the design's table `tolerances` that are not those of a number."""
+    """Errors about paths in the design's table `tolerances` that do not lead to a number."""
     for path, half_width in design.tolerances.items():
         try:
             _value_at(design, path)
