@@ -182,7 +182,7 @@ def bound_mm(
 ) -> dict[float, tuple[float, float]]:
     """Cramér-Rao bounds by depth: standard deviations of location and of depth [mm].
 
-    The depths are those of the error tables that the design reaches.
+    The depths are those of the error tables, down to the design's deepest press.
     """
     chain = chain_of(design, curves.readout)
     noise = replace(

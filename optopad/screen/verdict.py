@@ -348,7 +348,7 @@ def _band_line(score: ContinuityScore) -> str:
 
 
 def bound_lines(bounds: PadBounds, *, is_facing: bool) -> list[str]:
-    """Lines with median Cramér-Rao bounds, resolved and unresolved volume, detection threshold, main component.
+    """Lines with median Cramér-Rao bounds, resolved and unresolved volume, detection threshold, most important part.
 
     For facing rows, which are pressed at known locations, only the bound of the depth is reported.
     """
