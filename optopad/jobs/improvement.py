@@ -111,7 +111,7 @@ def improve(
 
     Parameters
     ----------
-    text : text of the design file, whose comments the alternatives keep; None writes files without comments
+    text : text of the design file, whose comments the alternatives keep; if None, their files have no comments
     vary : additional fields to vary, each with its range or None for the default range
     keep : fields to leave unchanged
     more_parts : whether the search may add parts to a side

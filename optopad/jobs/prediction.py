@@ -132,8 +132,8 @@ def predict(
 
     Parameters
     ----------
-    learners : names of the learners; empty takes the default of the effort
-    protocol : name of a packaged protocol, or a file; None takes the default of the effort
+    learners : names of the learners; if empty, the default of the effort
+    protocol : name of a packaged protocol, or a file; if None, the default of the effort
     draws : number of random draws of noise, drift and offsets, each with its own training; the tables pool them
     seed : seed of the light model and of the first random draw
 

@@ -37,7 +37,7 @@ class RayRequest:
     Attributes
     ----------
     emitter, receiver : number of the part, from 0, or None for all parts
-    presses : x, y, depth of each press [mm]; empty chooses the most informative presses
+    presses : x, y, depth of each press [mm]; if empty, the most informative presses are chosen
     count : number of paths drawn for the strongest kind of light; weaker kinds get at most this number
     """
 

@@ -29,7 +29,7 @@ class Checked:
     Attributes
     ----------
     design : the design that was checked
-    findings : severity, field, value, limit, message and fix of each
+    findings : the findings, each with severity, field, value, limit, message and fix
     """
 
     design: SensorDesign

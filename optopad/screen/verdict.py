@@ -62,7 +62,7 @@ def verdict_screen(
     Parameters
     ----------
     closing : last lines, such as the paths of the files
-    command : the design and its changes as typed on the command line; empty omits the next command
+    command : the design and its changes as typed on the command line; if empty, the next command is not shown
     is_built : whether the bundle already contains mold and report
     learner : sentence on a learner's predicted errors from `learner_line`, shown if there is room
     """

@@ -259,7 +259,7 @@ def link_json(sensor: Sensor) -> dict[str, Any]:
 
 
 def link_line(sensor: Sensor) -> str:
-    """Rate and losses in one line."""
+    """One line with the frame rate, and the numbers of received, lost and damaged frames."""
     counts, rate = sensor.counts, sensor.rate_hz
     told = "-" if rate is None else f"{rate:.1f}"
     text = f"{counts.frames} frames, {told} Hz, {counts.lost} lost, {counts.damaged} damaged"

@@ -237,7 +237,7 @@ def map_svg(cavity: CavityGeometry, shown: Quantity | None, press: Press, bad: S
 
     Parameters
     ----------
-    shown : quantity to show; None draws no quantity
+    shown : quantity to show; None for none
     bad : names of components to mark
     """
     edge = 26.0

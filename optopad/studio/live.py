@@ -217,8 +217,8 @@ class LiveSensor:
     Parameters
     ----------
     design : design of the sensor
-    port : name of the port; None finds the board by its USB identity, "fake" starts a simulated board
-    model : file of a trained model of this design; None shows no touch
+    port : name of the port; if None, the board is found by its USB identity; if "fake", a simulated board is started
+    model : file of a trained model of this design; if None, no touch is estimated
     bundles : folder of the bundles; the design's bundle provides the expected pattern if it exists
     seed : seed of the simulated board
     accept_digest : first 8 or more digits of the digest of another design that is also accepted

@@ -191,7 +191,7 @@ class Session:
     ) -> None:
         """Move the press; it is limited to the workspace and the usable depth range.
 
-        None leaves a coordinate unchanged.
+        A coordinate that is None stays unchanged.
         """
         with self._lock:
             now = self.press

@@ -87,7 +87,7 @@ class Workshop:
         self._thread.start()
 
     def want(self, request: Request | None) -> None:
-        """Replace the present request; None stops the work."""
+        """Replace the present request; if it is None, all work stops."""
         with self._changed:
             self._request = request
             self._changed.notify()

@@ -204,7 +204,7 @@ def place_brief(
 
 
 def _counts(light: LightSignals, pairs: tuple[Pair, ...], readout: Readout, *, first: int = 0) -> FloatArray:
-    """(state, pair) readings of the presses (states) from the index `first` on [counts]; not clipped."""
+    """(state, pair) readings under the presses (states), starting at index `first` [counts]; not clipped."""
     emitters, receivers = np.array(pairs).T
     return np.asarray(light.flux[first:, emitters, receivers] * readout.of_pairs(pairs))
 
@@ -315,7 +315,7 @@ def verdict_judge(
     *,
     seed: int,
 ) -> tuple[str, BuildJudge]:
-    """A judge by all facing pairs if the design has facing rows; otherwise at the pad's location of least margin."""
+    """A judge of a design's units: by all facing pairs for facing rows, otherwise at the location of least margin."""
     if pad_map is None or light is None or is_facing_rows(cavity_of(design)):
         return facing_judge(seed=seed)
     return place_judge(design, pad_map, light, readout, seed=seed)
@@ -332,7 +332,7 @@ def _answering_pairs(
 
 
 class Memo(Protocol):
-    """Store of short verdicts by name, so that an interrupted study continues where it stopped."""
+    """Store of short verdicts by name, from which an interrupted study continues where it stopped."""
 
     def get(self, name: str) -> Any | None:
         """The JSON data stored under a name; None if there are none."""

@@ -85,7 +85,7 @@ READ_NOISE_COUNTS: Final = 0.5
 """Standard deviation of one reading in the dark, without rounding [counts]; [F], assumed."""
 
 RELATIVE_NOISE: Final = 0.003
-"""Standard deviation of the light over its mean [-]; [F], assumed."""
+"""Standard deviation of the light, divided by its mean [-]; [F], assumed."""
 
 DEADBAND_THRESHOLD: Final = 3.0
 """A signal that varies by less than this many noise units is flat [-]; [F]."""
@@ -136,7 +136,7 @@ def require_depths_mm(depth_mm: ArrayLike) -> FloatArray:
 
 
 def require_samples(name: str, values: ArrayLike, depth_mm: FloatArray, *, axes: int = 1) -> FloatArray:
-    """Check that there is one finite sample, or array row, per depth; an error is raised otherwise.
+    """Check that there is one finite sample per depth, along the first axis; an error is raised otherwise.
 
     Parameters
     ----------
@@ -264,7 +264,7 @@ def sigma_counts(
     ----------
     counts : (...) mean reading [counts]
     read_noise_counts : standard deviation in the dark, without rounding [counts]
-    relative_noise : standard deviation of the light over its mean [-]
+    relative_noise : standard deviation of the light, divided by its mean [-]
 
     Returns
     -------
@@ -283,7 +283,7 @@ def noise_units(
     ----------
     counts : (...) mean reading [counts]
     read_noise_counts : standard deviation in the dark, without rounding [counts]
-    relative_noise : standard deviation of the light over its mean [-]; zero gives u = c / σ0
+    relative_noise : standard deviation of the light, divided by its mean [-]; zero gives u = c / σ0
 
     Returns
     -------
@@ -304,7 +304,7 @@ def counts_of_noise_units(
     ----------
     units : (...) reading [noise units]
     read_noise_counts : standard deviation in the dark, without rounding [counts]
-    relative_noise : standard deviation of the light over its mean [-]; zero gives c = σ0 u
+    relative_noise : standard deviation of the light, divided by its mean [-]; zero gives c = σ0 u
 
     Returns
     -------
@@ -442,8 +442,8 @@ def flat_intervals_mm(
 
     Notes
     -----
-    An interval of at least the window's length with a range below the threshold is a union of such windows,
-    and every such window is such an interval, so the result is the union of the longest such intervals.
+    The result is also the union of all intervals, of the window's length or longer, over which every range is below
+    the threshold, because each of these intervals is composed of such windows.
     """
     if depth_mm[-1] - depth_mm[0] < length_mm:
         return ()
@@ -562,7 +562,10 @@ def _inner_extremes(
 def _shares_below(
     at_first: FloatArray, at_last: FloatArray, threshold: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Start and end, from 0 to 1 of each cell, of the part where all lines of all pairs are below a threshold."""
+    """Part of each cell where all lines of all pairs are below a threshold.
+
+    The result is its start and its end, as shares of the cell from 0 to 1.
+    """
     rise = at_last - at_first
     crossing = (threshold - at_first) / np.where(rise == 0.0, np.inf, rise)
     first_below, last_below = at_first < threshold, at_last < threshold

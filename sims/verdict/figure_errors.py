@@ -126,7 +126,7 @@ def _moved_mm(curves: PairCurves, light: FloatArray, boundary_mm: float | None) 
 
 
 FIGURES = ("continuity", "evenness", "swing", "resolvable_steps")
-"""Names of the figures; all are numbers [-]."""
+"""Names of the figures, which are all dimensionless."""
 
 DRAWS = 16
 """Number of draws for each pair; with these, an error is known to about a sixth of its value."""

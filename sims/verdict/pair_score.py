@@ -79,9 +79,9 @@ class Modes:
 
     Attributes
     ----------
-    mode1_mm : start and end of mode 1 [mm]; (0, 0) when the top-reflected light never changes
+    mode1_mm : start and end of mode 1 [mm]; (0, 0) if the top-reflected light never changes
     mode2_mm : onset and end of mode 2 [mm]; each is None if not reached within the given depths
-    gap_mm : onset of mode 2 minus end of mode 1 [mm]; None when mode 2 never starts
+    gap_mm : onset of mode 2 minus end of mode 1 [mm]; None if mode 2 never starts
     gap_at_least_mm : lower bound of the gap if mode 2 never starts [mm]; otherwise None
     """
 
@@ -254,7 +254,7 @@ def saturation_interval_mm(
 
     Returns
     -------
-    (from, to) [mm]; None when the signal still changes at the deepest press
+    (from, to) [mm]; None if the signal still changes at the deepest press
     """
     depth = require_depths_mm(depth_mm)
     readings = require_samples("counts", counts, depth)
@@ -423,8 +423,8 @@ def score_pair(
     ----------
     depth_mm : (n,) increasing depths of the press [mm]; the first is 0, the last is the deepest press
     direct : (n,) direct light, as a share of the emitted power [-]
-    top : (n,) light specularly reflected by the top, including the flank of the dimple, as such a share [-]
-    total : (n,) all light that the receiver gets, as such a share [-]
+    top : (n,) light reflected specularly by the top and the flank of the dimple, as a share of the emitted power [-]
+    total : (n,) all light that the receiver gets, as a share of the emitted power [-]
     gain_counts_per_flux : reading if `total` were 1 [counts]; the same for all pairs that are compared
     full_scale_counts : largest reading of the converter [counts]
     standard_error : (n,) standard error of `total` from the light model [-]; None if unknown

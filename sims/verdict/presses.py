@@ -137,7 +137,7 @@ def pad_light(
     seed: int,
     on_step: OnShare | None = None,
 ) -> LightSignals:
-    """Light of all pairs at every location and depth: all depths of the first location, then the next.
+    """Light of all pairs at every location and depth, in the order of `states_of`.
 
     Parameters
     ----------
@@ -207,7 +207,7 @@ def _as_share(on_step: OnShare | None) -> Callable[[int, int], None] | None:
 
 
 def states_of(places_mm: FloatArray, depth_mm: FloatArray) -> FloatArray:
-    """(place x depth, 3) presses as (x, y, depth): all depths of the first location, then the next [mm]."""
+    """(place x depth, 3) presses as (x, y, depth) [mm]: all depths at the first location, then at the next."""
     return np.array([[x, y, depth] for x, y in places_mm for depth in depth_mm])
 
 

@@ -35,8 +35,8 @@ class Effect:
     usable_mm, deadband_mm : usable depth and summed deadband of the judged pair or location [mm]
     margin : distance between frames over the least resolved 0.3 mm of depth [noise units]; a margin below 3 means a
         deadband
-    location_mm, depth_mm : smallest possible errors of location and depth [mm]; None if not resolved, as the location
-        with facing rows
+    location_mm, depth_mm : smallest possible errors of location and depth [mm]; None if not resolved; facing rows have
+        no location
     """
 
     usable_mm: float
@@ -158,7 +158,7 @@ class ToleranceRow:
     deadband_mm : summed deadband at both ends [mm]
     margin : signal change over the least responsive 0.3 mm of depth at both ends [noise units]; a margin below 3 means
         a deadband
-    flips : whether the verdict at either end differs from that of the design
+    flips : whether the verdict at either end differs from the design's
     """
 
     path: str

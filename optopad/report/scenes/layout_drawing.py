@@ -36,7 +36,7 @@ DIMENSION_GAPS = (0.48, 0.80), (0.55, 0.84)
 """Distances of the dimension lines from the mold, as shares of the free space: (cavity, outside) along x, then y."""
 CROWN_POINTS = 81
 ROUND_GAP = 2.8
-"""Factor by which a part's name is farther from the part on a round wall than on a straight wall; it is centred there.
+"""Factor by which a part's name is farther from the part on a round wall, where it is centred, than on a straight one.
 """
 LEVEL = 0.2
 """Sine of the angle below which a direction counts as horizontal or vertical when a label is aligned next to it."""

@@ -281,7 +281,7 @@ class Scene:
                 self._later("tip", lambda: self._session.move_tip(x_mm=x, y_mm=y))
 
     def draw_rays(self, rays: Rays | None, *, is_dark: bool) -> None:
-        """Draw sample paths of light, one colour per kind; None removes them."""
+        """Draw sample paths of light, one colour per kind; if `rays` is None, remove them."""
         for kind in (*KINDS, LOST):
             name = f"/rays/{kind.key}"
             mine = [one.places_mm for one in rays.rays if one.kind == kind.key] if rays is not None else []
