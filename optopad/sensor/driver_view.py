@@ -59,7 +59,7 @@ def driver_source(where: str, changes: list[str] | None, out: Path) -> DriverSou
 
     Raises
     ------
-    InputError, DesignError : no such file or preset, a damaged one, or `--set` for something other than a design.
+    InputError, DesignError : the file or preset does not exist or is damaged, or `--set` is given without a design.
     """
     path = Path(where)
     file = path / "fabrication" / "driver.toml" if path.is_dir() else path
@@ -186,7 +186,7 @@ def fitting_model(file: Path, config: DriverConfig) -> TouchModel:
 
     Raises
     ------
-    InputError : no model, or a model of another design; the message names the file.
+    InputError : the file is not a model, or is a model of another design; the message names the file.
     """
     from fabrication.driver.descriptor import descriptor_of
     from fabrication.driver.touch_reader import require_fits

@@ -69,7 +69,7 @@ FORMED_ACCURACY = replace(ACCURACY, image_step=0.7, rings=16, columns=40)
 """Light settings of units for discs and crowned pads. On three presets the margins of four seeds scatter by 3 to 5 %,
 twice as much as with `ACCURACY`, at half the cost."""
 NEARLY_DEAD = 1.5 * DEADBAND_THRESHOLD
-"""Distance of a unit's frames below which their depths are traced again, to remove the numerical error
+"""Depths whose frames are closer to each other than this are traced again, to remove the numerical error
 [noise units]."""
 RESPONSE_WINDOW_MM = 0.5
 """Length of each part of the depth for which the most responsive pairs are selected [mm]."""
@@ -88,7 +88,7 @@ class Brief:
     margin : change of the signal, or distance of a pad's frames, over the least resolved 0.3 mm of depth [noise units];
         a value below 3 means a deadband
     usable_mm : largest depth that is resolved, at most the deepest press [mm]; None if not computed
-    in_doubt : whether the numerical error of the light model leaves open if there is a deadband
+    in_doubt : whether it is undecided, because of the light model's numerical error, if there is a deadband
     """
 
     gap_mm: float | None
@@ -235,7 +235,7 @@ def responsive_pairs(
 def _pressed(
     design: SensorDesign, place_mm: tuple[float, float], pairs: tuple[Pair, ...], seed: int
 ) -> tuple[FloatArray, LightSignals, Readout]:
-    """Depths, light and gain for one press location; the light is that of the untouched pad, then of each depth."""
+    """Depths, light and gain for one press location; the light is of the untouched pad first, then of each depth."""
     cavity = cavity_of(design)
     depth_mm = depth_schedule_mm(design.operating.max_depth_mm, COARSE_STEP_MM)
     light = _light(design, place_mm, depth_mm, pairs, seed, is_after_untouched=True)
@@ -424,7 +424,7 @@ class BuildStudy:
         return tuple(sorted(range(len(strength)), key=lambda number: -strength[number]))
 
     def to_json(self) -> dict[str, Any]:
-        """Plain data for JSON."""
+        """The study as plain data for JSON."""
         low, high = self.kept_interval
         correlations = self.rank_correlations()
         return {

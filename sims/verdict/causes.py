@@ -94,7 +94,7 @@ class Rise:
         )
 
     def to_json(self) -> dict[str, Any]:
-        """Plain data for JSON."""
+        """The rise as plain data for JSON."""
         return {
             "pair": self.pair,
             "share": round(self.share, 4),
@@ -148,7 +148,7 @@ Lack = Literal["clipped", "dim", "cancel", "apart", "used up", "slight", "none n
 Kind = Literal["deadband", "fade"]
 
 WHOLE, GONE = 0.9, 0.1
-"""Shares of a pair's untouched direct light from which on it counts as complete, and up to which as gone [-]."""
+"""A pair's direct light is complete at or above the first share of its untouched value, gone at or below the second."""
 ANSWERS_TWICE = 2.0 * DEADBAND_THRESHOLD
 """A pair whose untouched reading is below this cannot resolve three depths [noise units]."""
 MOST_WITNESSES = 12
@@ -163,7 +163,7 @@ class Witness:
     ----------
     pair : name of the pair, such as E1-R3
     lack : reason why it does not respond over the interval, one of the module's list
-    mirrored, straight : its mirrored and its direct light at the start of the interval, as shares of the untouched [-]
+    mirrored, straight : its mirrored and direct light at the interval's start, as shares of the untouched light [-]
     untouched_counts, change : reading of the untouched pad [counts], change over the interval [noise units]
     mode1_end_mm, mode2_onset_mm, mode2_end_mm : depths at which mode 1 ends, and mode 2 starts and ends, at this
         location [mm]; None where no press is deep enough
@@ -211,7 +211,7 @@ class Cause:
         return order[(len(order) - 1) // 2] if order else None
 
     def to_json(self) -> dict[str, Any]:
-        """Plain data for JSON."""
+        """The cause as plain data for JSON."""
         return {
             "kind": self.kind,
             "place_mm": [round(value, 4) for value in self.place_mm],

@@ -67,7 +67,7 @@ class BoundaryForces:
     is_at_place: bool
 
     def to_json(self) -> dict[str, object]:
-        """Plain data for JSON."""
+        """The loads as plain data for JSON."""
         loads = {name: getattr(self, name) for name in BOUNDARIES}
         return {
             name: None if load is None else [round(end, 4) for end in load] for name, load in loads.items()

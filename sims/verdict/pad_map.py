@@ -316,7 +316,7 @@ class PadMap:
 
     @property
     def cells(self) -> tuple[tuple[int, int], ...]:
-        """(row, column) of each location in the grid; rows are y, columns are x."""
+        """(row, column) of each location in the grid; the row is the index in y, the column the index in x."""
         return tuple(
             (_nearest(self.y_mm, place.y_mm), _nearest(self.x_mm, place.x_mm)) for place in self.places
         )

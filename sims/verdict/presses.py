@@ -73,7 +73,7 @@ class PairCurves:
     press_mm : (x, y) of the press [mm]
     depth_mm : (n,) depths [mm]
     direct, top, diffuse, total : (n,) light on the direct path, mirrored by the top, scattered, and in total [-]
-    standard_error : (n,) standard error of `total` untouched, and of its change from untouched under a press [-]
+    standard_error : (n,) standard error of `total` at depth 0; at other depths, of its change from depth 0 [-]
     """
 
     pair: Pair
@@ -178,7 +178,7 @@ def map_light(
 
 
 def _part_of(on_step: OnShare | None, part: int) -> OnShare | None:
-    """Progress function for part 0 or 1 of a map: it turns the share of the part into that of the whole map."""
+    """Progress function for part 0 or 1 of a map; it reports the finished share of the whole map."""
     start, end = ((0.0, NEAR_SHARE), (NEAR_SHARE, 1.0))[part]
     return None if on_step is None else lambda share: on_step(start + (end - start) * share)
 

@@ -58,7 +58,10 @@ class Effect:
         return gain + self._finer_than(other) if before == AMPLE_MARGIN else gain
 
     def _finer_than(self, other: Effect) -> float:
-        """Logarithm of the other design's bound over this one's; 1 if only this one has one, -1 if only the other."""
+        """Logarithm of the factor by which this design's accuracy bound is smaller than another's.
+
+        It is 1 if only this design has a bound, and -1 if only the other has one.
+        """
         has_place = self.location_mm is not None or other.location_mm is not None
         now, was = (self.location_mm, other.location_mm) if has_place else (self.depth_mm, other.depth_mm)
         if now is None or was is None:
@@ -66,7 +69,7 @@ class Effect:
         return math.log(was / now)
 
     def to_json(self) -> dict[str, Any]:
-        """Plain data for JSON."""
+        """The effect as plain data for JSON."""
         return {
             "usable_depth_mm": round(self.usable_mm, 4),
             "deadband_mm": round(self.deadband_mm, 4),
@@ -129,7 +132,7 @@ class FieldSteps:
         return {path: side for _, path, side in sorted(found)}
 
     def to_json(self) -> dict[str, Any]:
-        """Plain data for JSON."""
+        """The study as plain data for JSON."""
         return {
             "judged": self.judged,
             "bounds_at_mm": [round(value, 4) for value in self.bounds_at_mm],
@@ -211,7 +214,7 @@ class ToleranceBand:
         return tuple(row.path for row in self.rows if row.flips)
 
     def to_json(self) -> dict[str, Any]:
-        """Plain data for JSON."""
+        """The effects as plain data for JSON."""
         return {
             "judged": self.judged,
             "deadband_mm": round(self.deadband_mm, 4),

@@ -78,7 +78,7 @@ class Trial:
     more_parts_tried: bool
 
     def to_json(self) -> dict[str, Any]:
-        """Plain data for JSON."""
+        """The trial as plain data for JSON."""
         return {
             "kind": self.kind,
             "found": self.found,
