@@ -187,7 +187,7 @@ class Workshop:
     def _pieces(
         self, request: Request
     ) -> list[tuple[str, tuple[object, ...], Callable[[Request], Answer | None]]]:
-        """Pieces of work for a request, in order: name, function, and a key that changes if the result is outdated."""
+        """Pieces of work for a request, in order, as (name, key, function); a result with an old key is outdated."""
         press = request.press
         pieces: list[tuple[str, tuple[object, ...], Callable[[Request], Answer | None]]] = [
             ("curves", ("curves", press.place_mm), self._curves),

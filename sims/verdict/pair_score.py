@@ -18,7 +18,7 @@ numbers, with T the light specularly reflected by the top and D the direct light
 A boundary is where the monotone cubic through the samples (Fritsch and Butland 1984) crosses one of these levels. The
 cubic never overshoots, is exact for straight lines, and has a third-order error in the step on smooth curves. It rounds
 off a kink by up to a seventh of the step. "Stays" is judged up to the deepest press only. Whether the
-change of T or D exceeds the noise does not matter for the modes, but for the deadbands.
+change of T or D exceeds the noise matters only for the deadbands, not for the modes.
 
 Deadbands
 ---------

@@ -227,7 +227,7 @@ def _rounded(share: float | None) -> float | None:
 
 
 def _rays(state: RayState, keys: list[str], pairs: tuple[Pair, ...]) -> list[list[Any]]:
-    """Kind number, pair number and points of each light path; lost light belongs to the pair that it left."""
+    """Kind number, pair number and points of each light path; lost light has the pair that it reached untouched."""
     numbers = {pair: number for number, pair in enumerate(pairs)}
     arriving = [
         _ray(path, keys.index(kind_of(path.fate).key), numbers[path.emitter, path.receiver])
