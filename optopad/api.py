@@ -87,7 +87,7 @@ def score(
     Parameters
     ----------
     full : whether to compute the map at 11 locations along the longer side and in depth steps of 0.1 mm
-    fine : whether to compute the map of `full` with finer settings of the light model
+    fine : whether to compute the map as with `full`, and also with finer settings of the light model
     seed : seed of the random shifts of the light model
 
     Raises

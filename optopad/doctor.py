@@ -282,7 +282,7 @@ except Exception as err:
     print("{PROBE_MARK}" + kind, name, " ".join(str(err).split()), sep="\\t")
     sys.exit(3)
 """
-"""Program that tests imports in a separate process: on failure it prints kind of error, module and message."""
+"""Program that tests imports in a separate process; on failure it prints the kind of error, module and message."""
 
 MISSING_ON_LINUX = re.compile(r"(?P<file>(?P<stem>lib[\w.+-]+?)\.so[\d.]*): cannot open shared object file")
 MISSING_ON_MACOS = re.compile(r"Library not loaded: \S*?(?P<file>(?P<stem>lib[\w+-]+)(?:\.\d+)*\.dylib)")

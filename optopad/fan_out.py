@@ -20,7 +20,7 @@ CONNECT_TIMEOUT_S = 10
 
 @contextmanager
 def on_cluster(address: str) -> Iterator[FanOut]:
-    """Yield a function that scores designs on the workers of the scheduler at an address, as tcp://127.0.0.1:8786.
+    """Yield a function that scores designs on the workers of a scheduler, whose address may be tcp://127.0.0.1:8786.
 
     Raises
     ------

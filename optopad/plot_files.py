@@ -30,8 +30,7 @@ def write_plot(figure: Figure, stem: Path) -> tuple[Path, Path]:
 
 
 def write_bound_plots(design: SensorDesign, bounds: PadBounds, folder: Path) -> list[Path]:
-    """Plot the bounds of location and depth over depth, and the detection threshold; returns the paths of SVG and
-    PNG."""
+    """Plot the bounds of location and depth over depth, and the detection threshold; return both files' paths."""
     cavity = cavity_of(design)
     written: list[Path] = []
     with plain_style():

@@ -142,7 +142,7 @@ class FinishedWork:
     Parameters
     ----------
     out : folder of the bundles; created if missing
-    title : beginning of the store's file name, as ``piacenza2017-pair-0123abcd.sweep``
+    title : beginning of the store's file name, such as ``piacenza2017-pair-0123abcd.sweep``
     asked : request (digests, seed, settings) as plain data; the store is valid for equal requests only
     """
 

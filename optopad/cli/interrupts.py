@@ -9,11 +9,11 @@ Python reports Ctrl-C by the exception KeyboardInterrupt, which can be lost in t
   that explains a failure checks `has_arrived` first.
 
 A thread watches whether the main thread responds within `PATIENCE_S`. If the main thread waits for other threads at the
-end of a block, Ctrl-C is sent again, which ends the waiting. If the main thread is in compiled code of a computation,
-which Python cannot interrupt, the process removes the folders of unfinished work, ends the processes that it started,
-and ends at once.
+end of a `with` block, Ctrl-C is sent again, which ends the waiting. If the main thread is in compiled code of a
+computation, which Python cannot interrupt, the process removes the folders of unfinished work, ends the processes that
+it started, and ends at once.
 
-`kill` (SIGTERM) and a closed terminal (SIGHUP, unless ignored as by `nohup`) are handled in the same way. So no hidden
+`kill` (SIGTERM) and a closed terminal (SIGHUP, unless ignored as by `nohup`) are handled in the same way, so no hidden
 files or processes remain, and a stage does not leave its tip in the pad.
 """
 

@@ -23,7 +23,7 @@ def main(arguments: list[str] | None = None) -> int:
 
     Returns
     -------
-    the exit code; without `arguments` (as the installed command) the code is raised as SystemExit instead
+    the exit code; if `arguments` is omitted (as by the installed command), SystemExit is raised with the code instead
     """
     if arguments is not None:
         return _told(_run(arguments))

@@ -367,7 +367,7 @@ def _drop_output() -> None:
 
 @contextmanager
 def _until_interrupted() -> Iterator[None]:
-    """End the block without an error on Ctrl-C or a closed pipe, the regular end of reading and recording."""
+    """End the `with` block without an error on Ctrl-C or a closed pipe, the normal ends of reading and recording."""
     try:
         yield
     except KeyboardInterrupt:

@@ -89,7 +89,7 @@ def _given(value: object) -> object:
 def measures_of(
     designs: Sequence[SensorDesign], rows: Sequence[SweepRow], again: Sequence[SweepRow]
 ) -> tuple[Measure, ...]:
-    """Figures of all designs and their uncertainties, from the designs' scores with two seeds: `rows` and `again`."""
+    """Figures of all designs and their uncertainties, from scores with one seed (`rows`) and another (`again`)."""
     found = []
     for name, (unit, better, floor, figure) in _FIGURES.items():
         values = tuple(figure(row) for row in rows)

@@ -33,7 +33,7 @@ def evaluate(
     Parameters
     ----------
     models : model files; each must be of the same design as the data
-    design : design of the data, for workspace and published results; None takes the range of the presses as workspace
+    design : design of the data, for workspace and published results; if None, the range of the presses is the workspace
 
     Returns
     -------
@@ -81,7 +81,7 @@ def accuracies(
     Parameters
     ----------
     data : samples of the test sets
-    learner : name of the model in the tables; "" takes the model's kind as name
+    learner : name of the model in the tables; if "", the model's kind is its name
     """
     name, made = learner or model.header.kind, []
     numbers = np.unique(data.set_number)

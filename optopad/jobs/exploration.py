@@ -59,9 +59,9 @@ def search(
 
     Parameters
     ----------
-    trials : total number of designs to evaluate; None takes the number in the search space
-    storage : address of a database that several workers may share; None uses SQLite in the search's folder
-    scheduler : address of a Dask scheduler whose workers evaluate the designs; None evaluates them in this process
+    trials : total number of designs to evaluate; if None, the number in the search space
+    storage : address of a database that several workers may share; if None, SQLite in the search's folder is used
+    scheduler : address of a Dask scheduler whose workers evaluate the designs; if None, this process does
     first : points of the search space to evaluate before the sampler proposes points
     refine : function that proposes further points to evaluate after the sampler's points
     also_mm : (x, y) of locations to evaluate on each pad in addition to the map's [mm]; a continued search keeps its

@@ -8,8 +8,8 @@ outputs/improve-<name>-<digest8>/
   improve.json                 the design before and the alternatives, with their scores
 
 For each quantity to improve (kind), the best candidates are scored first. A candidate becomes an alternative if it has
-no deadband and is better than before, and if no unmeasured parameter changes its verdict. If all fail, other designs
-that may have no deadband are scored. If these fail too, the nearest design is reported.
+no deadband, is better than the original, and no unmeasured parameter changes its verdict. If all candidates fail, other
+designs that may have no deadband are scored. If these fail too, the best of the scored designs is reported.
 
 The error of quick light mostly has the same sign for similar designs. The median by which quick light overrates the
 margin in the scored designs is therefore subtracted for the others.
@@ -111,7 +111,7 @@ def improve(
 
     Parameters
     ----------
-    text : text of the design file, whose comments the alternatives keep; None writes files without comments
+    text : text of the design file, whose comments the alternatives keep; if None, their files have no comments
     vary : additional fields to vary, each with its range or None for the default range
     keep : fields to leave unchanged
     more_parts : whether the search may add parts to a side
@@ -270,7 +270,7 @@ class JudgedAgain:
         return self.scores[design.digest]
 
     def found_by_search(self, base: Judged, tried: Sequence[Tried]) -> tuple[Tried, ...]:
-        """Take over the search's figures of the original design, and return the search's designs.
+        """Store the search's figures of the original design, and return the search's designs.
 
         For a pad, the best designs get their bounds of location and depth.
         """
@@ -377,7 +377,7 @@ class JudgedAgain:
         return undecided
 
     def _next_of(self, candidates: Sequence[Tried], margin: float) -> Tried:
-        """The first candidate with the required margin, corrected for the search's typical error; else the best."""
+        """The first candidate with the required margin, corrected for the search's typical error; if none, the best."""
         safe = [one for one in candidates if margin_of(one.judged) - self.overrated >= margin]
         return safe[0] if safe else max(candidates, key=_worth)
 

@@ -102,7 +102,7 @@ def write_score(
     ----------
     full : whether to compute a finer map
     fine : whether to compute the finer map with finer settings of the light model
-    builds : number of units in a Monte Carlo over manufacturing tolerances; None runs none
+    builds : number of units in a Monte Carlo study over manufacturing tolerances; None for no study
     """
     require_valid(design)
     with _study(design, out, builds, seed) as study, bundle(design, out, seed=seed) as folder:
@@ -134,7 +134,7 @@ def write_signals(
 ) -> tuple[dict[str, Any], Path]:
     """Write the signals of presses into the bundle; returns a summary and the bundle's folder.
 
-    `oracle_rays` is the number of the ray tracer's rays per emitter and press; None omits the ray tracer.
+    `oracle_rays` is the number of the ray tracer's rays per emitter and press; if None, the ray tracer is not used.
     """
     from optopad.jobs.signals import simulated
 

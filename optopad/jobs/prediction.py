@@ -132,8 +132,8 @@ def predict(
 
     Parameters
     ----------
-    learners : names of the learners; empty takes the default of the effort
-    protocol : name of a packaged protocol, or a file; None takes the default of the effort
+    learners : names of the learners; if empty, the default of the effort
+    protocol : name of a packaged protocol, or a file; if None, the default of the effort
     draws : number of random draws of noise, drift and offsets, each with its own training; the tables pool them
     seed : seed of the light model and of the first random draw
 
@@ -182,7 +182,7 @@ def bound_mm(
 ) -> dict[float, tuple[float, float]]:
     """Cramér-Rao bounds by depth: standard deviations of location and of depth [mm].
 
-    The depths are those of the error tables that the design reaches.
+    The depths are those of the error tables, down to the design's deepest press.
     """
     chain = chain_of(design, curves.readout)
     noise = replace(

@@ -37,7 +37,7 @@ class RayRequest:
     Attributes
     ----------
     emitter, receiver : number of the part, from 0, or None for all parts
-    presses : x, y, depth of each press [mm]; empty chooses the most informative presses
+    presses : x, y, depth of each press [mm]; if empty, the most informative presses are chosen
     count : number of paths drawn for the strongest kind of light; weaker kinds get at most this number
     """
 
@@ -166,7 +166,7 @@ def _middle(cavity: CavityGeometry) -> tuple[float, float]:
 def _telling_presses(design: SensorDesign, pair: Pair | None, score: Path) -> tuple[tuple[Press, ...], str]:
     """The most informative presses, and why they were chosen.
 
-    They have the depths of both ends of a deadband in the verdict, or without a deadband three default depths.
+    Their depths are both ends of the longest deadband there; if there is none, three default depths.
     """
     cavity = cavity_of(design)
     place, spans = _judged(cavity, pair, _read_score(score))
@@ -190,7 +190,8 @@ def _judged(
 ) -> tuple[tuple[float, float], list[tuple[float, float]]]:
     """Location to press [mm], and the depth intervals of the deadbands there according to the verdict.
 
-    The location is the middle between the pair's parts, or the pad's location of least margin.
+    The location is the middle of the pair's chord or, if `pair` is None, the pad's location of least margin. Without a
+    verdict it is the middle of the workspace.
     """
     try:
         if pair is not None:

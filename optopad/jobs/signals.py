@@ -39,7 +39,7 @@ def simulated(
     Parameters
     ----------
     presses : rows of x, y, depth [mm]; empty for default depths at the workspace's centre
-    oracle_rays : number of the ray tracer's rays per emitter and press; None omits it
+    oracle_rays : number of the ray tracer's rays per emitter and press; if None, the ray tracer is not used
     """
     cavity = cavity_of(design)
     states = np.array(presses) if presses else _default_presses(design, cavity, oracle_rays is not None)

@@ -1,4 +1,4 @@
-"""The page on accuracy, one file: errors of touch, location and depth by model, the bound and published figures."""
+"""The page on accuracy, in one file: errors of touch, location and depth by model, bounds, and published figures."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def accuracy_page(found: Accuracy, drawings: Mapping[str, Drawing]) -> str:
 
     Parameters
     ----------
-    drawings : SVG text by name: touch, errors, arrows-<learner>, depths-<learner>
+    drawings : SVG text by name; the names are touch, errors, arrows-<learner>, depths-<learner>
     """
     sections = [
         _touch_section(found, drawings),

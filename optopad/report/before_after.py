@@ -1,6 +1,6 @@
-"""The section of an improvement's page that compares the design before with its alternatives.
+"""The section of an improvement's page that compares the original design with its alternatives.
 
-A comparison as one self-contained page.
+The module also makes the page of a comparison (`optopad compare`), one self-contained file.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ LEGEND = (
 
 
 def compare_html(found: Comparison, figure_svg: str) -> str:
-    """The comparison as a page with the figure `figure_svg`."""
+    """The comparison as an HTML page that contains the figure `figure_svg`."""
     head = "".join(
         f"<th>{escape(label)}<br><small>{digest[:8]}</small></th>" for label, digest in _heads(found)
     )
@@ -82,11 +82,11 @@ SHOWN = (
     "part_count",
     "pad_height_mm",
 )
-"""Figures of the search that are compared, if one of the designs has them."""
+"""Figures from the search that are compared; a figure that no design has is left out."""
 
 
 def before_and_after(made: Improvement) -> Html:
-    """The section that compares a design with its alternatives; empty without alternatives."""
+    """The section that compares a design with its alternatives; empty if there are none."""
     if not made.alternatives:
         return Html("")
     labels = ["before", *(f"{number}: {one.kind}" for number, one in enumerate(made.alternatives, 1))]
@@ -150,7 +150,7 @@ def _figure_rows(figures: list[Figures]) -> list[list[str]]:
 
 
 def _same_pair(made: Improvement, score: ContinuityScore) -> JudgedPair:
-    """The governing pair of the design before the change; if the layout lacks it, the present governing pair."""
+    """The original design's governing pair in another design's score; if it is missing there, that score's own."""
     named = {pair.name: pair for pair in score.pairs}
     return named.get(made.before.found.governing or "") or named[score.governing or ""]
 

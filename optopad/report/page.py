@@ -1,9 +1,9 @@
 """Write a bundle's report: one self-contained page, and its plots as files.
 
 The page needs no network and no other file; its links lead to the files of the bundle in the same folder. Its one
-script rotates the view, selects pairs, steps through the maps and sets light or dark; without it, and in print, the
-page shows the same content as drawings and tables.
-Equal designs, scores, checks and files give equal bytes.
+script rotates the 3D view, selects pairs, steps through the maps, and switches between light and dark colours. If the
+script does not run, and in print, the page shows the same content as drawings and tables.
+Equal designs, scores, checks and files give the same page, byte for byte.
 """
 
 from __future__ import annotations
@@ -70,10 +70,11 @@ class Found:
     Attributes
     ----------
     checks : the mold's checks, as in ``cad/checks.json``
-    drawings, pictures, sheets, files : plots by name; the bundle's pictures, sheets and names of files
-    mold : data for the view; None if the bundle has no mold
-    light : data for the view; a text that says why there is none; or None without a verdict
-    maps : by depth; None without a map
+    drawings : plots by name
+    pictures, sheets, files : the bundle's pictures, its sheets, and the names of its files
+    mold : the mold for the 3D view; None if the bundle has no mold
+    light : the light paths for the 3D view, or a text that says why there are none; None if there is no verdict
+    maps : maps of the pad by depth; None if the score has no map
     """
 
     checks: dict[str, Any]
@@ -101,7 +102,7 @@ def write_report(
     ----------
     folder : the bundle, with the files that the page shows and links to
     checks : the mold's checks, as in ``cad/checks.json``
-    early : drawings of this score that exist already; None makes them now
+    early : drawings of this score if they exist already; if None, they are made now
     """
     early = early or early_drawings(design, score, seed=seed)
     drawings = early.drawings | tolerance_drawings(score)
@@ -132,11 +133,11 @@ def _write_drawings(sims: Path, drawings: dict[str, Drawing]) -> None:
 def report_html(
     design: SensorDesign, score: ContinuityScore, found: Found, made_with: dict[str, str], *, seed: int
 ) -> str:
-    """The page as text.
+    """The report page as HTML text.
 
     Parameters
     ----------
-    made_with : versions by name
+    made_with : version of each program or library, by name
     """
     sections = {
         **_light_sections(design, score, found),

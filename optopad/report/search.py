@@ -1,4 +1,4 @@
-"""The page of a search, one self-contained file: results, requirements, and the effect of each field."""
+"""The page of a search, in one self-contained file: results, requirements, and the effect of each field."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ LOCATIONS = {
 
 
 def search_page(search: Search, improvement: Improvement | None = None) -> str:
-    """The page of a search as HTML text; a search around one design begins with its result."""
+    """The page of a search as HTML text; if `improvement` is given, the page begins with that result."""
     found = search.findings
     first = Html("") if improvement is None else before_and_after(improvement)
     sections = [
@@ -80,7 +80,7 @@ def _base_digest(search: Search) -> str:
 
 
 def _gains(search: Search) -> list[str]:
-    """The best design of each objective compared with the base."""
+    """Text with the best value of each objective, compared with the base design's."""
     found, parts = search.findings, []
     for objective in found.space.objectives:
         values = [float(one.judged.figures[objective.figure] or 0.0) for one in found.front]
@@ -141,7 +141,7 @@ def _front_section(search: Search) -> Html:
 
 
 def _light(search: Search) -> str:
-    """The kind of light that judged the rows, and verdicts that it leaves undecided."""
+    """Text on the light model's setting for the designs in the table, and when it leaves a verdict undecided."""
     accuracy = search.findings.space.accuracy
     if accuracy == "score":
         return "The rows were judged by the light of optopad score, each location traced once."
@@ -206,7 +206,7 @@ def _stopped_section(search: Search) -> Html:
 
 
 def _kind(reason: str) -> str:
-    """The reason of a refusal without the numbers of the single design."""
+    """The reason why a design was stopped early, without the numbers of that design."""
     if ", required " in reason:
         return f"misses {reason.partition(', required ')[2]}"
     return reason.partition("(")[0].strip() or reason
@@ -271,10 +271,10 @@ def _value(value: object, is_choice: bool) -> str:
 
 
 def _breakable(path: str) -> str:
-    """A dotted path that a narrow column may break after its dots and underscores."""
+    """A dotted path that may be broken after its dots and underscores, to fit a narrow column."""
     return path.replace(".", ".\u200b").replace("_", "_\u200b")
 
 
 def _svg(text: str) -> Html:
-    """A drawing as part of the page: from its first tag on."""
+    """A drawing as part of the page, without the text before its ``<svg`` tag."""
     return Html(text[text.index("<svg") :])

@@ -1,19 +1,15 @@
-"""Parts of all pages: their files, their script, safe HTML, and the verdict in words.
+"""What all pages have in common: asset files, the script, safe HTML, Markdown as HTML, and the verdict in words.
 
-The policy of a page allows that script and no other. Every part of it looks for its own elements and does nothing
-without them. Its data are stored in the page as JSON, which a browser reads and does not run; a closing tag inside
-is escaped.
+Script: the security policy of a page allows this script and no other. Each part of the script looks for its own
+elements and does nothing if they are missing. Its data are stored in the page as JSON, which a browser does not
+execute; closing tags in the data are escaped.
 
-Safe HTML: text becomes markup in one function only, which escapes it.
+Safe HTML: `element` escapes every child that is not `Html` already, so the content of a design file remains text.
 
-`element` escapes every child that is not `Html` already, so the content of a design file remains text.
+Markdown of the build sheet: headings, paragraphs, lists, tables, fenced code and inline code become HTML. Only what
+`fabrication.sheets.casting` writes is covered. Markdown's escapes are removed before the text is escaped for HTML.
 
-The build sheet's Markdown as HTML: headings, paragraphs, lists, tables, fenced code, inline code.
-
-Only the Markdown of `fabrication.sheets.casting` is covered. Its own escapes are removed before text is escaped, so
-that the content of a design remains text.
-
-The verdict in words, the figures next to it, its bounds, and the units that keep it.
+Verdict in words: the verdict, the figures next to it, its bounds, and the units that keep it.
 
 The words follow the definitions of the verdict: a deadband is an interval of depth over which a signal changes by less
 than a given number of standard deviations of one reading.
@@ -44,14 +40,14 @@ PARTS = ("theme.js", "plan.js", "pad.js", "solid.js", "rays_view.js", "pairs_vie
 
 
 def asset(name: str) -> str:
-    """The text of a file of `optopad/report/assets`."""
+    """The text of a file in `optopad/report/assets`."""
     return (files("optopad.report.assets") / name).read_text(encoding="utf-8")
 
 
 def still_page(
     what: str, name: str, digest: str, titles: Mapping[str, str], verdict: Html, sections: Iterable[Html]
 ) -> str:
-    """The whole page as HTML text; `titles` name the sections by their anchors."""
+    """A whole page as HTML text; `titles` maps the anchor of each section to its title."""
     links = bullets([element("a", title, href=f"#{anchor}") for anchor, title in titles.items()])
     return Template(asset("still_page.html")).substitute(
         title=escape(f"{name}: {what}"),
@@ -71,22 +67,22 @@ def script_text() -> str:
 
 
 def script_policy() -> str:
-    """The part of the page's policy that allows the script, by its hash."""
+    """The part of the page's security policy that allows the script, identified by its hash."""
     digest = base64.b64encode(hashlib.sha256(script_text().encode()).digest()).decode("ascii")
     return f"; script-src 'sha256-{digest}'"
 
 
 def script_element() -> Html:
-    """The script element for the end of the page."""
+    """The HTML element with the script, for the end of the page."""
     return element("script", Html(script_text()))
 
 
 def data_element(identifier: str, data: Any) -> Html:
-    """An element with data for the script.
+    """An HTML element with data for the script.
 
     Parameters
     ----------
-    data : any data for JSON without NaN and infinity
+    data : data that JSON can represent; NaN and infinity are not allowed
     """
     text = json.dumps(data, separators=(",", ":"), allow_nan=False, ensure_ascii=False)
     return element("script", Html(text.replace("<", "\\u003c")), type="application/json", id=identifier)
@@ -96,17 +92,18 @@ VOID = frozenset({"img", "br", "input"})
 
 
 class Html(str):
-    """Text that is markup already."""
+    """Text that is HTML markup already and must not be escaped."""
 
     __slots__ = ()
 
 
 def element(tag: str, *children: str, **attributes: str | None) -> Html:
-    """One element; plain text among its children is escaped.
+    """One HTML element; plain text among its children is escaped.
 
     Parameters
     ----------
-    attributes : values; None leaves one out; ``class_`` sets class, ``aria_label`` sets aria-label
+    attributes : values of the element's attributes; an attribute with the value None is left out; ``class_`` sets
+        class, and ``aria_label`` sets aria-label
     """
     inside = "".join(
         f' {name.rstrip("_").replace("_", "-")}="{escape(value)}"'
@@ -129,7 +126,7 @@ def bullets(items: Iterable[str], class_: str | None = None) -> Html:
 
 
 def radios(name: str, labels: Iterable[str]) -> list[Html]:
-    """One radio button per label, with its number as value; the first is selected."""
+    """One radio button per label, whose value is the label's number; the first is selected."""
     return [
         element(
             "label",
@@ -148,7 +145,7 @@ def table(
     numeric: Sequence[int] = (),
     class_: str | None = None,
 ) -> Html:
-    """A table that scrolls sideways on a narrow page; the first cell of a row is its heading.
+    """An HTML table that scrolls sideways on a narrow page; the first cell of each table row is its heading.
 
     Parameters
     ----------
@@ -173,7 +170,7 @@ def table(
 
 
 def facts(rows: Iterable[tuple[str, str]]) -> Html:
-    """Names and values in two columns."""
+    """A table of names and values in two columns."""
     pairs = (joined([element("dt", name), element("dd", value)]) for name, value in rows)
     return element("dl", *(element("div", pair) for pair in pairs))
 
@@ -196,7 +193,7 @@ _CELLS = re.compile(r"(?<!\\)\|")
 
 
 def html_of(text: str, *, deepest_heading: int = 4) -> Html:
-    """Blocks of a sheet without its title; second-level headings become third-level ones, and so on."""
+    """A Markdown sheet as HTML, without its title; second-level headings become third-level ones, and so on."""
     return joined(_blocks(text, deepest_heading))
 
 
@@ -227,7 +224,7 @@ def _block(lines: list[str], deepest: int) -> Iterator[Html]:
 
 
 def _joined_lines(lines: list[str]) -> list[str]:
-    """Join continued lines; a sentence on its own line remains its own paragraph."""
+    """Join lines that continue a paragraph; a line after a full stop or a colon starts a new one."""
     found: list[str] = []
     for line in lines:
         goes_on = line.startswith(" ") or (_kind(line) == "text" and found and _kind(found[-1]) == "text")
@@ -272,7 +269,7 @@ def _table(rows: list[str]) -> Html:
 
 
 def _inline(text: str) -> Html:
-    """Inline code as elements, the rest as text."""
+    """A line of Markdown as HTML: inline code becomes elements, the rest is text."""
     pieces = re.split(r"(?<!\\)`([^`]*)`", text)
     return joined(
         element("code", piece) if number % 2 else _plain(piece) for number, piece in enumerate(pieces)
@@ -285,11 +282,11 @@ def _plain(text: str) -> str:
 
 Tile = tuple[str, str, str]
 MICROMETRES_BELOW_MM = 0.1
-"""Bounds below this are given in micrometres in the headline [mm]."""
+"""Limit below which the headline gives bounds in micrometres [mm]."""
 ORIGINS = {"open value": "unmeasured parameter"}
-"""Names in the table for the origins of a tolerance."""
+"""Names that the table uses for the origins of tolerances."""
 MOST_NAMED = 3
-"""Largest number of values named in the words; the plot and the table have all."""
+"""Largest number of tolerances that the text names; the plot and the table have all of them."""
 SYMBOLS: dict[Verdict, str] = {
     "CONTIGUOUS": "\N{CHECK MARK}",
     "DEADBAND": "\N{SQUARE WITH UPPER RIGHT TO LOWER LEFT FILL}",
@@ -308,7 +305,7 @@ def ranked(score: ContinuityScore) -> list[JudgedPair]:
 
 
 def governing(score: ContinuityScore) -> JudgedPair:
-    """The pair that represents all pairs."""
+    """The governing pair: the one that represents all pairs."""
     return next(pair for pair in score.pairs if pair.name == score.governing)
 
 
@@ -321,7 +318,7 @@ def clipping(pair: JudgedPair) -> str:
 
 
 def reading(pair: JudgedPair) -> str:
-    """The curves of one pair in words."""
+    """Sentence on one pair's curves: gap or overlap of the modes, deadbands, and clipping."""
     gap, dead = pair.score.modes.gap_mm, pair.score.deadbands_mm
     if gap is None:
         apart = "Mode 2 does not begin within the depth"
@@ -332,7 +329,10 @@ def reading(pair: JudgedPair) -> str:
 
 
 def rests_on(score: ContinuityScore) -> Html | None:
-    """The warning in one line: the number of unmeasured parameters, and those that change the verdict."""
+    """A one-line warning: the number of unmeasured parameters, and those that change the verdict.
+
+    None if there are no such parameters.
+    """
     band = score.tolerance
     if band is None or not (band.rows or band.unbanded):
         return None
@@ -361,14 +361,14 @@ def rests_on(score: ContinuityScore) -> Html | None:
 
 
 def _error(score: ContinuityScore, figure: str, digits: int = 3) -> str:
-    """The numerical error of the light model in a figure; empty if it was not computed."""
+    """Text with the numerical error of a figure; empty if it was not computed."""
     if score.figure_errors is None:
         return ""
     return f", ± {score.figure_errors[figure]:.{digits}f} by numerical error"
 
 
 def headline(score: ContinuityScore) -> Html:
-    """The headline figures: worst deadband, share of pairs, mode gap, continuity, evenness, strength."""
+    """The headline figures: worst deadband, share of pairs with one, mode gap, continuity, evenness, strength."""
     if score.strength is None or score.continuity is None or score.evenness is None:
         return Html("")
     of = governing(score).name if score.is_facing_rows else f"median of {len(score.pairs)} judged pairs"
@@ -449,7 +449,7 @@ def _gap_tile(score: ContinuityScore, of: str) -> Tile:
 
 
 def banner(design: SensorDesign, score: ContinuityScore) -> Html:
-    """The verdict as a box: word, symbol, the sentences of the screen, and the rule behind it."""
+    """The verdict as a box: word, symbol, the sentences that the terminal shows, and the rule behind the verdict."""
     said = answer_of(design, score)
     word = element(
         "p",
@@ -475,13 +475,13 @@ def banner(design: SensorDesign, score: ContinuityScore) -> Html:
 
 
 def _sentence(text: str) -> str:
-    """The text with a full stop, and with a capital unless it begins with the path of a field."""
+    """The text as a sentence: with a full stop, and with a capital unless it begins with a field's path."""
     is_path = "." in text.split(" ", 1)[0]
     return f"{text if is_path else text[:1].upper() + text[1:]}."
 
 
 def bounds_tile(score: ContinuityScore) -> Tile | None:
-    """Label, value and note for the headline; None without bounds."""
+    """Label, value and note of the bounds for the headline; None if the score has no bounds."""
     bounds = score.bounds
     if bounds is None:
         return None
@@ -570,7 +570,7 @@ def _detection_words(bounds: PadBounds) -> str:
 
 
 def losses_table(score: ContinuityScore) -> Html:
-    """The bounds of the pad without each part in turn; empty if they were not requested."""
+    """Table of the pad's bounds if one part is missing, for each part in turn; empty if they were not computed."""
     bounds = score.bounds
     if bounds is None or not bounds.losses or score.is_facing_rows:
         return Html("")
@@ -628,7 +628,7 @@ def _mm(value: float) -> str:
 
 
 def builds_tile(study: BuildStudy | None) -> Tile | None:
-    """Label, value and note for the headline; None without a Monte Carlo."""
+    """Label, value and note of the simulated units for the headline; None if `study` is None."""
     if study is None:
         return None
     low, high = study.kept_interval
@@ -640,7 +640,7 @@ def builds_tile(study: BuildStudy | None) -> Tile | None:
 
 
 def builds_words(study: BuildStudy) -> Html:
-    """The share of units that keep the verdict with its interval, undecided units, and the strongest tolerances."""
+    """Text with the share of units that keep the verdict (and its interval), undecided units, and main tolerances."""
     low, high = study.kept_interval
     verdict = "a deadband" if study.as_designed.deadband_mm else "no deadband"
     found = study.rank_correlations()
@@ -660,7 +660,7 @@ def builds_words(study: BuildStudy) -> Html:
 
 
 def builds_table(study: BuildStudy) -> Html:
-    """Every tolerance that was varied, the one with the strongest effect first."""
+    """Table of all tolerances that were varied, the one with the strongest effect first."""
     found = study.rank_correlations()
     rows = []
     for number in study.ranking:

@@ -59,7 +59,7 @@ class Nearest:
     score: ContinuityScore
 
     def to_json(self) -> dict[str, Any]:
-        """The best scored design, if none is better than the original, as plain data for JSON."""
+        """This design as plain data for JSON."""
         return {
             "changes": self.changes,
             "figures": self.judged.figures,
@@ -73,7 +73,7 @@ class Nearest:
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Improvement(Result):
-    """Up to four verified changes that improve a design.
+    """Result of a search for improvements of a design, with up to four verified changes.
 
     Attributes
     ----------

@@ -42,7 +42,7 @@ class ModelAccuracy:
 
     Attributes
     ----------
-    learner : kind of the model, as `kernel-ridge`
+    learner : kind of the model, such as `kernel-ridge`
     test_set : name of the test set
     is_ambient : whether the test set was recorded in ambient light
     presses : true presses and the model's estimates

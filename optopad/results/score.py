@@ -29,7 +29,7 @@ class Checked:
     Attributes
     ----------
     design : the design that was checked
-    findings : severity, field, value, limit, message and fix of each
+    findings : the findings, each with severity, field, value, limit, message and fix
     """
 
     design: SensorDesign
@@ -108,7 +108,7 @@ class Score(KeyFigures):
 
     @cached_property
     def signals(self) -> xr.Dataset:
-        """Light under the map's presses, (state, emitter, receiver), a state being a press; as in `signals.nc`.
+        """(state, emitter, receiver) light under the map's presses (states), as in the bundle's `signals.nc`.
 
         Raises
         ------
@@ -150,7 +150,7 @@ class Score(KeyFigures):
         return drawn(lambda own: plot_deadband_map(found, cavity_of(self.design), own), ax, 4.8)
 
     def plot_margin(self, ax: Axes | None = None) -> Axes:
-        """Plot the signal's margin over the deadband limit at each location, in standard deviations of the noise."""
+        """Plot the margin at each location, in standard deviations of the noise; a margin below 3 means a deadband."""
         from sims.plots.maps import plot_margin_map
 
         found = self._answered().pad_map

@@ -26,7 +26,7 @@ WIDTH_IN = 6.4
 
 
 class Result(ABC):
-    """Base class of results, which print the same text as the command line."""
+    """Base class of results; printing a result shows the same text as the command line."""
 
     @property
     def found(self) -> Self:
@@ -56,7 +56,7 @@ def block(title: str, lines: Iterable[str], *parts: str) -> str:
 
 
 def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    """HTML of a table of texts, with a row of headings."""
+    """HTML of a table of texts; `head` holds the column headings."""
     top = "".join(f"<th>{escape(cell)}</th>" for cell in head)
     body = "".join("<tr>" + "".join(f"<td>{escape(cell)}</td>" for cell in row) + "</tr>" for row in rows)
     return f"<table><thead><tr>{top}</tr></thead><tbody>{body}</tbody></table>"

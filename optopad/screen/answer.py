@@ -60,7 +60,7 @@ def counted(count: int, one: str, many: str | None = None) -> str:
 USABLE_DOUBT_MM = 0.2
 """Width of the usable depth's uncertainty range at and above which the range is reported [mm]."""
 LEAST_SHARE = 0.01
-"""Least fraction that is reported as a number [-]; smaller ones are "less than" it."""
+"""Least fraction that is reported as a number [-]; smaller ones are reported as "less than" this."""
 UNITS = (
     ("_mm", " mm"),
     ("_deg", "°"),

@@ -62,7 +62,7 @@ def verdict_screen(
     Parameters
     ----------
     closing : last lines, such as the paths of the files
-    command : the design and its changes as typed on the command line; empty omits the next command
+    command : the design and its changes as typed on the command line; if empty, the next command is not shown
     is_built : whether the bundle already contains mold and report
     learner : sentence on a learner's predicted errors from `learner_line`, shown if there is room
     """
@@ -348,7 +348,7 @@ def _band_line(score: ContinuityScore) -> str:
 
 
 def bound_lines(bounds: PadBounds, *, is_facing: bool) -> list[str]:
-    """Lines with median Cramér-Rao bounds, resolved and unresolved volume, detection threshold, main component.
+    """Lines with median Cramér-Rao bounds, resolved and unresolved volume, detection threshold, most important part.
 
     For facing rows, which are pressed at known locations, only the bound of the depth is reported.
     """

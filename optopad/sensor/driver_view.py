@@ -1,9 +1,9 @@
 """Output of `driver read` and `driver check`: a live table and heat map for a terminal, otherwise lines and JSON.
 
-Choice of the driver configuration by an argument of the command line, and its simulated light.
+The module also chooses the driver configuration that an argument of the command line names, and simulates its light.
 
-A `driver.toml` is used directly; a bundle's folder contains one; a design or preset uses that of its bundle in
-`outputs`, or, if the bundle has none, one that is made in memory.
+A `driver.toml` is used directly, and a bundle's folder contains one. For a design or preset, the file in its bundle in
+`outputs` is used; if the bundle has none, a configuration is made in memory.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from sims.learning.inference.touch_model import TouchModel
 
 TABLE_DEPTHS_MM = (0.0, 0.1, 0.25, 0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 5.0)
-"""Depths simulated for the fake board [mm], up to the design's deepest press, which is added."""
+"""Depths simulated for the fake board [mm]; the design's deepest press is added, and deeper ones are left out."""
 
 TABLE_ACCURACY = "draft"
 
@@ -59,7 +59,7 @@ def driver_source(where: str, changes: list[str] | None, out: Path) -> DriverSou
 
     Raises
     ------
-    InputError, DesignError : no such file or preset, a damaged one, or `--set` for something other than a design.
+    InputError, DesignError : the file or preset does not exist or is damaged, or `--set` is given without a design.
     """
     path = Path(where)
     file = path / "fabrication" / "driver.toml" if path.is_dir() else path
@@ -75,7 +75,7 @@ def driver_source(where: str, changes: list[str] | None, out: Path) -> DriverSou
 
 
 def with_expected_pattern(source: DriverSource, *, seed: int, on_step: OnStep) -> DriverConfig:
-    """The configuration with the expected readings of the untouched pad, simulated if they are missing.
+    """The configuration with the expected readings of the untouched pad, which are simulated if they are missing.
 
     Raises
     ------
@@ -92,11 +92,14 @@ def with_expected_pattern(source: DriverSource, *, seed: int, on_step: OnStep) -
 def press_table(
     source: DriverSource, *, is_still: bool = False, seed: int, on_step: OnStep
 ) -> tuple[DriverConfig, PressTable]:
-    """Readings under presses: from the bundle's signals, else from a draft simulation, else only without contact.
+    """Configuration of a fake board, and its readings under presses.
+
+    The readings come from the bundle's signals if there are any, otherwise from a draft simulation. If the design is
+    not known either, there are only readings of the untouched pad.
 
     Parameters
     ----------
-    is_still : whether nothing presses the pad, so that no press is simulated
+    is_still : whether nothing presses the pad; if True, no press is simulated
     """
     if source.bundle is not None and source.config.gain.counts_per_flux is not None:
         signals = source.bundle / "sims" / "signals.nc"
@@ -160,7 +163,7 @@ def _config(design: SensorDesign, gain: SimulatedGain | None) -> DriverConfig:
 
 
 def source_of(design: SensorDesign, out: Path) -> DriverSource:
-    """The configuration of a design: that of its bundle, or, if there is none, one that is made here.
+    """The configuration of a design, from its bundle; if the bundle has none, it is made here.
 
     Raises
     ------
@@ -183,7 +186,7 @@ def fitting_model(file: Path, config: DriverConfig) -> TouchModel:
 
     Raises
     ------
-    InputError : no model, or a model of another design; the message names the file.
+    InputError : the file is not a model, or is a model of another design; the message names the file.
     """
     from fabrication.driver.descriptor import descriptor_of
     from fabrication.driver.touch_reader import require_fits
@@ -203,7 +206,7 @@ def _bundle_of(file: Path) -> Path | None:
 
 
 def _is_driver_file(file: Path) -> bool:
-    """Whether a file is a driver configuration and not a design, by its format version."""
+    """Whether a file is a driver configuration and not a design, judged by its format version."""
     try:
         return file.is_file() and "format_version" in parsed_toml(read_design_text(file))
     except (DesignError, ValueError):
@@ -219,7 +222,7 @@ FAINTEST = 0.1
 CELL_WIDTH = 6
 NAME_WIDTH = 5
 OTHER_LINES = 5
-"""Lines of the live view without those of the emitters."""
+"""Number of lines of the live view, not counting those of the emitters."""
 
 LESS, MORE = (31, 102, 209), (209, 92, 20)
 """Colours (red, green, blue) of less and of more light than without contact; no change has the terminal's colour."""
@@ -256,7 +259,7 @@ def link_json(sensor: Sensor) -> dict[str, Any]:
 
 
 def link_line(sensor: Sensor) -> str:
-    """Rate and losses in one line."""
+    """One line with the frame rate, and the numbers of received, lost and damaged frames."""
     counts, rate = sensor.counts, sensor.rate_hz
     told = "-" if rate is None else f"{rate:.1f}"
     text = f"{counts.frames} frames, {told} Hz, {counts.lost} lost, {counts.damaged} damaged"
@@ -265,7 +268,7 @@ def link_line(sensor: Sensor) -> str:
 
 
 def strongest_change(frame: Frame, sensor: Sensor) -> str:
-    """The pair that changed most against its baseline."""
+    """The pair that changed most relative to its baseline."""
     if frame.baseline is None or not np.isfinite(frame.normalised).any():
         return ""
     change = np.nan_to_num(frame.normalised - 1.0)
@@ -275,7 +278,7 @@ def strongest_change(frame: Frame, sensor: Sensor) -> str:
 
 
 def live_table(frame: Frame, sensor: Sensor, size: tuple[int, int]) -> RenderableType:
-    """Heat map of normalised signals, one row per emitter, between a line about the link and a line of explanation.
+    """Heat map of normalised signals, one line per emitter, below a line about the link and above an explanation.
 
     Parameters
     ----------
@@ -303,7 +306,7 @@ def live_table(frame: Frame, sensor: Sensor, size: tuple[int, int]) -> Renderabl
 def _numbers(
     frame: Frame, ratio: FloatArray, emitters: tuple[str, ...], receivers: tuple[str, ...]
 ) -> RenderableType:
-    """A row for each emitter, a column for each receiver, and the dark readings."""
+    """Table with one line per emitter, one column per receiver, and the dark readings."""
     from rich.table import Table
     from rich.text import Text
 
@@ -376,7 +379,7 @@ def _style(change: float) -> str:
 
 
 def _mixed(change: float) -> str:
-    """Colour between that of no change and that of the full one."""
+    """Colour of a change, mixed from the colours of no change and of full change."""
     share = min(abs(change) / FULL_CHANGE, 1.0)
     red, green, blue = (round(30 + (part - 30) * share) for part in (LESS if change < 0 else MORE))
     return f"rgb({red},{green},{blue})"

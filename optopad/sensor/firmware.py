@@ -85,7 +85,7 @@ def board_setup(design: SensorDesign) -> BoardSetup:
 
 
 def given_image(file: Path) -> Path:
-    """An image that the user gives.
+    """The compiled program in a file that the user names.
 
     Raises
     ------

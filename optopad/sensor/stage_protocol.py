@@ -17,7 +17,7 @@ def protocol_presses(design: SensorDesign, protocol: str, *, seed: int = 0) -> P
 
     Parameters
     ----------
-    protocol : name of a packaged one, or a file
+    protocol : name of a packaged protocol, or a file
     seed : seed of the order of locations within each set
 
     Raises

@@ -15,11 +15,11 @@ if TYPE_CHECKING:
     from rich.console import RenderableType
 
 PICTURE_ROWS, PICTURE_COLUMNS = 15, 31
-"""Height of a terminal's character over its width."""
+"""Size of the picture in characters, which are about twice as high as wide."""
 
 LIGHT_MM, DEEP_MM = 0.5, 2.0
 MARKS = ("○", "◉", "●")
-"""Marks of a touch: less than 0.5 mm deep, less than 2 mm, deeper."""
+"""Marks of a touch that is less than 0.5 mm deep, less than 2 mm deep, or deeper."""
 
 ODD_S = 5.0
 FAR_START = 0.1
@@ -65,7 +65,7 @@ def touch_line(touch: Touch) -> str:
 
 
 def touch_view(touch: Touch, reader: TouchReader) -> RenderableType:
-    """Picture of the pad next to the numbers, between a line about the link and a line of explanation."""
+    """Picture of the pad next to the numbers, below a line about the link and above an explanation."""
     from rich.console import Group
     from rich.table import Table
     from rich.text import Text
@@ -98,7 +98,7 @@ def picture(touch: Touch, reader: TouchReader) -> list[str]:
 
 
 def start_note(reader: TouchReader) -> str:
-    """A note if the start is far from the training data of the model; otherwise empty."""
+    """A note if the readings at the start are far from the model's training data; otherwise empty."""
     far = reader.tracker.start_mismatch
     if far < FAR_START:
         return ""

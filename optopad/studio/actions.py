@@ -55,7 +55,7 @@ class Task:
         return self._process is not None and self._process.poll() is None
 
     def improve(self, design: SensorDesign, done: Callable[[tuple[Ghost, ...]], None]) -> bool:
-        """Search for improvements of a design; `done` receives them. Returns False if another task is running."""
+        """Search for improvements of a design and pass them to `done`; returns False if another task is running."""
 
         began = time.time()
 
@@ -79,7 +79,7 @@ class Task:
         return found[-1]
 
     def build(self, design: SensorDesign, done: Callable[[Path], None]) -> bool:
-        """Make the whole bundle; `done` receives its folder. Returns False if another task is running."""
+        """Make the whole bundle and pass its folder to `done`; returns False if another task is running."""
         folder = self.out / bundle_name(design)
 
         def finish() -> None:
@@ -162,8 +162,8 @@ class MoldShop:
 
     Parameters
     ----------
-    post : called on a separate thread with the design's digest, and with the mesh in the cavity frame or the text of an
-        error
+    post : called on a separate thread with the design's digest, and with either the mesh in the cavity's coordinate
+        system or the text of an error
     """
 
     def __init__(self, post: Callable[[str, Mesh | str], None]) -> None:

@@ -19,8 +19,8 @@ class Look:
 
     Attributes
     ----------
-    press : location and depth
-    points_mm : (n, 3) points of the top's mesh in the cavity frame [mm]
+    press : location and depth of the press
+    points_mm : (n, 3) points of the top's mesh in the coordinate system of the cavity [mm]
     triangles : (m, 3) indices of points
     force_n, contact_radius_mm : load [N] and contact radius [mm]; 0 without contact
     """
@@ -43,7 +43,7 @@ class Curves:
 
 @dataclass(frozen=True, kw_only=True)
 class Ray:
-    """One sample path of light: key of its kind, name of its pair, and (n, 3) points in the cavity frame [mm]."""
+    """One sample path of light: names of its kind and of its pair, and (n, 3) points in cavity coordinates [mm]."""
 
     kind: str
     pair: str
@@ -80,7 +80,8 @@ class Judged:
 
     Attributes
     ----------
-    level : accuracy: "draft" has coarse light, "score" is as `optopad score` without tolerance, "whole" is complete
+    level : accuracy of the verdict: "draft" from a coarse setting of the light model, "score" as by `optopad score` but
+        without tolerance, "whole" with tolerance
     score : score with verdict, map and bounds
     """
 
@@ -91,7 +92,7 @@ class Judged:
 
 @dataclass(frozen=True, kw_only=True)
 class Progress:
-    """The stage of the running work, and its finished share, 0 to 1; the stage is empty if no work is running."""
+    """The stage of the running work (empty if no work is running), and the finished share of the stage, 0 to 1."""
 
     stage: str
     share: float

@@ -31,7 +31,7 @@ from design.preset import PRESETS, preset, preset_text
 from design.spec import SensorDesign
 
 CATALOG = "catalog"
-"""Own parts are defined in files next to a design; the studio does not edit them."""
+"""Field of a design for its own parts. They are defined in files next to it; the studio does not edit them."""
 _TOKEN = re.compile(
     r'"""(?:\\.|[^\\])*?"""|\'\'\'.*?\'\'\'|"(?:\\.|[^"\\\n])*"|\'[^\'\n]*\'|(?P<comment>#[^\r\n]*)',
     re.DOTALL,
@@ -39,7 +39,7 @@ _TOKEN = re.compile(
 
 
 def edited_text(text: str, was: SensorDesign, now: SensorDesign) -> str:
-    """A design file's text in which the fields that differ between two designs are changed, and nothing else."""
+    """A design file's text in which only the fields that differ between two designs are changed."""
     plain = text.replace("\r\n", "\n")
     is_windows = plain != text and "\n" not in text.replace("\r\n", "")
     plain = plain if is_windows else text
@@ -64,7 +64,7 @@ def comments_of(text: str) -> tuple[str, ...]:
 
 
 def _with_comments(text: str, former: str) -> str:
-    """The text, followed by those comments of an earlier text that it lacks."""
+    """The text, followed by the comments of an earlier text that are missing from it."""
     gone = Counter(comments_of(former)) - Counter(
         one for comment in comments_of(text) for one in _nested(comment)
     )
@@ -243,7 +243,7 @@ BYTE_ORDER_MARK = "\ufeff"
 _CANNOT_EDIT = (TOMLKitError, LookupError, TypeError, ValueError, AttributeError)
 """Errors that tomlkit raises if it cannot change a text in place."""
 _NOT_IN_NAMES = re.compile(r'[<>:"/\\|?*\x00-\x1f\x7f]')
-"""Characters in a file name that lead to another folder, or that a file system rejects."""
+"""Characters that lead from a file name to another folder, or that a file system rejects."""
 
 
 class DesignFile:
@@ -280,12 +280,12 @@ class DesignFile:
 
     @property
     def default_name(self) -> str:
-        """The file name proposed for saving: the present one, or a new one from the design's name."""
+        """The file name proposed for saving: the present name, or a new one made from the design's name."""
         return f"{self.saved.name}.toml" if self.path is None else self.path.name
 
     @property
     def folder(self) -> Path:
-        """The folder for saving: that of the file; for a preset or a bundle's design, the current folder."""
+        """The folder for saving: the file's own folder or, for a preset or a bundle's design, the current folder."""
         return Path() if self.path is None else self.path.parent
 
     def changed_outside(self) -> SensorDesign | None:
@@ -311,12 +311,12 @@ class DesignFile:
 
         Parameters
         ----------
-        target : name of the file to write, in `folder`; None for the file itself
+        target : name of the file to write, in `folder`; if None, the file itself is written
 
         Raises
         ------
-        InputError, OutputError : the name is empty, a path, a device or that of another existing file; the file was
-            changed since it was last read; or the folder cannot be written. No file is changed.
+        InputError, OutputError : the name is empty, or is that of a path, a device or another existing file; the file
+            was changed since it was last read; or the folder cannot be written. No file is changed.
         """
         file = self._target(target)
         self._text = _write_checked(file, self._texts(design), design)
@@ -373,7 +373,7 @@ def _is_same(file: Path, other: Path) -> bool:
 
 
 def _write_checked(file: Path, texts: Iterator[str], design: SensorDesign) -> str:
-    """Write the first text from which the design is read back, and return it; the target is replaced at once."""
+    """Write the first text that gives the design when read back, and return it; the target is replaced in one step."""
     name = ""
     try:
         handle, name = tempfile.mkstemp(dir=file.parent, prefix=".optopad-", suffix=".toml")
@@ -402,12 +402,12 @@ def _is_read_as(file: Path, text: str, design: SensorDesign) -> bool:
 
 
 def _read(path: Path) -> str:
-    """The text of a file, with byte order mark and line ends unchanged."""
+    """The text of a file; its byte order mark and line endings are kept."""
     with path.open(encoding="utf-8", newline="") as stream:
         return stream.read()
 
 
 def _without_digest(text: str) -> str:
-    """The text of a written design without its first line, which has the digest."""
+    """The text of a written design without its first line, which contains the digest."""
     first, _, rest = text.partition("\n")
     return rest if first.startswith("# optopad design ") else text

@@ -1,4 +1,4 @@
-"""Drawings for the studio's panel as SVG text: pairs under the tip, map of the pad, live and simulated readings.
+"""Drawings for the studio's panel as SVG text: signals of pairs, map of the pad, live and simulated readings.
 
 Text and axes have the page's text colour, so that a drawing suits light and dark pages.
 """
@@ -32,12 +32,12 @@ WIDTH = 400
 LEFT, RIGHT, TOP = 40, 8, 8
 ROW, PLOT = 15, 130
 LEAST_CELL = 16.0
-"""Least width of a cell of readings that holds numbers."""
+"""Least width of a cell in which the readings are written as numbers [units of the drawing]."""
 WEAKEST_COUNTS = 4.0
-"""Least simulated reading for a ratio to it [counts]."""
+"""Smallest simulated reading that a live reading is compared with [counts]."""
 MOST_SHARE = 4.0
-"""Largest drawn signal over the untouched signal [-]; a pair with little untouched light may receive far more under a
-press."""
+"""Largest signal that is drawn, as a multiple of the untouched signal [-]; a pair with little untouched light may
+receive far more under a press."""
 
 _HATCH = (
     '<defs><pattern id="dead" width="5" height="5" patternTransform="rotate(45)" patternUnits="userSpaceOnUse">'
@@ -82,7 +82,7 @@ def curves_svg(found: PlaceCurves, depth_mm: float) -> str:
 
 
 def _share_of_untouched(signal: FloatArray) -> FloatArray:
-    """A signal over the untouched signal, limited to `MOST_SHARE` [-]; zero if the untouched signal is zero."""
+    """A signal divided by the untouched signal, limited to `MOST_SHARE` [-]; 0 if the untouched signal is 0."""
     if not signal[0] > 0:
         return np.zeros_like(signal)
     return np.asarray(np.minimum(signal / signal[0], MOST_SHARE), dtype=np.float64)
@@ -109,7 +109,7 @@ def _axes(x: Place, y: Place, deepest: float, highest: float) -> list[str]:
 
 
 def _spans(pair: JudgedPair, number: int, top: float, x: Place, deepest: float) -> list[str]:
-    """A row for a pair: mode 1 above, mode 2 below, deadbands hatched, saturation grey."""
+    """A line of the drawing for one pair: mode 1 above, mode 2 below, deadbands hatched, saturation grey."""
     modes, score = pair.score.modes, pair.score
     bars = [(modes.mode1_mm, MODE_1, top + 2, 4, "mode 1")]
     if modes.mode2_mm[0] is not None:
@@ -146,7 +146,7 @@ class Quantity:
     Attributes
     ----------
     title, unit : name and unit of the quantity
-    values : (ny, nx); infinite or NaN where there is no value
+    values : (ny, nx) values on the grid; infinite or NaN where there is none
     x_mm, y_mm : (nx,) and (ny,) coordinates of the grid [mm]
     good, bad : values at the green and the red end of the colour scale
     absent : text for a missing value
@@ -166,7 +166,7 @@ QUANTITIES = ("deadband", "usable depth", "margin", "location bound", "depth bou
 
 
 def quantity(name: str, score: ContinuityScore) -> Quantity | None:
-    """The map's quantity with this name (one of `QUANTITIES`) from a score; None if it is not computed."""
+    """The quantity with this name (one of `QUANTITIES`) from a score, for the map; None if it was not computed."""
     pad, bounds = score.pad_map, score.bounds
     if pad is None:
         return None
@@ -237,7 +237,7 @@ def map_svg(cavity: CavityGeometry, shown: Quantity | None, press: Press, bad: S
 
     Parameters
     ----------
-    shown : quantity to show; None draws no quantity
+    shown : quantity to show; None for none
     bad : names of components to mark
     """
     edge = 26.0
@@ -415,7 +415,7 @@ def _difference(live: float, simulated: float | None) -> str:
 
 
 def _differences(live: FloatArray, simulated: FloatArray | None) -> FloatArray:
-    """(..., 4) red, green, blue, 0 to 255, and opacity, 0 to 1, of `_difference`."""
+    """(..., 4) colours of `_difference`: red, green and blue from 0 to 255, and opacity from 0 to 1."""
     unknown = np.broadcast_to([128.0, 128.0, 128.0, 0.15], (*live.shape, 4))
     if simulated is None:
         return unknown
@@ -427,7 +427,7 @@ def _differences(live: FloatArray, simulated: FloatArray | None) -> FloatArray:
 
 
 def _pixels(live: FloatArray, simulated: FloatArray | None) -> str:
-    """The differences of all pairs as the address of a PNG picture, one pixel a pair."""
+    """The differences of all pairs as a PNG picture in a data URL, with one pixel per pair."""
     values = _differences(np.asarray(live, dtype=np.float64), simulated) * [1.0, 1.0, 1.0, 255.0]
     rows, columns, _ = values.shape
     pixels = np.zeros((rows, 1 + 4 * columns), dtype=np.uint8)  # each row begins with its filter: none

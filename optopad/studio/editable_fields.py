@@ -30,8 +30,8 @@ SIZES = ("cavity.length_mm", "cavity.width_mm", "cavity.diameter_mm")
 ANGLES_DEG = (-360.0, 360.0)
 PATTERNS = ("alternating ring", "facing rows", "by side")
 ROUND_PATTERNS = ("disc ring",)
-"""Patterns of a whole layout: `PATTERNS` for straight walls, `ROUND_PATTERNS` for round walls. Any other layout is "by
-hand"."""
+"""Patterns of a whole layout: `PATTERNS` for straight walls, `ROUND_PATTERNS` for round walls. A layout that follows
+none of them is "by hand"."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -107,7 +107,7 @@ def changes_of(design: SensorDesign, path: str, value: Any) -> dict[str, Any]:
 
 
 def _opposite_too(design: SensorDesign, path: str, value: int) -> dict[str, Any]:
-    """The change of the opposite wall's number of components that keeps the sum of a ring even; empty if it is even."""
+    """Change of the opposite wall's number of components that keeps a ring's total even; empty if none is needed."""
     ring, _, wall = path.rpartition(".")
     counts = get_at(design.model_dump(mode="json"), ring)
     change = value - counts[int(wall)]
@@ -119,7 +119,7 @@ def _opposite_too(design: SensorDesign, path: str, value: int) -> dict[str, Any]
 
 
 def relaid(design: SensorDesign, pattern: str) -> list[dict[str, Any]]:
-    """A layout of another pattern with about as many components; "by hand" lists the present ones one by one."""
+    """A layout of another pattern with about as many components; for "by hand", the present components one by one."""
     from optopad.studio.moves import placed_singles
 
     emitters, walls = _count(design, "emitter"), _walls(design)
@@ -335,7 +335,7 @@ def _first_angle(at: str, value: float) -> EditableField:
 
 
 def _pitch(at: str, given_mm: float | None, even_mm: float) -> EditableField:
-    """The editable field of a pitch; if the design gives none, its value is that of even spacing."""
+    """The editable field of a pitch; if the design gives no pitch, the value is the pitch of even spacing."""
     value = round(even_mm, 3) if given_mm is None else given_mm
     return _along(at, "pitch_mm", "pitch", value, "Distance between neighbours.")
 
@@ -364,7 +364,7 @@ def _number(
 
 
 def limits_of(path: str) -> tuple[float | None, float | None]:
-    """Least and largest value that the schema allows at a path without list indices; None for no limit."""
+    """Least and largest value that the schema allows for a field; None for no limit. The path has no list indices."""
     schema = _schema()
     found = schema
     for name in path.split("."):

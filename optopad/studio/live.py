@@ -217,11 +217,11 @@ class LiveSensor:
     Parameters
     ----------
     design : design of the sensor
-    port : name of the port; None finds the board by its USB identity, "fake" starts a simulated board
-    model : file of a trained model of this design; None shows no touch
+    port : name of the port; if None, the board is found by its USB identity; if "fake", a simulated board is started
+    model : file of a trained model of this design; if None, no touch is estimated
     bundles : folder of the bundles; the design's bundle provides the expected pattern if it exists
     seed : seed of the simulated board
-    accept_digest : first 8 or more digits of the digest of another design that is accepted, too
+    accept_digest : first 8 or more digits of the digest of another design that is also accepted
     patience_s : longest wait for the board when its port is opened [s]; None for the driver's default
 
     Raises
@@ -285,7 +285,7 @@ class LiveSensor:
 
     @property
     def expected(self) -> FloatArray | None:
-        """(emitter, receiver) simulated signals without contact [counts]; None if neither in the bundle nor set."""
+        """(emitter, receiver) simulated signals without contact [counts]; None if not in the bundle and not set."""
         return self._expected
 
     def set_expected(self, counts: ArrayLike) -> None:
@@ -409,7 +409,7 @@ class LiveSensor:
             self._view = self._snapshot(sensor, frame, touch)
 
     def _begin_anew(self) -> None:
-        """Discard the measurements of the untouched pad, so that they are made again."""
+        """Discard the measurements of the untouched pad; they are then made again."""
         self._connection, self._start, self._reader = None, [], None
         self._is_settled = self._is_to_check = False
 

@@ -102,7 +102,7 @@ def placed_singles(design: SensorDesign, numbers: Iterable[int]) -> list[dict[st
 
 
 def _takes_turns(design: SensorDesign, number: int) -> bool:
-    """Whether a row alternates with another row on its wall, so that its positions depend on that row."""
+    """Whether a row alternates with another row on its wall, and its positions therefore depend on that row."""
     alone = expand((design.layout[number],), design.cavity)
     origin = f"layout.{number}"
     among = [one for one in expand(design.layout, design.cavity) if one.origin == origin]
@@ -234,7 +234,7 @@ def _on_wall(design: SensorDesign, part: PlacedPart) -> int:
 
 
 def _at_height(part: PlacedPart, height_mm: float, others: dict[str, Any]) -> dict[str, Any]:
-    """Changes that set a component's height: its own if it has or gets one, otherwise that of its kind."""
+    """Changes that set a component's height, in its layout entry if the height is given there, else for its kind."""
     field = part.height_field
     if "layout" in others and field.startswith("layout."):
         others["layout"][int(part.origin.split(".")[1])]["height_mm"] = height_mm

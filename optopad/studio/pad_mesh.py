@@ -70,7 +70,7 @@ def outline_mm(plan: Plan) -> FloatArray:
 
 
 def top_mm(plan: Plan, x_mm: FloatArray, y_mm: FloatArray) -> FloatArray:
-    """(...,) height of the untouched top at (...,) locations [mm]; 0 where a small crown's sphere or cylinder ends."""
+    """(...,) height of the untouched top at (...,) locations [mm]; 0 beyond the crown's sphere or cylinder."""
     return np.nan_to_num(plan.top.height_mm(x_mm, y_mm), nan=0.0)
 
 

@@ -85,7 +85,7 @@ def said_html(said: Said, *, words: str, is_saved: bool) -> str:
 def curves_title(
     place_mm: tuple[float, float], *, is_draft: bool, force_n: float | None, depth_mm: float, is_old: bool
 ) -> str:
-    """Title of the signal curves: location, draft or score accuracy, and load of the present press."""
+    """Title of the signal curves: location, accuracy (draft or score), and load of the present press."""
     how = "draft: coarse light" if is_draft else "as optopad score"
     how = "of the design before" if is_old else how
     load = "" if force_n is None else f"; at {depth_mm:.2f} mm {force_n:.2f} N"
@@ -146,7 +146,7 @@ def sensor_html(view: LiveView) -> str:
 def bad_parts(now: Version, parts: Sequence[PlacedPart]) -> tuple[str, ...]:
     """Names of the components that an error concerns.
 
-    They are found by layout entry, by the field of their height, or by name in the error's text.
+    They are found by their layout entry, by the field of their height, or by their name in the error's text.
     """
     found: list[str] = []
     fields = {one.field for one in now.errors}

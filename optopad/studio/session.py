@@ -54,7 +54,7 @@ class Version:
 
 @dataclass(frozen=True, kw_only=True)
 class Press:
-    """Location (x, y) of the tip in the cavity frame, and depth of the press [mm]."""
+    """Location (x, y) of the tip in the coordinate system of the cavity, and depth of the press [mm]."""
 
     x_mm: float
     y_mm: float
@@ -62,7 +62,7 @@ class Press:
 
     @property
     def place_mm(self) -> tuple[float, float]:
-        """(x, y) location in the cavity frame [mm]."""
+        """(x, y) location in the coordinate system of the cavity [mm]."""
         return self.x_mm, self.y_mm
 
 
@@ -133,7 +133,7 @@ class Session:
         self._listeners.append(call)
 
     def set_field(self, path: str, value: Any) -> bool:
-        """Set one field; returns False if the value was rejected, and a message says why."""
+        """Set one field; returns False if the value was rejected, in which case a message says why."""
         return self._edit(lambda: changes_of(self.design, path, value), merge=path)
 
     def move_part(
@@ -157,7 +157,7 @@ class Session:
         )
 
     def take(self, design: SensorDesign, words: str) -> None:
-        """Make another design the present one, as a step of the history; an equal design adds no step.
+        """Make another design the present one, as a step of the history; an equal design adds none.
 
         Raises
         ------
@@ -191,7 +191,7 @@ class Session:
     ) -> None:
         """Move the press; it is limited to the workspace and the usable depth range.
 
-        None leaves a coordinate unchanged.
+        A coordinate that is None stays unchanged.
         """
         with self._lock:
             now = self.press
@@ -206,7 +206,7 @@ class Session:
                 self._tell()
 
     def save(self, target: str | None = None) -> bool:
-        """Write the design to the file; returns False if it was not written, and a message says why."""
+        """Write the design to the file; returns False if it was not written, in which case a message says why."""
         with self._lock:
             if self.now.errors:
                 more = f" (and {len(self.now.errors) - 1} more)" if len(self.now.errors) > 1 else ""
@@ -356,11 +356,11 @@ def _place_words(design: SensorDesign, name: str) -> str:
 
 
 def _hundredth(wanted_mm: float | None, is_mm: float) -> float:
-    """A position rounded to 0.01 mm; the present position if none, or no number, is requested [mm]."""
+    """The requested position rounded to 0.01 mm [mm]; the present one if the request is None or not finite."""
     return is_mm if wanted_mm is None or not math.isfinite(wanted_mm) else round(wanted_mm, 2)
 
 
 def _first_fault(err: Exception) -> str:
-    """The first finding in an error's text, without the heading of the list."""
+    """The first finding in an error's text, without the heading of the list of findings."""
     lines = [line.strip() for line in str(err).splitlines() if line.strip()]
     return lines[1] if len(lines) > 1 and lines[0].endswith("not a usable design") else lines[0]

@@ -28,7 +28,7 @@ most 0.01 mm, near the contact."""
 def pressed_top(
     design: SensorDesign, place_mm: tuple[float, float], depth_mm: float
 ) -> tuple[FloatArray, IntArray, PadSurface | None]:
-    """(n, 3) points [mm] and (m, 3) triangles of the top in the cavity frame, and the solved surface.
+    """(n, 3) points [mm] and (m, 3) triangles of the top in the cavity's coordinate system, and the solved surface.
 
     The surface is None without contact.
 
@@ -55,7 +55,7 @@ def pressed_top(
 
 
 def _pressed_crown(plan: Plan, surface: PadSurface, points: FloatArray, is_border: BoolArray) -> FloatArray:
-    """Points (n, 3) of the pressed top above those of the untouched top [mm]; the border stays on the walls."""
+    """(n, 3) points of the pressed top, from those of the untouched top [mm]; border points stay on the walls."""
     normal = np.array(plan.normal(*surface.at_mm))
     foot = np.array([*surface.at_mm, plan.top_mm(*surface.at_mm)])
 
@@ -74,7 +74,7 @@ def _pressed_crown(plan: Plan, surface: PadSurface, points: FloatArray, is_borde
 
 
 def _height(surface: PadSurface, radius: FloatArray, x_mm: FloatArray, y_mm: FloatArray) -> FloatArray:
-    """Height of the pressed top [mm]: the curve around the axis and, outside the contact, the interpolated rest."""
+    """Height of the pressed top [mm]: a curve around the press axis plus, outside the contact, the smooth remainder."""
     near = curve_height_mm(surface.near, radius)
     lines = [np.linspace(0.0, size, math.ceil(size / REST_MM) + 1) for size in surface.size_mm]
     rest = surface.beside_mm(*lines)
@@ -110,7 +110,7 @@ def _reach(outline: FloatArray, place_mm: tuple[float, float], angles: FloatArra
 
 
 def _radii(surface: PadSurface | None, tip_mm: float, farthest_mm: float) -> FloatArray:
-    """Radii of the rings [mm]: dense under and near the tip, wide outside; the last is beyond every corner."""
+    """Radii of the rings [mm]: close together near the tip, far apart outside; the last is beyond every corner."""
     edge = tip_mm if surface is None else max(surface.near.contact_radius_mm, 0.3 * tip_mm)
     near = np.linspace(0.0, edge, RINGS // 3)
     beside = edge + np.linspace(0.0, 2.0 * tip_mm, RINGS // 2)[1:]

@@ -3,10 +3,10 @@
     pairs under the tip ──► pressed top ──► rays ──► draft map ──► draft bounds ──► score ──► tolerance, sensitivity
                                                                                         ──► the same pairs, finely
 
-A request is a design, a press, and options. A new design stops the running work. Only the pairs under the tip are
-finished, since this takes a moment and keeps dragging smooth. A new press does not stop a running score: the new top
-and pairs are computed between two portions of the score's light (`sims.optics.engine.threads.between_pieces`). Traced
-light is stored on disk, so stopped work is not lost.
+A request is a design, a press, and options. A new design stops the running work. Only the computation of the pressed
+top or of the pairs under the tip is finished, since it takes only a moment and keeps dragging smooth. A new press does
+not stop a running score: the new top and pairs are computed between two portions of the score's light
+(`sims.optics.engine.threads.between_pieces`). Traced light is stored on disk, so stopped work is not lost.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ class Request:
 
 
 class _StaleError(Exception):
-    """Stops work on a design or press that is no longer the present one."""
+    """Raised to stop work on a design or press that is no longer the present one."""
 
 
 class Workshop:
@@ -87,7 +87,7 @@ class Workshop:
         self._thread.start()
 
     def want(self, request: Request | None) -> None:
-        """Replace the present request; None stops the work."""
+        """Replace the present request; if it is None, all work stops."""
         with self._changed:
             self._request = request
             self._changed.notify()
@@ -166,9 +166,9 @@ class Workshop:
     def _give_up(
         self, request: Request, key: tuple[object, ...], text: str, *, is_of_all: bool = False
     ) -> None:
-        """Mark a failed piece as done and report the reason.
+        """Mark a failed piece of work as done and report the reason.
 
-        With it, all pieces of the same press are marked as done, or all pieces of the design if `is_of_all`.
+        If the piece belongs to a press, all pieces of this press are marked as done; if `is_of_all`, all of the design.
         """
         keys = {one for _, one, _ in self._pieces(request)}
         if not is_of_all:
@@ -187,7 +187,7 @@ class Workshop:
     def _pieces(
         self, request: Request
     ) -> list[tuple[str, tuple[object, ...], Callable[[Request], Answer | None]]]:
-        """Steps of the work for a request, in order: name, key of the press that the result belongs to, function."""
+        """Pieces of work for a request, in order, as (name, key, function); a result with an old key is outdated."""
         press = request.press
         pieces: list[tuple[str, tuple[object, ...], Callable[[Request], Answer | None]]] = [
             ("curves", ("curves", press.place_mm), self._curves),
@@ -221,7 +221,7 @@ class Workshop:
             self._serve(request)
 
     def _serve(self, request: Request) -> None:
-        """Do one piece of work for a new press, during a computation that depends on the design only."""
+        """Do one piece of work for a new press, during a computation that depends only on the design."""
         piece = self._next(request)
         if piece is None or piece[0] not in OF_A_PRESS or piece[0] == "fine curves":
             return
@@ -238,7 +238,7 @@ class Workshop:
         self._attend()
 
     def _contact_step(self, share: float) -> None:
-        """Report the progress of a contact solution; stop the solution if its design is no longer shown."""
+        """Report the progress of a contact solution; stop it if its design is no longer the present one."""
         self._doing("contact", share)
         request = self._request
         if self._is_closing or request is None or request.design.digest != self._digest:
@@ -314,7 +314,7 @@ class Workshop:
         return Rays(digest=request.design.digest, press=press, rays=tuple(rays))
 
     def _readings(self, request: Request) -> Readings:
-        """Expected readings: untouched as in `driver check`, and under the press from each pair's relative signal."""
+        """Expected readings: untouched as in `driver check`, and under the press, from each pair's change of light."""
         from optopad.sensor.driver_view import simulated_gain
         from sims.optics.tracing import trace
 

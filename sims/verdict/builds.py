@@ -1,29 +1,28 @@
 """Short verdicts on manufactured units of a design: mode gap, deadband and margin of each.
 
-A short verdict is quicker than that of a score, so many units with other values of unmeasured parameters can be
-judged. Facing rows are judged by one pair under
-its own press; a pad at one location, by the pairs that make up nine tenths of the change of its frames there in any
-part of the depth. Fewer pairs can only lengthen a pad's deadband, so a pad without one by these pairs has none.
+A short verdict is quicker than a full one, so many units can be judged, each with its own values of the unmeasured
+parameters. Facing rows are judged by their governing pair under its own press, or by all facing pairs. A pad is judged
+at its location of least margin, by the pairs that make up nine tenths of the change of its frames in any part of the
+depth. Fewer pairs can only lengthen a deadband, so if these pairs have no deadband, the pad has none there.
 
-A *judge* is the function that gives the short verdict of one unit, together with words for the pairs or the location by
-which it judges. Facing rows are judged by their governing pair or by all facing pairs, a pad by pairs at its location
-of least margin.
+A *judge* is the function that gives the short verdict of one unit. It comes with a text that names the pairs or the
+location that it uses.
 
 A Monte Carlo study over all tolerances gives the share of units that keep the verdict.
 
-    tolerances ──► Sobol points, scrambled with the seed ──► units ──► short verdicts ──► share that keeps it
+    tolerances ──► Sobol points, scrambled with the seed ──► units ──► short verdicts ──► share that keeps the verdict
 
-Each unit is the design with all its tolerances drawn at once. Its gain is set anew, as it would be on that unit, and
-it is judged as the design itself is: facing rows by all facing pairs, a pad at its location of least margin. The
-random shifts of the light model are the same for all units, so two units differ by the drawn values only.
+Each unit is the design with all its toleranced values drawn at once. Its gain is set anew, as it would be on that unit,
+and it is judged as the design itself is: facing rows by all facing pairs, a pad at its location of least margin. The
+light model uses the same random shifts for all units, so two units differ by the drawn values only.
 
 Uncertainty: the share has the exact binomial interval (Clopper and Pearson 1934) at 95 %. Sobol points are more even
-than random ones, so the interval is rather too wide. It covers the finite number of units only, not the tolerances,
-which are assumptions. Units whose verdict the numerical error may change are counted separately.
+than random ones, so the interval is somewhat too wide. It accounts only for the finite number of units, not for the
+tolerances, which are assumptions. Units whose verdict the numerical error may change are counted separately.
 
-Sensitivity: Spearman's rank correlation of each value with the margin of the unit's verdict (for units with a
-deadband, minus its length), with Fisher's 95 % interval. It shows a value's effect while all others vary; the
-one-at-a-time ends (`tolerance`) show it alone.
+Sensitivity: Spearman's rank correlation of each value with the unit's margin (or, for a unit with a deadband, with
+minus the deadband's length), and its 95 % interval after Fisher. It shows a value's effect while all others vary;
+`tolerance` varies one value at a time.
 
 Left out: the same as in `design.spec.tolerances`.
 """
@@ -65,16 +64,17 @@ from sims.verdict.presses import SECOND_SEED, Pair, PairCurves, curves_of, pair_
 
 ACCURACY = replace(ACCURACIES["draft"], reference_rays=4096)
 """Light settings of units; the design itself is traced the same way for comparison. On the paper's pad and pair, the
-margins of four seeds spread as at "standard" (by 0.16 noise units on the pad), at half the cost."""
+margins of four seeds scatter as much as with "standard" (by 0.16 noise units on the pad), at half the cost."""
 FORMED_ACCURACY = replace(ACCURACY, image_step=0.7, rings=16, columns=40)
-"""The same for discs and crowned pads. On three presets the margins of four seeds spread by 3 to 5 %, twice as much
-as with `ACCURACY`, at half the cost."""
+"""Light settings of units for discs and crowned pads. On three presets the margins of four seeds scatter by 3 to 5 %,
+twice as much as with `ACCURACY`, at half the cost."""
 NEARLY_DEAD = 1.5 * DEADBAND_THRESHOLD
-"""Distance below which depths of a unit are traced again, to remove the numerical error [noise units]."""
+"""Depths whose frames are closer to each other than this are traced again, to remove the numerical error
+[noise units]."""
 RESPONSE_WINDOW_MM = 0.5
-"""Part of the depth in which the most responsive pairs of a location are selected [mm]."""
+"""Length of each part of the depth for which the most responsive pairs are selected [mm]."""
 RESPONSE_SHARE = 0.9
-"""Share of the squared distance of frames that these pairs make up there [-]."""
+"""Share of the squared distance of frames that the selected pairs contribute in each part of the depth [-]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -86,9 +86,9 @@ class Brief:
     gap_mm : signed mode gap [mm]; None when mode 2 is never reached, or for a pad
     deadband_mm : summed length of the deadbands [mm]
     margin : change of the signal, or distance of a pad's frames, over the least resolved 0.3 mm of depth [noise units];
-        below 3 is a deadband
-    usable_mm : depth beyond which depth is no longer resolved, or the deepest press [mm]; None if not computed
-    in_doubt : whether the numerical error of the light model may hide a deadband where none was found
+        a value below 3 means a deadband
+    usable_mm : largest depth that is resolved, at most the deepest press [mm]; None if not computed
+    in_doubt : whether it is undecided, because of the light model's numerical error, if there is a deadband
     """
 
     gap_mm: float | None
@@ -104,7 +104,7 @@ def accuracy_of_builds(design: SensorDesign) -> Accuracy:
 
 
 def score_curves(design: SensorDesign, curves: PairCurves, readout: Readout) -> PairScore:
-    """Score of one pair from its light, with its receiver's gain; numerical errors clip with the readings."""
+    """Score of one pair from its light, with its receiver's gain; a clipped reading has no numerical error."""
     gain = readout.of_receiver(curves.pair[1])
     is_clipped = curves.total * gain >= readout.full_scale_counts
     return score_pair(
@@ -157,7 +157,7 @@ def pair_margin(
 
 
 def pair_brief(design: SensorDesign, pair: Pair, *, seed: int) -> Brief:
-    """Short verdict by one pair, pressed at the midpoint of the line between its two parts."""
+    """Short verdict by one pair under a press at the midpoint between its emitter and receiver."""
     place_mm = chord_midpoint_mm(cavity_of(design), pair)
     depth_mm, light, readout = _pressed(design, place_mm, (pair,), seed)
     curves = curves_of(light, pair, place_mm, slice(1, None), depth_mm)
@@ -172,14 +172,14 @@ def pair_brief(design: SensorDesign, pair: Pair, *, seed: int) -> Brief:
 
 
 def _usable_mm(design: SensorDesign, score: PairScore) -> float:
-    """Depth beyond which a pair no longer resolves depth; the deepest press if it resolves all depths [mm]."""
+    """Depth up to which a pair resolves depth; the deepest press if it resolves all depths [mm]."""
     return design.operating.max_depth_mm if score.saturation_mm is None else score.saturation_mm[0]
 
 
 def place_brief(
     design: SensorDesign, place_mm: tuple[float, float], pairs: tuple[Pair, ...], *, seed: int
 ) -> Brief:
-    """Short verdict at one location by some pairs together; a margin near the threshold is traced twice."""
+    """Short verdict at one location by several pairs; depths whose margin is near the threshold are traced twice."""
     depth_mm, light, readout = _pressed(design, place_mm, pairs, seed)
     counts = np.stack([_counts(light, pairs, readout, first=1)] * 2)
     full_scale, once = readout.full_scale_counts, np.zeros_like(counts[0])
@@ -204,7 +204,7 @@ def place_brief(
 
 
 def _counts(light: LightSignals, pairs: tuple[Pair, ...], readout: Readout, *, first: int = 0) -> FloatArray:
-    """Readings (state, pair) of all states from a given one on [counts]."""
+    """(state, pair) readings under the presses (states), starting at index `first` [counts]; not clipped."""
     emitters, receivers = np.array(pairs).T
     return np.asarray(light.flux[first:, emitters, receivers] * readout.of_pairs(pairs))
 
@@ -212,13 +212,13 @@ def _counts(light: LightSignals, pairs: tuple[Pair, ...], readout: Readout, *, f
 def responsive_pairs(
     design: SensorDesign, depth_mm: FloatArray, counts: FloatArray, pairs: tuple[Pair, ...]
 ) -> tuple[Pair, ...]:
-    """The pairs that make up most of the change of frames in any part of the depth.
+    """The pairs that contribute most of the change of the frames in any part of the depth.
 
     Parameters
     ----------
-    depth_mm : (n,) depths
+    depth_mm : (n,) depths [mm]
     counts : (n, pair) readings at one location
-    pairs : names of the columns
+    pairs : (emitter, receiver) of each column of `counts`
     """
     units = noise_units(counts, **noise_of(design))
     chosen: dict[Pair, None] = {}
@@ -235,7 +235,7 @@ def responsive_pairs(
 def _pressed(
     design: SensorDesign, place_mm: tuple[float, float], pairs: tuple[Pair, ...], seed: int
 ) -> tuple[FloatArray, LightSignals, Readout]:
-    """Depths, light and gain for one press location; state 0 is the untouched pad, then one state per depth."""
+    """Depths, light and gain for one press location; the light is of the untouched pad first, then of each depth."""
     cavity = cavity_of(design)
     depth_mm = depth_schedule_mm(design.operating.max_depth_mm, COARSE_STEP_MM)
     light = _light(design, place_mm, depth_mm, pairs, seed, is_after_untouched=True)
@@ -251,7 +251,7 @@ def _light(
     *,
     is_after_untouched: bool = False,
 ) -> LightSignals:
-    """Light of some pairs at some depths; on request the untouched pad with all pairs comes first."""
+    """Light of some pairs at some depths; if `is_after_untouched`, the untouched pad with all pairs comes first."""
     begin = [0.0] if is_after_untouched else []
     states = states_of(np.array([place_mm]), np.concatenate([begin, depth_mm]))
     masks = np.repeat(mask_of(pairs, cavity_of(design))[np.newaxis], len(states), axis=0)
@@ -270,7 +270,7 @@ def _margin(
 def _trace_error(
     design: SensorDesign, full_scale: float, counts: FloatArray, standard_error: FloatArray
 ) -> float:
-    """Numerical error of the light, root mean square over depths and pairs [noise units]."""
+    """Numerical error of the light: its root mean square over depths and pairs [noise units]."""
     readings = np.minimum(counts, full_scale)
     errors = np.where(readings < full_scale, standard_error, 0.0)
     return float(np.sqrt(np.mean((errors / sigma_counts(readings, **noise_of(design))) ** 2)))
@@ -279,7 +279,7 @@ def _trace_error(
 CONFIDENCE = 0.95
 NORMAL_95 = 1.959964
 CUT_SIGMA = 2.0
-"""Standard deviations from a normal tolerance's middle to its ends; no value is drawn beyond them."""
+"""Half-width of a normally distributed tolerance, in standard deviations; no value is drawn beyond its ends."""
 FEWEST_BUILDS, MOST_BUILDS = 10, 100_000
 
 
@@ -287,19 +287,19 @@ BuildJudge = Callable[[SensorDesign], Brief]
 
 
 def pair_judge(pair: Pair, name: str, *, seed: int) -> tuple[str, BuildJudge]:
-    """Judge of units by one pair, pressed at the middle of its path."""
+    """A judge of units by one pair under a press at the middle of its path, with the pair's name."""
     return name, lambda build: pair_brief(build, pair, seed=seed)
 
 
 def facing_judge(*, seed: int) -> tuple[str, BuildJudge]:
-    """A judge of units of facing rows by all facing pairs, as for the verdict."""
+    """A judge of facing rows by all facing pairs, as for the full verdict."""
     return "the facing pairs", lambda build: facing_brief(build, seed=seed)
 
 
 def place_judge(
     design: SensorDesign, pad_map: PadMap, light: LightSignals, readout: Readout, *, seed: int
 ) -> tuple[str, BuildJudge]:
-    """A judge of units of a pad at the design's location of least margin, by the pairs that respond there."""
+    """A judge of pads at the design's location of least margin, by the pairs that respond there."""
     weak = pad_map.weakest
     place_mm = (weak.x_mm, weak.y_mm)
     pairs = _answering_pairs(design, light, place_mm, readout)
@@ -315,7 +315,7 @@ def verdict_judge(
     *,
     seed: int,
 ) -> tuple[str, BuildJudge]:
-    """A judge of units by the pairs, or the location, on which the design's verdict depends."""
+    """A judge of a design's units: by all facing pairs for facing rows, otherwise at the location of least margin."""
     if pad_map is None or light is None or is_facing_rows(cavity_of(design)):
         return facing_judge(seed=seed)
     return place_judge(design, pad_map, light, readout, seed=seed)
@@ -332,13 +332,13 @@ def _answering_pairs(
 
 
 class Memo(Protocol):
-    """Store of short verdicts by name, so that an interrupted study continues where it stopped."""
+    """Store of short verdicts by name, from which an interrupted study continues where it stopped."""
 
     def get(self, name: str) -> Any | None:
-        """The plain data stored under a name; None if there are none."""
+        """The JSON data stored under a name; None if there are none."""
 
     def put(self, name: str, result: Any) -> None:
-        """Store plain data under a name."""
+        """Store JSON data under a name."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -347,14 +347,14 @@ class BuildStudy:
 
     Attributes
     ----------
-    judged : the judged pairs or location, in words
+    judged : text that names the judged pairs or location
     seed : seed of the draw
-    as_designed : the design itself, judged as the units are
-    tolerances : the varied values, in the order of `values`
-    values : (build, tolerance) drawn values, each in its unit
+    as_designed : short verdict on the design itself, judged as the units are
+    tolerances : the varied values, in the order of the columns of `values`
+    values : (build, tolerance) drawn values, each in the unit of its tolerance
     deadband_mm, margin : (build,) summed deadband of each unit [mm] and its margin [noise units]; NaN where not judged
     in_doubt : (build,) whether the numerical error may change the verdict
-    unjudged : reasons why units could not be judged, each with its number of units
+    unjudged : number of units that could not be judged, by reason
     """
 
     judged: str
@@ -374,18 +374,18 @@ class BuildStudy:
 
     @property
     def kept(self) -> int:
-        """Number of units that keep the verdict."""
+        """Number of units that keep the design's verdict."""
         judged = self.deadband_mm[np.isfinite(self.deadband_mm)]
         return int(((judged > 0.0) == (self.as_designed.deadband_mm > 0.0)).sum())
 
     @property
     def kept_share(self) -> float:
-        """Share of the judged units that keep the verdict [-]."""
+        """Share of the judged units that keep the design's verdict [-]."""
         return self.kept / self.builds
 
     @property
     def kept_interval(self) -> tuple[float, float]:
-        """Exact binomial interval of that share at 95 % [-]."""
+        """Exact 95 % binomial interval of `kept_share` [-]."""
         from scipy.stats import binomtest  # its import takes long, and only a study needs it
 
         found = binomtest(self.kept, self.builds).proportion_ci(CONFIDENCE, method="exact")
@@ -398,11 +398,14 @@ class BuildStudy:
 
     @property
     def firmness(self) -> FloatArray:
-        """Rank order (build,) of the units: the margin, or for a unit with a deadband minus the deadband's length."""
+        """(build,) values that rank the units: the margin, or minus the deadband's length where there is a deadband."""
         return np.where(self.deadband_mm > 0.0, -self.deadband_mm, self.margin)
 
     def rank_correlations(self) -> tuple[tuple[float, float, float], ...]:
-        """Spearman's correlation of each value with the units' order, with a 95 % interval; 0 if all are equal."""
+        """Spearman's correlation of each tolerance with `firmness`, and its 95 % interval (low, high).
+
+        It is (0, -1, 1) if all units are equal, or fewer than 4 were judged.
+        """
         from scipy.stats import spearmanr
 
         judged = np.isfinite(self.deadband_mm)
@@ -416,12 +419,12 @@ class BuildStudy:
 
     @property
     def ranking(self) -> tuple[int, ...]:
-        """Numbers of the tolerances, the strongest rank correlation first."""
+        """Indices of the tolerances, the strongest rank correlation first."""
         strength = [abs(value) for value, _, _ in self.rank_correlations()]
         return tuple(sorted(range(len(strength)), key=lambda number: -strength[number]))
 
     def to_json(self) -> dict[str, Any]:
-        """Plain data for JSON."""
+        """The study as plain data for JSON."""
         low, high = self.kept_interval
         correlations = self.rank_correlations()
         return {
@@ -457,11 +460,11 @@ def build_study(
     seed: int,
     on_step: Callable[[float], None] | None = None,
 ) -> BuildStudy:
-    """Judge units with all tolerances drawn at once.
+    """Judge units, each with all toleranced values drawn at once.
 
     Parameters
     ----------
-    judge : gives the short verdict of a unit; it is called for the design itself first
+    judge : function for the short verdict on a unit; it is called for the design itself first
     builds : number of units; a power of two covers the tolerances most evenly
 
     Raises
@@ -503,7 +506,7 @@ def build_study(
 
 
 def drawn_values(tolerances: Sequence[Tolerance], builds: int, seed: int) -> FloatArray:
-    """(build, tolerance) values: scrambled Sobol points through each tolerance's distribution."""
+    """(build, tolerance) values: scrambled Sobol points, mapped to each tolerance's distribution."""
     from scipy.stats import qmc
 
     sobol = qmc.Sobol(len(tolerances), scramble=True, rng=np.random.default_rng(seed))
@@ -515,7 +518,7 @@ def drawn_values(tolerances: Sequence[Tolerance], builds: int, seed: int) -> Flo
 def remembered(
     judge: Callable[[SensorDesign], Brief], memo: Memo | None, name: str
 ) -> Callable[[SensorDesign], Brief]:
-    """A judge that returns the stored short verdict of a unit if there is one, and else stores its own."""
+    """A judge that returns a unit's stored short verdict if there is one; otherwise it judges and stores the result."""
     if memo is None:
         return judge
 
@@ -544,7 +547,7 @@ def _quantile(tolerance: Tolerance, shares: FloatArray) -> FloatArray:
 
 
 def _with_interval(correlation: float, count: int) -> tuple[float, float, float]:
-    """A rank correlation with Fisher's 95 % interval, widened for ranks (Fieller, Hartley and Pearson 1957)."""
+    """(correlation, low, high): Fisher's 95 % interval, widened for ranks (Fieller, Hartley and Pearson 1957)."""
     if not np.isfinite(correlation):
         return 0.0, -1.0, 1.0
     middle = np.arctanh(np.clip(correlation, -0.999999, 0.999999))

@@ -1,32 +1,32 @@
 """Why depth is not resolved: the pairs that should have responded over an interval, and the reason why each did not.
 
-    interval at a location ──► pairs whose chord runs under the tip ──► reason of each pair there ──► the cause
+    interval at a location ──► pairs whose chord runs under the tip ──► reason for each pair ──► the cause
 
 T is the pair's light mirrored by the top under the press (skirt included), D the direct light. Over the interval:
 
-    clipped   the reading is at full scale over half of it or more
-    dim       all of its light is less than 6 noise units: too little to resolve three depths
+    clipped   the reading is at full scale over at least half of the interval
+    dim       the untouched reading is less than 6 noise units: too little to resolve three depths
     cancel    T and D each change by 3 noise units or more, their sum by less
     apart     D is still complete (over 90 % of D(0)): mode 1 has ended, mode 2 has not begun
     used up   D is gone (below 10 % of D(0))
     slight    none of these: the light changes by less than 3 noise units
 
-The cause is the reason of most pairs, weighted by their untouched light; `none near` where no chord is under the tip.
-`short_mm` is the missing depth. For `apart` it is the distance from the end of mode 1 to the depth at which the tip
-reaches the direct light; if no press reaches it, that depth follows from the components' upper edges. For `used up` it
-is the distance from the depth at which D is gone to the deepest press. All components are too low, or too high, by
-about this height.
+The cause is the reason that holds for most pairs, weighted by their untouched light; it is `none near` where no chord
+is under the tip. `short_mm` is the missing depth. For `apart` it runs from the end of mode 1 to the depth at which the
+tip reaches the direct light; if no press is that deep, the depth is computed from the components' upper edges. For
+`used up` it runs from the depth at which D is gone to the deepest press. The components are too low (`apart`) or too
+high (`used up`) by about this length.
 
-Left out: pairs of which only the mirrored light passes near the tip, and the combination of pairs, since each is judged
+Left out: pairs whose mirrored light alone passes near the tip, and the combination of pairs, since each is judged
 alone.
 
-The module also finds light that rises under a press: the pair, its reading over the untouched one, and the path.
+The module also finds light that rises under a press: the pair, its reading relative to untouched, and the path.
 
-A press can only reduce direct light. Rising light is mirrored: next to the tip the press tilts the top, which then
-mirrors more of an emitter into a receiver than the untouched top. Under a dome most of a pair's light is mirrored. Its
-reading rises first, and falls when the tip removes the mirroring surface.
+A press can only reduce direct light. Light that rises is mirrored: around the tip the press tilts the top, which may
+then mirror more light from an emitter into a receiver than the untouched top does. Under a dome most of a pair's light
+is mirrored. Its reading rises first, and falls when the tip removes the mirroring surface.
 
-Left out: pairs that are nearly dark untouched, for which any light is a large share.
+Left out: pairs that are nearly dark untouched, since any added light is a large share of theirs.
 """
 
 from __future__ import annotations
@@ -49,23 +49,25 @@ from sims.verdict.presses import PairCurves, curves_of
 
 Part = Literal["smooth top", "flank of the dimple", "other light"]
 LEAST_RISE = 0.05
-"""Smallest share of the untouched light that is reported [-]: 5 % are 15 noise units at a relative noise of 0.3 %."""
+"""Smallest rise that is reported, as a share of the untouched light [-]: at a relative noise of 0.3 %, 5 % are about 15
+noise units."""
 ERRORS = 2.0
-"""A rise within this many standard errors of the light is not reported either."""
+"""A rise of at most this many standard errors of the light is not reported."""
 DARK = 0.05
-"""A pair with less than this share of the median pair's untouched light is dark [-]."""
+"""A pair counts as dark if its untouched light is below this share of the median over all pairs [-]."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Rise:
-    """The pair whose light rises most over its untouched light.
+    """The pair whose light rises most, relative to its untouched light.
 
     Attributes
     ----------
-    pair : name, as E1-R3; share : its light over its untouched light [-]
-    place_mm : (x, y) of that press; depth_mm : its depth [mm]
+    pair : name of the pair, such as E1-R3
+    share : its light under the press, divided by its untouched light [-]
+    place_mm, depth_mm : (x, y) and depth of that press [mm]
     part : path class of the light that increases most
-    pairs, judged : number of pairs that rise at some press of the map, and of pairs that are not dark
+    pairs, judged : number of pairs whose light rises under any press of the map, and of pairs that are not dark
     """
 
     pair: str
@@ -78,7 +80,7 @@ class Rise:
 
     @property
     def sentence(self) -> str:
-        """The rise in words."""
+        """One sentence that describes the rise."""
         x_mm, y_mm = self.place_mm
         why = (
             "the press tilts the top towards the receiver, which mirrors more light"
@@ -92,7 +94,7 @@ class Rise:
         )
 
     def to_json(self) -> dict[str, Any]:
-        """Plain data for JSON."""
+        """The rise as plain data for JSON."""
         return {
             "pair": self.pair,
             "share": round(self.share, 4),
@@ -106,12 +108,12 @@ class Rise:
 
 
 def rise_of(light: LightSignals, pairs: Mapping[str, tuple[int, int]]) -> Rise | None:
-    """The largest rise of a map's light; None where no pair rises.
+    """The largest rise of light over all presses; None if no pair's light rises.
 
     Parameters
     ----------
     light : light of single presses, the untouched pad included
-    pairs : emitter and receiver by name
+    pairs : (emitter, receiver) indices by the pair's name
     """
     untouched = light.presses[:, 2] <= 0.0
     if not pairs or not untouched.any():
@@ -146,11 +148,11 @@ Lack = Literal["clipped", "dim", "cancel", "apart", "used up", "slight", "none n
 Kind = Literal["deadband", "fade"]
 
 WHOLE, GONE = 0.9, 0.1
-"""Shares of a pair's direct light above which it is complete, and below which it is gone [-]."""
+"""A pair's direct light is complete at or above the first share of its untouched value, gone at or below the second."""
 ANSWERS_TWICE = 2.0 * DEADBAND_THRESHOLD
-"""A pair with less light than this cannot resolve three depths [noise units]."""
+"""A pair whose untouched reading is below this cannot resolve three depths [noise units]."""
 MOST_WITNESSES = 12
-"""Most pairs under the tip that are examined, the brightest first."""
+"""Largest number of pairs under the tip that are examined, the brightest first."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -159,12 +161,13 @@ class Witness:
 
     Attributes
     ----------
-    pair : name, as E1-R3
+    pair : name of the pair, such as E1-R3
     lack : reason why it does not respond over the interval, one of the module's list
-    mirrored, straight : its mirrored and its direct light where the interval starts, over that of the untouched pad [-]
+    mirrored, straight : its mirrored and direct light at the interval's start, as shares of the untouched light [-]
     untouched_counts, change : reading of the untouched pad [counts], change over the interval [noise units]
-    mode1_end_mm, mode2_onset_mm, mode2_end_mm : of its light at this location [mm]; None where no press reaches it
-    reach_mm : depth at which the tip meets the direct path's upper edge, by the components' heights [mm]
+    mode1_end_mm, mode2_onset_mm, mode2_end_mm : depths at which mode 1 ends, and mode 2 starts and ends, at this
+        location [mm]; None where no press is deep enough
+    reach_mm : depth at which the tip meets the direct path's upper edge, from the components' heights [mm]
     """
 
     pair: str
@@ -185,9 +188,11 @@ class Cause:
 
     Attributes
     ----------
-    kind : ``deadband`` if deeper presses are resolved again, ``fade`` if none is
-    place_mm : (x, y) of the press; depth_mm : the interval [mm]
-    lack : the reason of most pairs under the tip; short_mm : its length, see above [mm]; None where it has none
+    kind : "deadband" if deeper presses are resolved again, otherwise "fade"
+    place_mm : (x, y) of the press [mm]
+    depth_mm : (from, to) of the interval [mm]
+    lack : the reason that holds for most pairs under the tip
+    short_mm : missing depth (see the module) [mm]; None except for "apart" and "used up"
     witnesses : the pairs under the tip, the brightest first
     """
 
@@ -200,13 +205,13 @@ class Cause:
 
     @property
     def typical(self) -> Witness | None:
-        """The pair with this reason whose modes have the median depths; None if no pair has the reason."""
+        """Of the pairs with this reason, the one with the median gap between its modes; None if no pair has it."""
         lacking = [one for one in self.witnesses if one.lack == self.lack]
         order = sorted(lacking, key=lambda one: _or(one.mode2_onset_mm, np.inf) - one.mode1_end_mm)
         return order[(len(order) - 1) // 2] if order else None
 
     def to_json(self) -> dict[str, Any]:
-        """Plain data for JSON."""
+        """The cause as plain data for JSON."""
         return {
             "kind": self.kind,
             "place_mm": [round(value, 4) for value in self.place_mm],
@@ -224,7 +229,7 @@ def causes_of_pad(
 
     Parameters
     ----------
-    light : light of the map's presses, locations outermost
+    light : light of the map's presses: all depths of the first location, then the next
     """
     cavity = cavity_of(design)
     depth_mm = np.asarray(light.presses).reshape(len(pad_map.places), -1, 3)[0, :, 2]
@@ -242,7 +247,7 @@ def causes_of_pad(
 def causes_of_pairs(
     design: SensorDesign, judged: Sequence[tuple[PairCurves, PairScore]], readout: Readout
 ) -> tuple[Cause, ...]:
-    """The cause of every interval of depth that a facing pair does not resolve under its own press, the worst first."""
+    """The cause of every interval of depth that a facing pair does not resolve under its own press; the worst first."""
     cavity, found = cavity_of(design), []
     for curves, score in judged:
         blind: list[tuple[Kind, Interval]] = [("deadband", span) for span in score.deadbands_mm]
@@ -310,7 +315,7 @@ def _cause(
 
 
 def _short_mm(lack: Lack, witnesses: Sequence[Witness], deepest_mm: float) -> float | None:
-    """Median missing depth over the pairs with this reason [mm]; None without any."""
+    """Median missing depth over the pairs with this reason [mm]; None if there are none."""
     lacking = [one for one in witnesses if one.lack == lack]
     if lack == "apart":
         lengths = [
@@ -363,7 +368,7 @@ def _lack(
     full_scale: float,
     noise: dict[str, float],
 ) -> Lack:
-    """Why a pair does not respond, from its total, mirrored and direct counts (depth, 3) over the interval."""
+    """Why a pair does not respond over an interval, from its (depth, 3) counts there: total, mirrored and direct."""
     if (limited >= full_scale).mean() >= 0.5:
         return "clipped"
     if float(noise_units(min(whole, full_scale), **noise)) < ANSWERS_TWICE:

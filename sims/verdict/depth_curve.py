@@ -1,11 +1,11 @@
 """Signals against depth: constants of the verdict, interpolation, noise units, and where a signal is flat.
 
-The constants on which a verdict depends are collected here; every function takes them as keywords.
+The constants on which a verdict depends are collected here; the functions take them as keyword arguments.
 
 Sources
 -------
 [P] P. Piacenza et al., "Accurate contact localization and indentation depth prediction with an
-    optics-based tactile sensor", ICRA 2017: two modes, and the deadband between them, as words.
+    optics-based tactile sensor", ICRA 2017: two modes, and the deadband between them, in words.
 [F] A feasibility study of one emitter and one receiver 20 mm apart under clear layers of 6 to 12 mm,
     which turned the words into the definitions used here. Confidence: chosen, then varied. Mode
     boundaries move by at most 0.28 mm for mode tolerances of 2 to 10 %; the same thicknesses have
@@ -14,15 +14,18 @@ Sources
 [T] L. H. C. Tippett, Biometrika 17 (1925): the range of 30 independent normal errors is on average
     4.09 standard errors; 30 is more samples than a deadband of 2.5 mm has at steps of 0.1 mm.
 
-Signals sampled at depths, read as the straight lines between the samples.
+Interpolation
+-------------
+Signals are sampled at some depths and taken as straight lines between the samples.
 
-Every depth in the verdict (mode boundaries, deadbands) is exact for this interpolant, so it does not
-depend on any finer grid. Changes between two samples are not seen.
+Deadbands are exact for these lines, so a finer grid would not change them. Changes between two samples are not seen.
 
-Counts on a scale where equal steps are equal numbers of standard deviations.
+Noise units
+-----------
+A scale for counts on which equal steps are equal numbers of standard deviations.
 
 Model: one reading of c counts has the variance σ² = σ0² + (ρ c)², σ0² = 1/12 + read noise². The first
-part is rounding and electronics, the second is light that fluctuates in proportion to itself. The
+part is rounding and electronics; the second is light that fluctuates in proportion to its mean. The
 noise unit u is the variance-stabilising scale of that model, du = dc / σ(c), which integrates to
 u = asinh(ρ c / σ0) / ρ, and to u = c / σ0 when ρ is zero.
 
@@ -32,27 +35,31 @@ reading; the difference of two readings is √2 times as noisy.
 
 Source: Bartlett, "The use of transformations", Biometrics 3 (1947).
 
-The error of a Monte-Carlo light trace, and its effect on a verdict.
+Numerical error
+---------------
+The error of the Monte Carlo light model, and its effect on a verdict.
 
-The noise of a reading is modelled (`noise_units`). The mean reading is predicted by a simulation, whose error is not
-noise of the sensor and must not count as signal. Jitter between depths widens the
-range of a flat signal, so it *hides* deadbands; on a slope just steep enough it can also create one.
+The mean reading comes from a simulation, whose error is not noise of the sensor and must not count as signal. Jitter
+between depths widens the range of a flat signal, so it *hides* deadbands; on a slope that is just steep enough it can
+also create one.
 Errors of neighbouring depths share random numbers and are correlated to an unknown degree, so they
 cannot be subtracted in quadrature. Two figures are given instead:
 
-- the noise margin: the largest standard error within an interval, in noise units. Up to one half, the
-  range that errors add to a constant stays on average below the deadband threshold; above, a verdict
-  carries a warning;
+- the noise margin: the largest standard error within an interval, in noise units. Up to 0.5,
+  the range that errors add to a constant stays on average below the deadband threshold; above it, a
+  verdict carries a warning;
 - possible deadbands: those found when the threshold is raised by 4.09 times the margin, the mean range
-  of 30 independent errors (Tippett 1925). Correlation lowers that range. The band is not a
-  confidence limit, and it leaves out bias of the trace.
+  of 30 independent errors (Tippett 1925). Correlation lowers that range. The result is not a
+  confidence limit, and it leaves out any bias of the simulation.
 
-The range of piecewise-linear signals within a sliding window of depth, without a resampling grid.
+Sliding windows
+---------------
+The range of piecewise-linear signals within a sliding window of depth, without resampling them.
 
-A window [a, a + L] moves over curves that are straight between samples. Between two events (an end of
-the window passes a sample) the samples inside stay the same ones, so their largest value M and
-smallest value m are constants, and the two end values l = u(a), r = u(a + L) are linear in a. The
-range is then the largest of seven lines,
+A window [a, a + L] moves over curves that are straight between samples. An event is an end of the window
+passing a sample. Between two events the samples inside the window stay the same, so their largest value M
+and smallest value m are constants, and the two end values l = u(a), r = u(a + L) are linear in a. The
+range is therefore the largest of seven lines,
 
     l - r,  r - l,  l - m,  M - l,  r - m,  M - r,  M - m,
 
@@ -78,7 +85,7 @@ READ_NOISE_COUNTS: Final = 0.5
 """Standard deviation of one reading in the dark, without rounding [counts]; [F], assumed."""
 
 RELATIVE_NOISE: Final = 0.003
-"""Standard deviation of the light over its mean [-]; [F], assumed."""
+"""Standard deviation of the light, divided by its mean [-]; [F], assumed."""
 
 DEADBAND_THRESHOLD: Final = 3.0
 """A signal that varies by less than this many noise units is flat [-]; [F]."""
@@ -90,19 +97,19 @@ EVENNESS_WINDOW_MM: Final = 0.5
 """Length of the depth window whose signal range evenness compares [mm]; [F]."""
 
 MODE_TOLERANCE: Final = 0.05
-"""Share of its range within which light counts as still at its first value, or already at its last [-]; [F]."""
+"""Share of the light's range within which it counts as still at its first value, or already at its last [-]; [F]."""
 
 TRACE_ERROR_LIMIT: Final = 0.5
 NUMERICAL: Final = "the numerical error of the light model"
-"""Largest Monte-Carlo standard error that a verdict takes without a warning [noise units]; chosen so
-that the range it adds over a typical deadband, 4.09 times itself, stays below the threshold of 3."""
+"""Largest numerical standard error that a verdict accepts without a warning [noise units]. The range that
+it adds over a typical deadband, 4.09 times itself, stays below the threshold of 3."""
 
 TRACE_ERROR_SPREAD: Final = 4.09
 """Range that independent errors add over a deadband, in standard errors [-]; [T]."""
 
 
 def require_depths_mm(depth_mm: ArrayLike) -> FloatArray:
-    """Depths as an array; refused unless they start at 0 (untouched) and increase.
+    """Check that depths start at 0 (untouched) and increase; an error is raised otherwise.
 
     Parameters
     ----------
@@ -110,7 +117,7 @@ def require_depths_mm(depth_mm: ArrayLike) -> FloatArray:
 
     Returns
     -------
-    (n,) the same depths [mm]
+    (n,) the same depths, as an array [mm]
     """
     depth = np.asarray(depth_mm, dtype=np.float64)
     if depth.ndim != 1 or depth.size < 2:
@@ -129,18 +136,18 @@ def require_depths_mm(depth_mm: ArrayLike) -> FloatArray:
 
 
 def require_samples(name: str, values: ArrayLike, depth_mm: FloatArray, *, axes: int = 1) -> FloatArray:
-    """Samples as an array; refused unless there is one finite row per depth.
+    """Check that there is one finite sample per depth, along the first axis; an error is raised otherwise.
 
     Parameters
     ----------
-    name : name of the samples in a message
+    name : name of the samples for the error message
     values : (n,) or, with axes = 2, (n, m) samples
     depth_mm : (n,) depths [mm]
     axes : number of axes that the samples must have
 
     Returns
     -------
-    the same samples
+    the same samples, as an array
     """
     samples = np.asarray(values, dtype=np.float64)
     if samples.ndim != axes or samples.shape[0] != depth_mm.size or samples.size == 0:
@@ -158,7 +165,7 @@ def interpolated(depth_mm: FloatArray, values: FloatArray, at_mm: FloatArray) ->
     ----------
     depth_mm : (n,) increasing depths [mm]
     values : (n, ...) samples
-    at_mm : (m,) requested depths [mm]; outside the samples the end value holds
+    at_mm : (m,) requested depths [mm]; outside the samples, the first or last value is used
 
     Returns
     -------
@@ -175,7 +182,7 @@ def interpolated(depth_mm: FloatArray, values: FloatArray, at_mm: FloatArray) ->
 def between(
     depth_mm: FloatArray, values: FloatArray, from_mm: float, to_mm: float
 ) -> tuple[FloatArray, FloatArray]:
-    """The part of a curve between two depths, with a sample at each of its ends.
+    """The part of a curve between two depths, with a sample at each end of the part.
 
     Parameters
     ----------
@@ -196,7 +203,7 @@ def between(
 def clipped(
     depth_mm: FloatArray, counts: FloatArray, full_scale_counts: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Counts as a converter reads them: never above full scale, with a sample wherever a line meets it.
+    """Counts as a converter reads them: never above full scale, with a sample wherever a line crosses full scale.
 
     Parameters
     ----------
@@ -257,7 +264,7 @@ def sigma_counts(
     ----------
     counts : (...) mean reading [counts]
     read_noise_counts : standard deviation in the dark, without rounding [counts]
-    relative_noise : standard deviation of the light over its mean [-]
+    relative_noise : standard deviation of the light, divided by its mean [-]
 
     Returns
     -------
@@ -270,17 +277,17 @@ def sigma_counts(
 def noise_units(
     counts: ArrayLike, read_noise_counts: float = READ_NOISE_COUNTS, relative_noise: float = RELATIVE_NOISE
 ) -> FloatArray:
-    """Counts in noise units, u = asinh(ρ c / σ0) / ρ.
+    """Convert counts to noise units, u = asinh(ρ c / σ0) / ρ.
 
     Parameters
     ----------
     counts : (...) mean reading [counts]
     read_noise_counts : standard deviation in the dark, without rounding [counts]
-    relative_noise : standard deviation of the light over its mean [-]; zero gives u = c / σ0
+    relative_noise : standard deviation of the light, divided by its mean [-]; zero gives u = c / σ0
 
     Returns
     -------
-    (...) reading [noise units]; odd and increasing in counts
+    (...) reading [noise units]; an odd and increasing function of the counts
     """
     linear = np.asarray(counts, dtype=np.float64) / _zero_signal_sigma_counts(
         read_noise_counts, relative_noise
@@ -291,13 +298,13 @@ def noise_units(
 def counts_of_noise_units(
     units: ArrayLike, read_noise_counts: float = READ_NOISE_COUNTS, relative_noise: float = RELATIVE_NOISE
 ) -> FloatArray:
-    """Counts of a reading given in noise units, c = σ0 sinh(ρ u) / ρ: the inverse of `noise_units`.
+    """Convert noise units to counts, c = σ0 sinh(ρ u) / ρ: the inverse of `noise_units`.
 
     Parameters
     ----------
     units : (...) reading [noise units]
     read_noise_counts : standard deviation in the dark, without rounding [counts]
-    relative_noise : standard deviation of the light over its mean [-]; zero gives c = σ0 u
+    relative_noise : standard deviation of the light, divided by its mean [-]; zero gives c = σ0 u
 
     Returns
     -------
@@ -309,7 +316,7 @@ def counts_of_noise_units(
 
 
 def _ratio_to_argument(function: np.ufunc, x: FloatArray) -> FloatArray:
-    """function(x) / x for asinh or sinh, with its limit 1 where x is too small to matter."""
+    """function(x) / x for asinh or sinh; where x is too small to divide by, the limit 1."""
     small = np.abs(x) < _SERIES_BELOW
     safe = np.where(small, 1.0, x)
     ratio: FloatArray = np.where(small, 1.0, function(safe) / safe)
@@ -317,7 +324,7 @@ def _ratio_to_argument(function: np.ufunc, x: FloatArray) -> FloatArray:
 
 
 def noise_of(design: SensorDesign) -> dict[str, float]:
-    """The design's noise model, as keywords of the verdict's functions."""
+    """The design's noise model, as keyword arguments for the functions of the verdict."""
     return {
         "read_noise_counts": design.value_noise_counts,
         "relative_noise": design.noise.relative_noise,
@@ -325,7 +332,7 @@ def noise_of(design: SensorDesign) -> dict[str, float]:
 
 
 def samples_between(depth_mm: FloatArray, start_mm: float, end_mm: float) -> slice:
-    """The samples that define the straight lines between two depths, with those at or just outside the two ends."""
+    """Slice of the samples that define a curve between two depths, including those at or just outside the ends."""
     first = int(np.searchsorted(depth_mm, start_mm, side="right")) - 1
     return slice(max(first, 0), int(np.searchsorted(depth_mm, end_mm, side="left")) + 1)
 
@@ -339,19 +346,19 @@ def noise_margin(
     read_noise_counts: float = READ_NOISE_COUNTS,
     relative_noise: float = RELATIVE_NOISE,
 ) -> float:
-    """Largest numerical error of the light (standard error) within an interval of depth.
+    """Largest numerical standard error of a reading within an interval of depth.
 
     Parameters
     ----------
-    depth_mm : (n,) depths of the press [mm]; the first 0, increasing
+    depth_mm : (n,) increasing depths of the press [mm]; the first is 0
     counts : (n,) or (n, pair) mean readings [counts]
-    standard_error_counts : same shape, standard error of these means from the trace [counts]
-    within_mm : interval (from, to) to examine, its ends included [mm]; None is all depths
-    read_noise_counts, relative_noise : noise of one reading [counts], [-]
+    standard_error_counts : (n,) or (n, pair) numerical standard error of `counts` [counts]
+    within_mm : interval (from, to) to examine, its ends included [mm]; None for all depths
+    read_noise_counts, relative_noise : constant [counts] and relative [-] part of the noise of one reading
 
     Returns
     -------
-    standard error [noise units]; the largest over depths, and over pairs where there are several
+    standard error [noise units], the largest over depths and pairs
     """
     depth = require_depths_mm(depth_mm)
     readings = require_samples("counts", counts, depth, axes=2 if np.ndim(counts) == 2 else 1)
@@ -375,9 +382,9 @@ def widened_threshold(
 
     Parameters
     ----------
-    margin : largest standard error of the trace [noise units]
-    threshold : deadband threshold of an exact trace [noise units]
-    spread : range of the errors over an interval, in standard errors [-]
+    margin : largest numerical standard error [noise units]
+    threshold : deadband threshold for light without numerical error [noise units]
+    spread : range of the errors over an interval, as a multiple of their standard error [-]
 
     Returns
     -------
@@ -393,13 +400,13 @@ def trace_noise_warning(
 
     Parameters
     ----------
-    margin : largest standard error of the trace over the judged depth [noise units]
-    hidden_mm : length of possible deadband beyond the deadband found [mm]
+    margin : largest numerical standard error over the judged depth [noise units]
+    hidden_mm : length of possible deadbands in addition to those found [mm]
     limit : margin up to which there is no warning [noise units]
 
     Returns
     -------
-    one sentence with the value, the limit and the remedy; None when the trace is fine enough
+    one sentence with the value, the limit and the remedy; None if the margin is within the limit
     """
     if margin <= limit:
         return None
@@ -414,13 +421,13 @@ Interval = tuple[float, float]
 
 GOLDEN = (5.0**0.5 - 1.0) / 2.0
 GOLDEN_STEPS = 60
-"""Each step leaves 0.62 of the bracket: 60 leave 3e-13 of a cell."""
+"""Number of golden-section steps; each leaves 0.62 of the interval, so 60 leave 3e-13 of it."""
 
 
 def flat_intervals_mm(
     depth_mm: FloatArray, units: FloatArray, length_mm: float, threshold: float
 ) -> tuple[Interval, ...]:
-    """Intervals of depth made of windows over which the range of every signal is below a threshold.
+    """Intervals of depth composed of windows in which the range of every signal is below a threshold.
 
     Parameters
     ----------
@@ -435,8 +442,8 @@ def flat_intervals_mm(
 
     Notes
     -----
-    Every interval of at least the window's length with a range below the threshold is a union of such
-    windows, and every such window is such an interval: the result is the union of the maximal ones.
+    The result is also the union of all intervals, of the window's length or longer, over which every range is below
+    the threshold, because each of these intervals is composed of such windows.
     """
     if depth_mm[-1] - depth_mm[0] < length_mm:
         return ()
@@ -450,9 +457,10 @@ def flat_intervals_mm(
 
 
 def smallest_range(depth_mm: FloatArray, units: FloatArray, length_mm: float) -> float:
-    """Smallest range of a signal within any window of a given length; of several, that of the most responsive one.
+    """Smallest range of a signal within any window of a given length.
 
-    Parameters are those of `smallest_ranges`.
+    Of several signals, the one with the largest range counts in each window. Parameters are those of
+    `smallest_ranges`.
 
     Returns
     -------
@@ -464,7 +472,10 @@ def smallest_range(depth_mm: FloatArray, units: FloatArray, length_mm: float) ->
 def smallest_ranges(
     depth_mm: FloatArray, units: FloatArray, length_mm: float
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Smallest range of a signal, or of the most responsive of several, by the depth at which the window starts.
+    """Smallest range of a signal in windows of a given length, for each cell of window starts.
+
+    A cell is an interval of start depths over which the windows contain the same samples. Of several signals, the one
+    with the largest range counts.
 
     Parameters
     ----------
@@ -474,7 +485,8 @@ def smallest_ranges(
 
     Returns
     -------
-    (cell,) first and last start of the windows of each cell [mm]; (cell,) smallest range, in the unit of the signal
+    (cell,) first start and (cell,) last start of the windows in each cell [mm]; (cell,) smallest range, in the unit of
+        the signal
     """
     first_mm, last_mm, *lines = _range_lines(depth_mm, units.reshape(len(depth_mm), -1), length_mm)
     first, last = (np.moveaxis(of_end, 1, 2).reshape(-1, of_end.shape[1]) for of_end in lines)
@@ -482,9 +494,9 @@ def smallest_ranges(
 
 
 def _lowest_of_highest(first: FloatArray, last: FloatArray) -> FloatArray:
-    """Lowest point, within each cell, of the highest of several straight lines.
+    """Minimum, within each cell, of the maximum of several straight lines.
 
-    The highest of straight lines is convex, so golden-section search shrinks each cell to its lowest point.
+    The maximum of straight lines is convex, so golden-section search finds its lowest point.
 
     Parameters
     ----------
@@ -512,12 +524,12 @@ def _lowest_of_highest(first: FloatArray, last: FloatArray) -> FloatArray:
 def _range_lines(
     depth_mm: FloatArray, units: FloatArray, length_mm: float
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Cells of window starts, and the seven lines at each cell's two ends.
+    """Cells of window starts, and the values of the seven lines (see the module) at both ends of each cell.
 
     Returns
     -------
     first_mm, last_mm : (cell,) first and last window start of each cell [mm]
-    at_first, at_last : (7, cell, pair) the lines at these two starts
+    at_first, at_last : (7, cell, pair) values of the lines at these two starts
     """
     events = np.concatenate((depth_mm, depth_mm - length_mm))
     events = np.unique(np.clip(events, depth_mm[0], depth_mm[-1] - length_mm))
@@ -550,7 +562,10 @@ def _inner_extremes(
 def _shares_below(
     at_first: FloatArray, at_last: FloatArray, threshold: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Part of each cell where all lines of all pairs are below a threshold: both ends as shares of the cell, 0 to 1."""
+    """Part of each cell where all lines of all pairs are below a threshold.
+
+    The result is its start and its end, as shares of the cell from 0 to 1.
+    """
     rise = at_last - at_first
     crossing = (threshold - at_first) / np.where(rise == 0.0, np.inf, rise)
     first_below, last_below = at_first < threshold, at_last < threshold
@@ -560,7 +575,7 @@ def _shares_below(
 
 
 def _union(starts: FloatArray, ends: FloatArray) -> tuple[Interval, ...]:
-    """Union of intervals given in order of their starts; those that touch become one."""
+    """Union of intervals that are sorted by their starts; intervals that touch become one."""
     merged: list[Interval] = []
     for start, end in zip(starts.tolist(), ends.tolist(), strict=True):
         if merged and start <= merged[-1][1]:

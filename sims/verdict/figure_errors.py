@@ -1,31 +1,31 @@
 """Errors of continuity, evenness and strength from the numerical error of the light model.
 
-A pair's light is drawn again with a normal error at every depth, of the light's standard error there, and is judged
-again. The error of a figure is the root mean square distance of the draws from the judged value. It includes a shift,
-because errors add to the range of flat parts. Medians over a pad's pairs are drawn in the same way, pair by pair; pairs
-that are equal by symmetry have the same draws.
+A normally distributed error is added to a pair's light at every depth, as large as its standard error there, and the
+pair is judged again; this is repeated. The error of a figure is the root mean square distance of these draws from the
+judged value. It includes a shift, because errors add to the range of flat parts. For medians over a pad's pairs, every
+pair is drawn in this way; pairs that are equal by symmetry have the same draws.
 
-Left out: the unknown correlation of errors at neighbouring depths (they are drawn independently, which has too much
-jitter and too little drift); the error of the untouched pad, whose light has no replicates; errors of the gain, of the
-boundaries of the modes (computed separately), and of the models.
+Left out: the unknown correlation of errors at neighbouring depths (independent draws have too much jitter and too
+little drift); the error of the untouched pad, whose light has no replicates; errors of the gain, of the mode
+boundaries (computed separately), and of the models.
 
 Mode boundaries in newtons: the load at which a mode starts or ends, with the band of the modulus.
 
     depth of the boundary ──► load of the press there, at the best value of the modulus and at both ends of its band
 
-Depths do not depend on the modulus (light sees the shape only, and the shape of a frictionless layer does not
-depend on its stiffness); loads are proportional to it. So a softer mix moves every boundary in newtons and none in
-millimetres. The load is that of the pair's own press where the contact model covers its location, near walls included;
-elsewhere it is that of the centred press, and `is_at_place` is False.
+Depths do not depend on the modulus: light depends on the shape only, and the shape of a frictionless layer does not
+depend on its stiffness. Loads are proportional to it, so a softer mix moves every boundary in newtons and none in
+millimetres. The load is that of the pair's own press where the contact model covers its location, even near walls;
+elsewhere it is that of a press at the pad's centre, and `is_at_place` is False.
 
 Left out: the error of the contact model, friction, viscosity.
 
-Errors of the boundaries of the modes from the numerical error of the light model.
+Errors of the mode boundaries from the numerical error of the light model.
 
-A boundary is where a curve crosses a level, so an error of the curve moves it by that error over the curve's slope
-there. The trace gives the standard error of the whole light only; the same is assumed for the mirrored and the direct
-part, which is too much for the direct part (quadrature, no rays). Errors of the level (a share of the curve's range)
-and of neighbouring depths, which partly cancel, are left out.
+A boundary is where a curve crosses a level, so an error of the curve moves it by that error divided by the curve's
+slope there. The light model gives the standard error of the total light only. The same is assumed for the mirrored and
+for the direct part, which is too much for the direct part (it comes from quadrature, not rays). Errors of the level (a
+share of the curve's range) and of neighbouring depths, which partly cancel, are left out.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ from sims.verdict.pair_score import Modes, PairScore, continuity, deadband_inter
 from sims.verdict.presses import PairCurves
 
 Load = tuple[float, float, float]
-"""Load and both ends of its band [N]."""
+"""Load, and the low and high end of its band [N]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -57,7 +57,7 @@ class BoundaryForces:
     Attributes
     ----------
     mode1_start, mode1_end, mode2_onset, mode2_end : the boundaries
-    is_at_place : whether the load is that of the pair's press; else that of the centred press
+    is_at_place : whether the load is that of the pair's own press; if False, it is that of a press at the pad's centre
     """
 
     mode1_start: Load
@@ -67,7 +67,7 @@ class BoundaryForces:
     is_at_place: bool
 
     def to_json(self) -> dict[str, object]:
-        """Plain data for JSON."""
+        """The loads as plain data for JSON."""
         loads = {name: getattr(self, name) for name in BOUNDARIES}
         return {
             name: None if load is None else [round(end, 4) for end in load] for name, load in loads.items()
@@ -82,7 +82,7 @@ def boundary_forces(modes: Modes, force: LoadCurve, *, is_at_place: bool = True)
 
     Parameters
     ----------
-    force : load of the press, at least as deep as the deepest boundary
+    force : load of the press against depth, down to the deepest boundary or deeper
     """
     onset, end = modes.mode2_mm
     return BoundaryForces(
@@ -95,7 +95,7 @@ def boundary_forces(modes: Modes, force: LoadCurve, *, is_at_place: bool = True)
 
 
 def place_force(design: SensorDesign, place_mm: tuple[float, float]) -> tuple[LoadCurve, bool]:
-    """Load against depth of a press at a location, and whether it is that location's, not the centred press's."""
+    """Load of a press against depth, and whether it is at the given location (True) or at the pad's centre (False)."""
     depth_mm = depth_schedule_mm(design.operating.max_depth_mm)
     try:
         return load_curve(design, solved_press(design, at_mm=place_mm), depth_mm), True
@@ -107,14 +107,14 @@ Errors = tuple[float | None, float | None]
 
 
 def mode_errors_mm(curves: PairCurves, modes: Modes) -> tuple[Errors, Errors]:
-    """Standard errors of the boundaries of mode 1 and mode 2 [mm]; None if out of reach, or on a flat curve."""
+    """Standard errors of start and end of mode 1 and mode 2 [mm]; None if not reached, or where the curve is flat."""
     first = tuple(_moved_mm(curves, curves.top, boundary) for boundary in modes.mode1_mm)
     second = tuple(_moved_mm(curves, curves.direct, boundary) for boundary in modes.mode2_mm)
     return (first[0], first[1]), (second[0], second[1])
 
 
 def _moved_mm(curves: PairCurves, light: FloatArray, boundary_mm: float | None) -> float | None:
-    """Error of a boundary: standard error of the light over its slope, in the segment with the boundary [mm]."""
+    """Error of a boundary [mm]: standard error of the light divided by its slope; None if the slope is 0."""
     if boundary_mm is None:
         return None
     depth = curves.depth_mm
@@ -126,21 +126,21 @@ def _moved_mm(curves: PairCurves, light: FloatArray, boundary_mm: float | None) 
 
 
 FIGURES = ("continuity", "evenness", "swing", "resolvable_steps")
-"""Columns of drawn figures: shares [-], and a number of steps."""
+"""Names of the figures, which are all dimensionless."""
 
 DRAWS = 16
-"""Number of draws for each pair, which gives its errors to a sixth of their value."""
+"""Number of draws for each pair; with these, an error is known to about a sixth of its value."""
 
 SEED = 20170601
 
 SAME = 1e-4
-"""Pressed curves that agree to this count as the same [counts]."""
+"""Largest difference between curves under a press that count as the same [counts]."""
 
 
 def drawn_figures(
     design: SensorDesign, curves: Sequence[PairCurves], scores: Sequence[PairScore], readout: Readout
 ) -> FloatArray:
-    """Figures (pair, draw, figure) of pairs whose light is drawn again, in the order of `FIGURES`."""
+    """(pair, draw, figure) figures of pairs after random errors of their light, in the order of `FIGURES`."""
     known: dict[bytes, FloatArray] = {}
     found = []
     for number, (of_pair, score) in enumerate(zip(curves, scores, strict=True)):
@@ -155,7 +155,7 @@ def drawn_figures(
 
 
 def _content(curves: PairCurves, gain: float, end_mm: float) -> bytes:
-    """Key that is equal for pairs with the same light under their presses, as pairs equal by symmetry have."""
+    """Cache key that is equal for pairs whose light under a press is the same, such as pairs equal by symmetry."""
     pressed = slice(1, None)
     light = np.concatenate([curves.total[pressed], curves.standard_error[pressed]])
     return np.rint(np.append(gain * light, end_mm) / SAME).astype(np.int64).tobytes()
@@ -183,7 +183,7 @@ def _figures(
     end_mm: float,
     full_scale_counts: float,
 ) -> FloatArray:
-    """Figures (figure,) of one curve of counts, computed as in `sims.verdict.pair_score`."""
+    """(figure,) figures of one curve of counts, computed as in `sims.verdict.pair_score`."""
     noise = noise_of(design)
     at_mm, counts = clipped(depth_mm, unlimited, full_scale_counts)
     _, units = between(at_mm, noise_units(counts, **noise), 0.0, end_mm)
@@ -199,7 +199,7 @@ def _figures(
 
 
 def figures_of(score: PairScore) -> FloatArray:
-    """Figures (figure,) of a judged pair."""
+    """(figure,) figures of a judged pair, in the order of `FIGURES`."""
     strength = score.strength
     return np.array(
         [
@@ -212,12 +212,12 @@ def figures_of(score: PairScore) -> FloatArray:
 
 
 def figure_errors(drawn: FloatArray, judged: FloatArray) -> dict[str, float]:
-    """Errors by name of one pair's figures, or of the medians over several.
+    """Root mean square errors of one pair's figures, or of the medians over several pairs, by name.
 
     Parameters
     ----------
-    drawn : (pair, draw, figure)
-    judged : (pair, figure)
+    drawn : (pair, draw, figure) figures from `drawn_figures`
+    judged : (pair, figure) figures from `figures_of`
     """
     away = np.median(drawn, axis=0) - np.median(judged, axis=0)
     return dict(zip(FIGURES, np.sqrt(np.mean(away**2, axis=0)).tolist(), strict=True))

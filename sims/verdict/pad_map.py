@@ -1,4 +1,4 @@
-"""The pad as a whole: the depths that one frame of all judged readings resolves at each location of the workspace.
+"""The pad as a whole: the depths that one frame resolves at each location of the workspace.
 
 Model
 -----
@@ -7,22 +7,23 @@ their frames are at least 3 noise units apart:
 
     D²(a, b) = Σ over pairs (u(b) - u(a))²  >=  3².
 
-Depth is not resolved over an interval of at least 0.3 mm in which no two depths are resolved; overlapping intervals
-are merged. An interval is a deadband if depth is resolved again below it. If it extends to the deepest press, the
-usable range ends at its start. A single pair has the same deadbands by this rule as in `sims.verdict.pair_score`.
+Depth is not resolved over an interval if no two depths in it are resolved from each other and it is at least 0.3 mm
+long; overlapping intervals are merged. An interval is a deadband if depth is resolved again below it. If it extends to
+the deepest press, the usable range ends at its start. A single pair has the same deadbands by this rule as in
+`sims.verdict.pair_score`.
 
-The numerical error of the light model adds to the distance. If light is traced twice with different seeds, the halves
-A and B are independent, and Σ ΔA ΔB has the mean D², free of bias. The scatter of the halves over n pairs,
-σ² = Σ (ΔA - ΔB)² / 4n, gives the standard deviation of that sum, 2 σ √(D² + n σ²). A distance less than two of these
-from the threshold is undecided. If light is traced once, D² is at most the sum of squares, and at least this sum less
-2 Σ (s²(a) + s²(b)), where s are the standard errors. The sum itself is then the best estimate, because most of the
-error is common to both depths.
+The numerical error of the light model adds to the distance. If light is traced twice with different seeds, the two
+results A and B are independent, and Σ ΔA ΔB is an unbiased estimate of D². The scatter of the results over n pairs,
+σ² = Σ (ΔA - ΔB)² / 4n, gives the standard deviation of that sum, 2 σ √(D² + n σ²). A distance is undecided if its
+square is less than two standard deviations from that of the threshold. If light is traced once, D² is at most the sum
+of squares, and at least this sum less 2 Σ (s²(a) + s²(b)), where s are the standard errors. The best estimate is then
+the sum itself, because most of the error is common to both depths.
 
 Frames are interpolated linearly between the traced depths; windows of 0.3 mm start every 0.02 mm.
 
 A profile (`pad_profile`) applies the same rule depth by depth: it has the largest distance of two frames within 0.3 mm
 around each depth, sampled every 0.05 mm. Near both ends of the press the window is moved inward. The profile includes
-the numerical error, so the margin of the verdict can be smaller where a second trace has removed it.
+the numerical error, so the margin of the verdict can be smaller where a second trace has removed this error.
 """
 
 from __future__ import annotations
@@ -54,10 +55,10 @@ Interval = tuple[float, float]
 STEPS = 15
 """Number of steps in a window of the shortest deadband length, 0.3 mm."""
 SURE = 2.0
-"""Standard deviations from the threshold within which a distance is undecided."""
+"""Number of standard deviations around the threshold within which a squared distance is undecided."""
 BOUND = 2.0
-"""Multiple of the trace variance that is subtracted from squared distances of light traced once: errors of two depths
-may add."""
+"""Multiple of the numerical variance that is subtracted from squared distances if light is traced once, since the
+errors of two depths may add."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -67,9 +68,9 @@ class Frames:
     Attributes
     ----------
     depth_mm : (n,) increasing depths from 0 [mm]
-    halves : (2, n, pair) readings from two independent traces, limited at full scale [noise units]; equal where traced
-        once
-    variance : (n,) variance of the trace, summed over pairs [noise units²]; 0 where traced twice
+    halves : (2, n, pair) readings from two independent traces, limited at full scale [noise units]; equal where light
+        was traced once
+    variance : (n,) numerical variance, summed over pairs [noise units²]; 0 where light was traced twice
     """
 
     depth_mm: FloatArray
@@ -84,7 +85,7 @@ class Blindness:
     Attributes
     ----------
     deadbands_mm : (from, to) of intervals below which depth is resolved again [mm]
-    usable_mm : start of the unresolved interval that extends to the deepest press; without one the deepest press [mm]
+    usable_mm : start of the unresolved interval that extends to the deepest press [mm]; the deepest press if none does
     """
 
     deadbands_mm: tuple[Interval, ...]
@@ -98,7 +99,7 @@ class DepthReading:
     Attributes
     ----------
     blind : unresolved depths by the best estimate of the distances
-    least, most : unresolved depths if the numerical error makes them as short, or as long, as possible
+    least, most : shortest and longest unresolved depths that the numerical error allows
     margin, margin_error : largest distance of two frames within the least resolved 0.3 mm of the usable range, and its
         possible numerical error [noise units]
     margin_mm : (from, to) of the least resolved 0.3 mm [mm]
@@ -213,8 +214,8 @@ class Place:
 
     Attributes
     ----------
-    x_mm, y_mm : press centre in the cavity frame [mm]
-    depths : the depths that are resolved
+    x_mm, y_mm : press centre in the coordinate system of the cavity [mm]
+    depths : the depths that are resolved there, and how certain this is
     answering_pairs : number of judged pairs whose reading changes by 3 noise units or more over the whole press
     """
 
@@ -225,7 +226,7 @@ class Place:
 
     @property
     def deadbands_mm(self) -> tuple[Interval, ...]:
-        """(from, to) of intervals over which depth is not resolved, and below which it is resolved again [mm]."""
+        """(from, to) of intervals without resolution below which depth is resolved again [mm]."""
         return self.depths.blind.deadbands_mm
 
     @property
@@ -240,7 +241,7 @@ class Place:
 
     @property
     def margin(self) -> float:
-        """Distance of frames over the least resolved 0.3 mm of the usable range [noise units]; below 3: deadband."""
+        """Distance of frames over the least resolved 0.3 mm of the usable range [noise units]; below 3: a deadband."""
         return self.depths.margin
 
     def is_blind(self, depth_mm: float) -> bool:
@@ -255,7 +256,7 @@ class PadMap:
     Attributes
     ----------
     x_mm, y_mm : (nx,) and (ny,) coordinates of the grid [mm]
-    places : locations row by row, in rising y; a rectangle has ny rows of nx
+    places : locations, one row of the grid after the other, in increasing y; a rectangular workspace has ny rows of nx
     """
 
     x_mm: tuple[float, ...]
@@ -264,12 +265,12 @@ class PadMap:
 
     @property
     def worst(self) -> Place:
-        """The location with the most deadband; the first of several equals."""
+        """The location with the most deadband; if several have it, the first."""
         return max(self.places, key=lambda place: place.deadband_total_mm)
 
     @property
     def weakest(self) -> Place:
-        """The location with the most deadband; of several equals, that with least usable depth, then least margin."""
+        """The location with the most deadband; if several have it, that with least usable depth, then least margin."""
         return min(
             self.places, key=lambda place: (-place.deadband_total_mm, round(place.usable_mm, 6), place.margin)
         )
@@ -297,7 +298,7 @@ class PadMap:
         return sorted(found, key=lambda number: self.places[number].margin)[:most]
 
     def open_depths(self, depth_mm: FloatArray, places: list[int]) -> BoolArray:
-        """(depth,) which of the traced depths belong to undecided windows at the given locations."""
+        """(depth,) whether each traced depth is in an undecided window at any of the given locations."""
         found = np.zeros(len(depth_mm), dtype=np.bool_)
         for number in places:
             for start_mm, end_mm in self.places[number].depths.open_mm:
@@ -305,7 +306,7 @@ class PadMap:
         return found
 
     def with_places(self, found: Mapping[int, Place]) -> PadMap:
-        """The map with some locations, given by index, replaced by a new judgement."""
+        """The map with the given locations, by index, replaced."""
         return replace(self, places=tuple(found.get(n, place) for n, place in enumerate(self.places)))
 
     @property
@@ -315,13 +316,13 @@ class PadMap:
 
     @property
     def cells(self) -> tuple[tuple[int, int], ...]:
-        """(row, column) of each location in the grid; rows are y, columns are x."""
+        """(row, column) of each location in the grid; the row is the index in y, the column the index in x."""
         return tuple(
             (_nearest(self.y_mm, place.y_mm), _nearest(self.x_mm, place.x_mm)) for place in self.places
         )
 
     def grid(self, of_places: Sequence[float] | FloatArray) -> FloatArray:
-        """(ny, nx, ...) grid of one value per location, (place, ...); NaN outside the workspace."""
+        """(ny, nx, ...) grid of the values of all locations (place, ...); NaN outside the workspace."""
         values = np.asarray(of_places, dtype=np.float64)
         inside = np.zeros((len(self.y_mm), len(self.x_mm)), dtype=np.bool_)
         inside[tuple(np.array(self.cells).T)] = True
@@ -352,7 +353,7 @@ def place_of(
     ----------
     place_mm : (x, y) of the location [mm]
     depth_mm : (depth,) traced depths [mm]
-    counts : (2, depth, pair) counts of all judged pairs from two independent traces, or from one trace twice; not
+    counts : (2, depth, pair) counts of all judged pairs from two independent traces, or one trace given twice; not
         clipped
     errors : (depth, pair) standard errors [counts]; 0 where there are two traces
     threshold : distance at which two depths are resolved [noise units]
@@ -378,7 +379,7 @@ def place_of(
 def map_grid_mm(cavity: CavityGeometry, places: int) -> tuple[FloatArray, FloatArray]:
     """x and y coordinates of a grid over the workspace [mm], with nearly the same pitch in both directions.
 
-    The longer side has `places` coordinates. Both numbers are odd, so that the centre lines are part of the grid.
+    The longer side has `places` coordinates. Both numbers are odd, so the grid includes the centre lines.
     """
     space = cavity.workspace
     spans = (space.x1_mm - space.x0_mm, space.y1_mm - space.y0_mm)
@@ -390,18 +391,21 @@ def map_grid_mm(cavity: CavityGeometry, places: int) -> tuple[FloatArray, FloatA
 
 
 def grid_inside(workspace: Outline, x_mm: FloatArray, y_mm: FloatArray) -> BoolArray:
-    """(ny, nx) which points of a grid are in the workspace; points outside by round-off only count as inside."""
+    """(ny, nx) whether each point of a grid is in the workspace; points outside only by rounding count as inside."""
     return workspace.contains(x_mm[None, :], y_mm[:, None], 1e-6)
 
 
 def grid_places_mm(workspace: Outline, x_mm: FloatArray, y_mm: FloatArray) -> FloatArray:
-    """(place, 2) press centres of a grid, row by row in rising y [mm]; round-off is clamped to the workspace."""
+    """(place, 2) press centres of a grid in the workspace, row by row in increasing y [mm].
+
+    Points outside only by rounding are moved to the edge of the workspace.
+    """
     inside = grid_inside(workspace, x_mm, y_mm)
     return np.array([workspace.clamped(float(x_mm[k]), float(y_mm[n])) for n, k in np.argwhere(inside)])
 
 
 def on_grid(of_places: FloatArray, inside: BoolArray) -> FloatArray:
-    """(ny, nx, ...) grid of values (place, ...) in the order of `grid_places_mm`; NaN outside the workspace."""
+    """(ny, nx, ...) grid from values (place, ...) in the order of `grid_places_mm`; NaN outside the workspace."""
     found = np.full((*inside.shape, *of_places.shape[1:]), np.nan)
     found[inside] = of_places
     return found
@@ -450,9 +454,9 @@ def pad_profile(
 
     Parameters
     ----------
-    light, readout : light of the map's presses (all depths of the first location, then the next) and gains; if either
-        is None, `change` is None, too
-    depth_mm : (depth,) depths of the profile [mm]; used only without light, otherwise the depths are those of the light
+    light, readout : light of the map's presses (all depths of the first location, then the next), and gains. If either
+        is None, the result's `change` is None
+    depth_mm : (depth,) depths of the profile if light or gains are None [mm]; otherwise the light's depths are used
     """
     change = None
     if light is not None and readout is not None:

@@ -6,8 +6,8 @@
 Modes
 -----
 Mode 1: light that reflects off the top is lost or redirected as soon as the dimple reaches the point of reflection.
-Mode 2: the tip itself comes between emitter and receiver (Piacenza et al., ICRA 2017, in words). In numbers, with T the
-light specularly reflected by the top and D the direct light:
+Mode 2: the tip itself comes between emitter and receiver. Piacenza et al. (ICRA 2017) define both modes in words. In
+numbers, with T the light specularly reflected by the top and D the direct light:
 
     mode 1   from the first depth where |T - T(0)| exceeds 5 % of T's range
              to the last depth where |T - T(deepest)| leaves 5 % of T's range
@@ -15,10 +15,10 @@ light specularly reflected by the top and D the direct light:
              to the depth after which D stays at or below 5 % of D(0)
     gap      onset of mode 2 - end of mode 1; negative when the modes overlap
 
-A boundary is where the monotone cubic through the samples (Fritsch and Butland 1984) crosses the level. This cubic
-never overshoots, is exact for straight lines, and has an error of the third power of the step on smooth curves. It
-rounds off a kink by up to a seventh of the step. "Stays" is judged up to the deepest press only. Whether the change of
-T or D exceeds the noise is left to the deadbands.
+A boundary is where the monotone cubic through the samples (Fritsch and Butland 1984) crosses one of these levels. The
+cubic never overshoots, is exact for straight lines, and has a third-order error in the step on smooth curves. It rounds
+off a kink by up to a seventh of the step. "Stays" is judged up to the deepest press only. Whether the
+change of T or D exceeds the noise matters only for the deadbands, not for the modes.
 
 Deadbands
 ---------
@@ -28,14 +28,14 @@ stretch of 0.3 mm or more. The signal may still drift by more than 3 units from 
 a slope below 10 units/mm is one deadband throughout. A steep step of more than 6 units keeps two plateaus apart, since
 the interval of each extends less than 3 units into the step. A smaller step does not.
 
-Deadbands end at `end_mm`, the end of mode 2. Flatness beyond is *saturation*: the tip already blocks the pair, so no
+Deadbands end at `end_mm`, the end of mode 2. Flatness beyond it is *saturation*: the tip already blocks the pair, so no
 further change is expected. A plateau across `end_mm` counts as a deadband only if its part before `end_mm` is long
-enough. Several pairs together have a deadband only where all of them do: the largest of their ranges is below 3.
+enough. Several pairs together have a deadband only where the largest of their ranges is below 3.
 
-The result is exact for linear interpolation, in noise units, between the given depths. A clipped reading is flat, so a
-signal over full scale shows as a deadband; `peak_share_of_full_scale` distinguishes it from a bad layout.
+The result is exact for signals that are straight, in noise units, between the given depths. A clipped reading is flat,
+so a signal over full scale shows as a deadband; `peak_share_of_full_scale` distinguishes it from a bad layout.
 Not modelled: gain drift, lag, ambient light, amplifier offset and non-linearity, crosstalk between pairs. For the error
-of the light trace see `sims.verdict.depth_curve`.
+of the light model see `sims.verdict.depth_curve`.
 """
 
 from __future__ import annotations
@@ -70,19 +70,19 @@ from sims.verdict.depth_curve import (
 )
 
 HALVINGS = 50
-"""Number of bisection steps, after which a crossing is known to round-off."""
+"""Number of bisection steps; after these, only rounding limits the accuracy of a crossing."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Modes:
-    """The depths at which the two modes act; None means not reached within the depths given.
+    """The depths at which the two modes act.
 
     Attributes
     ----------
-    mode1_mm : start and end of mode 1 [mm]; (0, 0) when the top-reflected light never changes
-    mode2_mm : onset and end of mode 2 [mm], each None when not reached
-    gap_mm : onset of mode 2 minus end of mode 1 [mm]; None when mode 2 never starts
-    gap_at_least_mm : lower bound of the gap when mode 2 never starts [mm]; otherwise None
+    mode1_mm : start and end of mode 1 [mm]; (0, 0) if the top-reflected light never changes
+    mode2_mm : onset and end of mode 2 [mm]; each is None if not reached within the given depths
+    gap_mm : onset of mode 2 minus end of mode 1 [mm]; None if mode 2 never starts
+    gap_at_least_mm : lower bound of the gap if mode 2 never starts [mm]; otherwise None
     """
 
     mode1_mm: tuple[float, float]
@@ -99,8 +99,8 @@ def find_modes(
     Parameters
     ----------
     depth_mm : (n,) increasing depths of the press [mm]; the first is 0
-    top : (n,) light specularly reflected by the top, including the flank of the dimple [any one unit]
-    direct : (n,) direct light [any one unit]
+    top : (n,) light specularly reflected by the top, including the flank of the dimple [any unit]
+    direct : (n,) direct light [the same or another unit]
     tolerance : share of the mirrored light's range, and of the untouched direct light, within which a mode counts as
         not begun or as ended [-]; between 0 and 0.5
 
@@ -142,7 +142,7 @@ def _mode1_mm(depth_mm: FloatArray, top: FloatArray, tolerance: float) -> tuple[
 
 
 def _stays_below_from_mm(depth_mm: FloatArray, values: FloatArray, level: float) -> float | None:
-    """Depth after which a curve stays at or below a level [mm]; None if it does not. The curve starts above it."""
+    """Depth from which a curve stays at or below a level [mm]; None if it ends above. It must start above the level."""
     last_above = int(np.flatnonzero(values > level)[-1])
     if last_above == depth_mm.size - 1:
         return None
@@ -177,8 +177,8 @@ def deadband_intervals_mm(
     ----------
     depth_mm : (n,) increasing depths of the press [mm]; the first is 0
     counts : (n,) mean readings, clipped at full scale [counts]
-    end_mm : end of mode 2 [mm]; None judges all depths
-    read_noise_counts, relative_noise : noise of one reading [counts], [-]
+    end_mm : end of mode 2 [mm]; if None, all depths are judged
+    read_noise_counts, relative_noise : constant [counts] and relative [-] part of the noise of one reading
     min_length_mm : shortest interval that counts [mm]
     threshold : range below which the signal is flat [noise units]
 
@@ -214,8 +214,8 @@ def joint_deadband_intervals_mm(
     ----------
     depth_mm : (n,) increasing depths of the press [mm]; the first is 0
     counts : (n, pair) mean readings, clipped at full scale [counts]
-    end_mm : last depth that is judged [mm]; None judges all depths
-    read_noise_counts, relative_noise : noise of one reading [counts], [-]
+    end_mm : last depth that is judged [mm]; if None, all depths are judged
+    read_noise_counts, relative_noise : constant [counts] and relative [-] part of the noise of one reading
     min_length_mm : shortest interval that counts [mm]
     threshold : range below which a signal is flat [noise units]
 
@@ -248,13 +248,13 @@ def saturation_interval_mm(
     depth_mm : (n,) increasing depths of the press [mm]; the first is 0
     counts : (n,) mean readings, clipped at full scale [counts]
     end_mm : end of mode 2 [mm]
-    read_noise_counts, relative_noise : noise of one reading [counts], [-]
+    read_noise_counts, relative_noise : constant [counts] and relative [-] part of the noise of one reading
     min_length_mm : shortest interval that counts [mm]
     threshold : range below which the signal is flat [noise units]
 
     Returns
     -------
-    (from, to) [mm]; None when the signal still changes at the deepest press
+    (from, to) [mm]; None if the signal still changes at the deepest press
     """
     depth = require_depths_mm(depth_mm)
     readings = require_samples("counts", counts, depth)
@@ -274,7 +274,7 @@ def total_length_mm(intervals_mm: Sequence[Interval]) -> float:
 
 
 def longest_mm(intervals_mm: Sequence[Interval]) -> float:
-    """Length of the longest interval [mm]; 0 when there is none."""
+    """Length of the longest interval [mm]; 0 if there are none."""
     return float(max((to - start for start, to in intervals_mm), default=0.0))
 
 
@@ -303,20 +303,20 @@ def evenness(
     relative_noise: float = RELATIVE_NOISE,
     window_mm: float = EVENNESS_WINDOW_MM,
 ) -> float:
-    """How evenly a pair's signal range is spread over depth; serves to rank pairs without a deadband.
+    """How evenly a pair's signal range is spread over depth; used to rank pairs without a deadband.
 
     Parameters
     ----------
     depth_mm : (n,) increasing depths of the press [mm]; the first is 0
     counts : (n,) mean readings, clipped at full scale [counts]
-    end_mm : end of mode 2 [mm]; None judges all depths
-    read_noise_counts, relative_noise : noise of one reading [counts], [-]
-    window_mm : window length [mm]; a shorter press is judged as one window
+    end_mm : end of mode 2 [mm]; if None, all depths are judged
+    read_noise_counts, relative_noise : constant [counts] and relative [-] part of the noise of one reading
+    window_mm : window length [mm]; if the judged depth is shorter, it is one window
 
     Returns
     -------
-    smallest range within a window over its mean value, whole range x window / end depth [-]; at most 1, and 0 if the
-        signal is constant
+    smallest range within a window, divided by the mean range (whole range x window / end depth) [-]; at most 1, and 0
+        if the signal is constant
     """
     depth = require_depths_mm(depth_mm)
     readings = require_samples("counts", counts, depth)
@@ -330,7 +330,7 @@ def evenness(
 
 
 def _end_within(depth_mm: FloatArray, end_mm: float | None) -> float:
-    """End of the judged depth [mm]; an error is raised if it is outside the depths given."""
+    """End of the judged depth [mm]; an error is raised if it is outside the given depths."""
     deepest = float(depth_mm[-1])
     if end_mm is None:
         return deepest
@@ -347,7 +347,7 @@ def _require_positive(**values: float) -> None:
 
 @dataclass(frozen=True, kw_only=True)
 class Strength:
-    """Strength of the signal at the common gain.
+    """Strength of a pair's signal.
 
     Attributes
     ----------
@@ -373,15 +373,16 @@ class PairScore:
     deadband_total_mm, deadband_longest_mm : summed and largest length of the deadbands [mm]
     saturation_mm : flat interval beyond the end depth that extends to the deepest press [mm]; None if there is none.
         Changes within one standard error of the light model count as flat
-    continuity : 1 - deadband / end depth [-]
-    evenness : smallest over mean signal range of a 0.5 mm window [-]
+    continuity : share of the judged depth that is not in a deadband [-]
+    evenness : smallest signal range in any 0.5 mm of depth, divided by the mean range in 0.5 mm [-]
     strength : untouched counts, swing and resolvable steps
     is_clipped : whether any reading exceeds full scale
     clipped_share : share of the judged depth at full scale [-]
-    peak_share_of_full_scale : largest reading before clipping over full scale [-]
-    noise_margin : largest standard error of the trace over the judged depth [noise units]; None without standard errors
-    possible_deadbands_mm : the deadbands found and those that the trace's error may hide [mm]; None without standard
-        errors
+    peak_share_of_full_scale : largest reading before clipping, as a share of full scale [-]
+    noise_margin : largest standard error of the light model over the judged depth [noise units]; None if no standard
+        errors were given
+    possible_deadbands_mm : the deadbands found and those that the light model's error may hide [mm]; None if no
+        standard errors were given
     """
 
     end_mm: float
@@ -421,17 +422,17 @@ def score_pair(
     Parameters
     ----------
     depth_mm : (n,) increasing depths of the press [mm]; the first is 0, the last is the deepest press
-    direct : (n,) direct light over emitted power [-]
-    top : (n,) light specularly reflected by the top, including the flank of the dimple, over emitted power [-]
-    total : (n,) all light that the receiver gets, over emitted power [-]
-    gain_counts_per_flux : reading for a flux of 1 [counts]; common to the pairs that are compared
+    direct : (n,) direct light, as a share of the emitted power [-]
+    top : (n,) light reflected specularly by the top and the flank of the dimple, as a share of the emitted power [-]
+    total : (n,) all light that the receiver gets, as a share of the emitted power [-]
+    gain_counts_per_flux : reading if `total` were 1 [counts]; the same for all pairs that are compared
     full_scale_counts : largest reading of the converter [counts]
-    standard_error : (n,) standard error of `total` from the trace [-]; None when it has none
-    read_noise_counts, relative_noise : noise of one reading [counts], [-]
+    standard_error : (n,) standard error of `total` from the light model [-]; None if unknown
+    read_noise_counts, relative_noise : constant [counts] and relative [-] part of the noise of one reading
     threshold : range below which the signal is flat [noise units]
     min_length_mm : shortest deadband [mm]
     window_mm : window of evenness [mm]
-    mode_tolerance : tolerance of the mode boundaries [-]
+    mode_tolerance : tolerance of the mode boundaries, see `find_modes` [-]
 
     Returns
     -------

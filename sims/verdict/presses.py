@@ -1,8 +1,8 @@
-"""The presses that a verdict needs, and their light: one press per judged pair, and a map of the pad.
+"""The presses that a verdict needs, and their light: presses for each judged pair, and a grid of presses over the pad.
 
-A state is a press at one location and depth. A pair is pressed at the midpoint of its chord, the straight line between
-its components. Pairs with the same midpoint share their states, and only the judged pairs are traced. Presses that are
-equal by a symmetry of the layout are traced once.
+A state is a press at one location and depth. For a single pair, the press is at the midpoint of its chord, the straight
+line between its components. Pairs with the same midpoint share their states, and only the judged pairs are traced.
+Presses that are equal by a symmetry of the layout are traced once.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from sims.press import NEAR_CONTACT_MM, depth_schedule_mm
 Pair = tuple[int, int]
 
 NEAR_SHARE = 0.3
-"""Share of a map's progress display that its depths near contact take [-]."""
+"""Share of the whole progress that a map's depths near contact account for [-]."""
 
 PAIR_ACCURACY = replace(
     ACCURACIES["standard"], image_step=0.1, top_rings=48, top_columns=120, repeat_share=1e-4
@@ -33,8 +33,9 @@ PAIR_ACCURACY = replace(
 jitter from depth to depth must be well below one unit."""
 
 MAP_ACCURACY = ACCURACIES["score"]
-"""Light settings for the quick map. Errors are below 0.3 % rms of the untouched signal (docs/validation/light.md). On
-the paper's pad, margins differ between seeds by 0.9 noise units rms, as much as with "standard" settings."""
+"""Light settings for the quick map of the pad. Errors are below 0.3 % rms of the untouched signal
+(docs/validation/light.md). On the paper's pad, margins differ between seeds by 0.9 noise units rms, as much as with
+"standard" settings."""
 
 FORMED_PAIR_STEP = 0.35
 """Smallest image step for single pairs in discs and crowned pads, whose integration points are closer together. On the
@@ -42,16 +43,16 @@ crowned preset and the dome, at 0.6 mm and deeper, changes have errors of 0.05 t
 under a noise unit."""
 
 NEAR_MM = 0.4
-"""Depth up to which a map has more depths and finer light [mm]; signals of a good layout begin within it."""
+"""Depth up to which a map has more depths and finer light settings [mm]; in a good layout, signals begin within it."""
 
 NEAR_ACCURACY = MIRRORED_FINER
 """Light settings for a map's depths up to `NEAR_MM`."""
 
 DOUBT_ACCURACIES = (ACCURACIES["standard"], PAIR_ACCURACY)
-"""Light settings for locations that the map's own error leaves undecided, tried in turn. Random shifts are common to
-all depths, so the difference of two depths has a smaller error than either depth. At (16, 11) mm of the paper's pad,
-4.2 to 4.8 mm deep, this error is 0.4 noise units (rms over pairs) with the map's settings, 0.2 with the first and 0.1
-with the second of these."""
+"""Light settings for locations that the map's numerical error leaves undecided, tried in turn. Random shifts are common
+to all depths, so the difference of two depths has a smaller error than either depth. At (16, 11) mm of the paper's pad,
+between 4.2 and 4.8 mm deep, the error of the difference is 0.4 noise units (rms over pairs) with the map's settings,
+0.2 with the first of these and 0.1 with the second."""
 SECOND_SEED = 1_000_003
 """Number added to the seed for a second, independent trace of the same presses."""
 
@@ -59,12 +60,12 @@ MOST_TRACED_AGAIN = 12
 """Largest number of undecided locations of a map that are traced again."""
 
 SPECULAR_CLASSES = ("top", "skirt")
-"""Path classes whose sum is the light mirrored by the top: its smooth part and the flank of the dimple ("skirt")."""
+"""Path classes of the light mirrored by the top: by its smooth part, and by the flank of the dimple ("skirt")."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class PairCurves:
-    """Light of one pair against depth, over the emitted power.
+    """Light of one pair against depth, as a share of the emitted power.
 
     Attributes
     ----------
@@ -72,7 +73,7 @@ class PairCurves:
     press_mm : (x, y) of the press [mm]
     depth_mm : (n,) depths [mm]
     direct, top, diffuse, total : (n,) light on the direct path, mirrored by the top, scattered, and in total [-]
-    standard_error : (n,) standard error of `total` [-]; for pressed depths, of its difference from untouched
+    standard_error : (n,) standard error of `total` at depth 0; at other depths, of its change from depth 0 [-]
     """
 
     pair: Pair
@@ -88,14 +89,14 @@ class PairCurves:
 def untouched_flux(
     design: SensorDesign, cavity: CavityGeometry, *, seed: int, accuracy: str | Accuracy = "standard"
 ) -> FloatArray:
-    """(emitter, receiver) received over emitted power on the untouched pad [-]."""
+    """(emitter, receiver) ratio of received to emitted power on the untouched pad [-]."""
     presses = np.array([[cavity.length_mm / 2, cavity.width_mm / 2, 0.0]])
     light = trace(design, presses, seed=seed, accuracy=accuracy)
     return np.asarray(light.flux[0])
 
 
 def accuracy_of_pairs(design: SensorDesign, accuracy: str | Accuracy = PAIR_ACCURACY) -> str | Accuracy:
-    """Light settings for a design's single pairs: the given settings, coarser for discs and crowned pads."""
+    """Light settings for a design's single pairs: the given ones, made coarser for discs and crowned pads."""
     if isinstance(accuracy, str) or plan_of(design).is_block:
         return accuracy
     return replace(accuracy, image_step=max(accuracy.image_step, FORMED_PAIR_STEP))
@@ -136,19 +137,19 @@ def pad_light(
     seed: int,
     on_step: OnShare | None = None,
 ) -> LightSignals:
-    """Light of all pairs at every location and depth: all depths of the first location, then the next.
+    """Light of all pairs at every location and depth, in the order of `states_of`.
 
     Parameters
     ----------
     places_mm : (place, 2) press centres [mm]
-    depth_mm : (depth,) rising depths [mm]
+    depth_mm : (depth,) increasing depths [mm]
     """
     states = states_of(places_mm, depth_mm)
     return trace(design, states, accuracy=accuracy, seed=seed, on_step=_as_share(on_step))
 
 
 def map_depths_mm(max_depth_mm: float, step_mm: float) -> FloatArray:
-    """(depth,) depths of a map [mm]: equal steps, and more depths near contact for the detection threshold."""
+    """(depth,) depths of a map [mm]: equal steps, and extra ones near contact to find the detection threshold."""
     near = [depth for depth in NEAR_CONTACT_MM if depth < max_depth_mm]
     return np.unique(np.concatenate([near, depth_schedule_mm(max_depth_mm, step_mm)]))
 
@@ -177,13 +178,13 @@ def map_light(
 
 
 def _part_of(on_step: OnShare | None, part: int) -> OnShare | None:
-    """Progress function for part 0 or 1 of a map, which reports the share of the whole map."""
+    """Progress function for part 0 or 1 of a map; it reports the finished share of the whole map."""
     start, end = ((0.0, NEAR_SHARE), (NEAR_SHARE, 1.0))[part]
     return None if on_step is None else lambda share: on_step(start + (end - start) * share)
 
 
 def _joined(parts: Sequence[LightSignals], places: int) -> LightSignals:
-    """Light of the same locations with the depths of several parts joined in the order of `pad_light`."""
+    """Several parts of the depths at the same locations, joined in the order of `pad_light`."""
 
     def whole(arrays: Sequence[FloatArray]) -> FloatArray:
         columns = [array.reshape(places, -1, *array.shape[1:]) for array in arrays]
@@ -206,7 +207,7 @@ def _as_share(on_step: OnShare | None) -> Callable[[int, int], None] | None:
 
 
 def states_of(places_mm: FloatArray, depth_mm: FloatArray) -> FloatArray:
-    """(place x depth, 3) presses as (x, y, depth): all depths of the first location, then the next [mm]."""
+    """(place x depth, 3) presses as (x, y, depth) [mm]: all depths at the first location, then at the next."""
     return np.array([[x, y, depth] for x, y in places_mm for depth in depth_mm])
 
 
@@ -217,7 +218,7 @@ def _rows(place: int, depths: int) -> slice:
 def curves_of(
     light: LightSignals, pair: Pair, place: tuple[float, float], rows: slice, depth_mm: FloatArray
 ) -> PairCurves:
-    """One pair's light against depth; `rows` are the states of its press."""
+    """One pair's light against depth; `rows` selects the presses at the pair's location."""
     at = (rows, *pair)
     return PairCurves(
         pair=pair,

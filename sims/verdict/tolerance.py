@@ -1,10 +1,10 @@
-"""Confidence of a verdict: the design is judged again at both ends of every unmeasured parameter's band.
+"""Confidence in a verdict: the design is judged again at both ends of every unmeasured parameter's band.
 
-One parameter is changed at a time, and the gain is set as it would be on that unit. Rows are ranked by whether an end
-changes the verdict, then by the change of margin. Several parameters at once are varied by `sims.verdict.builds`;
-parameters without a band cannot be tried.
+One parameter is changed at a time, and the gain is set as it would be on that unit. Parameters whose band can change
+the verdict come first; the others follow by their largest change of deadband, then of margin. Parameters without a
+band cannot be tried. `sims.verdict.builds` varies several parameters at once.
 
-The module also has the data of a sensitivity study: figures before and after a small step of one field at a time.
+The module also holds the data of a sensitivity study: figures before and after a small step of one field at a time.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from sims.verdict.builds import Brief
 from sims.verdict.depth_curve import DEADBAND_THRESHOLD
 
 AMPLE_MARGIN = 2.0 * DEADBAND_THRESHOLD
-"""Margin above which a gain counts accuracy instead of more margin [noise units]."""
+"""Margin above which more margin no longer counts as an improvement, but better accuracy does [noise units]."""
 WORTH_NOISE_UNITS = 0.1
 """Depth that counts as much as one noise unit of margin when changes are compared [mm per noise unit]."""
 
@@ -35,8 +35,8 @@ class Effect:
     usable_mm, deadband_mm : usable depth and summed deadband of the judged pair or location [mm]
     margin : distance between frames over the least resolved 0.3 mm of depth [noise units]; a margin below 3 means a
         deadband
-    location_mm, depth_mm : accuracy bounds of location and depth [mm]; None where not resolved; facing rows have no
-        location
+    location_mm, depth_mm : smallest possible errors of location and depth [mm]; None if not resolved; facing rows have
+        no location
     """
 
     usable_mm: float
@@ -49,8 +49,8 @@ class Effect:
         """Improvement over the figures of another design, expressed as a depth [mm].
 
         It is the sum of added usable depth, removed deadband, and 0.1 mm per noise unit of margin up to `AMPLE_MARGIN`.
-        If the other design has this margin, 1 mm is added per factor e by which the location bound shrinks. Without
-        location bounds the depth bound is used.
+        If the other design already has this margin, each factor e by which the location bound shrinks adds 1 mm. The
+        depth bound is used if neither design has a location bound.
         """
         reached, before = min(self.margin, AMPLE_MARGIN), min(other.margin, AMPLE_MARGIN)
         gain = (self.usable_mm - other.usable_mm) - (self.deadband_mm - other.deadband_mm)
@@ -58,7 +58,10 @@ class Effect:
         return gain + self._finer_than(other) if before == AMPLE_MARGIN else gain
 
     def _finer_than(self, other: Effect) -> float:
-        """Logarithm of the ratio of bounds, positive if this design's is smaller; 1 or -1 if only one is resolved."""
+        """Logarithm of the factor by which this design's accuracy bound is smaller than another's.
+
+        It is 1 if only this design has a bound, and -1 if only the other has one.
+        """
         has_place = self.location_mm is not None or other.location_mm is not None
         now, was = (self.location_mm, other.location_mm) if has_place else (self.depth_mm, other.depth_mm)
         if now is None or was is None:
@@ -66,7 +69,7 @@ class Effect:
         return math.log(was / now)
 
     def to_json(self) -> dict[str, Any]:
-        """Plain data for JSON."""
+        """The effect as plain data for JSON."""
         return {
             "usable_depth_mm": round(self.usable_mm, 4),
             "deadband_mm": round(self.deadband_mm, 4),
@@ -78,13 +81,13 @@ class Effect:
 
 @dataclass(frozen=True, kw_only=True)
 class FieldStep:
-    """Effects of one field stepped down and up.
+    """Effects of a step of one field down, and of one up.
 
     Attributes
     ----------
     path : dotted path of the field
     step : size of the step [unit of the field]
-    lower, higher : figures after a step down and up; None where a step breaks a rule or is out of the models' scope
+    lower, higher : figures after the step down and up; None if the step breaks a rule or leaves the models' scope
     """
 
     path: str
@@ -100,12 +103,12 @@ class FieldStep:
 
 @dataclass(frozen=True, kw_only=True)
 class FieldSteps:
-    """Effects of a small step of every field that costs little to change.
+    """Effects of a small step of each field that is cheap to change.
 
     Attributes
     ----------
     judged : name of the judged pair, or the pad's location of least margin
-    bounds_at_mm : (x, y, depth) of the press for the accuracy bounds [mm]
+    bounds_at_mm : (x, y, depth) of the press at which the accuracy bounds are computed [mm]
     as_designed : figures of the unchanged design
     """
 
@@ -115,7 +118,7 @@ class FieldSteps:
     rows: tuple[FieldStep, ...]
 
     def better_sides(self) -> dict[str, int]:
-        """Fields that improve the design and their direction, -1 lower or 1 higher; the largest improvement first."""
+        """Fields that improve the design, each with the direction (-1 down, 1 up); the largest improvement first."""
         found = []
         for row in self.rows:
             known = [
@@ -129,7 +132,7 @@ class FieldSteps:
         return {path: side for _, path, side in sorted(found)}
 
     def to_json(self) -> dict[str, Any]:
-        """Plain data for JSON."""
+        """The study as plain data for JSON."""
         return {
             "judged": self.judged,
             "bounds_at_mm": [round(value, 4) for value in self.bounds_at_mm],
@@ -152,13 +155,13 @@ class ToleranceRow:
 
     Attributes
     ----------
-    path, confidence : dotted path of the parameter, and the confidence of its value
-    values : low and high end of the band
+    path, confidence : dotted path of the parameter, and the confidence in its value
+    values : low and high end of the band [unit of the parameter]
     gap_mm : mode gap at both ends [mm]; None when mode 2 is never reached, and for a pad
     deadband_mm : summed deadband at both ends [mm]
     margin : signal change over the least responsive 0.3 mm of depth at both ends [noise units]; a margin below 3 means
         a deadband
-    flips : whether the verdict at either end differs from that of the design
+    flips : whether the verdict at either end differs from the design's
     """
 
     path: str
@@ -170,7 +173,7 @@ class ToleranceRow:
     flips: bool
 
     def effect(self, design: Brief) -> tuple[bool, float, float]:
-        """Sort key: whether the verdict changes; largest change of deadband [mm]; of margin [noise units]."""
+        """Sort key: whether the verdict changes, and the largest changes of deadband [mm] and margin [noise units]."""
         return (
             self.flips,
             max(abs(value - design.deadband_mm) for value in self.deadband_mm),
@@ -186,9 +189,9 @@ class ToleranceBand:
     ----------
     judged : name of the governing pair, or the pad's location of least margin
     deadband_mm, gap_mm, margin : deadband [mm], mode gap [mm] and margin [noise units] of the design itself
-    rows : one row per parameter
+    rows : effect of each parameter
     unbanded : unmeasured parameters without a band, whose effect is unknown
-    untried : ends of bands that cannot be judged, each with the reason
+    untried : parameters with an end of the band that cannot be judged, each with the reason
     """
 
     judged: str
@@ -211,7 +214,7 @@ class ToleranceBand:
         return tuple(row.path for row in self.rows if row.flips)
 
     def to_json(self) -> dict[str, Any]:
-        """Plain data for JSON."""
+        """The effects as plain data for JSON."""
         return {
             "judged": self.judged,
             "deadband_mm": round(self.deadband_mm, 4),
@@ -239,7 +242,7 @@ def tolerance_band(
     ----------
     judged : name of the judged pair or location, for messages
     judge : function for the short verdict on a unit; called for the unchanged design first
-    added : further values with bands, such as manufacturing tolerances; these replace parameters with the same path
+    added : further values with bands, such as manufacturing tolerances; they replace parameters with the same path
     """
     as_designed = judge(design)
     replaced = {used.path for used in added}

@@ -1,4 +1,4 @@
-"""Result of a trial: which change of a few fields removes a deadband or extends the usable depth, and its verdict."""
+"""Result of a trial: the change of a few fields that removes a deadband or extends usable depth, and its verdict."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ class Move:
     Attributes
     ----------
     path : dotted path of the field
-    parts : names of the components that the change moves, such as "R1-R8"; empty if none
+    parts : names of the components that the change moves, such as "R1-R8"; empty if it moves none
     was, to : values before and after [unit of the field]; `was` is None if the design does not set the field
     """
 
@@ -58,10 +58,10 @@ class Trial:
     verdict, deadband_mm, usable_mm, margin : verdict, deadband [mm], usable depth [mm] and margin [noise units] of the
         changed design; None if nothing helps
     judged : text that names the judged pairs or locations, and the light settings
-    searched : text that names the pairs or the location for the short verdicts
-    tried : the moves that got a short verdict, in order
+    searched : text that names the pairs or the location judged during the search
+    tried : the moves with a short verdict, in the order in which they were tried
     farthest_mm : largest change that was tried [mm]
-    more_parts_tried : whether one more component a side was tried
+    more_parts_tried : whether one more component per side was tried
     """
 
     kind: Kind
@@ -78,7 +78,7 @@ class Trial:
     more_parts_tried: bool
 
     def to_json(self) -> dict[str, Any]:
-        """Plain data for JSON."""
+        """The trial as plain data for JSON."""
         return {
             "kind": self.kind,
             "found": self.found,

@@ -1,7 +1,7 @@
-"""The cause of unresolved depth as a picture: the section through a pair under the press, with the missing light.
+"""The cause of unresolved depth as a picture: a cross-section through a pair under the press, with its remaining light.
 
-The section runs along the chord of the cause's typical pair. The hatched tip is where the unresolved interval begins,
-the dashed tip where it ends. Between them no reading changes enough.
+The cross-section runs along the chord of the cause's typical pair. The hatched tip is at the depth where the
+unresolved interval begins, the dashed tip where it ends. Between these depths no reading changes enough.
 """
 
 from __future__ import annotations
@@ -21,11 +21,11 @@ from sims.verdict.causes import GONE, WHOLE, Cause, Witness
 
 SMALL = 7.5
 WORDS = 0.3
-"""Share of the section's length that the labels take."""
+"""Length that the labels take, as a share of the cross-section's length [-]."""
 
 
 def plot_cause(design: SensorDesign, cause: Cause, ax: Axes | None = None) -> Axes | None:
-    """The section of a cause's typical pair; None where no pair runs under the tip."""
+    """Draw the cross-section along a cause's typical pair; returns None if no pair runs under the tip."""
     witness = cause.typical
     if witness is None:
         return None
@@ -46,7 +46,7 @@ def plot_cause(design: SensorDesign, cause: Cause, ax: Axes | None = None) -> Ax
 
 
 def _chord(cavity: CavityGeometry, pair: str) -> tuple[PlacedPart, PlacedPart, Cut]:
-    """Emitter and receiver of a pair, and the section along its chord."""
+    """Emitter and receiver of a pair, and the cross-section along its chord."""
     (i, emitter), (j, receiver) = next(
         both
         for both in product(enumerate(cavity.emitters), enumerate(cavity.receivers))
@@ -58,7 +58,7 @@ def _chord(cavity: CavityGeometry, pair: str) -> tuple[PlacedPart, PlacedPart, C
 def _draw_light(
     ax: Axes, design: SensorDesign, cut: Cut, heights_mm: tuple[float, float], witness: Witness
 ) -> None:
-    """The straight path and the path mirrored at the untouched top, each with its remaining share of light."""
+    """Draw the straight path and the path mirrored at the untouched top, each with its remaining share of light."""
     (low, high), length = heights_mm, cut.length_mm
     top = cut.plane(ceiling_mm(design)).untouched_mm(cavity_of(design).plan)
     along, height = top.T

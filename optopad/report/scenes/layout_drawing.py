@@ -1,7 +1,7 @@
-"""The layout with its dimensions: the mold from above and in section, at one scale.
+"""The layout with its dimensions: the mold from above and in cross-section, at one scale.
 
-The section shows one part of each kind at each of its heights, rotated into the section's plane. The section runs
-along x. Under a crown that is straight along x it runs along y.
+The cross-section shows one emitter and one receiver at each of their heights, rotated into its plane. The plane is
+along x; under a crown that is straight along x, it is along y.
 """
 
 from __future__ import annotations
@@ -33,18 +33,19 @@ MOST_NUMBERS = 40
 
 DIAMETER = "\N{LATIN CAPITAL LETTER O WITH STROKE}"
 DIMENSION_GAPS = (0.48, 0.80), (0.55, 0.84)
-"""Distances of the dimension lines from the mold, as shares of the free space: cavity, then outside, along x and y."""
+"""Distances of the dimension lines from the mold, as shares of the free space: (cavity, outside) along x, then y."""
 CROWN_POINTS = 81
 ROUND_GAP = 2.8
-"""Distance of a part's name from the part on a round wall, over the distance on a straight wall; names are centred."""
+"""Factor by which a part's name is farther from the part on a round wall, where it is centred, than on a straight one.
+"""
 LEVEL = 0.2
-"""Sine below which a direction counts as level or upright, for labels next to it."""
+"""Sine of the angle below which a direction counts as horizontal or vertical when a label is aligned next to it."""
 NEAR_CORNER = 0.12
-"""Share of a wall's length from a corner within which a part's name is aligned towards the wall's middle."""
+"""Distance from a corner, as a share of the wall's length, within which a part's name is aligned towards the middle."""
 
 
 def plot_layout(design: SensorDesign) -> Axes:
-    """Draw plan and section of a design; returns the plan's axes."""
+    """Draw plan and cross-section of a design; returns the plan's axes."""
     cavity, outline = cavity_of(design), outline_of(design)
     room = 0.21 * max(outline.outer_length_mm, outline.outer_width_mm)
     across = outline.outer_length_mm + 2 * room
@@ -139,7 +140,7 @@ def _body(part: PlacedPart, **look: Any) -> Patch:
 
 
 def _write_place(ax: Axes, socket: Socket, cavity: CavityGeometry) -> None:
-    """Write a part's position along its wall next to the mold; on a round wall, write the direction of its facet."""
+    """Write a part's position along its wall next to the mold; on a round wall, write its direction instead."""
     part, wall = socket.part, socket.frame.thickness_mm
     x, y, _ = part.position_mm
     right, up = part.line.outward
@@ -163,7 +164,7 @@ class _Section:
 
     Attributes
     ----------
-    is_across : whether the section runs along y
+    is_across : whether the plane is along y
     start_mm, end_mm : positions of the faces of an emitter and of a receiver, rotated into the plane
     length_mm, wall_mm : inner length of the cavity, and thickness of the mold's wall
     """
@@ -177,7 +178,7 @@ class _Section:
     wall_mm: float
 
     def top_mm(self) -> FloatArray:
-        """(n, 2) position along the section and height of the untouched top [mm]."""
+        """(n, 2) position in the plane and height of points of the untouched top [mm]."""
         plan = self.cavity.plan
         along = np.linspace(self.start_mm, self.end_mm, 2 if plan.top.is_flat else CROWN_POINTS)
         x, y = plan.centre_mm
@@ -258,7 +259,7 @@ def _draw_section(ax: Axes, design: SensorDesign, section: _Section, room: float
 
 
 def _draw_tip(ax: Axes, design: SensorDesign, cavity: CavityGeometry, middle: float) -> None:
-    """Draw the tip as it touches the undisturbed top."""
+    """Draw the tip where it just touches the top."""
     side = tip_points_mm(design.indenter, 2.0, 80)
     side = side[side[:, 1] <= 1.25 * design.indenter.tip_radius_mm]
     outline = np.concatenate([side[::-1] * (-1.0, 1.0), side]) + np.array([middle, cavity.clear_mm])
@@ -278,7 +279,7 @@ def _draw_body(ax: Axes, part: PlacedPart, wall_x: float, side: int) -> None:
 
 
 def _heights(ax: Axes, part: PlacedPart, at_mm: float, colour: str) -> None:
-    """Write the heights of the parts' active areas above the bottom of the clear layer."""
+    """Write the height of a part's active area above the bottom of the clear layer."""
     _arrow(ax, (at_mm, 0.0), (at_mm, part.height_mm), colour)
     words = f" {part.kind} {part.height_mm:.4g}"
     ax.text(at_mm, part.height_mm / 2, words, ha="left", va="center", fontsize=SMALL, color=colour)

@@ -1,6 +1,6 @@
-"""Maps over the pad as data for the page: one value per location and depth, its colour, and its meaning.
+"""Maps of the pad as data for the page: one value per location and depth, its colour, and its meaning.
 
-The maps at a few depths in a row: the page shows them in print and without scripts.
+The module also draws the maps at a few depths side by side, for print and for browsers without scripts.
 """
 
 from __future__ import annotations
@@ -26,28 +26,28 @@ CHANGE = ("#f2f6f9", "#9cc9e6", "#0072b2", "#002e4a")
 DEAD = ("#eef1f4", "#c24e00")
 IN_DEADBAND = "in a deadband: no pair resolves depth"
 LEAST_CHANGE = 0.5
-"""Changes below this limit share the lightest colour [noise units]."""
+"""Limit below which all changes have the lightest colour [noise units]."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class DepthMap:
-    """One quantity over the pad and depth.
+    """Map of one quantity over locations and depths.
 
     Attributes
     ----------
     key, title, unit : short name, title, unit
     tells : meaning of the quantity, in a sentence or two
-    depth_mm : (depth,) depths; one NaN for a quantity that has none
-    values : (depth, location); NaN where there is none
-    is_hatched : (depth, location) values to mark; locations without a value are marked in any case
+    depth_mm : (depth,) depths [mm]; a single NaN if the quantity does not depend on depth
+    values : (depth, location) values; NaN where there is none
+    is_hatched : (depth, location) whether to hatch a location; locations without a value are always hatched
     hatched : meaning of a hatched location
     ends : (depth, location, 2) limits of each value, and their meaning; None if not known
-    absent : the word for a value that is absent
-    colours : from the low to the high end of the scale
-    low, high : ends of the scale; values beyond take the colour of the end
+    absent : text for a missing value
+    colours : colours from the low to the high end of the scale
+    low, high : ends of the scale; values beyond an end have its colour
     is_logarithmic : whether the scale of colours is logarithmic
     digits : number of digits after the decimal point
-    names : words that the page shows in place of the values 0, 1, ...
+    names : words that the page shows instead of the values 0, 1, ...; empty for numbers
     limit : a note about the scale
     """
 
@@ -110,11 +110,11 @@ class MapScene:
 
     @property
     def pitch_mm(self) -> float:
-        """Side of a cell of a grid with one line of locations only [mm]."""
+        """Side of a cell, for a grid that has only one line of locations [mm]."""
         return _pitch_mm(self.pad_map)
 
     def data(self) -> dict[str, Any]:
-        """The maps as data for the page's script; `cells` are the row and column of each location."""
+        """The maps as data for the page's script; `cells` holds the grid's row and column of each location."""
         pad, deepest = self.pad_map, float(self.profile.depth_mm[-1])
         weakest = pad.places.index(pad.weakest)
         dead = pad.weakest.deadbands_mm
@@ -134,7 +134,7 @@ class MapScene:
 
 
 def depth_maps(profile: PadProfile) -> list[DepthMap]:
-    """Maps of the change of the signals and of the dead zones, by depth, as the verdict defines them."""
+    """Maps by depth of the signals' change and of the dead zones, as the verdict defines them."""
     found = [_dead_zones(profile)]
     if profile.change is not None:
         found.insert(0, _change(profile, profile.change))
@@ -195,13 +195,13 @@ def _number(value: float) -> float | None:
 
 
 MOST = 6
-"""Largest number of maps in a row."""
+"""Largest number of depths that are drawn side by side."""
 PANEL_IN = 1.45
-"""Width of a map [inch]."""
+"""Width of the map at one depth [inch]."""
 
 
 def plot_by_depth(scene: MapScene, one: DepthMap) -> Axes:
-    """Draw one quantity at up to six depths, with one scale of colours; returns the axes of the first depth."""
+    """Draw one quantity at up to six depths, with a common colour scale; returns the axes of the first depth."""
     chosen, pad = _chosen(one), scene.pad_map
     depths = [one.depth_mm[layer] for layer in chosen]
     titles = [f"{depth:.2f} mm" if np.isfinite(depth) else one.title for depth in depths]
@@ -230,7 +230,7 @@ def plot_by_depth(scene: MapScene, one: DepthMap) -> Axes:
 
 
 def _chosen(one: DepthMap) -> list[int]:
-    """Numbers of evenly spread depths, the deepest one included."""
+    """Indices of the depths to draw: evenly spread, with the deepest included."""
     count = len(one.depth_mm)
     if count <= MOST:
         return list(range(count))

@@ -1,9 +1,9 @@
 """The mold and the bodies of its parts as data for the page's three-dimensional view.
 
-The mesh is the printed one, moved back into the cavity frame. Coordinates are whole steps of a box's longest
-side over 32 000, that is 2 µm for a mold of 66 mm, which is finer than the mesh itself. Triangles and creases
-are vertex numbers. Arrays are little-endian and written in base 64. The lid of a crowned pad is rotated from the
-orientation in its file onto the mold.
+The mesh is the printed one, moved back into the coordinate system of the cavity. Coordinates are whole numbers of
+steps; a step is 1/32 000 of the mesh's longest side. This is 2 µm for a mold of 66 mm, which is finer than the mesh
+itself. Triangles and creases are given by vertex numbers. Arrays are little-endian and written in base 64. The lid of a
+crowned pad is rotated from the orientation in its file onto the mold.
 """
 
 from __future__ import annotations
@@ -34,9 +34,11 @@ def mold_scene(design: SensorDesign, folder: Path) -> dict[str, Any] | None:
 
     Returns
     -------
-    step [mm], low (3) [mm], points (n, 3) in steps above low, triangles (m, 3) and creases (k, 2) as vertex numbers;
-    outer: low and high corner of the mold [mm]; bodies: kind and eight corners [mm]; mouth: corners of the opening at
-    the rim, and its z [mm]; lid: the same data for the lid in its position on the mold; None without a lid
+    - step: size of a step [mm]; low: (3,) lowest corner of the mesh [mm]
+    - points: (n, 3) in steps from low; triangles, creases: (m, 3) and (k, 2) vertex numbers
+    - outer: low and high corner of the mold [mm]; bodies: kind and eight corners of each part [mm]
+    - mouth: corners of the opening at the rim, and its z [mm]
+    - lid: mesh of the lid in its position on the mold; None if there is no lid
     """
     stl = folder / MOLD_STL
     if not stl.is_file():
@@ -70,7 +72,7 @@ def _solid(mesh: Mesh, places_mm: FloatArray) -> dict[str, Any]:
 
 
 def _lid(design: SensorDesign, stl: Path) -> dict[str, Any] | None:
-    """The lid, rotated onto the mold; None if the design has none."""
+    """Mesh of the lid, rotated onto the mold; None if the design or the bundle has none."""
     if not stl.is_file():
         return None
     from cad.lid import lid_size, turned_over
@@ -96,7 +98,7 @@ def _packed(numbers: NDArray[Any], kind: str) -> str:
 
 
 def body_corners_mm(part: PlacedPart) -> FloatArray:
-    """(8, 3) corners of a part's body, its face on its wall: base, then top, counter-clockwise from above [mm]."""
+    """(8, 3) corners of a part's body with its face on the wall [mm]: base, then top, counter-clockwise from above."""
     half, deep = part.part.body_width_mm.value / 2, part.part.body_depth_mm.value
     (tx, ty), (nx, ny) = part.line.tangent, part.line.outward
     first = half if tx * ny - ty * nx < 0.0 else -half

@@ -1,4 +1,4 @@
-"""The judged pairs as data for the page's selection: curves, modes, deadbands, and the position of each pair."""
+"""The judged pairs as data for the page, where the user selects one: curves, modes, deadbands, and positions."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from sims.score.result import ContinuityScore, JudgedPair
 from sims.verdict.figure_errors import Load
 
 STEPS = 10_000
-"""Number of steps into which the light of an untouched pair is divided."""
+"""Number of steps that the untouched light of a pair corresponds to."""
 
 
 def pair_scene(design: SensorDesign, score: ContinuityScore) -> dict[str, Any]:
-    """Data of every judged pair: depths in mm, light in steps of its untouched total."""
+    """Data of all judged pairs: depths in mm, light in units of 1/10 000 of the pair's untouched light."""
     cavity = cavity_of(design)
     names = [pair.name for pair in score.pairs]
     return {
@@ -28,12 +28,12 @@ def pair_scene(design: SensorDesign, score: ContinuityScore) -> dict[str, Any]:
 
 
 def plan_of(cavity: CavityGeometry, tip_mm: float) -> dict[str, Any]:
-    """The pad from above.
+    """The pad from above, as data for the page.
 
     Returns
     -------
-    length, width of the pad; tip radius; corners of outline and workspace, counter-clockwise; parts: name, kind, x, y,
-    and their walls' outward normal [mm]
+    length and width of the pad, tip radius, corners of outline and workspace (counter-clockwise) [mm]; of each part
+    the name, kind, x and y [mm], and outward normal of its wall
     """
     space, plan = cavity.workspace, cavity.plan
     return {
@@ -76,7 +76,7 @@ def _pair(pair: JudgedPair) -> dict[str, Any]:
 
 
 def _loads(pair: JudgedPair) -> str:
-    """Loads at the boundaries of the modes; empty if they are not known."""
+    """Text with the loads at the boundaries of the modes; empty if they are not known."""
     forces = pair.forces
     if forces is None:
         return ""

@@ -1,7 +1,7 @@
 """The light that the page shows in three dimensions: pairs, presses, and the data for the page's script.
 
-The pairs are those nearest to the location of least margin; a design with facing rows shows its facing pairs. The
-presses are at that location, and their depths include the ends of its deadband.
+For a pad, the presses are at the location of least margin, and the pairs are those nearest to it. For facing rows, the
+presses are at the middle of the governing pair. The depths include the ends of the longest deadband there.
 """
 
 from __future__ import annotations
@@ -27,11 +27,11 @@ MOST_PAIRS = 8
 PATHS_A_PAIR = 12
 POOL_PER_PATH = 4
 MOST_RAYS = 20_000
-"""Rays tried for an emitter under one press; six presses and eight emitters take about a second at most."""
+"""Largest number of rays tried per emitter and press; six presses and eight emitters take about a second at most."""
 DEPTH_SHARES = (0.1, 0.2, 0.4, 0.6, 1.0)
 """Depths shown, as shares of the deepest press [-]."""
 NEAR_MM = 0.2
-"""A depth closer than this to an end of the deadband is left out [mm]."""
+"""Distance from an end of the deadband within which other depths are left out [mm]."""
 CURVE_TOLERANCE_MM = 0.01
 """Largest distance of the drawn surface from the computed one [mm]."""
 TIP_LENGTH = 2.4
@@ -40,16 +40,16 @@ TIP_LENGTH = 2.4
 
 @dataclass(frozen=True, kw_only=True)
 class RayScene:
-    """Content of the view in three dimensions.
+    """Content of the three-dimensional view of the light.
 
     Attributes
     ----------
     design, cavity : the sensor
-    pairs : emitter and receiver numbers
+    pairs : (emitter, receiver) numbers of each pair
     place_mm : (x, y) of the presses [mm]
     is_middle : whether `place_mm` is the middle of the middle facing pair; otherwise it is the location of least margin
-    labels : label of each state
-    states : states of the pad, the untouched one first
+    labels : label of each entry of `states`
+    states : light paths on the untouched pad, then under each press
     """
 
     design: SensorDesign
@@ -62,12 +62,12 @@ class RayScene:
 
     @property
     def pair_names(self) -> list[str]:
-        """Names of the pairs, as E1-R5."""
+        """Names of the pairs, such as E1-R5."""
         return [pair_name(self.cavity, pair) for pair in self.pairs]
 
     @property
     def kinds(self) -> list[LightKind]:
-        """Kinds of light that are drawn or carry power, in the order of a legend."""
+        """Kinds of light that are drawn or carry power, in the order of the legend."""
         present = {
             kind_of(path.fate).key: kind_of(path.fate) for state in self.states for path in state.paths
         }
@@ -83,7 +83,10 @@ class RayScene:
         )
 
     def share(self, state: int, kind: LightKind, pair: int | None = None) -> float | None:
-        """Power of one kind of light over the untouched light of all pairs or of one pair [-]; None: not modelled."""
+        """Power of one kind of light, as a share of the untouched light of all pairs or of one pair [-].
+
+        None if this kind is not modelled, or the untouched light is zero.
+        """
         chosen = slice(None) if pair is None else slice(pair, pair + 1)
         untouched = sum(float(flux[chosen].sum()) for flux in self.states[0].power.values())
         found = [flux for name, flux in self.states[state].power.items() if kind_of(name).key == kind.key]
@@ -93,7 +96,7 @@ class RayScene:
 
 
 def ray_scene(design: SensorDesign, score: ContinuityScore, *, seed: int) -> RayScene | None:
-    """The rays that belong to a design's verdict; None without a verdict.
+    """The light paths that illustrate a design's verdict; None if there is no verdict.
 
     Parameters
     ----------
@@ -135,7 +138,7 @@ def _weakest(score: ContinuityScore) -> tuple[tuple[float, float], tuple[Interva
 
 
 def _marked_depths(dead_mm: tuple[Interval, ...], deepest_mm: float) -> dict[float, str]:
-    """Depths to show, each with a note if it is special."""
+    """Depths to show [mm], each with a note; the note is empty unless a deadband begins or ends there."""
     found: dict[float, str] = {}
     if dead_mm:
         start, end = max(dead_mm, key=lambda span: span[1] - span[0])
@@ -157,7 +160,7 @@ def _nearest_pairs(cavity: CavityGeometry, place_mm: tuple[float, float]) -> tup
 
 
 def scene_json(scene: RayScene) -> dict[str, Any]:
-    """All data that the page's script draws; lengths in mm, points of paths in hundredths of a millimetre."""
+    """All data that the page's script draws: lengths in mm, points of light paths in hundredths of a millimetre."""
     cavity, kinds = scene.cavity, scene.kinds
     keys = [kind.key for kind in kinds]
     return {
@@ -203,7 +206,7 @@ def scene_json(scene: RayScene) -> dict[str, Any]:
 
 
 def _frame(scene: RayScene) -> dict[str, Any]:
-    """Origin and axes of the presses, and the radius of the crown under them, which is None for a flat top."""
+    """Coordinate system of the presses (origin and axes), and the radius of the crown, which is None for a flat top."""
     frame = press_frame(scene.design, scene.place_mm)
     return {
         "origin": frame.origin_mm.tolist(),
@@ -214,7 +217,7 @@ def _frame(scene: RayScene) -> dict[str, Any]:
 
 
 def _shares(scene: RayScene, number: int, pair: int | None) -> list[float | None]:
-    """Share of every kind of light, followed by the share of all kinds together [-]."""
+    """Share of each kind of light, then of all kinds together [-]; see `RayScene.share`."""
     shares = [scene.share(number, kind, pair) for kind in scene.kinds]
     return [_rounded(share) for share in (*shares, sum(share or 0.0 for share in shares))]
 
@@ -224,7 +227,7 @@ def _rounded(share: float | None) -> float | None:
 
 
 def _rays(state: RayState, keys: list[str], pairs: tuple[Pair, ...]) -> list[list[Any]]:
-    """Kind number, pair number and points of every path; lost light belongs to its pair before the press."""
+    """Kind number, pair number and points of each light path; lost light has the pair that it reached untouched."""
     numbers = {pair: number for number, pair in enumerate(pairs)}
     arriving = [
         _ray(path, keys.index(kind_of(path.fate).key), numbers[path.emitter, path.receiver])
@@ -242,7 +245,7 @@ def _ray(path: LightPath, kind: int, pair: int) -> list[Any]:
 
 
 def _curve(state: RayState) -> list[list[float]]:
-    """The surface from the axis outward, as radius and height over the untouched top; empty if untouched [mm]."""
+    """Pressed surface from the axis outward: radius, and height above the untouched top [mm]; empty if untouched."""
     press = state.indentation
     if press is None:
         return []
@@ -257,7 +260,7 @@ def _tip(scene: RayScene) -> list[list[float]]:
 
 
 def _thinned(points: FloatArray, tolerance: float) -> FloatArray:
-    """Fewer points of a curve that stay within a tolerance of it (Douglas and Peucker 1973)."""
+    """Remove points of a curve that the rest follows within a tolerance (Douglas and Peucker 1973)."""
     if len(points) < 3:
         return points
     chord, aside = points[-1] - points[0], points - points[0]

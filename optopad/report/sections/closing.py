@@ -85,14 +85,14 @@ def warnings_section(score: ContinuityScore) -> Html:
 
 
 def limits_section(design: SensorDesign) -> Html:
-    """The section on limits: effects that no figure on the page includes."""
+    """The section on the models' limits: effects that no figure on the page includes."""
     is_plain = plan_of(design).is_block
     said = [SHAPED_WALLS if words is WALLS and not is_plain else words for words in LEFT_OUT]
     return section("limits", "What the models leave out", bullets(said))
 
 
 def bundle_files(folder: Path) -> list[str]:
-    """Names of the bundle's files, files that are written later included, hidden work in progress excluded."""
+    """Names of the bundle's files, including those written later, but not hidden files of work in progress."""
     found = {
         path.relative_to(folder).as_posix()
         for path in folder.rglob("*")
@@ -102,7 +102,7 @@ def bundle_files(folder: Path) -> list[str]:
 
 
 def files_section(names: Sequence[str]) -> Html:
-    """Links to the files in the page's folder."""
+    """The section with links to the bundle's files."""
     items = (
         element(
             "li",
@@ -120,7 +120,7 @@ def files_section(names: Sequence[str]) -> Html:
 
 
 def origin_section(design: SensorDesign, score: ContinuityScore, seed: int, versions: dict[str, str]) -> Html:
-    """The origin of the page: design, seed, versions."""
+    """The section on the origin of the page: design, seed, versions."""
     return section(
         "origin",
         "Where the numbers come from",

@@ -1,4 +1,4 @@
-"""The plots of a report as SVG, by file name, and their cards in the page."""
+"""The plots of a report as SVG, by file name, and the cards that show them in the page."""
 
 from __future__ import annotations
 
@@ -71,11 +71,11 @@ THEMED = {
     PALE_BLUE: "var(--plot-pale-blue)",
     PALE_ORANGE: "var(--plot-pale-orange)",
 }
-"""Colours of the plots by the page's names for them."""
+"""The page's names for the plots' colours, by colour."""
 MOST_CAUSES = 3
 """Largest number of causes that are drawn."""
 MOST_FACING = 8
-"""Largest number of facing pairs that are plotted; further ones are only in the table."""
+"""Largest number of facing pairs that are plotted; the others are only in the table."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -93,7 +93,7 @@ class Drawing:
 
 
 def shown_pairs(score: ContinuityScore) -> list[tuple[JudgedPair, str]]:
-    """Pairs to plot, each with its role: all facing pairs; of a pad the governing, worst, median and best pair."""
+    """Pairs to plot, each with its role: the facing pairs or, for a pad, the governing, worst, median and best pair."""
     if not score.pairs:
         return []
     if score.is_facing_rows:
@@ -116,11 +116,11 @@ def shown_pairs(score: ContinuityScore) -> list[tuple[JudgedPair, str]]:
 def drawings_of(
     design: SensorDesign, score: ContinuityScore, maps: MapScene | None = None
 ) -> dict[str, Drawing]:
-    """All plots that a score has data for, by stem without the prefix.
+    """All plots that a score has data for; the key is the file's stem without the prefix.
 
     Parameters
     ----------
-    maps : maps by depth; None leaves them out
+    maps : maps by depth; if None, they are left out
     """
     return drawings_without_tolerance(design, score, maps) | tolerance_drawings(score)
 
@@ -156,7 +156,7 @@ def _all_drawn(plots: dict[str, tuple[Axes, str]]) -> dict[str, Drawing]:
 
 
 def drawn(name: str, axes: Axes, shows: str) -> Drawing:
-    """A plot as SVG text; call it inside `plain_style`."""
+    """Convert a plot to SVG text; must be called inside `plain_style`."""
     figure = axes.get_figure(root=True)
     assert figure is not None
     return Drawing(stem=PREFIX + name, shows=shows, svg=svg_text(figure, name))
@@ -179,7 +179,7 @@ def _pair_plots(score: ContinuityScore) -> dict[str, tuple[Axes, str]]:
 
 
 def shown_causes(score: ContinuityScore) -> list[Cause]:
-    """The worst cause for each kind of cause and each missing quantity, the worst first."""
+    """Causes to draw: the worst one of each kind and reason, at most `MOST_CAUSES`, the worst first."""
     found: dict[tuple[str, str], Cause] = {}
     for cause in score.causes:
         found.setdefault((cause.kind, cause.lack), cause)
@@ -214,7 +214,7 @@ def _map_plots(design: SensorDesign, score: ContinuityScore) -> dict[str, tuple[
 
 
 def _depth_plots(maps: MapScene | None) -> dict[str, tuple[Axes, str]]:
-    """Every quantity of the maps; dead zones are left out if there are none."""
+    """Plots of all maps by depth; the map of dead zones is left out if there are none."""
     if maps is None:
         return {}
     told = [one for one in maps.maps if not one.names or one.is_hatched.any()]
@@ -240,7 +240,7 @@ def _press_plots(design: SensorDesign, score: ContinuityScore) -> dict[str, tupl
 
 
 def _protocol_plots(design: SensorDesign, force: ForceCurve) -> dict[str, tuple[Axes, str]]:
-    """The paper's load protocol, for a design with a relaxing load and a deep enough press."""
+    """Plot of the paper's load protocol, if the design's load relaxes and its deepest press is deep enough."""
     solid, protocol = solid_of(design), load_protocol(PROTOCOL)
     if solid is None or protocol.deepest_mm.value > force.depth_mm[-1]:
         return {}
@@ -264,7 +264,7 @@ def _tolerance_plots(score: ContinuityScore) -> dict[str, tuple[Axes, str]]:
 
 
 def figure_of(drawing: Drawing, caption: str) -> Html:
-    """A plot on its card, with a caption."""
+    """The HTML of a plot on its card, with a caption."""
     return element(
         "figure",
         element("div", inline_svg(drawing.svg, drawing.shows), class_=_card(drawing)),
@@ -306,7 +306,7 @@ def _themed(svg: str) -> str:
 
 
 def inline_svg(svg: str, label: str) -> Html:
-    """SVG text for use inside a page: without prologue, own style, size and names of groups."""
+    """SVG text for use inside a page: its prologue, style, size and names of groups are removed."""
     body = svg[svg.index("<svg") :]
     body = re.sub(r"<defs>\s*<style[^>]*>.*?</style>\s*</defs>", "", body, flags=re.DOTALL)
     body = _themed(re.sub(r'<g id="[^"]*"', "<g", body))

@@ -20,9 +20,9 @@ class EarlyDrawings:
 
     Attributes
     ----------
-    drawings : plots by stem without the prefix
-    maps : by depth; None without a map
-    light : paths of light; a text that says why there are none; or None without a verdict
+    drawings : plots; the key is the file's stem without the prefix
+    maps : maps of the pad by depth; None if the score has no map
+    light : paths of light, or a text that says why there are none; None if there is no verdict
     """
 
     drawings: dict[str, Drawing]
@@ -44,7 +44,7 @@ def early_drawings(design: SensorDesign, score: ContinuityScore, *, seed: int) -
 
 
 def _light(design: SensorDesign, score: ContinuityScore, seed: int) -> RayScene | str | None:
-    """The view of the light, or the reason why there is none in spite of a verdict; the page is valid without it."""
+    """The view of the light; a text with the reason if the ray tracer refuses the design; None without a verdict."""
     try:
         return ray_scene(design, score, seed=seed)
     except (InputError, ModelScopeError) as err:

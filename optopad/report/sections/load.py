@@ -1,6 +1,7 @@
-"""The section on the press: load and its band, the published load, press and retract.
+"""Two sections of the page: on the press, and on fabrication.
 
-The section on fabrication: pictures of mold and sockets, masses, printing, fitting, casting, purchase and wiring.
+Press: load and its band, the published load, and the load while the tip presses and retracts. Fabrication: pictures of
+mold and sockets, masses, printing, fitting, casting, purchase and wiring.
 """
 
 from __future__ import annotations
@@ -46,7 +47,7 @@ _FIGURES = (
 
 
 def force_section(design: SensorDesign, score: ContinuityScore, drawings: Drawings) -> Html:
-    """The press: load and contact radius."""
+    """The section on the press: load and contact radius."""
     if score.force is None:
         return Html("")
     young = modulus(design)
@@ -147,7 +148,7 @@ def _text(path: Path) -> str:
 
 
 def build_section(sheets: Sheets, pictures: Pictures) -> Html:
-    """The build sheet, its bill of materials and its wiring; empty if the bundle has no sheets."""
+    """The section with the build sheet, bill of materials and wiring; empty if the bundle has no sheets."""
     parts = [
         mold_figure(pictures),
         lid_figure(pictures),

@@ -1,7 +1,4 @@
-"""The section on the pad, by location and depth.
-
-The best possible resolution of the readings, and the load, as maps by depth.
-"""
+"""The section on the pad by location and depth, and maps of the best possible resolution and of the load."""
 
 from __future__ import annotations
 
@@ -27,7 +24,7 @@ Drawings = dict[str, Drawing]
 
 
 def map_scene(design: SensorDesign, score: ContinuityScore) -> MapScene | None:
-    """The maps that a score has data for; None without a pad map."""
+    """All maps that a score has data for; None if the score has no map of the pad."""
     pad_map = score.pad_map
     if pad_map is None or not score.pairs:
         return None
@@ -47,7 +44,7 @@ def map_scene(design: SensorDesign, score: ContinuityScore) -> MapScene | None:
 
 
 def map_section(score: ContinuityScore, drawings: Drawings, scene: MapScene | None) -> Html:
-    """The pad: maps by depth with a slider, and the verdict's own maps over all depths."""
+    """The section on the pad: maps by depth with a slider, and the verdict's own maps over all depths."""
     pad_map = score.pad_map
     if pad_map is None:
         return Html("")
@@ -108,14 +105,14 @@ def _still(score: ContinuityScore, drawings: Drawings) -> list[Html]:
 
 
 def _by_depth(scene: MapScene | None, drawings: Drawings) -> list[Html]:
-    """The maps that the script steps through, at a few depths each."""
+    """Still pictures of the maps that the script steps through, at a few depths each."""
     maps = () if scene is None else scene.maps
     named = ((drawings.get(f"map-by-depth-{one.key}"), one) for one in maps)
     return [figure_of(drawing, f"{one.title}. {one.tells}") for drawing, one in named if drawing is not None]
 
 
 def _view(scene: MapScene) -> Html:
-    """The view that the page's script fills."""
+    """The empty view with its controls, which the page's script fills with a map."""
     last = max(len(one.depth_mm) for one in scene.maps) - 1
     slider = element("input", type="range", min="0", max=str(last), step="1", value="0", id="maps-depth")
     which = radios("maps-which", (one.title for one in scene.maps))
@@ -163,7 +160,10 @@ ONE_FRAME = (
 
 
 def bound_maps(score: ContinuityScore) -> list[DepthMap]:
-    """Resolution of location and depth, and detection threshold; for facing rows of depth at a known location only."""
+    """Maps of the resolution of location and depth, and of the detection threshold.
+
+    For facing rows, the only resolution is that of the depth at a known location.
+    """
     bounds = score.bounds
     if bounds is None:
         return []
@@ -265,7 +265,7 @@ def _detection(detection: DetectionThreshold) -> DepthMap:
 
 
 def load_map(design: SensorDesign, pad_map: PadMap, depth_mm: FloatArray) -> DepthMap:
-    """Load of a press at each location, with the effect of near walls, at depths beyond contact."""
+    """Map of a press's load at each location, with the effect of near walls, for depths above 0."""
     curves = [place_force(design, (place.x_mm, place.y_mm)) for place in pad_map.places]
     depths = depth_mm[depth_mm > 0.0]
     loads = np.array([[curve.at(float(depth)) for curve, _ in curves] for depth in depths])

@@ -14,9 +14,9 @@ class PublishedLoad:
 
     Attributes
     ----------
-    depth_mm, force_n : depth and load, in the paper "corresponds to about"
-    source, short_source : publication of the load
-    tip_radius_mm, clear_mm, black_mm, material, mixing_ratio : the press for which the load was published
+    depth_mm, force_n : depth [mm] and load [N]; the paper says "corresponds to about"
+    source, short_source : full and short reference of the publication
+    tip_radius_mm, clear_mm, black_mm, material, mixing_ratio : tip, layers and elastomer of the published press
     """
 
     depth_mm: float
@@ -57,7 +57,7 @@ class LoadComparison:
     Attributes
     ----------
     stated : the published load
-    force_n, low_n, high_n : the load computed there, and the ends of its band [N]
+    force_n, low_n, high_n : load computed at the published depth, and the ends of its band [N]
     needed_modulus_mpa : modulus at which the computed load would equal the published one [MPa]
     """
 
@@ -69,17 +69,17 @@ class LoadComparison:
 
     @property
     def miss(self) -> float:
-        """Computed over published load, less 1 [-]."""
+        """Relative error of the computed load: computed over published load, less 1 [-]."""
         return self.force_n / self.stated.force_n - 1.0
 
     @property
     def is_in_band(self) -> bool:
-        """Whether the published load is within the band of the modulus."""
+        """Whether the published load is within the band of the computed load."""
         return self.low_n <= self.stated.force_n <= self.high_n
 
     @property
     def words(self) -> str:
-        """The comparison in plain words, including a disagreement."""
+        """The comparison in words; a disagreement is stated."""
         side = "above" if self.miss > 0.0 else "below"
         band = "inside" if self.is_in_band else "OUTSIDE"
         return (
@@ -95,7 +95,7 @@ def compared(stated: PublishedLoad, force: ForceCurve, modulus_mpa: float) -> Lo
 
     Parameters
     ----------
-    force : the curve, at least as deep as the published point
+    force : the computed curve, down to the published depth or deeper
     modulus_mpa : Young's modulus of the computed curve [MPa]
     """
     force_n, low_n, high_n = force.at(stated.depth_mm)
@@ -122,9 +122,9 @@ PIACENZA_2017 = PublishedLoad(
     material="sylgard-184",
     mixing_ratio=20.0,
 )
-"""Load that the paper states, with the word "about" and without an error."""
+"""Load that the paper states, with the word "about" and without an uncertainty."""
 
 
 def published_load(design: SensorDesign) -> PublishedLoad | None:
-    """The published load that applies to a design."""
+    """The published load that applies to a design; None if there is none."""
     return PIACENZA_2017 if PIACENZA_2017.is_of(design) else None

@@ -1,4 +1,4 @@
-"""The section on the paths of light: a rotatable view of the pad, a sheet for print, and the numbers.
+"""The section on the paths of light: a rotatable view of the pad, a picture for print, and the numbers.
 
 The page's script draws mold, bodies of the parts, pad, tip and light from data that are stored in the page.
 """
@@ -19,7 +19,7 @@ from sims.rays import LOST, LightKind
 
 TITLE = "The sensor and its light in three dimensions"
 THIN = 2
-"""The sheet draws one path of this many, to keep the files small."""
+"""The printed picture shows every n-th path, with this n, to keep the files small."""
 BUTTONS = (
     ("left", "\N{ANTICLOCKWISE OPEN CIRCLE ARROW}", "Rotate left"),
     ("right", "\N{CLOCKWISE OPEN CIRCLE ARROW}", "Rotate right"),
@@ -40,11 +40,11 @@ CAPTION = (
 
 
 def rays_section(scene: RayScene | str | None, mold: dict[str, Any] | None = None) -> Html:
-    """The view with its controls, the sheet, the table, and the data; or the reason why there is no view.
+    """The section with view, controls, printed picture, table and data; or the reason why there is no view.
 
     Parameters
     ----------
-    mold : result of `optopad.report.scenes.mold_scene`; None shows the pad without a mold
+    mold : result of `optopad.report.scenes.mold_scene`; if None, the pad is shown without a mold
     """
     if scene is None:
         return Html("")
@@ -146,7 +146,7 @@ def _title(kind: LightKind) -> str:
 
 
 def _sheet(scene: RayScene) -> Html:
-    """Section and plan of the untouched pad and of the middle press, for print and for readers without scripts."""
+    """Cross-section and plan of the pad, untouched and under the middle press, for print and pages without scripts."""
     cut = cut_of_pair(
         scene.cavity, min(scene.pairs, key=lambda pair: beside_chord(scene.cavity, pair, scene.place_mm)[0])
     )
@@ -164,7 +164,7 @@ def _sheet(scene: RayScene) -> Html:
 
 
 def _table(scene: RayScene) -> Html:
-    """The received light of each kind under each press: the view in numbers."""
+    """Table of the received light of each kind under each press."""
     kinds = [kind for kind in scene.kinds if kind is not LOST]
     rows = [
         (label, *(_share(scene.share(number, kind)) for kind in kinds), _share(_total(scene, number, kinds)))

@@ -33,7 +33,7 @@ STATES = {"ok": "\N{CHECK MARK} ok", "warning": "! warning", "error": "\N{MULTIP
 
 @dataclass(frozen=True, kw_only=True)
 class Pictures:
-    """Pictures of a bundle as data addresses, None if a file is missing; and whether x and y start at a corner."""
+    """Pictures of a bundle as data URLs (None if a file is missing), and whether x and y start at a corner."""
 
     mold: str | None
     wiring: str | None
@@ -44,7 +44,7 @@ class Pictures:
 
 
 def pictures_of(design: SensorDesign, folder: Path) -> Pictures:
-    """The mold as a picture, and the drawings of the build sheet."""
+    """Pictures of the mold and its lid, and the drawings of the build sheet."""
     return Pictures(
         mold=_mold_address(folder / MOLD_STL),
         lid=_lid_address(design, folder),
@@ -90,7 +90,7 @@ def _address(kind: str, content: bytes) -> str:
 
 
 def sensor_section(design: SensorDesign, drawings: dict[str, Drawing]) -> Html:
-    """The sensor with its dimensions."""
+    """The section on the sensor, with its dimensions."""
     cavity = cavity_of(design)
     about = facts(_facts(design, cavity))
     described = true_description(design)
@@ -128,7 +128,7 @@ def mold_figure(pictures: Pictures) -> Html:
 
 
 def lid_figure(pictures: Pictures) -> Html:
-    """Lid and mold in section; empty if the bundle has no lid."""
+    """Lid and mold in cross-section; empty if the bundle has no lid."""
     if pictures.lid is None:
         return Html("")
     words = "The lid on the mold, cut along x through the middle"
@@ -144,7 +144,7 @@ def wiring_figure(pictures: Pictures) -> Html:
 
 
 def orientation_figure(pictures: Pictures) -> Html:
-    """Sections through the sockets; empty if the bundle has none."""
+    """Cross-sections through the sockets; empty if the bundle has none."""
     if pictures.orientation is None:
         return Html("")
     words = "Each kind of part in its socket, cut across the wall"
@@ -209,7 +209,7 @@ def _parts(parts: tuple[PlacedPart, ...]) -> str:
 
 
 def checks_section(checks: dict[str, Any]) -> Html:
-    """The mold's checks, failed ones first."""
+    """The section with the mold's checks, failed ones first."""
     findings = sorted(checks.get("findings", []), key=lambda row: list(STATES)[::-1].index(row["state"]))
     wrong = {state: sum(row["state"] == state for row in findings) for state in ("error", "warning")}
     lead = "The files can be printed." if checks.get("ok") else "The files can NOT be printed as they are."

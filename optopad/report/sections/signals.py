@@ -52,7 +52,7 @@ LACKS = {
     "used up": "saturated",
     "dim": "too little light",
 }
-"""Words for the quantity that a pair fails to resolve, where its name alone is not clear."""
+"""Words for the reasons why a pair does not resolve depth, where the reason's own name is not clear."""
 CAUSE_HEADS = (
     "pair",
     "lacks",
@@ -85,7 +85,7 @@ PAIR_HEADS = (
 
 
 def causes_section(score: ContinuityScore, drawings: Drawings) -> Html:
-    """Causes of unresolved depth: a section with the remaining light, and the pairs under the tip."""
+    """The section on causes of unresolved depth: cross-sections with the remaining light, and pairs under the tip."""
     causes = shown_causes(score)
     if not causes:
         return Html("")
@@ -133,7 +133,7 @@ def causes_section(score: ContinuityScore, drawings: Drawings) -> Html:
 
 
 def _trial_parts(trial: Trial | None) -> list[Html]:
-    """The changes that were tried, each with its traced result."""
+    """The changes that were tried, each with its result from the light model."""
     if trial is None:
         return []
     rows = [
@@ -153,7 +153,7 @@ def _trial_parts(trial: Trial | None) -> list[Html]:
 
 
 def signal_section(design: SensorDesign, score: ContinuityScore, drawings: Drawings) -> Html:
-    """Signal against depth: a selection over all judged pairs, and drawings of the most important pairs."""
+    """The section on signals: one judged pair that the user selects, and drawings of the most important pairs."""
     lead = (
         "Facing rows are judged by their facing pairs, the middle one first."
         if score.is_facing_rows
@@ -244,7 +244,7 @@ def _option(pair: JudgedPair) -> str:
 
 
 def pairs_section(score: ContinuityScore, drawings: Drawings) -> Html:
-    """Every judged pair, as a picture and as a table."""
+    """The section on all judged pairs, as a picture and as a table."""
     unjudged = ", ".join(f"{name} {counts:.1f}" for name, counts in score.unjudged.items())
     rest = []
     if unjudged:
@@ -304,7 +304,7 @@ def _pair_row(pair: JudgedPair) -> tuple[str, ...]:
 
 
 def tolerance_section(score: ContinuityScore, drawings: Drawings) -> Html:
-    """The confidence in the verdict."""
+    """The section on the confidence in the verdict, from the effect of tolerances."""
     band = score.tolerance
     if band is None:
         return Html("")
@@ -340,7 +340,7 @@ def tolerance_section(score: ContinuityScore, drawings: Drawings) -> Html:
 
 
 def matters_section(score: ContinuityScore, drawings: Drawings) -> Html:
-    """The sensitivity to each parameter: the effect of a small step."""
+    """The section on sensitivity: the effect of a small step of each parameter."""
     if score.steps is None or "field-steps" not in drawings:
         return Html("")
     x_mm, y_mm, depth_mm = score.steps.bounds_at_mm
@@ -358,7 +358,7 @@ def matters_section(score: ContinuityScore, drawings: Drawings) -> Html:
 
 
 def _builds(score: ContinuityScore, drawings: Drawings) -> list[Html]:
-    """The Monte Carlo over all tolerances; empty if no units were drawn."""
+    """The part on the Monte Carlo study over all tolerances; empty if no units were drawn."""
     study = score.builds
     if study is None:
         return []

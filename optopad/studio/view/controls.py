@@ -1,9 +1,7 @@
 """Panels of the page: editable fields and buttons on the left, results on the right.
 
-The buttons start improve and run, open the report, and export the picture. The results are the last message, verdict,
-pairs under the tip, map, pinned designs, and sensor.
-
-The right panel: last message, verdict, pairs under the tip, map, pinned designs, sensor.
+The buttons start `optopad improve` and `optopad run`, open the report, and export the picture. The results are the last
+message, verdict, pairs under the tip, map, pinned designs, and sensor.
 """
 
 from __future__ import annotations
@@ -41,7 +39,7 @@ class BackgroundJobs:
     server : the page's server
     session, task : session with the present design, and runner of tasks
     changed : called when a task begins or ends
-    found : called with the alternatives that improve found
+    found : called with the alternatives that `optopad improve` found
     """
 
     def __init__(
@@ -57,7 +55,7 @@ class BackgroundJobs:
         self._changed, self._found = changed, found
 
     def improve(self) -> None:
-        """Search for up to three verified alternatives."""
+        """Search for verified alternatives with `optopad improve`."""
 
         def done(ghosts: tuple[Ghost, ...]) -> None:
             self._found(ghosts)
@@ -240,7 +238,7 @@ class AnswersPanel:
         self._map.content = _padded(map_svg(cavity, shown, self._session.press, bad_parts(now, cavity.parts)))
 
     def offer_ghosts(self, ghosts: tuple[Ghost, ...]) -> None:
-        """Offer the alternatives that improve found for selection."""
+        """Offer the alternatives that `optopad improve` found, for selection."""
         self._ghosts = ghosts
         self._choose.visible = bool(ghosts)
         _offer(self._choose, (NO_GHOST, *(_title(number, ghost) for number, ghost in enumerate(ghosts))))
@@ -544,5 +542,5 @@ def _range(field: EditableField) -> str:
 
 
 def _fine(step: float) -> float:
-    """A step with enough decimals that a typed value is not rounded to it."""
+    """A step that is fine enough that typed values are not rounded."""
     return step if step < 0.01 else 0.01 if step < 1.0 else 0.1 if step < 10 else 1.0

@@ -1,9 +1,9 @@
 """The page's server, which accepts only this machine and this page.
 
-viser serves its page and its websocket to any client, including any other web page that the user has open. So every
-request and handshake is checked before viser receives it. It must name the served address, because a foreign name may
-resolve to this machine. It must come from this page or from no page, and contain a random token that is part of the
-address.
+viser serves its page and its websocket to any client, including any other web page that the user has open. Every
+request and handshake is therefore checked before viser receives it. It must name the served address, because a foreign
+name may resolve to this machine. It must come from this page or from no page, and it must contain a random token that
+is part of the address.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ COLLECT_S = 1.0
 
 _LOG = logging.getLogger(__name__)
 _LOG.addFilter(lambda record: record.getMessage() != "opening handshake failed")
-"""Bytes that are no request, as from a port scan, are not reported."""
+"""Connections without a valid request, such as those of a port scan, are not reported."""
 _PATCHING = threading.Lock()
 
 
@@ -86,7 +86,7 @@ class LocalServer(viser.ViserServer):
 
     @contextlib.contextmanager
     def _checked(self) -> Iterator[None]:
-        """Context in which the server that viser starts uses `_Connection`, which checks every request."""
+        """Context in which viser starts its server with `_Connection`, which checks every request."""
         serve = websockets.asyncio.server.serve
 
         def checked(*arguments: Any, **options: Any) -> Any:
@@ -114,7 +114,7 @@ class _Connection(ServerConnection):
         self._page, self._is_large = page, False
 
     async def handshake(self, process_request: Any = None, *more: Any, **options: Any) -> None:
-        """Check the request, then let viser answer it, below the token's path."""
+        """Check the request, then let viser answer it; the token is removed from the path."""
 
         def checked(connection: ServerConnection, request: Request) -> Response | None:
             first, _, rest = request.path.removeprefix("/").partition("?")[0].partition("/")
@@ -141,7 +141,7 @@ class _Connection(ServerConnection):
         return None if is_known else "No or a wrong token: open the address that the studio printed."
 
     async def recv(self, decode: bool | None = None) -> Any:
-        """The page's next message; a wrong one is refused in one line on standard error and ends the connection."""
+        """The page's next message; an invalid one is reported in one line on standard error and ends the connection."""
         raw = await super().recv(decode)
         self._is_large |= len(raw) > LARGEST_B
         fault = self._page.fault_of(raw)
@@ -173,7 +173,7 @@ def _say_refused(why: str) -> None:
 
 
 def local_server(port: int | None) -> LocalServer:
-    """A server at a port; for None at the first free port from 8080 on.
+    """A server at the given port or, if it is None, at the first free port from 8080 on.
 
     Raises
     ------
@@ -188,7 +188,7 @@ def local_server(port: int | None) -> LocalServer:
 
 
 def free_port(wanted: int | None) -> int:
-    """The given port if it is free; for None the first free port from 8080 on.
+    """The given port, which must be free; if it is None, the first free port from 8080 on.
 
     Raises
     ------

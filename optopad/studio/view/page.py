@@ -37,7 +37,7 @@ MOLD_AFTER_S = 1.0
 """Time without an edit after which the mold is made again [s]."""
 KEPT_VERDICTS = 12
 NARROW_PX = 300
-"""Width left for the picture by both panels below which the left panel is folded away [px]."""
+"""The left panel is folded away if both panels leave less than this width for the picture [px]."""
 RIGHT_PX, LEFT_PX, NARROW_RIGHT_PX = 400, 290, 320
 
 EVERYTHING = frozenset({"design", "press", "words", "curves", "map", "rays", "mold", "theme", "ghosts"})
@@ -51,7 +51,7 @@ OF_ANSWER: dict[type, tuple[str, ...]] = {
     found_by_work.Progress: ("words",),
     Failed: ("press", "words"),
 }
-"""Parts of the page that are drawn again when a result of this class arrives."""
+"""Parts of the page that are drawn again when a result arrives, by the result's class."""
 
 
 class Page:

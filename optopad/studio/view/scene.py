@@ -49,7 +49,7 @@ CLEAR, BLACK, MOLD, TIP, BAD, GHOST = (
 )
 PART_COLOURS = {"emitter": (230, 159, 0), "receiver": (0, 114, 178)}
 FACE_MM = 0.25
-"""Distance of a component's active face from its wall in the picture [mm]."""
+"""Thickness of a component's active face in the picture [mm]."""
 
 
 class Scene:
@@ -139,7 +139,7 @@ class Scene:
         face.color = colour
 
     def _new_part(self, part: PlacedPart) -> tuple[str, viser.FrameHandle, viser.BoxHandle, viser.BoxHandle]:
-        """Draw a component in the frame of its face: x points outward, y along its wall."""
+        """Draw a component in the coordinate system of its face: x points outward, y along its wall."""
         at = f"/parts/{part.name}"
         frame = self._scene.add_frame(at, show_axes=False)
         size, middle = body_box(part)
@@ -281,7 +281,7 @@ class Scene:
                 self._later("tip", lambda: self._session.move_tip(x_mm=x, y_mm=y))
 
     def draw_rays(self, rays: Rays | None, *, is_dark: bool) -> None:
-        """Draw sample paths of light, one colour per kind; None removes them."""
+        """Draw sample paths of light, one colour per kind; if `rays` is None, remove them."""
         for kind in (*KINDS, LOST):
             name = f"/rays/{kind.key}"
             mine = [one.places_mm for one in rays.rays if one.kind == kind.key] if rays is not None else []
@@ -302,7 +302,12 @@ class Scene:
         self._mold = (digest, mesh)
 
     def draw_mold(self, design: SensorDesign, shown: str) -> None:
-        """Draw the mold "hidden", "cut" open or "whole"; until its mesh is finished, only its outline."""
+        """Draw the mold as a whole or cut open, or remove it; until its mesh is finished, draw only its outline.
+
+        Parameters
+        ----------
+        shown : "hidden", "cut" or "whole"
+        """
         for name in ("/mold/solid", "/mold/outline"):
             self._scene.remove_by_name(name)
         if shown == "hidden":
@@ -321,7 +326,7 @@ class Scene:
         )
 
     def draw_ghosts(self, ghosts: Sequence[Ghost]) -> None:
-        """Draw components and top of the alternatives that improve found; they can be clicked."""
+        """Draw components and top of the alternatives that `optopad improve` found; they can be clicked."""
         for frame in self._ghosts:
             frame.remove()
         self._ghosts = []
@@ -362,7 +367,7 @@ class Scene:
         node.on_click(clicked)
 
     def draw_touch(self, touch: Touch | None) -> None:
-        """Draw the sensor's touch with its uncertainty of two standard deviations; None, or no touch, removes it."""
+        """Draw the sensor's touch as an ellipsoid of two standard deviations; without a touch, remove the drawing."""
         if touch is None or not touch.is_touched or not np.isfinite(touch.press_mm).all():
             self._scene.remove_by_name("/touch")
             return
@@ -379,7 +384,7 @@ class Scene:
 
 
 def _key(part: PlacedPart) -> str:
-    """Text of the properties of a component that determine its picture, except its position."""
+    """Text with those properties of a component, other than its position, that determine how it is drawn."""
     return f"{part.kind} {part.part_id} {part.half_width_mm} {part.half_height_mm}"
 
 

@@ -1,7 +1,6 @@
 """Geometry of the 3D picture in plain numbers (lengths in mm), and the check of the page's messages.
 
-A message must be of a known kind and have every field in its type; viser itself checks none of this.
-
+A message must be of a known kind, and all its fields must be present and of the right type; viser checks none of this.
 Other messages would cause a traceback on the terminal, and some kinds (uploads, forms) would be stored without a limit.
 The types are those of viser's own message classes.
 """
@@ -41,7 +40,7 @@ KINDS: dict[str, Any] = {
 LARGEST_PICTURE_B, LARGEST_B = 16 * 2**20, 64 * 2**10
 """Largest size of an exported picture, and of any other message [bytes]."""
 LARGEST_NUMBER = 1e9
-"""Limit of every coordinate [mm], angle and size [px] in a message; the square of a smaller number is finite."""
+"""Largest coordinate [mm], angle and size [px] in a message; with this limit, squares cannot overflow."""
 
 
 def fault_of(raw: str | bytes, inputs: Mapping[str, Any]) -> str | None:
@@ -68,7 +67,7 @@ def fault_of(raw: str | bytes, inputs: Mapping[str, Any]) -> str | None:
 
 
 def _fault_of_fields(name: str, found: dict[str, Any]) -> str | None:
-    """Fault of a message: a missing or unknown field, another type, or a number too large; None if it is valid."""
+    """Fault of a message: a missing or unknown field, a wrong type, or too large a number; None if it is valid."""
     unknown = [str(key) for key in found.keys() - {field.name for field in fields_of(KINDS[name])}]
     if unknown:
         return f"unknown field {unknown[0]!r:.60}"
@@ -81,7 +80,7 @@ def _fault_of_fields(name: str, found: dict[str, Any]) -> str | None:
 
 
 def _fault_of_use(name: str, found: dict[str, Any], inputs: Mapping[str, Any]) -> str | None:
-    """What is wrong with a click or an edited field beyond its types; None if nothing."""
+    """Fault of a click or an edited field whose types are valid; None if it has none."""
     if name == "ScenePointerMessage":
         is_click = found["event_type"] == "click" and len(found["screen_pos"]) == 1
         has_ray = found["ray_origin"] is not None and found["ray_direction"] is not None
@@ -97,7 +96,7 @@ def _fault_of_use(name: str, found: dict[str, Any], inputs: Mapping[str, Any]) -
 
 
 def _fits(value: Any, now: Any, options: tuple[str, ...] | None) -> bool:
-    """Whether a value is possible for a page's field that now has another value, and whose choices may be limited."""
+    """Whether a field of the page can take a value: one of its `options` if given, otherwise of the present type."""
     if options is not None:
         return value in options
     if isinstance(now, int | float) and not isinstance(now, bool):
@@ -136,7 +135,7 @@ def along_normal(normal: tuple[float, float, float]) -> Quaternion:
 
 
 def body_box(part: PlacedPart) -> Box:
-    """Size and (3,) centre of a component's body relative to its face's centre; axes outward, along the wall, up."""
+    """Size, and centre relative to the face's centre, of a component's body; axes outward, along the wall, up [mm]."""
     entry = part.part
     size = np.array([entry.body_depth_mm.value, entry.body_width_mm.value, entry.body_height_mm.value])
     middle = (part.body_base_mm + part.body_top_mm) / 2 - part.height_mm
@@ -165,7 +164,7 @@ def tip_body(design: SensorDesign) -> tuple[FloatArray, IntArray]:
 
 
 def mold_edges(design: SensorDesign) -> FloatArray:
-    """(edge, 2, 3) edges of the mold's outside: around foot and rim, and the upright edges of its bounding box."""
+    """(edge, 2, 3) start and end of the mold's outer edges: around foot and rim, and upright edges of its box [mm]."""
     found = outline_of(design)
     sides = (X, Y, (-1.0, 0.0), (0.0, -1.0))
     upright = sorted({place for side in sides for place in found.outer.touches_mm(side)})
@@ -178,7 +177,7 @@ def mold_edges(design: SensorDesign) -> FloatArray:
 
 
 def plane_cut(eye_mm: FloatArray, point_mm: FloatArray, axis: int, level_mm: float) -> FloatArray:
-    """(3,) point where the ray from the eye through a point meets the plane whose coordinate `axis` is `level_mm`."""
+    """(3,) point where the ray from the eye through a point meets the plane where coordinate `axis` is `level_mm`."""
     way = point_mm - eye_mm
     if abs(way[axis]) < 1e-9:
         return point_mm
@@ -209,6 +208,6 @@ def turn_deg(centre_mm: Point, start_mm: FloatArray, end_mm: FloatArray) -> floa
 
 
 def along_one_way(along_mm: float, height_mm: float) -> tuple[bool, bool]:
-    """Whether a drag is along the wall, and whether it is in height: only the larger component counts."""
+    """Whether a drag is along the wall, and whether it is in height; the larger of the two components decides."""
     is_along = abs(along_mm) >= abs(height_mm)
     return is_along, not is_along
