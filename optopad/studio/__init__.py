@@ -1,4 +1,4 @@
-"""The studio: a design live in a browser. The model of it (design, edits, answers, work); the page is in `view`.
+"""The studio, where a design is edited live in a browser. The page is in `view`; all other modules work without it.
 
 It may import design, sims, cad and fabrication, and `results`, `work`, `report`, `jobs`, `screen` and `sensor` of
 optopad. Only `view` may import viser.
