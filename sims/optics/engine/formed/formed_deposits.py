@@ -51,8 +51,7 @@ def deposits(
     window: FloatArray, receivers: FloatArray, rays: int, steps: FloatArray, shift: FloatArray, absorbs: float,
     index: float, walls: FloatArray, arcs: FloatArray, top: FormedTop, layout: FloatArray, out: FloatArray,
 ) -> None:  # fmt: skip
-    """Add to `out` (batch, patch) the light on patches from rays of an emitter or receiver; the tip's patches are
-    last."""
+    """Add to `out` (batch, patch) the light on patches from rays of an emitter or receiver; the tip's come last."""
     unit = 4.0 * window[HALF_U] * window[HALF_V] / window[10] / rays
     for n in range(rays):
         x, y, z = window_point(

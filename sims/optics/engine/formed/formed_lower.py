@@ -162,8 +162,7 @@ def check_place(scene: OpticalScene, state: int, centre_mm: FloatArray, press: I
 
 
 def _reach_mm(scene: OpticalScene, form: PadForm, x_mm: float, y_mm: float) -> float:
-    """Largest distance of points of bottom and untouched top from a press's axis [mm]; on a cylinder, only across
-    it."""
+    """Largest distance from a press's axis to bottom or untouched top [mm]; on a cylinder, only across it."""
     middle = np.array([scene.length_mm, scene.width_mm]) / 2.0
     corners = [
         np.arctan2(y - middle[1], x - middle[0])
