@@ -196,7 +196,7 @@ class _OneTop(Tops):
 def _kept_one_by_one(
     tops: Tops, classes: StateClasses, wanted: dict[str, Any], on_step: Callable[[int, int], None] | None
 ) -> RawLight:
-    """Trace each group of equal states alone and store its light at once; the result is the same as by `trace_tops`.
+    """Trace groups of equal states one by one, storing each one's light when done; same result as `trace_tops`.
 
     Parameters
     ----------

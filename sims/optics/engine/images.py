@@ -1,17 +1,17 @@
 """Kernels: light with exactly one reflection at the deformed top.
 
-The top is divided into cells. A path from emitter point e over the top's point p to receiver point q has the length F =
-|p - e| + |q - p|. It is a mirror path if the gradient of F along the top vanishes (Fermat). Gradient and second
-derivatives of F are sums of an emitter's part and a receiver's part. So each part is tabulated once for every patch
-(here the face of an emitter or receiver) at the corners of the cells. A pair's light can only come from cells where the
-gradient is zero for some points of the two faces. To first order, as the points move over the two faces, the gradient
-moves within a sum of two parallelograms, the pair's *range*.
+The top is divided into cells. A path from emitter point e by way of the top's point p to receiver point q has the
+length F = |p - e| + |q - p|. It is a mirror path if the gradient of F along the top vanishes (Fermat). Gradient and
+second derivatives of F are sums of an emitter's part and a receiver's part. So each part is tabulated once for every
+patch (here the face of an emitter or receiver) at the corners of the cells. A pair's light can only come from cells
+where the gradient is zero for some points of the two faces. To first order, as the points move over the two faces, the
+gradient moves within a sum of two parallelograms, the pair's *range*.
 
-Connected cells of this kind form an *island*: one image of the emitter, or several that meet in a caustic. An image is
-*whole* if every point of the emitter sends it to every point of the receiver, without shadow or fold; it is summed path
-by path (`sims.optics.engine.mirrored`). An image that a contact edge or shadow cuts, or a caustic folds, is summed over
-a grid of points of the top. From one point to the next the image moves by only a share of its size; the share is
-smaller for brighter images. Every replicate shifts the grid by a different fraction of its spacing.
+Connected cells from which light can come form an *island*: one image of the emitter, or several that meet in a caustic.
+An image is *whole* if every point of the emitter sends it to every point of the receiver, without shadow or fold; it is
+summed path by path (`sims.optics.engine.mirrored`). An image that a contact edge or shadow cuts, or a caustic folds, is
+summed over a grid of points of the top. From one point to the next the image moves by only a share of its size; the
+share is smaller for brighter images. Every replicate shifts the grid by a different fraction of its spacing.
 """
 
 from __future__ import annotations
@@ -44,9 +44,9 @@ COARSE, FINEST_STEP, BRIGHT = 2.5, 0.5, 0.03
 """Step of the first and of the finest grid of points, as multiples of the accuracy's `image_step`; and brightness at
 which an image is summed with exactly `image_step`, as a share of the pair's untouched flux."""
 NEAR_RANGE, BENT, CHANGED, MOST_CHANGE = 1.02, 1.4, 0.05, 4.0
-"""Tolerances of the test whether a point can mirror light from face to face (`_range_corners`): the general one; an
-addition if a cell's middle differs from the mean of its corners; one if the corners differ; and the largest. Of 1.7
-million points on two pads, no point with light was left out."""
+"""Tolerances of the test whether a point can mirror light from face to face (`_range_corners`): the general tolerance;
+what is added per difference of a cell's middle from the mean of its corners; what is added per difference between
+corners; and the largest difference that counts. Of 1.7 million points on two pads, no point with light was left out."""
 
 
 @kernel
@@ -532,7 +532,7 @@ def island_fold(
     source: FloatArray, target: FloatArray, cells: IntArray, count: int, rings: int, phase: float,
     columns: FloatArray, sectors: FloatArray, box: FloatArray, top: Top, one: FloatArray, two: FloatArray,
 ) -> int:  # fmt: skip
-    """Sign of the determinant of d²F/dp² over a group of cells, F the path length and p the point of the top.
+    """Sign of the determinant of d²F/dp² over a group of cells, where F is the path length and p the point of the top.
 
     It is tested near the image, at `FOLD_U` x `FOLD_V` points per cell. The result is 0 if the sign changes, if no
     point is near the image, or if a face is close.

@@ -239,7 +239,7 @@ def all_orders(
         (reciprocity)
     patches : layout and areas of these patches
     orders : layout, areas and transfer of the coarser patches for light scattered more than once
-    on_tip : as from `shares_on_tip`, or (0, 0) if no tip reflects
+    on_tip : result of `shares_on_tip`; shape (0, 0) if no tip reflects
     """
     layout, areas = patches
     coarse, coarse_areas, transfer = orders

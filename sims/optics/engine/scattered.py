@@ -98,7 +98,7 @@ def landing(
 def unit_there(
     kind: int, low_s: float, high_s: float, low_z: float, high_z: float, receivers: FloatArray, units: FloatArray,
 ) -> float:  # fmt: skip
-    """Smallest power that a sample may represent near requested receivers overlapped by a box on a wall; 0: no such.
+    """Smallest power that a sample may represent near requested receivers in a box on a wall; 0 if there are none.
 
     units : (receiver,) power that one sample may represent near each receiver; 0 if the receiver is not requested
     """

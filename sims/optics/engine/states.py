@@ -40,7 +40,7 @@ DIM = 0.03
 """The computing effort for a pair follows its brightness, relative to its emitter's brightest pair, but treats no pair
 as fainter than this share."""
 SEARCH_SHARE = 0.1
-"""Share of the setting's power below which an emitter's ray over the top is followed at random. The share is small
+"""Share of the setting's power below which an emitter's ray by way of the top is followed at random. The share is small
 because these rays also find light that is mirrored again: with 0.3, parts of the top were missed, and with them 0.05 %
 of all light."""
 

@@ -430,7 +430,7 @@ def _march_within(
 def march_field(
     x: float, y: float, z: float, dx: float, dy: float, dz: float, t0: float, t1: float, takes_any: bool, top: Top,
 ) -> tuple[float, float]:  # fmt: skip
-    """Interval of a crossing as from `march`, for one tip and a smooth field, whose slopes and curvatures add up."""
+    """Interval of a crossing, as `march` returns it, for one tip and a smooth field, whose slopes and bends add up."""
     rows = top.rows
     reach = max(z + dz * t0, z + dz * t1) - rows[0, FIELD_LOWEST]
     if reach < rows[0, LOWEST]:
@@ -509,7 +509,7 @@ def _march_on_field(
 def march_any(
     x: float, y: float, z: float, dx: float, dy: float, dz: float, t0: float, t1: float, top: Top
 ) -> tuple[float, float]:
-    """Interval of a crossing as from `march`, for several tips and a field, whose slopes add up."""
+    """Interval of a crossing, as `march` returns it, for several tips and a field, whose slopes add up."""
     tips = top.rows.shape[0]
     lowest = top.rows[0, FIELD_LOWEST]
     for k in range(tips):
@@ -644,7 +644,7 @@ def horizon(x: float, y: float, z: float, qx: float, qy: float, radii: FloatArra
 def _horizon_of(
     tip: int, x: float, y: float, z: float, qx: float, qy: float, radius: float, top: Top
 ) -> float:
-    """Height as from `horizon`, for the part of the line within `radius` of one tip's axis."""
+    """Result of `horizon` for only the part of the line within `radius` of one tip's axis."""
     plain = is_plain(top)
     dx = qx - x
     dy = qy - y

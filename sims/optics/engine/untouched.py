@@ -33,7 +33,7 @@ receiver."""
 PHASE_SPREAD = 0.3
 REMEMBERED_PADS = 8
 DARK_SCALE = 1e-3
-"""Flux that stands for all pairs of an emitter that lights no receiver, so that the scale is above 0 [-]."""
+"""Flux used as the scale for an emitter that lights no receiver, as a scale must be above 0 [-]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -79,8 +79,8 @@ class Untouched(UnshiftedPad):
     rays : deposits by emitters, deposits by receivers, and flux mirrored by walls, per replicate, from the rays that
         pressed states use between smooth walls
     scale : (emitter, receiver) flux summed over classes; 0 is replaced as by `above_zero`
-    gain : (emitter, receiver) ratio of the direct flux to its value by the coarser rule of pressed states; with this
-        factor a press that hides nothing changes nothing
+    gain : (emitter, receiver) ratio of the direct flux to its value by the coarser rule that pressed states use.
+        States' direct flux is multiplied by this, so a press that hides nothing changes nothing
     """
 
     shifts: FloatArray

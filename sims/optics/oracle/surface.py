@@ -409,7 +409,7 @@ def _bends(s: Surface, side: float, ray: Ray, t0: float, t1: float) -> tuple[flo
 
 @njit()
 def _next_border(s: Surface, ray: Ray, t: float, limit: float) -> tuple[float, int]:
-    """Distance at which a ray next crosses a border in plan, and which: tip number, or -1, -2 for the field in x, y."""
+    """Distance at which a ray next crosses a border in plan; tip number, or -1, -2 for the field's border in x, y."""
     x, y, _, dx, dy, _ = ray
     best, which = limit, -3
     a = dx * dx + dy * dy

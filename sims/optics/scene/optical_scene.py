@@ -95,7 +95,8 @@ class PadForm:
     walls : (k, 6) flat walls by `WALL_COLUMNS`: x, y of the point from which positions along the wall are measured
         [mm]; unit tangent along which these positions increase [-]; unit outward normal [-]
     arcs : (m, 6) round walls by `ARC_COLUMNS`: x, y of the axis, and radius [mm]; then the sector in which the circle
-        is the wall: unit direction from the axis to its middle, and cosine of half its angle [-], or `WHOLE_CIRCLE`
+        serves as the wall: unit direction from the axis to the sector's middle, and cosine of half its angle [-], or
+        `WHOLE_CIRCLE`
     top : the untouched top; its highest point is the scene's height
     """
 

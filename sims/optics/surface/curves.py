@@ -180,7 +180,7 @@ def _outward_maximum(values: FloatArray) -> FloatArray:
 
 
 def _reach2(pieces: FloatArray, nodes: FloatArray, top_mm: float, lowest_mm: float) -> FloatArray:
-    """(LEVELS,) squared radius beyond which the curve is nowhere below each level [mm²]; see `RadialTable`."""
+    """(LEVELS,) squared radius beyond which the curve is nowhere below each level [mm²], as in `RadialTable`."""
     low = lowest_of_pieces_mm(pieces)
     levels = lowest_mm + (top_mm - lowest_mm) * np.arange(1, LEVELS + 1) / LEVELS
     below = low[None, :] < levels[:, None]

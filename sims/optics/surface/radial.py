@@ -249,8 +249,7 @@ def fall_bound(r2: float, tip: int, rows: FloatArray) -> float:
 
 @inlined
 def reach2(z: float, tip: int, rows: FloatArray) -> float:
-    """Squared radius beyond which the top is nowhere below z [mm²]; -1: no such point. Only below the undisturbed
-    top."""
+    """Squared radius beyond which the top is nowhere below z [mm²], z below the undisturbed top; -1: nowhere at all."""
     if z <= rows[tip, LOWEST]:
         return -1.0
     return rows[tip, REACH + int((z - rows[tip, LOWEST]) * rows[tip, PER_LEVEL])]

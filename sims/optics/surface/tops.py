@@ -412,7 +412,7 @@ def columns_of(columns: float, phase: float, sectors: FloatArray) -> FloatArray:
     ----------
     columns : number of columns in a full turn; a sector has at least `FEWEST_COLUMNS`
     phase : shift of the column borders within a sector, in column widths, 0 to 1; at 0.5 all columns are equal
-    sectors : (sector, 6) as from `sectors_of`
+    sectors : (sector, 6) result of `sectors_of`
 
     Returns
     -------
@@ -517,7 +517,7 @@ Presses = Sequence[Indentation | Sequence[Indentation | None] | None]
 SUBDIVISION = 2
 SLOPE_RESERVE, BEND_RESERVE = 1.1, 1.2
 _KNOWN: WeakKeyDictionary[SmoothField, FloatArray] = WeakKeyDictionary()
-"""Data of each field as from `_known_of`, kept as long as the field is referenced."""
+"""Result of `_known_of` for each field that is still referenced."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -676,7 +676,7 @@ def _stacked_fields(
 
 
 def _cells(nodes: FloatArray, step: FloatArray) -> FloatArray:
-    """(state, nx - 1, ny - 1, 16) coefficients of u^p v^q of the bicubic Hermite patch in each cell."""
+    """(state, nx - 1, ny - 1, 16) coefficients of u^p v^q in each cell's bicubic Hermite patch."""
     if nodes.shape[1] == 0:
         return np.zeros((len(nodes), 0, 0, 16))
     # columns of a node: value, d/dx, d/dy, mixed, in units of a cell

@@ -83,7 +83,7 @@ PLACE = IS_LIT + 1
 """Column in `work` where the sample's position in a piece begins; each of its two numbers is from -1 to 1."""
 CHAIN_WORK = PLACE + 2
 BEND = 0.2
-"""Largest offset of a ray bundle's mean arrival from that of its middle ray, as a multiple of the half sizes of the
+"""Largest offset between the mean arrival of a ray bundle and the arrival of its middle ray, in half sizes of the
 receiver's face. If the offset is larger, the bundle is divided."""
 STAYS_FAR, COMES_NEAR, COMES_BENT, COMES_DIM = 0, 1, 2, 3
 WIDENS = 1.2

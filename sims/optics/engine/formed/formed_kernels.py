@@ -73,7 +73,7 @@ def straight_matrix(
 def points_on(
     at: FloatArray, origin: FloatArray, axes: FloatArray, numbers: FloatArray, rows: FloatArray
 ) -> FloatArray:
-    """(n, 10) points of the top above the points `at` (n, 5) of the plan; see `formed_mirrored.top_points`."""
+    """(n, 10) points of the top at `at` (n, 5), given in press coordinates; see `formed_mirrored.top_points`."""
     out = np.zeros((at.shape[0], POINT_COLUMNS))
     top_points(at, FormedTop(origin, axes, numbers, rows), out)
     return out

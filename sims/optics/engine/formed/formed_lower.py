@@ -227,7 +227,7 @@ def walls_of(scene: OpticalScene) -> tuple[FloatArray, FloatArray]:
 
 
 def formed_top(scene: OpticalScene, centre_mm: FloatArray, press: Indentation | None) -> FormedTop:
-    """Top under one press at a location in plan. If `press` is None: the untouched top, in coordinates at its apex."""
+    """Top under one press at a location in plan; if `press` is None, the untouched top, in coordinates at its apex."""
     form = scene.form
     assert form is not None
     place = form.top.apex_mm if press is None else (float(centre_mm[0]), float(centre_mm[1]))

@@ -16,9 +16,9 @@ column. From the second reflection on, parts are larger, and their ray bundles a
 first.
 
 P runs over a grid of the untouched top and, around the press, over rings (`formed_points`). The change of light by a
-press comes from the same points with and without it. The points form batches, each an even grid by itself, from whose
-differences the error is estimated. Light mirrored several times is followed by way of only some points, each of which
-represents its neighbours.
+press comes from the same points with and without the press. The points form batches, each an even grid by itself, from
+whose differences the error is estimated. Light mirrored several times is followed by way of only some points, each of
+which represents its neighbours.
 
 The model leaves out the variation of later Fresnel shares within one part's ray bundle, more than `formed_chains.MOST`
 reflections, and a column of a part whose ends are both seen while its middle is hidden.

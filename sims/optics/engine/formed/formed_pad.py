@@ -1,6 +1,6 @@
 """Data shared by all states of a disc or crowned pad: untouched light, and sample points and rays for presses. The
-untouched pad is traced once, more finely than any press. A press's change is the difference between light through the
-same points and rays with and without it. The light without the press is stored here, too.
+untouched pad is traced once, more finely than any press. The change by a press is the difference of the light at the
+same points and rays with and without the press. The light without the press is stored here, too.
 """
 
 from __future__ import annotations
@@ -64,8 +64,8 @@ class FormedPad:
     Attributes
     ----------
     scene : the pad
-    emitters, receivers : faces as from `formed_lower.windows_of`
-    walls, arcs : as from `formed_lower.walls_of`
+    emitters, receivers : faces, from `formed_lower.windows_of`
+    walls, arcs : flat and round walls, from `formed_lower.walls_of`
     top : the untouched top
     patches : patches of walls and bottom for scattered light
     flux : (class, emitter, receiver) untouched flux [-]

@@ -60,7 +60,7 @@ and number of Newton steps."""
 AT_TOP_MM = 1e-10
 """Distance below which a point counts as on the top [mm]."""
 NEAR_TOP_MM = 1e-6
-"""Distance from the top [mm]; from a smaller distance one more step of Newton's rule is enough."""
+"""Within this distance from the top, one more step of Newton's rule is enough [mm]."""
 LOWS, CUPS = ROW, ROW + CELLS
 """Columns in a press's table row where two lists begin: the lowest height and the largest cup from each piece of the
 curve outward."""
@@ -318,7 +318,7 @@ def _march(
 def is_open(
     top: FormedTop, x: float, y: float, u: float, to_x: float, to_y: float, round_mm: float, to_u: float
 ) -> bool:
-    """Whether the dimple certainly hides no straight line from a point of the top to a window; False: it may hide some.
+    """Whether the dimple certainly hides no straight line from a point of the top to a window.
 
     x, y, u : the point in press coordinates in plan, and its height above the untouched crown [mm]
     to_x, to_y, round_mm, to_u : middle of the window in press coordinates in plan, radius of a circle about it that

@@ -3,12 +3,12 @@
 Method, class by class
 ----------------------
 - `direct`: quadrature with a horizon for every column (`formed_direct`).
-- `top`, `skirt`: ray bundles through points of the top (`formed_mirrored`, `formed_points`).
+- `top`, `skirt`: ray bundles by way of points of the top (`formed_mirrored`, `formed_points`).
 - `diffuse`: the untouched pad's scattered light times the factor by which a press changes light scattered once
 (`formed_deposits`). If nothing but the tip scatters, it is the tip's scattered light.
 
-The untouched pad is traced only once, and finely (`formed_pad`). A press's change is the difference between light
-through the same points and rays with and without it.
+The untouched pad is traced only once, and finely (`formed_pad`). The change by a press is the difference of the light
+at the same points and rays with and without the press.
 
 Standard error
 --------------
@@ -53,7 +53,7 @@ from sims.optics.surface.curves import CONTACT_AREA
 
 RULES_ERROR = 3e-4
 """Error of fixed rules relative to the untouched flux, for a pair that a press changes [-]. For comparison: for flat
-rectangles, mirrored light here is within 1e-4 of that of `trace_states`."""
+rectangles, mirrored light here is within 1e-4 of the result of `trace_states`."""
 HORIZON_ERROR = 0.01
 """Error of direct light relative to the direct light that the press removes [-]: the largest change that finer rules
 cause."""
