@@ -163,7 +163,7 @@ def lower_top(
     is_sum = not top.is_flat or field is not None or len(tips) > 1
     _check_together(top, tips, field, where)
     origin, axes = np.array([0.0, 0.0, top.clear_mm]), np.eye(3)
-    if not (top.is_flat and is_sum):  # in the frame of the one press
+    if not (top.is_flat and is_sum):  # in the coordinates of the one press
         x, y = tips[0][0] if tips else top.apex_mm
         origin, axes = top.press_frame(float(x), float(y))
         tips = [(np.zeros(2), press) for _, press in tips]
