@@ -1,4 +1,4 @@
-"""Accuracy of the light integration: named settings, own settings, or a required relative error."""
+"""Accuracy of the light integration: named settings, custom settings, or a required relative error."""
 
 from __future__ import annotations
 
@@ -13,28 +13,28 @@ class Accuracy:
     """Settings of the light integration: how finely each kind of light is sampled.
 
     An *image* is one reflection of an emitter in the top, as a receiver sees it. A *replicate* is one repetition of the
-    sampling with other random offsets.
+    sampling with different random offsets.
 
     Attributes
     ----------
     replicates : number of replicates, 2 or more [-]
     rings, columns : cells of the top around a press in which images are searched [-]
-    whole_ratio : an image is summed path by path if its largest flux density is at most this multiple of its smallest;
-        0: every image is summed over points of the top [-]
-    image_step : motion of an image from one point of the top to the next, over its size; for an image with 3 % of the
-        untouched flux, smaller for brighter ones [-]
+    whole_ratio : an image is summed path by path if its largest flux density is at most this multiple of its smallest.
+        If 0, every image is summed over points of the top [-]
+    image_step : motion of an image from one point of the top to the next, relative to its size, for an image with 3 %
+        of the untouched flux; smaller for brighter images [-]
     top_rings, top_columns : points of the top for scattered light and for several reflections [-]
     repeat_share : largest share of a pair's untouched flux that one sample of light reflected several times may
-        represent; the flux counts as at least 3 % of that of the emitter's brightest pair [-]
-    nodes_emitter, nodes_column, nodes_height : Gauss nodes of direct light over the emitter, the receiver's columns,
-        and the height of a column [-]
-    few_emitter, few_receiver, most_emitter, most_receiver : Gauss nodes of images summed path by path; few or most as
-        the flux density varies little or much [-]
-    flat_nodes : Gauss nodes of the untouched pad [-]
+        represent; the flux counts as at least 3 % of the emitter's brightest pair's [-]
+    nodes_emitter, nodes_column, nodes_height : numbers of Gauss nodes for direct light over the emitter, the receiver's
+        columns, and the height of a column [-]
+    few_emitter, few_receiver, most_emitter, most_receiver : numbers of Gauss nodes for images summed path by path: few
+        if the flux density varies little, most if it varies much [-]
+    flat_nodes : number of Gauss nodes for the untouched pad [-]
     reference_rays : rays per emitter and receiver for the untouched pad's scattered light, a power of two [-]
-    wall_rays : rays per emitter and receiver and state between smooth walls, a power of two [-]
-    ray_share : power, over the mean of its part's rays, below which a receiver's ray is followed at random only
-        (Russian roulette); a tenth of it for an emitter's rays, which also find several reflections [-]
+    wall_rays : rays per emitter, receiver and state between smooth walls, a power of two [-]
+    ray_share : power, relative to the mean over a receiver's rays, below which a ray is followed only at random
+        (Russian roulette); for an emitter's rays a tenth of this, as they also find repeated reflections [-]
     """
 
     replicates: int = 2
@@ -119,16 +119,16 @@ MIRRORED_FINER = replace(
     image_step=ACCURACIES["standard"].image_step,
     repeat_share=2e-3,
 )
-"""Light mirrored by the top is as in "standard" or finer, all other light as in "score". Near contact the error of
-images leaves voxels undecided; deep down, the error of light mirrored several times. On the paper's pad the error at
-0.3 mm is 0.05 % rms, as with "standard"."""
+"""Settings that treat light mirrored by the top as in "standard" or finer, all other light as in "score". Voxels may be
+left undecided near contact by the error of images, and deep down by the error of light mirrored several times. On the
+paper's pad the error at 0.3 mm is 0.05 % rms, as with "standard"."""
 
 LADDER = tuple(ACCURACIES[name] for name in ("draft", "standard", "fine", "reference"))
 """Settings that are tried in turn for a required relative error, cheapest first."""
 
 
 def accuracy_of(accuracy: str | Accuracy) -> Accuracy:
-    """Settings by their name, or the given settings themselves.
+    """Settings of a given name, or the given settings themselves.
 
     Raises
     ------

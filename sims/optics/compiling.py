@@ -1,10 +1,10 @@
 # mypy: allow-untyped-calls
 """`python -m sims.optics.compiling`: compile the light kernels in parallel to the process that needs them.
 
-Compiling takes a minute of one core, once per machine. The tracing process compiles kernels in the order in which it
-calls them, while this program begins with the last of them. If both need the same kernel, the second waits for the
-first (`sims.kernels`). The program ends when its standard input closes. With `--alone` it continues until all kernels
-are compiled.
+Compiling takes one core a minute, once per machine. The tracing process compiles kernels in the order in which it calls
+them, while this program begins with the last of them. If both need the same kernel, the later one waits for the other
+(`sims.kernels`). The program ends when its standard input closes. With `--alone` it continues until all kernels are
+compiled.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ BESIDE = ("untouched_deposits", "scattered", "trace_further")
 
 
 def main(arguments: list[str]) -> None:
-    """Compile the kernels in `BESIDE` first, which the tracing process leaves to this program, then all others."""
+    """First compile the kernels in `BESIDE`, which the tracing process leaves to this program, then all others."""
     if arguments != ["--alone"]:
         threading.Thread(target=_end_with_parent, daemon=True).start()
     from sims.optics.engine import compiled
@@ -34,7 +34,7 @@ def main(arguments: list[str]) -> None:
 
 
 def signatures() -> dict[str, tuple[Any, ...]]:
-    """Argument types of each kernel by its name; they are the same for every scene."""
+    """Argument types of each kernel, by kernel name; they are the same for every scene."""
     import numba
     from numba import types
 

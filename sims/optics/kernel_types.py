@@ -1,4 +1,4 @@
-"""Types for the type checker (Numba ignores annotations): the kernels' decorators, and tuples of arrays for kernels."""
+"""Types of the kernels' decorators and of tuples of arrays; only the type checker uses them, not Numba."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ class KernelDecorator(Protocol):
 
 
 StraightRules = tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]
-"""Gauss nodes and weights of direct light: over the emitter, the receiver's columns, and the height of a column."""
+"""Gauss nodes and weights for direct light: over the emitter, the receiver's columns, and the height of a column."""
 ImageRules = tuple[
     FloatArray, FloatArray, FloatArray, FloatArray, FloatArray, FloatArray, FloatArray, FloatArray
 ]

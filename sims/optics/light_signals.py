@@ -1,4 +1,4 @@
-"""Result of a light trace: flux from every emitter to every receiver."""
+"""Result of a light trace: the flux from every emitter to every receiver."""
 
 from __future__ import annotations
 
@@ -20,14 +20,15 @@ class LightSignals:
     by_class : for each path class (direct, top, skirt, wall, diffuse) its (state, emitter, receiver) flux [-]; the sum
         of top and skirt is all light mirrored by the top
     standard_error : (state, emitter, receiver) standard error of `flux` [-]; `engine.trace_states` says what it covers
-    change_error : (state, emitter, receiver) part of the standard error that differs from state to state, for
-        differences of two states [-]; None: all of it
+    change_error : (state, emitter, receiver) part of the standard error that differs from state to state [-], for the
+        difference of two states. If None, this is all of the standard error
     presses : (state, 3) x, y and depth of the press, or (state, tip, 3) if some state has several tips [mm]; a depth of
-        0 or less is untouched
+        0 or less means untouched
     digest : hash of the design
     seed : seed of the random offsets
-    relative_error : (state,) root mean square of standard error over untouched flux, over the requested pairs [-]
-    is_met : (state,) whether `relative_error` is within the required error; True if none was required
+    relative_error : (state,) root mean square, over the requested pairs, of the ratio of standard error to untouched
+        flux [-]
+    is_met : (state,) whether `relative_error` is within the required error; True if no error was required
     """
 
     flux: FloatArray
@@ -42,5 +43,5 @@ class LightSignals:
 
     @property
     def error_of_changes(self) -> FloatArray:
-        """(state, emitter, receiver) error for comparing states [-]: `change_error`, or `standard_error` without it."""
+        """(state, emitter, receiver) error for comparing states [-]: `change_error`, or `standard_error` if None."""
         return self.standard_error if self.change_error is None else self.change_error

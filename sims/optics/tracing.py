@@ -1,8 +1,9 @@
-"""Trace a design's light under presses, and estimate what this costs.
+"""Trace a design's light under presses, and estimate the computing time.
 
-A *state* is the untouched pad or one set of simultaneous presses. The cost constants are seconds of one core for one
-state, measured with the presets, without stored light and with compiled kernels (`tests/bench`). Flat rectangular pads
-cost by pairs; discs and crowned pads by emitters and cells of the top. Estimates are off by up to a third.
+A *state* is the untouched pad or one set of simultaneous presses. Costs are seconds of one core, measured on the
+presets without stored light and with kernels already compiled (`tests/bench`). For flat rectangular pads the cost
+depends on the number of pairs; for discs and crowned pads, on the numbers of emitters and of cells of the top.
+Estimates are off by up to a third.
 """
 
 from __future__ import annotations
@@ -43,16 +44,16 @@ if TYPE_CHECKING:
     from sims.contact.pad_surface import PadSurface
 
 CELL_S = {"flat": 0.70e-6, "cylinder": 0.43e-6, "sphere": 4.9e-6}
-"""Cost of one cell of the top, for one replicate and one emitter, by shape of the top [s]. A sphere mirrors most light
-more than once."""
+"""Cost of one cell of the top in one state, for one replicate and one emitter, by shape of the top [s]. A sphere costs
+most, as it mirrors most light more than once."""
 DEPOSITS_S = 1.5e-3
-"""Cost of one part's scattered light in one state [s]."""
+"""Cost of the scattered light of one emitter or receiver in one state [s]."""
 REFERENCE_S = 0.06
-"""Cost of one part's light in the untouched pad [s], with the number of rays of the named accuracies; a fifth of it
-with the fewer rays used for manufactured units."""
+"""Cost of the untouched pad's light per emitter or receiver [s], with the number of rays of the named accuracies. With
+the fewer rays used for manufactured units it is a fifth of this."""
 PAIR_S, FINEST_S = 0.9e-3, 0.25e-3
-"""Cost of a pair in a flat rectangular pad [s]: with coarse settings, and the extra for finer ones, divided by their
-`image_step`."""
+"""Cost of a pair in one state of a flat rectangular pad [s] is the first number plus the second divided by the
+settings' `image_step`."""
 
 
 def _cells(scene: OpticalScene, settings: Accuracy) -> float:
@@ -62,7 +63,7 @@ def _cells(scene: OpticalScene, settings: Accuracy) -> float:
 
 
 def emitter_cost_s(scene: OpticalScene, settings: Accuracy, emitters: int) -> float:
-    """Cost of tracing `emitters` emitters in one state, each with one pair [s]."""
+    """Cost of tracing `emitters` emitters in one state [s]; on a flat rectangular pad, each with only one pair."""
     if scene.form is None:
         return emitters * pair_cost_s(scene, settings)
     top = scene.form.top
@@ -92,12 +93,13 @@ def untouched_cost_s(scene: OpticalScene, settings: Accuracy) -> float:
 Profile = Indentation | Sequence[Indentation | Sequence[Indentation | None] | None]
 Tips = list[list[Indentation | None]]
 _SMOOTH_PARTS: WeakKeyDictionary[PadSurface, SmoothField] = WeakKeyDictionary()
-"""Smooth field (the height beyond the curve around the tip) of each surface that the contact model still holds."""
+"""Smooth field (the height in addition to the curve around the tip) of each surface that the contact model still
+holds."""
 
 FIELD_STEP, FIELD_FINER = 1.0 / 4.0, 2
-"""Largest distance of nodes of the smooth field that a press adds to the top [tip radii], and height samples per
-distance. On flat presets pressed by a tip radius and more, heights are within 0.12 µm rms and slopes within 1.0e-3
-rms, also within a third of a millimetre of the walls, where both vary fastest."""
+"""Largest distance between nodes of the smooth field that a press adds to the top [tip radii], and number of height
+samples per distance. On flat presets pressed by a tip radius or more, the field's heights are off by 0.12 µm rms and
+its slopes by 1.0e-3 rms at most, even within a third of a millimetre of the walls, where both vary fastest."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -106,9 +108,9 @@ class PressedTops:
 
     Attributes
     ----------
-    classes : groups of states that are equal by symmetry; the other attributes have one entry per group
-    near : per group and tip, the surface curve around the tip's axis; None where the tip does not touch
-    fields : per group, the smooth height that is added to the curves; None where there is none
+    classes : groups of states with equal light, by symmetry; the other attributes have one entry per group
+    near : for each group and tip, the surface curve around the tip's axis; None where the tip does not touch
+    fields : for each group, the smooth height that is added to the curves; None where nothing is added
     """
 
     classes: StateClasses
@@ -126,23 +128,23 @@ def trace(
     on_step: Callable[[int, int], None] | None = None,
     fields: Sequence[SmoothField | None] | None = None,
 ) -> LightSignals:
-    """Trace a design's pad for a list of presses; light that was traced before is read from disk (`light_store`).
+    """Trace a design's pad for a list of presses. Light that was traced before is read from disk (`light_store`).
 
     The light of each press is stored as soon as it is traced, so an interrupted trace continues where it stopped.
 
     Parameters
     ----------
     design : the sensor
-    presses : (state, 3) rows of x, y, depth, or (state, tip, 3) with NaN rows for absent tips; a depth of 0 or less is
-        untouched [mm]
-    profile : None: the contact model's surface at each location. Else the given surface, used unchanged: one
-        indentation for all tips and states; or a sequence with an entry per state, which is one indentation for all its
-        tips, or a sequence of one per tip
-    accuracy : draft, score, standard, fine or reference; own settings; or a required relative error, such as 0.001
-    seed : seed of all random offsets; the same seed gives the same bits
+    presses : (state, 3) or (state, tip, 3) x, y and depth of each press [mm]. A depth of 0 or less means untouched; in
+        (state, tip, 3), NaN stands for an absent tip
+    profile : surface to use unchanged. An indentation is used for all tips and states. A sequence has one entry per
+        state: an indentation for all of its tips, or a sequence with one per tip. If None, the contact model computes
+        the surface at each location
+    accuracy : name (draft, score, standard, fine or reference), settings, or a required relative error, such as 0.001
+    seed : seed of all random offsets; the same seed gives identical results
     pairs : (emitter, receiver) or (state, emitter, receiver) mask of the pairs to trace; the flux of others is 0
-    on_step : function that is called with (states done, states)
-    fields : per state, a smooth height added to a given profile's top; None: none
+    on_step : function called with (states done, states in all)
+    fields : for each state, a smooth height added to the top, or None. They are used only if `profile` is given
 
     Raises
     ------
@@ -172,7 +174,7 @@ def trace(
 
 
 class _MissingLightError(Exception):
-    """Some light is not stored yet; the argument is the number of states whose light is stored."""
+    """Raised if some light is not stored yet; its argument is the number of states whose light is stored."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -184,7 +186,7 @@ class _OneTop(Tops):
 
     @cached_property
     def stack(self) -> TopStack | FormedStack:
-        """The group's top as kernels read it: the same bytes as in the whole trace."""
+        """The group's top as kernels read it, with the same bytes as in the whole trace."""
         stack, chosen = self.whole.stack, slice(self.number, self.number + 1)
         if isinstance(stack, FormedStack):
             return FormedStack(rows=stack.rows[chosen])
@@ -194,11 +196,11 @@ class _OneTop(Tops):
 def _kept_one_by_one(
     tops: Tops, classes: StateClasses, wanted: dict[str, Any], on_step: Callable[[int, int], None] | None
 ) -> RawLight:
-    """Trace each group of equal states alone and store its light when done; `trace_tops` gives the same bits.
+    """Trace groups of equal states one by one, storing each one's light when done; same result as `trace_tops`.
 
     Parameters
     ----------
-    wanted : accuracy, seed and pairs, as for `trace_tops`
+    wanted : keyword arguments accuracy, seed and pairs of `trace_tops`
     """
     kept, tell = GatheredLight(light_store()), on_step or (lambda _done, _states: None)
 
@@ -270,13 +272,13 @@ def _nothing(_number: int) -> None:
 
 
 def pressed_tops(design: SensorDesign, presses: FloatArray, *, by_symmetry: bool = True) -> PressedTops:
-    """Pressed surfaces for a list of presses, by the contact model at each location.
+    """Pressed surfaces for a list of presses, computed by the contact model at each location.
 
     Parameters
     ----------
     design : the sensor
-    presses : as for `trace`; the heights of several tips add up
-    by_symmetry : True: states that are equal by a symmetry of the layout share one top; False: each has its own
+    presses : as for `trace`; the heights of several tips are added
+    by_symmetry : whether states that are equal by a symmetry of the layout share one top; if False, each has its own
 
     Raises
     ------
@@ -291,7 +293,7 @@ def pressed_tops(design: SensorDesign, presses: FloatArray, *, by_symmetry: bool
 
 
 def _classes(scene: OpticalScene, tips: FloatArray) -> StateClasses:
-    """Group the states, rows of `tips` (state, tip, 3), that a symmetry of the layout maps onto each other."""
+    """Groups of states that a symmetry of the layout maps onto each other; `tips` (state, tip, 3) holds the states."""
     depths = [[float(depth) if depth > 0 else None for depth in of_state] for of_state in tips[:, :, 2]]
     return state_classes(scene, tips[:, :, :2], depths)
 
@@ -307,7 +309,7 @@ def _tops_of_presses(
 
 @cache
 def _contact_sources() -> str:
-    """Fingerprint of all that determines a top besides design and press: sources, data, and versions of the solver."""
+    """Fingerprint of all that determines a top besides design and press: source code, data, and solver versions."""
     import scipy
 
     root = Path(__file__).parents[2]
@@ -323,7 +325,7 @@ def _contact_sources() -> str:
 def _made(
     design: SensorDesign, scene: OpticalScene, traced: FloatArray
 ) -> tuple[Tips, list[SmoothField | None]]:
-    """Per state and tip the surface curve around the tip's axis, and per state the smooth height added to curves."""
+    """The surface curve around the axis, by state and tip; and the smooth height added to the curves, by state."""
     pressed = np.unique(traced[traced[:, :, 2] > 0], axis=0)
     known = dict(zip(map(tuple, pressed.tolist()), _tops(design, scene, pressed), strict=True))
     near: Tips = []

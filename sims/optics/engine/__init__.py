@@ -1,4 +1,4 @@
-"""The fast light model: modules by kind of light, joined by `states`; `trace_states` is the entry point.
+"""The fast light model: one module per kind of light, joined by `states`. The entry point is `trace_states`.
 
 It imports scene, surface, cache and accuracy.
 """

@@ -44,7 +44,7 @@ put_further = njit(inline="always", error_model="numpy")(states.reflected_furthe
 def flat_matrix(
     emitters: FloatArray, receivers: FloatArray, box: FloatArray, rules: StraightRules
 ) -> FloatArray:
-    """(2, emitter, receiver) direct flux, and flux mirrored by the flat untouched top."""
+    """(2, emitter, receiver): direct flux, and flux mirrored by the flat untouched top."""
     nodes_e, weights_e, nodes_u, weights_u, nodes_z, weights_z = rules
     out = np.zeros((2, emitters.shape[0], receivers.shape[0]))
     for i in range(emitters.shape[0]):
@@ -71,7 +71,7 @@ def untouched_deposits(
     sources: FloatArray, gathers: bool, receivers: FloatArray, box: FloatArray, top: Top, points: FloatArray,
     count: int, shift: FloatArray, first: float, layout: IntArray,
 ) -> tuple[FloatArray, FloatArray]:  # fmt: skip
-    """(source, patch) light deposited under the untouched top; (source, receiver) light that smooth walls mirror."""
+    """(source, patch) light deposited under the untouched top; (source, receiver) light mirrored by smooth walls."""
     out = np.zeros((sources.shape[0], layout[5, 2] + layout[5, 0] * layout[5, 1]))
     seen = np.zeros((sources.shape[0], receivers.shape[0]))
     for i in range(sources.shape[0]):
@@ -118,7 +118,7 @@ def trace_once(
     field: FloatArray, flat: UntouchedLight, scale: FloatArray, rules: StraightRules, image_rules: ImageRules,
     shifts: FloatArray, settings: FloatArray,
 ) -> None:  # fmt: skip
-    """Fill `out` (replicate, class, emitter, receiver) with direct flux and flux mirrored once, over emitted power."""
+    """Fill `out` (replicate, class, emitter, receiver) with direct flux and flux mirrored once, per emitted power."""
     put_once(
         out,
         wanted,
@@ -150,13 +150,13 @@ def trace_further(
 
 @kernel
 def patch_layout(box: FloatArray, size: float) -> IntArray:
-    """(6, 3) number of columns, number of rows, and first index of the patches on walls 0-3, bottom and tip."""
+    """(6, 3): number of patch columns, of patch rows, and index of the first patch, on walls 0-3, bottom and tip."""
     return layout_of(box, size)
 
 
 @kernel
 def patch_areas(layout: IntArray, receivers: FloatArray, box: FloatArray) -> FloatArray:
-    """(patch,) area without receivers' faces [mm²]; 0 for the tip's patches, which change with the press."""
+    """(patch,) area less receivers' faces [mm²]; 0 for the tip's patches, which change with the press."""
     return areas_of(layout, receivers, box)
 
 

@@ -1,17 +1,17 @@
 """Kernels: light with exactly one reflection at the deformed top.
 
-The top is divided into cells. A path from emitter point e over the top's point p to receiver point q has the length F =
-|p - e| + |q - p|. It is a mirror path if the gradient of F along the top vanishes (Fermat). Gradient and second
-derivatives of F are sums of an emitter's part and a receiver's part. So both are tabulated once for every patch (the
-face of an emitter or receiver) at the corners of the cells. A pair's light can only come from cells where the gradient
-is zero for some points of the two faces. To first order, the faces' points move the gradient within a sum of two
-parallelograms, the pair's *range*.
+The top is divided into cells. A path from emitter point e by way of the top's point p to receiver point q has the
+length F = |p - e| + |q - p|. It is a mirror path if the gradient of F along the top vanishes (Fermat). Gradient and
+second derivatives of F are sums of an emitter's part and a receiver's part. So each part is tabulated once for every
+patch (here the face of an emitter or receiver) at the corners of the cells. A pair's light can only come from cells
+where the gradient is zero for some points of the two faces. To first order, as the points move over the two faces, the
+gradient moves within a sum of two parallelograms, the pair's *range*.
 
-Connected cells of this kind form an *island*: one image of the emitter, or several that meet in a caustic. An image is
-*whole* if every point of the emitter sends it to every point of the receiver, without shadow or fold; it is summed path
-by path (`sims.optics.engine.mirrored`). An image that a contact edge or shadow cuts, or a caustic folds, is summed over
-a grid of points of the top. The points are so dense that the image moves by a share of its size from one to the next;
-the share is smaller for brighter images. Every replicate shifts the grid by another fraction of its spacing.
+Connected cells from which light can come form an *island*: one image of the emitter, or several that meet in a caustic.
+An image is *whole* if every point of the emitter sends it to every point of the receiver, without shadow or fold; it is
+summed path by path (`sims.optics.engine.mirrored`). An image that a contact edge or shadow cuts, or a caustic folds, is
+summed over a grid of points of the top. From one point to the next the image moves by only a share of its size; the
+share is smaller for brighter images. Every replicate shifts the grid by a different fraction of its spacing.
 """
 
 from __future__ import annotations
@@ -41,12 +41,12 @@ from sims.optics.surface.tops import (
 
 FINEST = 96
 COARSE, FINEST_STEP, BRIGHT = 2.5, 0.5, 0.03
-"""Step of the first and of the finest grid of points, over the accuracy's `image_step`; and the share of the untouched
-flux at which an image is summed with that step itself."""
+"""Step of the first and of the finest grid of points, as multiples of the accuracy's `image_step`; and brightness at
+which an image is summed with exactly `image_step`, as a share of the pair's untouched flux."""
 NEAR_RANGE, BENT, CHANGED, MOST_CHANGE = 1.02, 1.4, 0.05, 4.0
-"""Tolerances of the test whether a point can mirror light from face to face (`_range_corners`): in general, more if a
-cell's middle differs from the mean of its corners, and more if the corners differ. Of 1.7 million points on two
-pads, no point with light was left out."""
+"""Tolerances of the test whether a point can mirror light from face to face (`_range_corners`): the general tolerance;
+what is added per difference of a cell's middle from the mean of its corners; what is added per difference between
+corners; and the largest difference that counts. Of 1.7 million points on two pads, no point with light was left out."""
 
 
 @kernel
@@ -58,7 +58,7 @@ def _range_corners(
 
     The points of both faces span a parallelogram sum of gradients, with four edge directions (sides). Columns 0 to 3
     are the gradient across the edge at the cell's corners, over half the span. Column 4 is the largest value at which a
-    point still counts.
+    point still counts as able to do so.
     """
     close = closeness(emitter, receiver, a, b, e)
     for side in range(4):
@@ -78,7 +78,7 @@ def _range_corners(
 
 @kernel
 def _is_far(corner: FloatArray, fu: float, fv: float) -> bool:
-    """Whether the point at fractions fu, fv of a cell mirrors no light from face to face, by `_range_corners`."""
+    """Whether the point at fractions fu, fv of a cell cannot mirror light from face to face, by `_range_corners`."""
     for side in range(4):
         low = corner[side, 0] + fu * (corner[side, 1] - corner[side, 0])
         high = corner[side, 2] + fu * (corner[side, 3] - corner[side, 2])
@@ -93,7 +93,7 @@ def cell_sum(
     skip_flat: bool, rings: int, phase: float, columns: FloatArray, sectors: FloatArray, box: FloatArray, top: Top,
     corner: FloatArray, poly: FloatArray, other: FloatArray,
 ) -> tuple[float, float]:  # fmt: skip
-    """Flux mirrored in one cell, outside and inside the dimple's steep skirt; `corner` as from `_range_corners`."""
+    """Flux mirrored in one cell, outside and inside the dimple's steep skirt; `corner` is from `_range_corners`."""
     nu = int(min(max(math.ceil(steps[0] / step), 1.0), FINEST))
     nv = int(min(max(math.ceil(steps[1] / step), 1.0), FINEST))
     u0 = ring_edge(a, rings, phase)
@@ -124,8 +124,7 @@ def island_sum(
     shifts: FloatArray, rings: int, phase: float, columns: FloatArray, sectors: FloatArray, box: FloatArray, top: Top,
     corner: FloatArray, poly: FloatArray, other: FloatArray, out: FloatArray,
 ) -> float:  # fmt: skip
-    """Fill out[replicate, (outside, inside the skirt)] with the flux mirrored in a group of cells; return the largest
-    sum."""
+    """Fill out[replicate, (outside, inside the skirt)] with a group of cells' mirrored flux; return the largest sum."""
     out[:] = 0.0
     for k in range(count):
         a = cells[k] // columns.shape[0]
@@ -153,8 +152,8 @@ def lattice_sum(
 ) -> None:  # fmt: skip
     """Fill out[replicate, (outside, inside the skirt)] with the flux that is mirrored in a group of adjacent cells.
 
-    A coarse grid of points comes first, and a finer one if there is light. It is finest for the images that are
-    brightest over the pair's untouched flux `unit`.
+    A coarse grid of points comes first, then a finer one if the image is bright enough. It is finest for the images
+    that are brightest relative to the pair's untouched flux `unit`.
     """
     brightest = island_sum(
         source, target, emitter, receiver, middle_e, middle_q, cells, count, steps, COARSE * step, skip_flat, shifts,
@@ -223,28 +222,29 @@ ACROSS_U = ACROSS_S + 3
 PATCH_COLUMNS = 17
 BOX_COLUMNS = 5
 MARGIN = 0.35
-"""Tolerance of a cell's bounds on the gradient of the path length, as a share of the gradient's change in the cell."""
+"""Tolerance added to a cell's bounds on the gradient of the path length, as a share of the gradient's change in the
+cell."""
 GRAZE = 1.2
 CORE = 1.6
 FOLD_U, FOLD_V = 4, 2
-"""Distance up to which a point near an image is tested for a fold of the image, in half sizes of the image; and number
-of such points per cell along u and v."""
+"""Number of points per cell, along u and v, at which an image is tested for a fold; only points within `CORE` half
+sizes of the image count."""
 CLOSE_SHARE = 0.5
-"""A face of an emitter or receiver is close to a point if half its diagonal is above this share of its distance."""
+"""A face of an emitter or receiver counts as close to a point if half its diagonal exceeds this share of its
+distance."""
 ANYWHERE = 4.0
-"""Bound on the gradient of the path length for points near a face, more than the sum of two unit vectors can be."""
+"""Bound on the gradient of the path length for points near a face; the sum of two unit vectors cannot be that large."""
 SECOND_ORDER = 0.58
-"""Bound on second-order changes of the path length's gradient over a face: this times the square of s / (1 - s), with s
-half the face's diagonal over its distance. It is half the largest second derivative of a unit vector, sqrt(4/3) over
-length squared. Without it up to 2.5 % of a pair's light was lost, more on a finer grid."""
+"""Bound on second-order changes of the path length's gradient over a face: this factor times the square of s / (1 - s),
+where s is half the face's diagonal divided by its distance. The factor is half the largest second derivative of a unit
+vector, sqrt(4/3) / length². Without the bound, up to 2.5 % of a pair's light was lost, and more on a finer grid."""
 CLOSE_STEPS = 2.0
 NEVER = 1e30
 
 
 @kernel
 def _put_across(row: FloatArray, edge: int, other: int, out: int) -> None:
-    """Fill three columns from `out`: unit vector across one edge of a parallelogram, and the other edge's extent along
-    it."""
+    """Fill three columns from column `out`: unit vector normal to one edge, and the other edge's extent along it."""
     nx = -row[edge + 1]
     ny = row[edge]
     size = 1.0 / max(math.sqrt(nx * nx + ny * ny), 1e-12)
@@ -260,9 +260,9 @@ def leg_row(
 ) -> None:  # fmt: skip
     """Fill a row of `patch_table` for one point of the top.
 
-    Columns are for the distance from a face's centre to the point: its gradient in plan; the gradient's change from the
-    centre to the side and to the upper edge; second derivatives; cosine at which the face meets the top's underside;
-    bound on second-order changes; unit vector and extent of `_put_across`, twice.
+    The columns describe the distance from a face's centre to the point: its gradient in plan; the gradient's change
+    from the centre to the face's side edge and to its upper edge; second derivatives; cosine at which the face meets
+    the top's underside; bound on second-order changes; and what `_put_across` fills, twice.
     """
     wall = int(patch[0])
     ex, ey, ez = wall_point(wall, patch[1], patch[2], box)
@@ -320,8 +320,7 @@ def closeness(emitter: FloatArray, receiver: FloatArray, a: int, b: int, e: int)
 
 @kernel
 def _passes_box(emitter: FloatArray, receiver: FloatArray, a: int, b: int, e: int) -> bool:
-    """Whether the path length's gradient may vanish somewhere in the cell, and both faces see the top's underside
-    there."""
+    """Whether the path length's gradient may vanish somewhere in the cell, where both faces see the top's underside."""
     low_x = NEVER
     high_x = -NEVER
     low_y = NEVER
@@ -365,7 +364,7 @@ def _passes_box(emitter: FloatArray, receiver: FloatArray, a: int, b: int, e: in
 
 @kernel
 def across(emitter: FloatArray, receiver: FloatArray, side: int) -> tuple[float, float]:
-    """Path length's gradient at a node across one of four edge directions of both faces' span, and half that span."""
+    """Path length's gradient across one of four edge directions of the pair's range, and half the range's width."""
     own = emitter if side < 2 else receiver
     other = receiver if side < 2 else emitter
     first = ACROSS_S if side % 2 == 0 else ACROSS_U
@@ -381,7 +380,7 @@ def across(emitter: FloatArray, receiver: FloatArray, side: int) -> tuple[float,
 
 @kernel
 def image_steps(emitter: FloatArray, receiver: FloatArray, a: int, b: int, e: int) -> tuple[float, float]:
-    """How far a pair's image moves across a cell along u and along v, over its size; (-1, -1): no light from there."""
+    """How far a pair's image moves across a cell along u and v, in image sizes; (-1, -1): no light from there."""
     if not _passes_box(emitter, receiver, a, b, e):
         return -1.0, -1.0
     along_u = 0.0
@@ -446,7 +445,7 @@ def lit_cells(
     emitter: FloatArray, receiver: FloatArray, box_e: FloatArray, box_q: FloatArray, columns: FloatArray,
     steps: FloatArray, tag: IntArray,
 ) -> int:  # fmt: skip
-    """Set `tag` to 1 for cells that may mirror light between the pair's faces, else to 0; return how many have 1.
+    """Set `tag` to 1 for cells that may mirror light between the pair's faces, else to 0; return how many may.
 
     steps : (ring, column, 2) filled as by `image_steps`
     """
@@ -473,7 +472,7 @@ def lit_cells(
 def take_island(
     first: int, number: int, columns: FloatArray, tag: IntArray, stack: IntArray, cells: IntArray
 ) -> int:
-    """Set `tag` to `number` for adjacent cells with tag 1 and put them into `cells`; return how many they are."""
+    """Set `tag` to `number` for a connected group of cells with tag 1, list them in `cells`, and return how many."""
     rings, width = tag.shape
     found = 0
     tag[first // width, first % width] = number
@@ -500,7 +499,7 @@ def take_island(
 def island_start(
     emitter: FloatArray, receiver: FloatArray, columns: FloatArray, cells: IntArray, count: int
 ) -> tuple[int, int]:
-    """Ring and column of the corner in a group of cells that is nearest to a mirror path from face to face."""
+    """Ring and column of the cell corner, in a group of cells, that is closest to mirroring light from face to face."""
     width = emitter.shape[1]
     nearest = NEVER
     best_a = 0
@@ -520,7 +519,7 @@ def island_start(
 
 @kernel
 def _range_share(emitter: FloatArray, receiver: FloatArray) -> float:
-    """How far a point is from mirroring light between the pair's faces: up to 1 if it does."""
+    """How far a point is from mirroring light between the pair's faces; at most 1 if it does mirror light."""
     off = 0.0
     for side in range(4):
         f, w = across(emitter, receiver, side)
@@ -533,10 +532,10 @@ def island_fold(
     source: FloatArray, target: FloatArray, cells: IntArray, count: int, rings: int, phase: float,
     columns: FloatArray, sectors: FloatArray, box: FloatArray, top: Top, one: FloatArray, two: FloatArray,
 ) -> int:  # fmt: skip
-    """Sign of the determinant of d²F/dp² over a group of cells, F the path length and p the point of the top.
+    """Sign of the determinant of d²F/dp² over a group of cells, where F is the path length and p the point of the top.
 
-    It is tested at `FOLD_U` x `FOLD_V` points per cell near the image. It is 0 if the sign changes, if no point is
-    near, or if a face is close.
+    It is tested near the image, at `FOLD_U` x `FOLD_V` points per cell. The result is 0 if the sign changes, if no
+    point is near the image, or if a face is close.
     """
     width = columns.shape[0]
     sign = 0

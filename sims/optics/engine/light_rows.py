@@ -1,12 +1,12 @@
-"""One emitter's light in one state as a row of numbers, with a name: a hash of all its inputs.
+"""One emitter's light in one state as a row of numbers, stored under a name that is a hash of all its inputs.
 
 A row depends on the block and its materials, all receivers (their faces absorb), this emitter, its number (which
 selects its sample points), this state's top, the requested pairs (several reflections are sampled for them), settings
-and seed. It also depends on the sources of the light model, its libraries, and the processor for which they are
+and seed. It also depends on the source code of the light model, its libraries, and the processor for which they are
 compiled. No other emitter or state matters, so neither is in its name.
 
-A row's name requires its top. If tops come from presses of a design, the names of all rows are stored, too, under one
-name for all their inputs. The light of the same presses is then found without computing any top.
+A row's name cannot be computed without its top. If the tops come from presses of a design, the list of all row names is
+stored, too, under one name for all inputs. The light of the same presses is then found without computing any top.
 """
 
 from __future__ import annotations
@@ -27,11 +27,11 @@ from sims.optics.scene.optical_scene import OpticalScene
 
 NAME_BYTES = 20
 FORMAT = 1
-"""Version of the layout of rows; it is part of every name."""
+"""Version of the rows' layout; part of every name."""
 
 
 class KeptRows(Protocol):
-    """Store of rows of light that remain after a trace; rows are found by name."""
+    """Store of rows of light that are kept after a trace; rows are found by name."""
 
     def read(self, names: Sequence[bytes]) -> dict[bytes, bytes]:
         """Stored rows by name; missing ones are left out."""
@@ -90,7 +90,7 @@ def row_names(
 
 
 def names_of(content: bytes | None, states: int, emitters: int) -> list[list[bytes]] | None:
-    """Names of rows by state and emitter, from stored bytes; None if their number does not fit."""
+    """Row names by state and emitter, from stored bytes; None if there are too many or too few bytes."""
     if content is None or len(content) != NAME_BYTES * states * emitters:
         return None
     each = [content[start : start + NAME_BYTES] for start in range(0, len(content), NAME_BYTES)]
@@ -102,7 +102,7 @@ def name_of_names(source: bytes, asked: BoolArray, settings: Accuracy, seed: int
 
     Parameters
     ----------
-    source : identifies the inputs of the tops of all states; equal bytes always give the same tops
+    source : bytes that identify the inputs of all states' tops; equal bytes always give the same tops
     asked : (n, emitter, receiver) mask of the requested pairs
     settings, seed : accuracy and seed
     """
@@ -136,14 +136,14 @@ def _hash_of(*parts: object) -> hashlib.blake2b:
 
 
 def _bytes_of(part: object) -> bytes:
-    """Kind, shape and content of a value as bytes; different lists of values never give the same bytes."""
+    """Type, shape and content of a value as bytes; two different lists of values never give the same bytes."""
     if isinstance(part, np.ndarray):
         return f"{part.dtype.str}{part.shape}:".encode() + part.tobytes()
     return f"{part!r}:".encode()
 
 
 def _shared_fields(scene: OpticalScene) -> list[object]:
-    """Names and values of all fields of a scene except its emitters', including fields that are added later."""
+    """Names and values of all fields of a scene but those of its emitters; fields added later are included."""
     return [
         item
         for field in fields(scene)
@@ -170,7 +170,7 @@ def _emitter_rows(scene: OpticalScene) -> list[list[object]]:
 
 @cache
 def _origin() -> str:
-    """Fingerprint of sources, libraries and processor, which determine a row's bits."""
+    """Fingerprint of source code, libraries and processor, which also determine a row's numbers."""
     import numba
     import scipy
     from numba.core.registry import cpu_target

@@ -1,29 +1,29 @@
 # mypy: no-warn-return-any
-"""Kernels: flux of a pair that the top mirrors once, through one point of the top or path by path.
+"""Kernels: flux of a pair that the top mirrors once, computed either per point of the top or path by path.
 
-Through one point
------------------
+Per point of the top
+--------------------
 At a point p of the top the receiver's corners are reflected in the tangent plane and projected through p onto the
 emitter's plane. The projection, clipped to the emitter, is the lit area A_p, so
 
     flux = integral over the top of r dr dphi  (g . d) (d . n_e) L / d^4  A_p / A_e  response
 
-with d from emitter to p, g = (-dh/dx, -dh/dy, 1), L the emitter's radiance. No ray is sampled, and a caustic is no
-singularity. The lit area is weighted at three points in each of its triangles, because near the critical angle the
-mirrored share changes too fast for its centroid alone. Triangles are divided if this rule differs from the triangles'
-centroids, as angular tables may bend within the lit area.
+with d the vector from emitter to p, g = (-dh/dx, -dh/dy, 1), and L the emitter's radiance. No rays are sampled, and a
+caustic causes no singularity. The lit area is weighted at three points in each of its triangles, because near the
+critical angle the mirrored share changes too fast for its centroid alone. As angular tables may bend within the lit
+area, triangles are divided if this rule and a rule with only their centroids differ.
 
 Shadows: the straight line from p down to a patch is free if it falls faster than the top can. Otherwise it is tested at
-the centroid and the corners of the lit area, and at every point of the triangles if these differ.
+the centroid and the corners of the lit area, and at every point of the triangles if these results differ.
 
 Path by path
 ------------
-If exactly one mirror path joins each emitter point e and receiver point q, Newton steps find its point p. Hamilton's
-characteristic function F = |p - e| + |q - p| gives the flux without a divergence of rays:
+If exactly one mirror path joins each emitter point e and receiver point q, Newton steps find the point p where it is
+mirrored. Hamilton's characteristic function F = |p - e| + |q - p| gives the flux without a divergence of rays:
 
     d flux = radiance |det d²F/de dq| dA_e dA_q,   det = det(F_ep) det(F_pq) / det(F_pp).
 
-A patch is the face of an emitter (`source`) or receiver (`target`).
+Here a patch is the face of an emitter (`source`) or receiver (`target`).
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ from sims.optics.surface.tops import (
 
 INWARD = 0.97
 UNEVEN, PARTS = 0.01, 4
-"""Largest relative difference of the two rules before triangles are divided; number of pieces per side."""
+"""Relative difference of the two rules above which triangles are divided; number of pieces per side."""
 
 
 @kernel
@@ -94,7 +94,7 @@ def _project(
 def _counted(
     dx: float, dy: float, dz: float, px: float, py: float, gx: float, gy: float, target: FloatArray, box: FloatArray,
 ) -> float:  # fmt: skip
-    """Share of the light along d, mirrored at p, that reaches the receiver's plane and is counted, divided by pi."""
+    """Share of the light along d, mirrored at p, that is not absorbed and is counted by the receiver, over pi."""
     d = 1.0 / math.sqrt(dx * dx + dy * dy + dz * dz)
     back = 2.0 * (dz - gx * dx - gy * dy) * d / (1.0 + gx * gx + gy * gy)
     dx = dx * d + back * gx
@@ -111,10 +111,11 @@ def _emission(
     a: float, b: float, px: float, py: float, pz: float, gx: float, gy: float, ex: float, ey: float, ez: float,
     source: FloatArray, target: FloatArray, box: FloatArray,
 ) -> tuple[float, float, float, float, float, float]:  # fmt: skip
-    """Weight and direction of the light from the emitter's point at offset (a, b) to p.
+    """Weight and direction of the light to p from the emitter's point at offset (a, b).
 
-    Returns the weight by emission and absorption (0 if point and p do not face each other), times `_counted` unless the
-    receiver counts all directions equally; component of the vector to p into the top; its length; the vector.
+    The result is the weight, the component of the vector to p into the top, its length, and the vector itself. The
+    weight covers emission and absorption (0 if point and p do not face each other); `_counted` is included unless the
+    receiver counts all directions equally.
     """
     n0, n1 = wall_normal(int(source[0]))
     on_x = int(source[0]) % 2 == 0
@@ -141,7 +142,7 @@ def _spread(
     a: float, b: float, px: float, py: float, pz: float, gx: float, gy: float, ex: float, ey: float, ez: float,
     source: FloatArray, target: FloatArray, box: FloatArray,
 ) -> float:  # fmt: skip
-    """Weight of `_emission` times the share that the top mirrors."""
+    """Weight from `_emission` times the share that the top mirrors."""
     f, into, d, _, _, _ = _emission(a, b, px, py, pz, gx, gy, ex, ey, ez, source, target, box)
     if f == 0.0:
         return 0.0
@@ -150,7 +151,7 @@ def _spread(
 
 @kernel
 def _may_be_shaded(px: float, py: float, pz: float, patch: FloatArray, box: FloatArray, top: Top) -> bool:
-    """Whether the line from the top down to a patch may meet the top again, because it does not fall fast enough."""
+    """Whether the line from the top down to a patch may meet the top again, as it does not fall steeply enough."""
     x0, y0, z = wall_point(int(patch[0]), patch[1] - patch[3], patch[2] + patch[4], box)
     x1, y1, _ = wall_point(int(patch[0]), patch[1] + patch[3], patch[2] + patch[4], box)
     run = max(plan_distance(x0, y0, x0, y0, px, py), plan_distance(x1, y1, x1, y1, px, py))
@@ -183,7 +184,7 @@ def _sees(
 ) -> bool:  # fmt: skip
     """Whether light from the emitter's point at offset (a, b) reaches p and then the receiver's plane.
 
-    dim_e, dim_q : whether the lines to emitter and receiver may be shaded; only then they are tested
+    dim_e, dim_q : whether the lines to emitter and receiver may be shaded; a line that may not be is not tested
     """
     on_x = int(source[0]) % 2 == 0
     dx = px - ex - (a if on_x else 0.0)
@@ -252,9 +253,9 @@ def _mirrored_weight(
     n: int, poly: FloatArray, area: float, cx: float, cy: float, px: float, py: float, pz: float, gx: float,
     gy: float, ex: float, ey: float, ez: float, source: FloatArray, target: FloatArray, box: FloatArray,
 ) -> float:  # fmt: skip
-    """Mean weight over a lit area that is visible and totally reflected, so that two thirds of the points are enough.
+    """Mean weight over a lit area that is visible and totally reflected, with two thirds of the usual points.
 
-    Points are the middles of the triangles' edges; two triangles share the inner edges (second order).
+    The points are the midpoints of the triangles' edges; two triangles share each inner edge (second order).
     """
     total = 0.0
     before = (poly[n - 1, 0] - cx) * (poly[0, 1] - cy) - (poly[n - 1, 1] - cy) * (poly[0, 0] - cx)
@@ -281,7 +282,7 @@ def _mean_weight(
 ) -> float:  # fmt: skip
     """Mean weight over the lit area, at three points in each of parts² pieces of each triangle (second order).
 
-    If a shadow divides the area, a hidden point counts 0.
+    divided : whether a shadow divides the area; hidden points then count 0
     """
     total = 0.0
     for c in range(n):
@@ -331,7 +332,7 @@ def pinhole(
     sector: int, u: float, v: float, source: FloatArray, target: FloatArray, skip_flat: bool, sectors: FloatArray,
     box: FloatArray, top: Top, poly: FloatArray, other: FloatArray,
 ) -> tuple[float, float]:  # fmt: skip
-    """Flux through the top at (u, v) per du dv, and the radius of the point over the skirt's radius.
+    """Flux by way of the top at (u, v) per du dv, and the point's radius as a multiple of the skirt's radius.
 
     skip_flat : whether light from outside every deformed part is left out
     """
@@ -397,11 +398,12 @@ CONVERGED_MM = 1e-5
 LONGEST_STEP_MM = 6.0
 FEW_RATIO = 3.0
 WHOLE_TOLERANCE = 0.01
-"""Largest over smallest flux density of an image's corner paths up to which the coarse rule is used. Also the largest
-relative difference of Simpson's rule, by corners and middle, which reveals a jump of the top's curvature."""
+"""Largest relative difference of an image's mean flux density from Simpson's rule, by corners and middle: a larger one
+reveals a jump of the top's curvature. (Up to `FEW_RATIO`, largest over smallest density of the corner paths, the coarse
+rule is used.)"""
 TABLE_TOLERANCE = 3e-4
-"""The same largest difference for patches with angular tables. If a table bends sharply or has a step within an image,
-a rule of few paths errs by up to 1.3 % of a pair's light."""
+"""Largest relative difference of the coarse and the fine rule for patches with angular tables. If a table bends sharply
+or has a step within an image, a rule of few paths errs by up to 1.3 % of a pair's light."""
 
 
 @kernel
@@ -409,7 +411,7 @@ def mirror_point(
     ex: float, ey: float, ez: float, qx: float, qy: float, qz: float, x: float, y: float, sign: float,
     box: FloatArray, top: Top,
 ) -> tuple[bool, float, float, float]:  # fmt: skip
-    """Find the point where a path is mirrored, by Newton steps from (x, y): whether found, x, y, det F_pp."""
+    """Find the point where a path is mirrored, by Newton steps from (x, y); return whether found, x, y, det F_pp."""
     for _ in range(NEWTON_STEPS):
         tip, _ = touching_tip(x, y, top)
         if tip >= 0 or not (0.0 < x < box[0] and 0.0 < y < box[1]):
@@ -464,7 +466,7 @@ def path_flux(
     ex: float, ey: float, ez: float, qx: float, qy: float, qz: float, x: float, y: float, det: float,
     source: FloatArray, target: FloatArray, box: FloatArray, top: Top,
 ) -> float:  # fmt: skip
-    """Flux per emitter and receiver area of the path over the top at (x, y) [1/mm⁴]; -1 if the path is hidden."""
+    """Flux per emitter area and receiver area along the path by way of the top's point (x, y) [1/mm⁴]; -1 if hidden."""
     h, gx, gy = surface_gradient(x, y, top)
     ax, ay, az = x - ex, y - ey, h - ez
     bx, by, bz = x - qx, y - qy, h - qz
@@ -501,7 +503,7 @@ def path_flux(
 
 @kernel
 def _patch_point(patch: FloatArray, a: float, b: float, box: FloatArray) -> tuple[float, float, float]:
-    """Point (x, y, z) of a patch at a, b, in half sizes from its centre."""
+    """Point (x, y, z) of a patch at offsets a, b from its centre, as multiples of its half sizes."""
     return wall_point(
         int(patch[0]), patch[1] + patch[3] * (2.0 * a - 1.0), patch[2] + patch[4] * (2.0 * b - 1.0), box
     )
@@ -512,9 +514,9 @@ def corner_paths(
     source: FloatArray, target: FloatArray, cx: float, cy: float, sign: float, number: int, tag: IntArray, rings: int,
     phase: float, columns: FloatArray, sectors: FloatArray, box: FloatArray, top: Top,
 ) -> tuple[float, float]:  # fmt: skip
-    """Largest over smallest, and mean, flux density of the 16 paths between corners of emitter and receiver.
+    """Ratio of largest to smallest flux density of the 16 paths between corners of emitter and receiver, and the mean.
 
-    -1 unless each path exists, is free, and is mirrored in or next to the image's own island.
+    The ratio is -1 unless all paths exist, are free, and are mirrored in or next to the image's own island.
     """
     low = 1e30
     high = 0.0
@@ -549,7 +551,7 @@ def image_sum(
     source: FloatArray, target: FloatArray, cx: float, cy: float, sign: float, box: FloatArray, top: Top,
     nodes_e: FloatArray, weights_e: FloatArray, nodes_q: FloatArray, weights_q: FloatArray,
 ) -> float:  # fmt: skip
-    """Mean flux density of an image by Gauss nodes on both patches; -1 if a path is not found or not free."""
+    """Mean flux density of an image, by Gauss nodes on both patches; -1 if a path is not found or is hidden."""
     total = 0.0
     for a in range(nodes_e.shape[0]):
         for b in range(nodes_e.shape[0]):
@@ -576,7 +578,7 @@ def whole_image(
     phase: float, columns: FloatArray, sectors: FloatArray, box: FloatArray, top: Top, rules: ImageRules,
     whole_ratio: float,
 ) -> tuple[float, float, float]:  # fmt: skip
-    """Flux of the image that begins near (x, y), and its centre; the flux is -1 if the image is not whole."""
+    """Flux of the image near (x, y), and the image's centre; the flux is -1 if the image is not whole."""
     few_e, few_we, few_q, few_wq, most_e, most_we, most_q, most_wq = rules
     ex, ey, ez = wall_point(int(source[0]), source[1], source[2], box)
     qx, qy, qz = wall_point(int(target[0]), target[1], target[2], box)

@@ -4,29 +4,30 @@
 Scattered more than once
 ------------------------
 Walls, bottom and tip are divided into patches. Rays deposit an emitter's light g on them, and by reciprocity a
-receiver's t. With reflectances R and the share K of one patch's scattered light that lands on another, light scattered
-any number of times is
+receiver's light t. With reflectances R, and K the share of one patch's scattered light that lands on another, the light
+scattered any number of times is
 
     flux = sum over patches of  R x (Q g) x t x A_r / A_patch,    Q = (I - (R K)^T)^-1.
 
-g and t are the pressed pad's. K is the untouched pad's, which leaves out the dimple's effect on light from patch to
-patch. On a reflecting tip, g and t include the light that walls and bottom scatter there in the pressed pad. Light that
-a tip scatters twice is left out.
+g and t are computed for the pressed pad. K is that of the untouched pad, so the dimple's effect on light from patch to
+patch is left out. On a reflecting tip, g and t include the light that walls and bottom scatter there in the pressed
+pad. Light that a tip scatters twice is left out.
 
-Patches of the tip are too wide for parts 2 mm away, whose light they made 9 % too bright. So light that comes straight
-from emitters and goes straight to receivers is combined by the much smaller cells of the sampling grid on the top. The
-other light uses the patches.
+The tip's patches are too wide for emitters and receivers 2 mm away: they made their light 9 % too bright. So light that
+comes straight from an emitter to the tip and goes straight to a receiver is summed over the much smaller cells of the
+sampling grid on the top. All other light uses the patches.
 
 Mirrored more than once
 -----------------------
-Light that is mirrored a second time and then goes towards a receiver first meets small islands of the top. Rays of
-`sims.optics.engine.scattered` show roughly where. Cells of the grid there are divided, guided by the paths from the
-emitter's centre over the cell's corners to the walls. A cell is dropped if these do not end near a requested receiver.
-It is divided if they end far apart or differ in kind. Else it is kept. Each kept cell has at least one point per
-replicate, more by its power, with three rays from points evenly spread over the emitter. The *unit* of a receiver is
-the largest power that one point may represent near it.
+Light that is mirrored twice or more and ends at a receiver is first mirrored in small islands of the top. Rays of
+`sims.optics.engine.scattered` show roughly where these are. There, cells of the grid are divided, guided by the paths
+from the emitter's centre by way of the cell's corners to the walls. A cell is dropped if these paths do not end near a
+requested receiver. It is divided if they end far apart, on different walls or after different numbers of reflections.
+Else it is kept. Each kept cell has at least one point per replicate, and more if it carries much power; each point has
+three rays from points evenly spread over the emitter. The *unit* of a receiver is the largest power that one point may
+represent near it.
 
-A ray counts where it ends. Left out: an island that the rays of all replicates miss.
+A ray counts for the receiver on which it ends. An island that the rays of all replicates miss is left out.
 """
 
 from __future__ import annotations
@@ -79,14 +80,15 @@ from sims.optics.surface.tops import Top, surface_gradient
 
 LEAST_AREA_MM2 = 1e-9
 TIP_RAYS = 64
-"""Rays from each patch of a reflecting tip to walls and bottom: 2 % error of the light that the tip scatters."""
+"""Rays from each patch of a reflecting tip to walls and bottom: they give an error of 2 % of the light that the tip
+scatters."""
 
 
 @array_kernel
 def coarsened(
     deposits: FloatArray, layout: IntArray, coarse: IntArray, box: FloatArray, top: Top
 ) -> FloatArray:
-    """(source, coarse patch) light on walls and bottom, moved from fine to coarser patches; 0 on the tip."""
+    """(source, coarse patch) light on walls and bottom, transferred from fine to coarser patches; 0 on the tip."""
     out = np.zeros((deposits.shape[0], coarse[TIP, 2] + coarse[TIP, 0] * coarse[TIP, 1]))
     for k in range(TIP):
         across = (box[0] if k == 0 or k == 2 or k == BOTTOM else box[1]) / layout[k, 0]
@@ -105,7 +107,7 @@ def coarsened(
 
 @array_kernel
 def scattered_on(deposits: FloatArray, transfer: FloatArray) -> FloatArray:
-    """(source, patch) light that lands on patches after scattering; row n of `transfer` is for light 1 on patch n."""
+    """(source, patch) light on patches after scattering; row n of `transfer` is where unit light on patch n goes."""
     out = np.zeros(deposits.shape)
     for n in range(transfer.shape[0]):
         for i in range(deposits.shape[0]):
@@ -118,7 +120,7 @@ def scattered_on(deposits: FloatArray, transfer: FloatArray) -> FloatArray:
 
 @kernel
 def _cosine_direction(one: float, two: float, gx: float, gy: float) -> tuple[float, float, float]:
-    """Random direction from the top down into the pad, Lambertian about the normal (gx, gy, -1); one, two in 0 to 1."""
+    """Direction from the top into the pad, Lambertian about (gx, gy, -1), by random numbers `one`, `two` in 0 to 1."""
     slope = math.sqrt(gx * gx + gy * gy)
     norm = 1.0 / math.sqrt(1.0 + slope * slope)
     ux = gx / slope if slope > 0.0 else 1.0
@@ -163,11 +165,11 @@ def with_walls_on_tip(
     deposits: FloatArray, first: FloatArray, higher: FloatArray, layout: IntArray, coarse: IntArray,
     reflectances: FloatArray, shares: FloatArray,
 ) -> FloatArray:  # fmt: skip
-    """(source, patch) light on patches, increased on the tip by what walls and bottom scatter onto it.
+    """(source, patch) light on patches, increased on the tip by the light that walls and bottom scatter onto it.
 
     first, higher : (source, coarse patch) light on walls and bottom, before and after scattering
 
-    The function uses loops, as Numba takes seconds to compile sums and copies of arrays.
+    Loops are used, as Numba takes seconds to compile sums and copies of arrays.
     """
     out = np.zeros(deposits.shape)
     for i in range(deposits.shape[0]):
@@ -188,9 +190,9 @@ def first_hand_on_tip(
     given: FloatArray, taken: FloatArray, lattice: FloatArray, sectors: FloatArray, emitters: FloatArray,
     receivers: FloatArray, reflectance: float, layout: IntArray, box: FloatArray, top: Top,
 ) -> FloatArray:  # fmt: skip
-    """(emitter, receiver) correction of light from emitter to tip to receiver: sum by grid cells less sum by patches.
+    """(emitter, receiver) correction of light from emitter to tip to receiver: sum over cells less sum over patches.
 
-    given, taken : (emitter or receiver, row, column) light on the grid's cells in the contact
+    given, taken : (emitter, row, column) and (receiver, row, column) light on the grid's cells in the contact
     lattice : (row, column, n) the grid
     """
     out = np.zeros((given.shape[0], taken.shape[0]))
@@ -231,13 +233,13 @@ def all_orders(
     given: FloatArray, taken: FloatArray, receivers: FloatArray, patches: Patches, reflectances: FloatArray,
     orders: Orders, on_tip: FloatArray, box: FloatArray, top: Top,
 ) -> FloatArray:  # fmt: skip
-    """(2, emitter, receiver) flux scattered any number of times: without the tip, and by way of it.
+    """(2, emitter, receiver) flux scattered once or more often: not by the tip, and by the tip.
 
     given, taken : (source, patch) light on patches before any scattering, from emitters and from receivers
         (reciprocity)
     patches : layout and areas of these patches
     orders : layout, areas and transfer of the coarser patches for light scattered more than once
-    on_tip : as from `shares_on_tip`, or (0, 0) if no tip reflects
+    on_tip : result of `shares_on_tip`; shape (0, 0) if no tip reflects
     """
     layout, areas = patches
     coarse, coarse_areas, transfer = orders
@@ -265,40 +267,43 @@ LOW_U, HIGH_U, LOW_V, HIGH_V, LEVEL, CORNERS = range(6)
 CELL_COLUMNS = CORNERS + 4 * ECHO_COLUMNS
 DROP, DIVIDE, KEEP = range(3)
 UNKNOWN = -1.0
-"""Stands for the power at a cell's corner if the path over it is not yet traced."""
+"""Stands for the power at a cell's corner through which no path has been traced yet."""
 
 STEP_MM = 1.0
-"""A cell is not divided further if the paths over its corners end within this distance [mm]."""
+"""A cell is not divided further if the paths by way of its corners end within this distance of each other [mm]."""
 CURVE = 0.15
-"""Share of that distance by which light from inside a cell may end beyond the paths over its corners."""
+"""Share of the distance between the ends of a cell's corner paths by which light from inside the cell may end beyond
+them."""
 MIXED_MM = 2.0
-"""Additional distance if the paths over a cell's corners differ in kind [mm]."""
+"""Distance by which light may end beyond a cell's corner paths, in addition, if these end on different walls or after
+different numbers of reflections [mm]."""
 DEEPEST, DEEPEST_MIXED, DEEPEST_UNSEEN = 6, 4, 2
-"""Largest number of halvings of a cell: in general, if the paths over its corners differ in kind, and if only the
-emitter's edges light it."""
+"""Largest number of halvings of a cell: in general; if its corner paths end on different walls or after different
+numbers of reflections; and if only the emitter's edges light it."""
 KEPT_UNITS = 4.0
-"""A cell with less power than this many times the power that one sample may represent is not divided further: samples
-cost less than the paths over its quarters' corners."""
+"""A cell is not divided further if its power is less than this many times the power that one sample may represent:
+samples cost less than the corner paths of its quarters."""
 MOST_PARTS = 4.0
-"""Largest number of pieces of a sampled cell along each side, with one sample each."""
+"""Largest number of pieces, along each side, into which a sampled cell is divided; each piece has one sample."""
 STACK = 3 * DEEPEST + 4
 BLUR_MM = 4.0
-"""Distance from the end of the emitter's centre ray within which light of the emitter's edges is searched [mm]. Rays
-next to the centre's alone cost up to 0.3 % of a pair's signal."""
+"""Distance from the end of the ray from the emitter's centre within which light from the emitter's edges is searched
+for [mm]. With a smaller distance up to 0.3 % of a pair's signal was missed."""
 
 
 @kernel
 def power_near(
     a: int, b: int, first: int, columns: FloatArray, echoes: FloatArray, receivers: FloatArray, units: FloatArray,
 ) -> tuple[float, float]:  # fmt: skip
-    """Largest power of rays, over a cell or its neighbours, that are mirrored again and end near a requested receiver.
+    """Largest power of rays by way of a cell or its neighbours, mirrored again, that end near a requested receiver.
 
     first : first row of the grid that is not in the contact
     units : (receiver,) power that one sample may represent near it
 
     Returns
     -------
-    power over all replicates, 0 if there is none, negative if no ray is mirrored again; the receiver's entry in `units`
+    largest power in all replicates: 0 if no such ray ends near a requested receiver, negative if no ray is mirrored
+    again; and that receiver's entry in `units`
     """
     most = 0.0
     unit = 0.0
@@ -338,13 +343,13 @@ def power_near(
 
 @kernel
 def corner(cell: FloatArray, c: int, column: int) -> float:
-    """Column of the end of the path over a cell's corner c; the path starts at the emitter's centre."""
+    """Value in a column of the stored end of the path from the emitter's centre by way of a cell's corner c."""
     return cell[CORNERS + c * ECHO_COLUMNS + column]
 
 
 @kernel
 def put_echo(cell: FloatArray, c: int, echo: FloatArray) -> None:
-    """Copy the end of a path to a cell, as the end of the path over its corner c."""
+    """Store the end of a path in a cell, as that of the path by way of its corner c."""
     for k in range(ECHO_COLUMNS):
         cell[CORNERS + c * ECHO_COLUMNS + k] = echo[k]
 
@@ -354,7 +359,7 @@ def put_corner(
     echo: FloatArray, sector: int, u: float, v: float, source: FloatArray, sectors: FloatArray, box: FloatArray,
     top: Top, p: FloatArray,
 ) -> None:  # fmt: skip
-    """Fill `echo` with the end of the path from the emitter's centre over the top at (u, v).
+    """Fill `echo` with the end of the path from the emitter's centre by way of the top at (u, v).
 
     Its power is 0 unless the path is mirrored again and ends on a wall.
     """
@@ -370,7 +375,7 @@ def put_corner(
 
 @kernel
 def _bounds(cell: FloatArray, wall: int) -> tuple[int, bool, float, float, float, float]:
-    """Number of a cell's corner paths that end on a wall, whether after equally many reflections, box of their ends."""
+    """Number of a cell's corner paths that end on a wall, whether with equally many reflections, box of their ends."""
     count = 0
     is_alike = True
     tops = 0.0
@@ -392,10 +397,10 @@ def _bounds(cell: FloatArray, wall: int) -> tuple[int, bool, float, float, float
 def fate_of(
     cell: FloatArray, unseen: float, unseen_unit: float, receivers: FloatArray, units: FloatArray
 ) -> tuple[int, int]:
-    """Whether to drop, divide or sample a cell; and into how many pieces along each side a sampled cell is divided.
+    """Whether to drop, divide or sample a cell, and the number of pieces along each side of a sampled cell.
 
-    unseen : power that the emitter's edges may send over the undivided cell where its centre sends none
-    unseen_unit : power that one sample of it may represent
+    unseen : power that the emitter's edges may send by way of the undivided cell where the emitter's centre sends none
+    unseen_unit : power that one sample of this unseen light may represent
     units : (receiver,) power that one sample may represent near each receiver
     """
     brightest = max(
@@ -447,7 +452,7 @@ def put_first(
     cell: FloatArray, root: tuple[int, float, float, float, float], next_column: int, a: int, b: int,
     known: FloatArray, source: FloatArray, sectors: FloatArray, box: FloatArray, top: Top, p: FloatArray,
 ) -> None:  # fmt: skip
-    """Fill a cell with ring a and column b of the grid; `known` (ring, column, 5) has the ends found so far."""
+    """Fill a cell with ring a and column b of the grid; `known` (ring, column, 5) holds the ends found so far."""
     sector, low_u, high_u, low_v, high_v = root
     cell[LOW_U] = low_u
     cell[HIGH_U] = high_u
@@ -501,7 +506,7 @@ def divide(
 
 
 RAYS = 3
-"""Number of rays of a sample, which is a point of the top; rays start at points evenly spread over the emitter."""
+"""Number of rays by way of a sample, a point of the top. They start at points evenly spread over the emitter."""
 
 
 @kernel
@@ -509,7 +514,7 @@ def add_sample(
     p: FloatArray, one: float, two: float, source: FloatArray, receivers: FloatArray, units: FloatArray,
     box: FloatArray, top: Top, out: FloatArray,
 ) -> None:  # fmt: skip
-    """Add the light over a point of the top to out[receiver, (outside, inside the skirt)].
+    """Add the light by way of a point of the top to out[receiver, (outside, inside the skirt)].
 
     Its rays start at the emitter's point (one, two), 0 to 1, and at points shifted from there, wrapped at the edges.
     """
@@ -535,8 +540,7 @@ def add_samples(
 ) -> int:  # fmt: skip
     """Add a cell's light to out[replicate, receiver, (outside, inside the skirt)], by a point in each of parts² pieces.
 
-    count : number of points before
-    Returns the number of points after.
+    count : number of points used before Returns the number of points used afterwards.
     """
     wide = (cell[HIGH_U] - cell[LOW_U]) / parts
     high = (cell[HIGH_V] - cell[LOW_V]) / parts
@@ -561,9 +565,9 @@ def repeated_reflections(
     """Add light that the top mirrors twice or more to out[replicate, receiver, (outside, inside the steep skirt)].
 
     lattice : one replicate's grid of points
-    echoes : (replicate, row, column, 5) ends of the rays over the grid's points
+    echoes : (replicate, row, column, 5) ends of the rays by way of the grid's points
     shifts : (replicate, 3 or more) position in a cell along u and v, and start of the first ray on the emitter, 0 to 1
-    units : (receiver,) power that one sample may represent near it; 0 if not requested
+    units : (receiver,) power that one sample may represent near each receiver; 0 if the receiver is not requested
     """
     first = first_free_row(lattice)
     rings = lattice.shape[0] - first

@@ -1,32 +1,33 @@
 # mypy: no-warn-return-any
-"""Kernels: light that walls, bottom or tip scatter once, and the change of it by the pressed top.
+"""Kernels: light that walls, bottom or tip scatter once, and how the pressed top changes it.
 
 Scattered once
 --------------
-Walls, bottom and tip are divided into patches. Rays from an emitter deposit its power on them, following all mirrorings
-by the top. The same is done from every receiver, and by reciprocity
+Walls, bottom and tip are divided into patches. Rays from an emitter are followed through all reflections at the top and
+deposit its power on patches. The same is done from every receiver, and by reciprocity
 
     flux = sum over patches of  reflectance x deposit_e x deposit_r x A_r / A_patch.
 
 A deposit is shared between the four patches around it, so it changes smoothly with the ray. Receivers' faces absorb.
 Emitters' faces reflect like the wall around them. Smooth walls mirror their Fresnel share. The finite size of patches
-on walls and bottom causes a bias, which is equal with and without a press. `sims.optics.engine.trace_states` cancels it
-by the ratio to the untouched pad's sum. Light scattered by the tip has no untouched value and is taken as it is.
+on walls and bottom causes a bias, which is the same with and without a press. `sims.optics.engine.trace_states` cancels
+it by taking the ratio to the untouched pad's sum. Light scattered by the tip has no untouched value and is used as it
+is.
 
 Change by the press
 -------------------
 Rays from an emitter or receiver to a grid of points of the pressed top, contact included, end somewhere now, and ended
 elsewhere under the untouched top. The difference of the two, summed over the grid with the weight
 
-    radiance x cos x (g . d) / d^3 dA,    g = (-dh/dx, -dh/dy, 1), d from the part to the point,
+    radiance x cos x (g . d) / d^3 dA,    g = (-dh/dx, -dh/dy, 1), d from the emitter or receiver to the point,
 
 is the exact change of the light on walls and bottom, as the press changes only rays that meet the top first. The grid
-includes the part of the top that is still flat, since light mirrored there may then meet a dimple. One ray serves both,
-so a top that hardly changes has hardly any effect.
+includes the part of the top that is still flat, since light mirrored there may then meet a dimple. One ray is used for
+both tops, so a top that hardly changes has hardly any effect.
 
-The rays' powers differ by orders of magnitude. Cells that are large for their distance from a part are divided for it.
-A ray of little power is followed at random: one of power w < w0 with probability w / w0, and then with power w0
-(Russian roulette: Arvo and Kirk 1990), which leaves the mean unchanged.
+The rays' powers differ by orders of magnitude. For an emitter or receiver at a small distance, cells that are large for
+this distance are divided. A ray of little power is followed at random: one of power w < w0 with probability w / w0, and
+then with power w0 (Russian roulette: Arvo and Kirk 1990), which leaves the mean unchanged.
 """
 
 from __future__ import annotations
@@ -77,10 +78,10 @@ def put_point(p: FloatArray, sector: int, u: float, v: float, sectors: FloatArra
 def landing(
     p: FloatArray, along: float, up: float, source: FloatArray, box: FloatArray, top: Top
 ) -> tuple[float, int, float, float, int, float, float]:
-    """End of the path from a point of the emitter over the top's point p.
+    """End of the path from a point of the emitter by way of the top's point p.
 
-    Returns power (0: no such path), wall, position along it and height, number of further reflections, smallest
-    distance of these from an axis over the skirt radius, cosine of arrival
+    Returns the power (0: no such path), wall, position along it and height, number of further reflections, their
+    smallest distance from a tip's axis as a multiple of the skirt radius, and cosine of arrival.
     """
     ex, ey, ez = wall_point(int(source[0]), along, up, box)
     if ez >= surface_height(ex, ey, top):
@@ -97,9 +98,9 @@ def landing(
 def unit_there(
     kind: int, low_s: float, high_s: float, low_z: float, high_z: float, receivers: FloatArray, units: FloatArray,
 ) -> float:  # fmt: skip
-    """Smallest power, not 0, that a sample may represent near the receivers that a box on a wall overlaps; 0: none.
+    """Smallest power that a sample may represent near requested receivers in a box on a wall; 0 if there are none.
 
-    units : (receiver,) power that one sample may represent near it; 0 if not requested
+    units : (receiver,) power that one sample may represent near each receiver; 0 if the receiver is not requested
     """
     least = 0.0
     for j in range(receivers.shape[0]):
@@ -144,7 +145,7 @@ def golden_shift(k: float) -> FloatArray:
 
 @array_kernel
 def layout_of(box: FloatArray, size: float) -> IntArray:
-    """(6, 3) number of columns, number of rows, first index of the patches on walls 0-3, bottom (4) and tip (5)."""
+    """(6, 3): numbers of patch columns and rows, and index of the first patch, on walls 0-3, bottom (4), tip (5)."""
     out = np.zeros((6, 3), np.int64)
     first = 0
     for k in range(6):
@@ -162,7 +163,7 @@ def layout_of(box: FloatArray, size: float) -> IntArray:
 
 @kernel
 def tip_patch(x: float, y: float, layout: IntArray, tip: int, rows: FloatArray) -> int:
-    """Index of the tip's patch at a point: rings of equal area divided by angle, a wrapped shank included."""
+    """Index of the tip's patch at a point: rings of equal area, a wrapped shank included, are divided by angle."""
     px = x - rows[tip, X]
     py = y - rows[tip, Y]
     r2 = px * px + py * py
@@ -260,9 +261,9 @@ def patch_areas(layout: IntArray, receivers: FloatArray, box: FloatArray) -> Flo
 def leaving(
     patch: FloatArray, p: FloatArray, shift: FloatArray, box: FloatArray
 ) -> tuple[float, float, float, float, float, float, float]:
-    """Start, direction and weight of a ray from a part's face, by four random numbers `p`.
+    """Start, direction and weight of a ray from the face of an emitter or receiver, by four random numbers `p`.
 
-    Directions follow the Lambertian order; for a part with a table, they are Lambertian and the weight includes the
+    Directions follow the Lambertian order. If the face has a table, they are Lambertian and the weight includes the
     table.
     """
     wall = int(patch[0])
@@ -290,8 +291,8 @@ def follow(
 ) -> None:  # fmt: skip
     """Deposit a ray's light on walls, bottom and tip; add to `seen` the light that smooth walls mirror onto receivers.
 
-    gathers : True for a ray that follows a receiver's light backwards. Only light that enters a smooth wall to be
-        scattered loses the mirrored share, not light that leaves the wall, so such a ray loses nothing
+    gathers : True for a ray that follows a receiver's light backwards. Scattered light loses the mirrored share when it
+        enters a smooth wall, not when it leaves the wall; so a backward ray loses nothing
     """
     for mirrorings in range(MIRRORINGS):
         kind, x, y, z, dx, dy, dz, left, _, _ = chain(x, y, z, dx, dy, dz, 1.0, box, top)
@@ -325,7 +326,7 @@ def deposit(
     source: FloatArray, gathers: bool, receivers: FloatArray, box: FloatArray, top: Top, points: FloatArray,
     count: int, shift: FloatArray, layout: IntArray, out: FloatArray, seen: FloatArray,
 ) -> None:  # fmt: skip
-    """Deposit the light of a part's face on patches by rays; add to `seen` what smooth walls mirror onto receivers."""
+    """Deposit the light of an emitter or receiver on patches by rays; add to `seen` as `follow` does."""
     for k in range(count):
         x, y, z, dx, dy, dz, weight = leaving(source, points[k], shift, box)
         if z < surface_height(x, y, top):
@@ -337,7 +338,7 @@ def join(
     from_emitter: FloatArray, from_receiver: FloatArray, receiver_area: float, areas: FloatArray, layout: IntArray,
     reflectances: FloatArray,
 ) -> float:  # fmt: skip
-    """Flux of a pair that walls and bottom scatter once, from light of emitter and receiver on patches."""
+    """Flux of a pair that walls and bottom scatter once, from the light of emitter and receiver on patches."""
     total = 0.0
     for k in range(TIP):
         part = 0.0
@@ -354,7 +355,7 @@ def join_on_tip(
     from_emitter: FloatArray, from_receiver: FloatArray, receiver_area: float, layout: IntArray,
     reflectances: FloatArray, top: Top,
 ) -> float:  # fmt: skip
-    """Flux of a pair that a tip scatters once, from light of emitter and receiver on its patches."""
+    """Flux of a pair that a tip scatters once, from the light of emitter and receiver on its patches."""
     if reflectances[TIP] == 0.0:
         return 0.0
     total = 0.0
@@ -394,21 +395,21 @@ POINT_COLUMNS = 17
 POWER, KIND, ALONG, UP, TOPS = range(5)
 ECHO_COLUMNS = 5
 NEAR = 0.4
-"""Largest size of a cell of the grid over its distance from a part; a larger cell is divided for the part. Without it
-errors of scattered light were three times as large on the paper's pad, up to 16 % of a signal."""
+"""Largest ratio of a grid cell's size to its distance from an emitter or receiver. A larger cell is divided for it;
+without this, errors of scattered light were three times as large on the paper's pad, up to 16 % of a signal."""
 MOST_PARTS = 8
 FEWEST_CONTACT_RINGS = 3
 COLUMNS_A_CONTACT_RING = 10
-"""Columns of the grid for each ring in the contact: a cell is half as wide as high at a tip that is all the way in.
-With three rings only, light behind such a tip, where almost none remains, erred by 0.4 % of the signal."""
+"""Number of the grid's columns per ring in the contact: on a fully submerged tip a cell is half as wide as high. With
+only three rings, the light behind such a tip, where almost none remains, erred by 0.4 % of the signal."""
 COSINES = 16
 THIRD_TURN = 0.381966011250105
-"""2 minus the golden ratio: step of a sequence that is independent of the emitter's points."""
+"""2 minus the golden ratio: step of a sequence that is independent of that of the points on the emitter."""
 
 
 @kernel
 def contact_rings(columns: float) -> int:
-    """Number of the grid's rings in the contact, for a number of columns around a tip."""
+    """Number of the grid's rings in the contact, from the number of columns around a tip."""
     return max(int(columns) // COLUMNS_A_CONTACT_RING, FEWEST_CONTACT_RINGS)
 
 
@@ -426,9 +427,9 @@ def lattice_points(
     in_contact: int, columns: FloatArray, shift_u: float, shift_v: float, sectors: FloatArray, top: Top,
     out: FloatArray,
 ) -> None:  # fmt: skip
-    """Fill `out` (row, column, 17), zeros before, with a grid of points of the pressed top and the sizes of its cells.
+    """Fill `out` (row, column, 17), which holds zeros, with a grid of points of the pressed top and its cells' sizes.
 
-    The first `in_contact` rows are rings in the contact by share of its area; the others are rings of u outside.
+    The first `in_contact` rows are rings of equal area in the contact; the others are rings of u outside it.
     """
     rings = out.shape[0] - in_contact
     for b in range(columns.shape[0]):
@@ -460,7 +461,7 @@ def lattice_points(
 
 @kernel
 def _place(row: FloatArray, u: float, v: float, sectors: FloatArray, top: Top) -> tuple[float, float, float]:
-    """Point (x, y) at (u, v) of a grid row's sector, in contact or not as the row is, and plan area per du dv."""
+    """Point (x, y) at (u, v) of a grid point's sector, in the contact if that point is, and plan area per du dv."""
     if row[TOUCHED] == 1.0:
         return place_in_contact(int(row[SECTOR]), u, v, sectors, top)
     x, y, _, area = place_on_top(int(row[SECTOR]), u, v, sectors, top)
@@ -469,7 +470,7 @@ def _place(row: FloatArray, u: float, v: float, sectors: FloatArray, top: Top) -
 
 @kernel
 def put_on_top(row: FloatArray, u: float, v: float, share: float, sectors: FloatArray, top: Top) -> None:
-    """Fill position, gradient and area of a point (u, v) in a grid row's sector.
+    """Fill position, gradient and area of a grid point at (u, v) in its sector.
 
     share : the area du dv that the point represents
     """
@@ -498,7 +499,7 @@ def contact_cell_area(row: FloatArray, rings: int, sectors: FloatArray, top: Top
 
 @kernel
 def _whole_power(patch: FloatArray) -> float:
-    """Light of a face over all directions: 1 for an emitter, the mean response for a receiver."""
+    """Light of a face summed over all directions: 1 for an emitter, the mean response for a receiver."""
     power = 0.0
     for k in range(COSINES):
         cosine = (k + 0.5) / COSINES
@@ -508,7 +509,7 @@ def _whole_power(patch: FloatArray) -> float:
 
 @kernel
 def parts_of(cell: FloatArray, patch: FloatArray, box: FloatArray) -> int:
-    """Number of pieces along each side into which a cell of the grid is divided for a nearby part."""
+    """Number of pieces along each side into which a cell of the grid is divided for a nearby emitter or receiver."""
     x0, y0, z = wall_point(int(patch[0]), patch[1], patch[2], box)
     on_x = int(patch[0]) % 2 == 0
     along = max(abs(cell[MX] - x0 if on_x else cell[MY] - y0) - patch[3], 0.0)
@@ -523,10 +524,10 @@ def first_leg(
     p: FloatArray, ex: float, ey: float, ez: float, source: FloatArray, box: FloatArray, top: Top, least: float,
     luck: float,
 ) -> tuple[float, float, float, float, float]:  # fmt: skip
-    """Weight, direction and cosine of arrival of the ray from e to the grid's point p; weight 0: hidden or facing away.
+    """Weight, direction and cosine of arrival of the ray from e to the grid's point p.
 
-    A weight below `least` becomes `least` with the probability weight / least, else 0; `luck` is the random number, 0
-    to 1.
+    The weight is 0 if p is hidden or faces away. A weight below `least` becomes `least` with the probability weight /
+    least, else 0; `luck` is the random number for this, 0 to 1.
     """
     n0, n1 = wall_normal(int(source[0]))
     dx = p[PX] - ex
@@ -567,7 +568,7 @@ def echo(
 def _untouched_fate(
     x: float, y: float, z: float, dx: float, dy: float, dz: float, height: float, box: FloatArray
 ) -> tuple[int, float, float, float, float]:
-    """End of a ray under an untouched top: surface, point, and share of its power at z that is left."""
+    """End of a ray from (x, y, z) under an untouched top: surface, point, and share of its power that is left there."""
     t, kind = wall_hit(x, y, z, dx, dy, dz, box)
     left = 1.0
     run = 0.0
@@ -588,13 +589,12 @@ def top_change(
     box: FloatArray, top: Top, out: FloatArray, echoes: FloatArray, ray_share: float, offset: FloatArray,
     sectors: FloatArray, p: FloatArray,
 ) -> None:  # fmt: skip
-    """Add the press's change of a part's light on patches to `out` (patch,); fill `echoes` (row, column, 5).
+    """Add the press's change of light on patches to `out` (patch,), for an emitter or receiver; fill `echoes`.
 
-    `echoes` has the ends of rays over the grid's cells: of several rays, the brightest that is mirrored again; in the
-    contact, all light there.
-
-    ray_share : power over the mean below which a ray is followed at random
+    ray_share : power, as a multiple of a ray's mean power, below which a ray is followed at random
     offset : (2,) position of points in the pieces of a divided cell
+    echoes : (row, column, 5) end of the ray by way of each cell: of several rays, the brightest one that is mirrored
+        again; in the contact, the light of all rays
     """
     height = top.rows[0, TOP]
     least = ray_share * _whole_power(source) / (lattice.shape[0] * lattice.shape[1])
@@ -629,10 +629,11 @@ def _follow(
     n: int, p: FloatArray, source: FloatArray, receivers: FloatArray, shift: FloatArray, height: float, least: float,
     parts: int, layout: IntArray, box: FloatArray, top: Top, out: FloatArray, found: FloatArray,
 ) -> None:  # fmt: skip
-    """Add the change of light on patches by a part's n-th ray to `out`, for a point in one of a cell's parts² pieces.
+    """Add to `out` the change of light on patches by the n-th ray, to a point in one of a cell's parts² pieces.
 
-    Its end is stored in `found` (5,), with the power of the whole cell, if `found` is empty, or if the ray is mirrored
-    again and brighter than the stored one. In the contact the light is summed there.
+    The ray's end is stored in `found` (5,), with its power multiplied to that of the whole cell, if `found` is empty,
+    or if the ray is mirrored again and brighter than the stored one. In the contact, `found` sums the light of all
+    rays.
     """
     one, two = golden_pair(n, shift[0], shift[1])
     along = source[1] + source[3] * (2.0 * one - 1.0)

@@ -1,10 +1,10 @@
 """Standard error of each pair's light, from the differences of replicates and the known error of each rule.
 
-Two replicates give a pair one degree of freedom, and by chance often a far too small error. So the estimate of each
-pair is shrunk towards the mean over its emitter's pairs in the state. This is done for each source of error, relative
-to a flux to which the source's errors are proportional. For 12,000 pairs of two pads at "score" and "standard" the true
-errors over the stated ones have a root mean square of 0.8 and 0.6; 0.7 and 0.2 % of them are above 3, and the largest
-are 6.5 and 4.4.
+Two replicates give a pair one degree of freedom, so by chance its error often comes out far too small. So each pair's
+estimate is shrunk towards the mean over its emitter's pairs in the state. This is done for each source of error,
+relative to a flux to which the source's errors are proportional. The ratio of true to stated error was tested for
+12,000 pairs of two pads. At the accuracies "score" and "standard" its root mean square is 0.8 and 0.6; 0.7 and 0.2 % of
+the ratios are above 3; the largest are 6.5 and 4.4.
 """
 
 from __future__ import annotations
@@ -18,27 +18,29 @@ from sims.optics.accuracy import Accuracy
 from sims.optics.engine.untouched import Untouched
 
 RULES_ERROR = 1e-4
-"""Median relative error of pairs whose replicates agree: docs/validation/light.md [-]."""
+"""Median relative error of pairs whose replicates agree, from docs/validation/light.md [-]."""
 HIDDEN_ERROR = 2e-3
-"""Error of a pair's direct light that a dimple hides in part, over its untouched direct flux [-]: root mean square of
-100 such pairs, which replicates do not show. If the hidden or visible share is smaller, that share is the error."""
+"""Error of a pair's direct light that a dimple hides in part, relative to its untouched direct flux [-]: root mean
+square over 100 such pairs. Replicates do not show this error. If the hidden or the visible share of the light is
+smaller, that share is the error."""
 POOLED_WEIGHT = 2.0
-"""Weight of the mean over an emitter's pairs, over the weight of a pair's own replicates."""
+"""Weight of the mean over an emitter's pairs, relative to the weight of a pair's own replicates."""
 LEAST_FLUX, LEAST_SCATTERED, ROUNDING = 1e-4, 0.1, 1e-9
-"""Smallest fluxes to which a source's errors are proportional, over the untouched flux: in general, and for scattered
-light; difference that counts as none [-]."""
+"""Lower limits of the flux to which a source's errors are proportional, relative to the untouched flux: in general, and
+for scattered light. The third number is a relative difference that counts as none [-]."""
 LEAST_STEP = 0.2
-"""Smallest image step used for the error of grids: even finer grids hit or miss a smaller contact."""
+"""Smallest image step used for the error of grids: even finer grids may still miss a small contact."""
 
 
 def standard_error(values: FloatArray, once: FloatArray, fixed: Untouched, settings: Accuracy) -> FloatArray:
-    """(state, emitter, receiver) standard error of the mean over replicates; emitters do not depend on each other.
+    """(state, emitter, receiver) standard error of the mean over replicates; each emitter's is independent.
 
-    Grids of points for light mirrored once have offsets spread evenly over R replicates. So the mean keeps only every
-    R-th harmonic of one grid's error. Those of a jump decrease as 1/k, so the error is at most 1/R of one grid's.
-    Replicates are also mirror images about the middles of cells, and differ mostly by terms that cancel in their mean.
-    The remainder is twice the share by which an image moves from point to point. All other errors are independent,
-    1/sqrt(R). Light mirrored several times errs at least by the statistics of its samples.
+    Grids of points for light mirrored once have offsets spread evenly over R replicates. So their mean keeps only every
+    R-th harmonic of one grid's error. The k-th harmonic of a jump decreases as 1/k, so the mean's error is at most 1/R
+    of one grid's. Replicates are also mirror images about the middles of cells, and differ mostly by terms that cancel
+    in their mean. What remains of their difference is twice the share by which an image moves from point to point. All
+    other errors are independent between replicates and decrease as 1/sqrt(R). The error of light mirrored several times
+    is at least that of its sampling statistics.
 
     Parameters
     ----------
@@ -84,9 +86,9 @@ def standard_error(values: FloatArray, once: FloatArray, fixed: Untouched, setti
 def _drawn_together(spread: FloatArray, yardstick: FloatArray, count: int) -> FloatArray:
     """(state, emitter, receiver) variance from the spread of `count` replicates, pooled over an emitter's pairs.
 
-    yardstick : variance to which the expected one is proportional; the result is 0 if there is no spread
+    yardstick : variance to which the expected variance is proportional; the result is 0 for pairs without spread
 
-    The mean is that of the spreads, not of their squares: a pair at a contact edge says little about others.
+    The mean is taken of the spreads, not of their squares: a pair at a contact edge says little about others.
     """
     share = spread / np.sqrt(yardstick)
     is_spread = share > ROUNDING

@@ -1,8 +1,8 @@
-"""Kernels: light of one pressed state by path class; a state's result depends on no other state.
+"""Kernels: light of one pressed state by path class. The result for a state does not depend on any other state.
 
-Path classes: `DIRECT`; `TOPS` mirrored by the top only, each time outside the skirt radius; `SKIRT` mirrored by the top
-only, at least once inside it; `WALL` never scattered, mirrored by a smooth wall at least once; `DIFFUSE` scattered by
-wall, bottom or tip at least once.
+Path classes: `DIRECT` is straight light. `TOPS` is mirrored by the top only, each time outside the skirt radius;
+`SKIRT` likewise, but at least once inside it. `WALL` is mirrored by a smooth wall at least once and never scattered.
+`DIFFUSE` is scattered by a wall, the bottom or a tip at least once.
 """
 
 from __future__ import annotations
@@ -37,10 +37,12 @@ CELL_SHIFT, RAY_SHIFT, GRID_PHASE = 0, 2, 6
 RINGS, COLUMNS, STEP, TOP_RINGS, TOP_COLUMNS, REPEAT_SHARE, RAYS, WHOLE_RATIO, RAY_SHARE = range(9)
 CLIP_CORNERS = 14
 DIM = 0.03
-"""Smallest brightness of a pair, over that of its emitter's brightest pair, that is used to choose the effort."""
+"""The computing effort for a pair follows its brightness, relative to its emitter's brightest pair, but treats no pair
+as fainter than this share."""
 SEARCH_SHARE = 0.1
-"""Share of the setting's power below which an emitter's ray over the top is followed at random. It is small because
-these rays also find light that is mirrored again: at 0.3, parts of the top were missed, and 0.05 % of all light."""
+"""Share of the setting's power below which an emitter's ray by way of the top is followed at random. The share is small
+because these rays also find light that is mirrored again: with 0.3, parts of the top were missed, and with them 0.05 %
+of all light."""
 
 
 @array_kernel
@@ -50,8 +52,8 @@ def straight(
 ) -> None:  # fmt: skip
     """Fill the direct light, and set `keeps` for pairs whose straight lines stay clear of every deformed part in plan.
 
-    Pairs with `keeps` also get the untouched mirrored light. `flat` (3, emitter, receiver) has the untouched direct
-    flux, mirrored flux, and correction factor of direct flux.
+    Pairs with `keeps` also get the untouched mirrored light. `flat` (3, emitter, receiver) holds the untouched direct
+    flux, the untouched mirrored flux, and a correction factor for direct flux.
     """
     nodes_e, weights_e, nodes_u, weights_u, nodes_z, weights_z = rules
     radii = np.empty(top.rows.shape[0])
@@ -80,7 +82,7 @@ def mirrored_once(
     scale: FloatArray, sectors: FloatArray, box: FloatArray, top: Top, image_rules: ImageRules, shifts: FloatArray,
     settings: FloatArray,
 ) -> None:  # fmt: skip
-    """Add light that the deformed top mirrors once to TOPS and SKIRT of every replicate."""
+    """Add the light that the deformed top mirrors once to the classes TOPS and SKIRT of every replicate."""
     rings = int(settings[RINGS])
     phase_u = shifts[0, GRID_PHASE]
     columns = columns_of(settings[COLUMNS], shifts[0, GRID_PHASE + 1], sectors)
@@ -135,10 +137,11 @@ def several_times(
     receivers: FloatArray, scale: FloatArray, sectors: FloatArray, box: FloatArray, top: Top, shifts: FloatArray,
     lattices: FloatArray, columns: FloatArray, layout: IntArray, settings: FloatArray,
 ) -> None:  # fmt: skip
-    """Add light that the top mirrors several times to TOPS and SKIRT of every replicate.
+    """Add the light that the top mirrors several times to the classes TOPS and SKIRT of every replicate.
 
-    If walls are not smooth, the press's change of the emitters' deposits is added to from_emitter[replicate].
-    on_contact[replicate, emitter, row, column] is filled with the light that lands on the contact's cells.
+    If walls are not smooth, the change that the press makes to the emitters' deposits is added to
+    from_emitter[replicate]. on_contact[replicate, emitter, row, column] is filled with the light that lands on the
+    contact's cells.
     """
     count = shifts.shape[0]
     echoes = np.zeros((count, lattices.shape[1], lattices.shape[2], ECHO_COLUMNS))
@@ -174,7 +177,7 @@ def several_times(
 
 @kernel
 def put_power(echoes: FloatArray, out: FloatArray) -> None:
-    """Copy the power from the first rows of `echoes` to `out` (row, column)."""
+    """Copy the power column of `echoes` to `out` (row, column), for as many rows as `out` has."""
     for a in range(out.shape[0]):
         for b in range(out.shape[1]):
             out[a, b] = echoes[a, b, POWER]
@@ -187,7 +190,7 @@ def beyond_one(
     box: FloatArray, top: Top, points: FloatArray, shifts: FloatArray, patches: Patches, reflectances: FloatArray,
     orders: Orders, settings: FloatArray, flat_rays: UntouchedRays,
 ) -> None:  # fmt: skip
-    """Add light mirrored several times by the top to TOPS and SKIRT, mirrored by walls to WALL, and scattered light."""
+    """Add all other light: mirrored several times by the top (TOPS, SKIRT), mirrored by walls (WALL), and scattered."""
     flat_diffuse, flat_wall, given, taken, flat_join = flat
     layout = patches[0]
     count = shifts.shape[0]
@@ -262,9 +265,9 @@ def walled(
     receivers: FloatArray, box: FloatArray, top: Top, points: FloatArray, count: int, shift: FloatArray,
     layout: IntArray, flat_rays: UntouchedRays,
 ) -> None:  # fmt: skip
-    """Between smooth walls, add the change by the press of deposits on patches and of light mirrored onto receivers.
+    """Between smooth walls, add the press's change of deposits on patches and of light mirrored onto receivers.
 
-    The rays are the same as in the untouched pad.
+    The untouched light to be subtracted was traced with the same rays.
     """
     given, taken, flat_seen = flat_rays
     from_emitter -= given
@@ -299,7 +302,7 @@ def unpressed(
 
 @kernel
 def repeat_first(result: FloatArray) -> None:
-    """Copy the first replicate to all others, by loops, as Numba takes seconds to compile an assignment of arrays."""
+    """Copy the first replicate to all others. Loops, as Numba takes seconds to compile an assignment of arrays."""
     for n in range(1, result.shape[0]):
         for k in range(result.shape[1]):
             for i in range(result.shape[2]):
@@ -315,7 +318,7 @@ def reflected_once(
 ) -> None:  # fmt: skip
     """Fill (replicate, class, emitter, receiver) with direct flux and flux that the top mirrors once.
 
-    An untouched state gets all its flux.
+    An untouched state gets its flux of all classes.
     """
     flat_straight, flat_diffuse, flat_wall, _, _, _ = flat
     if not is_touched(top):
@@ -336,7 +339,7 @@ def reflected_further(
     flat: UntouchedLight, scale: FloatArray, points: FloatArray, shifts: FloatArray, patches: Patches,
     reflectances: FloatArray, orders: Orders, settings: FloatArray, flat_rays: UntouchedRays,
 ) -> None:  # fmt: skip
-    """Add the flux that `reflected_once` leaves out to a pressed state."""
+    """Add to a pressed state the flux that `reflected_once` leaves out; an untouched state is left as it is."""
     _, flat_diffuse, flat_wall, given, taken, flat_join = flat
     if is_touched(top):
         beyond_one(

@@ -1,5 +1,5 @@
 # mypy: no-warn-return-any
-"""Kernels: polygons, where one ray meets the deformed top, and direct light between two rectangles on walls.
+"""Kernels: polygons, the point where a ray meets the deformed top, and direct light between rectangles on walls.
 
 Polygons
 --------
@@ -8,16 +8,17 @@ one half plane at a time; w allows a point behind the eye.
 
 A ray and the top
 -----------------
-A march along a ray finds an interval with a crossing, and Newton's steps find the point. The top is the sum of every
-tip's curve and of a smooth field (`sims.optics.surface.tops`). The gap g(t) = h(x(t), y(t)) - z(t) closes at most at
-the rate dz + M |d_plan|, with M the largest slope of the surface still ahead (of its falling part once the ray moves
-outward). So steps of g over that rate cannot jump over a crossing. Nor can steps to the root of g + g' s - K |d_plan|^2
-s^2 / 2, with K the largest bend (downward curvature) ahead; the longer of both is taken. No step is shorter than
-`MIN_STEP_MM`, so a shorter chord through the tip is missed (in a 3 mm tip, less than 2e-5 mm deep).
+A march along a ray finds an interval in which the ray crosses the top, and Newton's steps find the point. The top is
+the sum of every tip's curve and of a smooth field (`sims.optics.surface.tops`). The gap g(t) = h(x(t), y(t)) - z(t)
+closes at most at the rate dz + M |d_plan|, with M the largest slope of the surface still ahead (of its falling part
+once the ray moves outward). So a step of g divided by that rate cannot jump over a crossing. Nor can a step to the root
+of g + g' s - K |d_plan|^2 s^2 / 2, with K the largest bend (downward curvature) ahead; the longer of both is taken. No
+step is shorter than `MIN_STEP_MM`, so a ray that passes through the tip for less than this length is missed (less than
+2e-5 mm deep in a 3 mm tip).
 
-One tip without a field: beyond the outer radius the top is a plane and needs no steps. A ray below the undisturbed top
-is followed only where the top may come below the ray's highest point. One tip with a field, a pad's usual top: slopes
-and bends of both add up. Several tips: by slopes alone.
+With one tip and no field, the top is a plane beyond the outer radius and needs no steps there. A ray below the
+undisturbed top is followed only where the top may come below the ray's highest point. With one tip and a field, which
+is a pad's usual top, slopes and bends of both are added. With several tips only slopes are used.
 
 Direct light
 ------------
@@ -27,8 +28,9 @@ through emitter point e and a column, the top's horizon is
 
     Z* = z_e + min over the chord of (h(s) - z_e) / s,     s = fraction of the way in plan,
 
-and direct light is visible below Z*. Several tips: the smallest of their horizons. Patches, the faces of emitters and
-receivers, are clipped to the clear layer. Fresnel at the top, Beer-Lambert along the path.
+and direct light is visible below Z*. For several tips the lowest of their horizons is used. Patches, here the faces of
+emitters and receivers, are clipped to the clear layer. Reflection at the top follows Fresnel, absorption along the path
+Beer and Lambert.
 """
 
 from __future__ import annotations
@@ -134,7 +136,7 @@ def cut_to_rectangle(n: int, poly: FloatArray, other: FloatArray, half_x: float,
 
 @kernel
 def area_and_centroid(n: int, poly: FloatArray) -> tuple[float, float, float]:
-    """Signed area and centroid (x, y) of a polygon whose w are 1."""
+    """Signed area and centroid (x, y) of a polygon whose points have w = 1."""
     x0 = poly[0, 0]
     y0 = poly[0, 1]
     area = 0.0
@@ -165,7 +167,7 @@ LOST_WEIGHT = 1e-9
 def crossing(
     x: float, y: float, z: float, dx: float, dy: float, dz: float, t0: float, t1: float, top: Top
 ) -> tuple[float, float]:
-    """Interval of a crossing from below to above the top in [t0, t1]; (t0, -1) if there is none."""
+    """Interval within distances [t0, t1] in which a ray rises through the top; (t0, -1) if there is none."""
     if is_plain(top):
         return march(x, y, z, dx, dy, dz, t0, t1, True, 0, top.rows)
     if top.rows.shape[0] == 1:
@@ -175,7 +177,7 @@ def crossing(
 
 @kernel
 def is_clear(x: float, y: float, z: float, dx: float, dy: float, dz: float, length: float, top: Top) -> bool:
-    """Whether a straight line of this length from a point of the top stays below the top."""
+    """Whether a straight line of the given length from a point of the top stays below the top."""
     t0 = min(MIN_STEP_MM, 0.5 * length)
     _, hit = crossing(x, y, z, dx, dy, dz, t0, length, top)
     return hit < 0.0
@@ -200,7 +202,7 @@ def _tip_hit(
 
 @kernel
 def _any_hit(x: float, y: float, z: float, dx: float, dy: float, dz: float, t1: float, top: Top) -> float:
-    """`top_hit` for several tips or a field, by Newton's steps, halved if they leave the crossing's interval."""
+    """`top_hit` for several tips or a field, by Newton's steps, or by halving where a step leaves the interval."""
     if top.rows.shape[0] == 1:
         low, high = march_field(x, y, z, dx, dy, dz, 0.0, t1, False, top)
     else:
@@ -230,7 +232,7 @@ def _any_hit(x: float, y: float, z: float, dx: float, dy: float, dz: float, t1: 
 def _refined(
     x: float, y: float, z: float, dx: float, dy: float, dz: float, low: float, high: float, rows: FloatArray
 ) -> float:
-    """Crossing of one tip's top in an interval, by Newton's steps, halved if they leave it."""
+    """Distance in an interval at which a ray crosses one tip's top, by Newton's steps, halved if they leave it."""
     px = x - rows[0, X]
     py = y - rows[0, Y]
     plan2 = dx * dx + dy * dy
@@ -262,8 +264,9 @@ def chain(
 ) -> tuple[int, float, float, float, float, float, float, float, int, float]:
     """Follow a ray through reflections at the top to a wall, the bottom or a tip.
 
-    Returns kind (0-3 wall, 4 bottom, 5 tip, -1 lost), point, direction, weight with Fresnel and absorption, number of
-    reflections at the top, and smallest distance of these from a tip's axis, over the radius of the tip's steep skirt.
+    Returns where it ends (0-3 wall, 4 bottom, 5 tip, -1 lost), point, direction, weight after Fresnel reflection and
+    absorption, number of reflections at the top, and their smallest distance from a tip's axis as a multiple of the
+    radius of the tip's steep skirt.
     """
     tops = 0
     nearest = 1e30
@@ -307,8 +310,8 @@ MIN_STEP_MM = 0.02
 LEAST_BEND = 1e-12
 """Added to divisors so that none is 0 [1/mm]."""
 NEAREST_AHEAD_MM, AHEAD_SHARE = 0.25, 0.35
-"""Distance within which slopes ahead are bounded, for a step towards one of several tips: at least so many mm, and this
-share of the distance to its axis."""
+"""Distance ahead for which slopes are bounded in a step towards one of several tips: the larger of this many mm and
+this share of the distance to the tip's axis."""
 
 
 @inlined
@@ -325,9 +328,10 @@ def march(
     x: float, y: float, z: float, dx: float, dy: float, dz: float, t0: float, t1: float, takes_any: bool, tip: int,
     rows: FloatArray,
 ) -> tuple[float, float]:  # fmt: skip
-    """Interval of the first crossing from below to above one tip's top in [t0, t1]; (t0, -1) if there is none.
+    """Interval within [t0, t1] in which a ray first rises through one tip's top; (t0, -1) if there is none.
 
-    takes_any : whether any crossing is enough; it is nearly always found where the ray is nearest to the axis
+    takes_any : whether any crossing will do, not only the first; one is nearly always found where the ray is nearest to
+        the axis
     """
     highest = max(z + dz * t0, z + dz * t1)
     if highest < rows[tip, LOWEST]:
@@ -367,7 +371,7 @@ def march(
 
 @inlined
 def _on_curve(r2: float, tip: int, rows: FloatArray) -> tuple[float, float, int]:
-    """Height of one tip's top within its outer radius, dh/dr over r, and the column where its piece begins."""
+    """Height of one tip's top within its outer radius, (dh/dr) / r, and the column where its piece begins."""
     if r2 <= rows[tip, SPHERE_2]:
         root = math.sqrt(rows[tip, TIP_2] - r2)
         return rows[tip, SPHERE_Z] - root, 1.0 / root, PIECES
@@ -383,8 +387,10 @@ def _on_curve(r2: float, tip: int, rows: FloatArray) -> tuple[float, float, int]
 
 @inlined
 def _bent_step(gap: float, opening: float, bend: float) -> float:
-    """Distance within which a ray does not reach the top: `gap` opens at rate `opening`, which falls by `bend` per mm
-    at most."""
+    """Distance within which a ray cannot reach the top.
+
+    gap : height of the top above the ray
+    opening : rate at which the gap opens along the ray; it falls by at most `bend` per mm"""
     root = math.sqrt(opening * opening + 2.0 * bend * gap)
     return (opening + root) / bend if opening >= 0.0 else 2.0 * gap / (root - opening)
 
@@ -393,7 +399,7 @@ def _bent_step(gap: float, opening: float, bend: float) -> float:
 def _march_within(
     z: float, dz: float, t: float, end: float, closest: float, near2: float, plan2: float, tip: int, rows: FloatArray,
 ) -> tuple[float, float]:  # fmt: skip
-    """Interval of the first crossing in [t, end], inside a tip's outer radius; its upper end is -1 if there is none."""
+    """Interval of the first crossing in [t, end], within a tip's outer radius; its upper end is -1 if there is none."""
     plan = math.sqrt(plan2)
     inward_rate = dz + slope_bound(near2, tip, rows) * plan
     previous = t
@@ -424,7 +430,7 @@ def _march_within(
 def march_field(
     x: float, y: float, z: float, dx: float, dy: float, dz: float, t0: float, t1: float, takes_any: bool, top: Top,
 ) -> tuple[float, float]:  # fmt: skip
-    """Interval of a crossing as from `march`, for one tip and a smooth field, whose slopes and curvatures add up."""
+    """Interval of a crossing, as `march` returns it, for one tip and a smooth field, whose slopes and bends add up."""
     rows = top.rows
     reach = max(z + dz * t0, z + dz * t1) - rows[0, FIELD_LOWEST]
     if reach < rows[0, LOWEST]:
@@ -503,7 +509,7 @@ def _march_on_field(
 def march_any(
     x: float, y: float, z: float, dx: float, dy: float, dz: float, t0: float, t1: float, top: Top
 ) -> tuple[float, float]:
-    """Interval of a crossing as from `march`, for several tips and a field: their slopes add up."""
+    """Interval of a crossing, as `march` returns it, for several tips and a field, whose slopes add up."""
     tips = top.rows.shape[0]
     lowest = top.rows[0, FIELD_LOWEST]
     for k in range(tips):
@@ -555,7 +561,7 @@ OPEN = 1e9
 
 @kernel
 def blocking_radius(z: float, tip: int, rows: FloatArray) -> float:
-    """Radius beyond which one tip's top is nowhere below z [mm]; -1: nowhere at all."""
+    """Radius beyond which one tip's top is nowhere below z [mm]; -1 if it is nowhere below z at any radius."""
     if rows[tip, ACTIVE] == 0.0 or z <= rows[tip, LOWEST]:
         return -1.0
     return math.sqrt(reach2(z, tip, rows)) if z < rows[tip, TOP] else rows[tip, OUTER_R]
@@ -563,7 +569,7 @@ def blocking_radius(z: float, tip: int, rows: FloatArray) -> float:
 
 @kernel
 def plan_distance(ax: float, ay: float, bx: float, by: float, cx: float, cy: float) -> float:
-    """Distance of (cx, cy) from the segment from a to b in plan [mm]."""
+    """Distance of point c from the line segment between points a and b, in plan [mm]."""
     dx = bx - ax
     dy = by - ay
     t = min(max(((cx - ax) * dx + (cy - ay) * dy) / max(dx * dx + dy * dy, 1e-30), 0.0), 1.0)
@@ -574,7 +580,7 @@ def plan_distance(ax: float, ay: float, bx: float, by: float, cx: float, cy: flo
 def bundle_misses(
     source: FloatArray, target: FloatArray, radius: float, box: FloatArray, x: float, y: float
 ) -> bool:
-    """Whether no straight line in plan from source to target comes within a radius of the press axis (x, y)."""
+    """Whether no straight line from source to target comes, in plan, within a radius of the press axis (x, y)."""
     a0, b0, _ = wall_point(int(source[0]), source[1] - source[3], 0.0, box)
     a1, b1, _ = wall_point(int(source[0]), source[1] + source[3], 0.0, box)
     c0, d0, _ = wall_point(int(target[0]), target[1] - target[3], 0.0, box)
@@ -598,7 +604,7 @@ def _left_of(ax: float, ay: float, bx: float, by: float, cx: float, cy: float) -
 
 @kernel
 def reach_of(z: float, top: Top, radii: FloatArray) -> None:
-    """Fill `radii` (tip,): beyond each, the tip's dimple cannot block a line that stays below z [mm]."""
+    """Fill `radii` (tip,) with radii beyond which a tip's dimple cannot block a line that stays below z [mm]."""
     for k in range(top.rows.shape[0]):
         radii[k] = blocking_radius(z + top.rows[0, SLACK], k, top.rows)
 
@@ -626,7 +632,7 @@ def _rise_any(s: float, x: float, y: float, dx: float, dy: float, z: float, top:
 
 @kernel
 def horizon(x: float, y: float, z: float, qx: float, qy: float, radii: FloatArray, top: Top) -> float:
-    """Height at (qx, qy) below which the straight line from (x, y, z) passes under the top; OPEN: any height."""
+    """Height at (qx, qy) below which the straight line from (x, y, z) passes under the top; OPEN if any height does."""
     lowest = OPEN
     for k in range(top.rows.shape[0]):
         if radii[k] > 0.0:
@@ -638,7 +644,7 @@ def horizon(x: float, y: float, z: float, qx: float, qy: float, radii: FloatArra
 def _horizon_of(
     tip: int, x: float, y: float, z: float, qx: float, qy: float, radius: float, top: Top
 ) -> float:
-    """Height as from `horizon`, for the part of the line within `radius` of one tip's axis."""
+    """Result of `horizon` for only the part of the line within `radius` of one tip's axis."""
     plain = is_plain(top)
     dx = qx - x
     dy = qy - y
@@ -691,7 +697,7 @@ def column_flux(
     x: float, y: float, z: float, source: FloatArray, target: FloatArray, qx: float, qy: float, z0: float, z1: float,
     mirrored: bool, box: FloatArray, nodes: FloatArray, weights: FloatArray,
 ) -> float:  # fmt: skip
-    """Flux from an emitter's point through heights z0 to z1 of a column, per column width and emitter share."""
+    """Flux from an emitter's point to heights z0 to z1 of a receiver's column, per column width and emitter share."""
     if z1 <= z0:
         return 0.0
     n0, n1 = wall_normal(int(source[0]))

@@ -1,7 +1,7 @@
 """Run pieces of work in parallel threads; compiled code releases the interpreter lock.
 
-The number of threads is numba's (`NUMBA_NUM_THREADS`, `numba.set_num_threads`). Numba's own parallel loops do the same,
-but compile every called function twice.
+The number of threads is numba's (`NUMBA_NUM_THREADS`, `numba.set_num_threads`). Numba's own parallel loops would do the
+same, but compile every called function twice.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ _WAITING = threading.local()
 
 @contextmanager
 def between_pieces(call: Callable[[], None]) -> Iterator[None]:
-    """Within this context, call a function between the pieces of work that this thread waits for."""
+    """Within this `with` block, call a function between the pieces of work that this thread waits for."""
     former = getattr(_WAITING, "call", None)
     _WAITING.call = call
     try:
@@ -26,7 +26,7 @@ def between_pieces(call: Callable[[], None]) -> Iterator[None]:
 
 
 def run_each(work: Callable[[int], object], count: int) -> None:
-    """Call `work` with 0 to `count` - 1 in threads; the first call is done alone, as Numba compiles under a lock.
+    """Call `work` in threads with each number from 0 to `count` - 1; the first call runs alone, as Numba compiles then.
 
     An error or an interruption ends the work as soon as the running pieces are done.
     """

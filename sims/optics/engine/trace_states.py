@@ -2,51 +2,51 @@
 
 Model
 -----
-Geometric optics in a block of one index whose top is the deformed surface, with unpolarised Fresnel and total
-reflection. Absorption follows Beer and Lambert along every path. The tip in contact absorbs or scatters. Walls and
-bottom scatter; if the scene gives an index behind the walls, they also mirror their Fresnel share. Receivers' faces
-absorb. Emitters have a Lambertian order or a table, receivers a response table. Light that leaves through the top is
-lost.
+Geometric optics in a block of one refractive index whose top is the deformed surface, with unpolarised Fresnel
+reflection and total reflection. Absorption follows Beer and Lambert along every path. The tip in contact absorbs or
+scatters. Walls and bottom scatter; if the scene gives a refractive index behind the walls, they also mirror their
+Fresnel share. Receivers' faces absorb. Emitters follow a Lambertian order or an angular table, receivers a response
+table. Light that leaves through the top is lost.
 
 Path classes
 ------------
-- `direct`: straight light, in part hidden by the dimple.
+- `direct`: straight light, possibly in part hidden by the dimple.
 - `top`: mirrored by the top only, each time outside the skirt radius, the outermost radius where a tip's curve is
   steeper than 0.1.
-- `skirt`: mirrored by the top only, at least once inside the skirt radius.
+- `skirt`: as `top`, but at least once inside the skirt radius.
 - `wall`: mirrored by a wall at least once and never scattered.
 - `diffuse`: scattered at least once.
 
 Method, class by class
 ----------------------
-- direct light is integrated, by quadrature with an analytic horizon (`straight`).
-- light mirrored once is integrated image by image (`images`): path by path if possible, else over points of the top
+- Direct light is integrated by quadrature with an analytic horizon (`straight`).
+- Light mirrored once is integrated image by image (`images`): path by path if possible, else over points of the top
   with the lit area of the emitter cut exactly (`mirrored.pinhole`).
-- light mirrored several times is traced by three rays per point of the top, in cells that are divided where the light
-  passes (`repeated`).
-- scattered light is the untouched pad's, times a ratio of radiosity sums over patches of walls and bottom, with and
-  without the press. The press changes the light deposited on patches by rays to a grid on the pressed top, finer near
-  each part, with faint rays followed at random (`scattered`).
-- light between smooth walls is traced by the same rays with and without the press.
+- Light mirrored several times is traced by three rays per point of the top, in cells that are divided where such light
+passes (`repeated`).
+- Scattered light is that of the untouched pad times a ratio of two radiosity sums over patches of walls and bottom,
+with and without the press. The press's change of the light on patches is found by rays to a grid on the pressed top;
+the grid is finer near each emitter and receiver, and faint rays are followed at random (`scattered`).
+- Light between smooth walls is traced by the same rays with and without the press.
 
 Standard error
 --------------
 Replicates with other offsets give the standard error (`stated_error`). It covers grids and rays, direct light that is
 partly hidden, and the usual error of the Gauss rules (0.01 % of the untouched flux). It does not cover images narrower
 than the cells that search for them, the patch size, more than 24 reflections, light that the tip scatters twice, and
-obstruction by the dimple of light scattered more than once. With a tip of 30 % between walls of 40 % this obstruction
-has no measurable effect to 3 mm, and is 0.8 % of the scattered light deeper than the tip's radius. A pair mask changes
-light mirrored several times, which is sampled for the requested pairs, within this error; all other light stays the
-same to the bit.
+light scattered more than once that the dimple obstructs. With a tip of 30 % reflectance between walls of 40 % this
+obstruction has no measurable effect to a depth of 3 mm; deeper than the tip's radius it is 0.8 % of the scattered
+light. Light mirrored several times is sampled for the requested pairs, so a pair mask changes it, within this error.
+All other light stays the same to the bit.
 
 Reuse
 -----
-A pair whose straight lines miss every deformed part keeps its untouched value. Presses that are symmetric to each other
-are traced once (`scene.symmetry`). One emitter's light in one state depends on no other emitter or state, so stored
-rows can be used (`light_rows`).
+A pair whose straight lines miss every deformed part keeps its untouched value. Of presses that are symmetric to each
+other only one is traced (`scene.symmetry`). One emitter's light in one state depends on no other emitter or state, so
+it can be stored as a row and used again (`light_rows`).
 
-Left out: roughness and haze, polarisation, light that leaves the top and comes back across the crater (measured in
-docs/validation/crossing.md), sockets and part bodies behind the walls.
+The model leaves out roughness and haze, polarisation, light that leaves the top and enters it again across the crater
+(measured in docs/validation/crossing.md), and sockets and component bodies behind the walls.
 """
 
 from __future__ import annotations
@@ -78,21 +78,22 @@ BATCH_STATES = 32
 OF_CLASSES = slice(0, len(CLASS_NAMES))
 ERROR, SCALE, CHANGE_ERROR = range(len(CLASS_NAMES), len(CLASS_NAMES) + 3)
 ROW = len(CLASS_NAMES) + 3
-"""Number of lines of a row, each over receivers: flux of each class, standard error, untouched flux (above 0), and the
-part of the error that differs from state to state."""
+"""Number of lines of a row of light. Each line has a number per receiver: flux of each class, standard error, untouched
+flux (above 0), and the part of the error that differs from state to state."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class RawLight:
-    """Flux over emitted power, with its errors.
+    """Flux as a fraction of emitted power, with its errors.
 
     Attributes
     ----------
     flux : (class, state, emitter, receiver) flux, classes in the order of `CLASS_NAMES` [-]
     standard_error : (state, emitter, receiver) standard error of the flux summed over classes [-]
     change_error : (state, emitter, receiver) part of the standard error that differs from state to state [-]
-    relative_error : (state,) root mean square of standard error over untouched flux, over the requested pairs [-]
-    is_met : (state,) whether `relative_error` is within the required error; True if none was required
+    relative_error : (state,) root mean square, over the requested pairs, of the ratio of standard error to untouched
+        flux [-]
+    is_met : (state,) whether `relative_error` is within the required error; True if no error was required
     """
 
     flux: FloatArray
@@ -115,21 +116,21 @@ def trace_scene(
     on_step: Callable[[int, int], None] | None = None,
     kept: KeptRows | None = None,
 ) -> RawLight:
-    """Trace a scene for a list of presses. A state is the untouched pad or one set of simultaneous presses.
+    """Trace a scene for a list of states, each the untouched pad or one set of simultaneous presses.
 
     Parameters
     ----------
     scene : walls, emitters, receivers and materials
-    centres_mm : (state, 2) or (state, tip, 2) press axes; ignored if untouched [mm]
-    indentations : per state one press, None (untouched), or a sequence of these, one for each tip
-    fields : per state a smooth height added to the top, or None; None: no fields
-    classes : groups of states of equal light; with it, centres, indentations and fields have one entry per group
-    accuracy : draft, score, standard, fine or reference; own settings; or a required relative error: settings are then
-        refined up to reference for the states that miss it (`RawLight.relative_error`, `is_met`)
-    seed : seed of all offsets; the same seed gives the same bits for any number of threads
+    centres_mm : (state, 2) or (state, tip, 2) press axes; ignored for an untouched state [mm]
+    indentations : for each state one press, None (untouched), or a sequence with one of these for each tip
+    fields : for each state a smooth height added to the top, or None; if omitted, no state has a field
+    classes : groups of states of equal light. If given, centres, indentations and fields have one entry per group
+    accuracy : name (draft, score, standard, fine or reference), settings, or a required relative error. If an error is
+        given, settings are refined, up to reference, for the states that miss it (`RawLight.relative_error`, `is_met`)
+    seed : seed of all offsets; the same seed gives identical results for any number of threads
     pairs : (emitter, receiver) or (state, emitter, receiver) mask of the pairs to trace; the flux of others is 0
     on_step : function called with (states done, states)
-    kept : store of rows; stored rows are read, others are traced and stored; None: all are traced
+    kept : store of rows. If given, stored rows are read, and others are traced and stored; if None, all are traced
 
     Raises
     ------
@@ -156,7 +157,7 @@ class Tops:
     ----------
     scene : the scene of the tops
     made : function that returns centres, indentations and fields of the groups, as `trace_scene` takes them
-    source : bytes that identify the inputs; the same bytes give the same tops. None: tops are identified by content
+    source : bytes that identify the inputs; the same bytes give the same tops. If None, tops are identified by content
     """
 
     scene: OpticalScene
@@ -231,7 +232,7 @@ class _Work:
     Attributes
     ----------
     tops : tops of all groups
-    states : (n,) numbers of their tops
+    states : (n,) numbers of the states' tops
     asked : (n, emitter, receiver) mask of the pairs to trace
     settings, seed : accuracy and seed
     """
@@ -269,7 +270,7 @@ def _rows_of(work: _Work, kept: KeptRows | None, on_done: Callable[[int], None])
 
 
 def _names(work: _Work, kept: KeptRows) -> list[list[bytes]]:
-    """Name of the row of each state and emitter: from the store if possible, else computed from the tops."""
+    """Row names by state and emitter, from the store if they are there, else computed from the tops."""
     source = work.tops.source
     if source is None:
         return row_names(work.tops.scene, work.tops.stack, work.states, work.asked, work.settings, work.seed)
@@ -294,7 +295,7 @@ def _read(rows: FloatArray, wanted: BoolArray, names: list[list[bytes]], kept: K
 
 
 def _traced_rows(work: _Work, part: IntArray, wanted: BoolArray) -> FloatArray:
-    """(n, emitter, line, receiver) rows of some states, traced."""
+    """(n, emitter, line, receiver) rows of light of some states, newly traced."""
     rows = np.empty((*wanted.shape[:2], ROW, wanted.shape[2]))
     scene, stack = work.tops.scene, work.tops.stack
     if isinstance(stack, FormedStack):
@@ -315,7 +316,7 @@ def _traced_rows(work: _Work, part: IntArray, wanted: BoolArray) -> FloatArray:
 def _as_share_of_states(
     on_step: Callable[[int, int], None] | None, classes: int, states: int
 ) -> Callable[[int], None]:
-    """Convert a callback for (states done, states) to one for the number of groups left."""
+    """Convert a callback for (states done, states) to a callback for the number of groups left."""
 
     def on_done(left: int) -> None:
         if on_step is not None:
@@ -330,7 +331,7 @@ def _classes(
     indentations: Presses,
     fields: Sequence[SmoothField | None] | None,
 ) -> StateClasses:
-    """Groups of states of equal light; if fields are given, each state is its own group, as fields are not compared."""
+    """Groups of states of equal light; with fields, each state is its own group, as fields are not compared."""
     if fields is not None and any(field is not None for field in fields):
         return each_its_own(scene, len(indentations))
     pressed = [[one] if one is None or isinstance(one, Indentation) else list(one) for one in indentations]
@@ -354,7 +355,7 @@ def _pooled(share: FloatArray, asked: BoolArray) -> FloatArray:
 def _trace_batch(
     wanted: BoolArray, tops: TopStack, part: IntArray, fixed: Untouched, settings: Accuracy
 ) -> tuple[FloatArray, FloatArray]:
-    """(state, replicate, class, emitter, receiver) flux of some states, and the part of it that is mirrored once."""
+    """(state, replicate, class, emitter, receiver) flux of some states, and of it the flux mirrored once."""
     from sims.optics.engine.compiled import trace_further, trace_once
     from sims.optics.engine.states import CLASSES, SKIRT, TOPS
 

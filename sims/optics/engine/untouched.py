@@ -1,4 +1,4 @@
-"""Data that a scene, settings and a seed determine once: faces as arrays, the untouched pad's light, sample points."""
+"""Data computed once for a scene, settings and a seed: faces as arrays, the untouched pad's light, sample points."""
 
 from __future__ import annotations
 
@@ -22,18 +22,18 @@ Kept = TypeVar("Kept")
 POINT_SEED = 20170603
 PATCH_MM = 2.0
 REFERENCE_PATCH_MM = 0.5
-"""Size of patches for the untouched pad's light scattered once [mm]. With 1 mm this light was 0.2 to 0.3 % too faint;
-0.25 mm gives the same as 0.5 mm."""
+"""Size of patches for light scattered once in the untouched pad [mm]. With 1 mm this light was 0.2 to 0.3 % too faint;
+0.25 mm gives the same result as 0.5 mm."""
 RADIOSITY_PATCHES = 600
 BOUNCE_RAYS = 128
 """Rays from each patch that show where its scattered light lands."""
 WALL_REFERENCE_RAYS = 65536
-"""Rays per emitter and replicate for light mirrored by smooth walls in the untouched pad, counted if they hit a
+"""Rays per emitter and replicate for light mirrored by smooth walls in the untouched pad; a ray counts if it hits a
 receiver."""
 PHASE_SPREAD = 0.3
 REMEMBERED_PADS = 8
 DARK_SCALE = 1e-3
-"""Scale of flux for an emitter that lights no receiver [-]."""
+"""Flux used as the scale for an emitter that lights no receiver, as a scale must be above 0 [-]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,15 +42,15 @@ class UnshiftedPad:
 
     Attributes
     ----------
-    box, emitters, receivers : arrays for the kernels, see `sims.optics.surface.radial`
-    straight : (2, emitter, receiver) direct flux and mirrored flux
+    box, emitters, receivers : arrays for the kernels; see `sims.optics.surface.radial`
+    straight : (2, emitter, receiver) direct flux and flux mirrored by the top
     diffuse : (emitter, receiver) scattered flux
     given, taken : (emitter, patch) and (receiver, patch) light deposited on patches
     joined : (emitter, receiver) scattered flux computed from these deposits
-    orders : layout, areas and transfer of the patches for light scattered more than once, see
+    orders : layout, areas and transfer of the patches for light scattered more than once; see
         `sims.optics.engine.repeated`
     points : (ray, 4) Sobol points in the unit cube
-    layout, areas, reflectances : data of the patches, see `sims.optics.engine.scattered`
+    layout, areas, reflectances : data of the patches; see `sims.optics.engine.scattered`
     """
 
     box: FloatArray
@@ -76,10 +76,11 @@ class Untouched(UnshiftedPad):
     ----------
     shifts : (replicate, 8) offsets of grids and rays
     wall : (replicate, emitter, receiver) flux mirrored by smooth walls
-    rays : per replicate, deposits and wall-mirrored flux by the rays that states use between smooth walls
-    scale : (emitter, receiver) flux of all classes, above 0
-    gain : (emitter, receiver) direct flux over its value by the coarser rule of pressed states, so that a press which
-        hides nothing changes nothing
+    rays : deposits by emitters, deposits by receivers, and flux mirrored by walls, per replicate, from the rays that
+        pressed states use between smooth walls
+    scale : (emitter, receiver) flux summed over classes; 0 is replaced as by `above_zero`
+    gain : (emitter, receiver) ratio of the direct flux to its value by the coarser rule that pressed states use.
+        States' direct flux is multiplied by this, so a press that hides nothing changes nothing
     """
 
     shifts: FloatArray
@@ -91,11 +92,11 @@ class Untouched(UnshiftedPad):
 
 _UNSHIFTED: dict[str, UnshiftedPad] = {}
 _UNTOUCHED: dict[str, Untouched] = {}
-"""Untouched pads remembered in this process, by all inputs that determine them."""
+"""Untouched pads remembered in this process, keyed by all inputs that determine them."""
 
 
 def untouched_pad(scene: OpticalScene, settings: Accuracy, seed: int) -> Untouched:
-    """Untouched light of a scene, remembered within this process; settings and seeds share common data."""
+    """Untouched light of a scene, remembered within this process; data common to several seeds is shared."""
     content = "|".join(_content_of(getattr(scene, field.name)) for field in dataclass_fields(scene))
 
     def unshifted() -> UnshiftedPad:
@@ -116,7 +117,7 @@ def _content_of(value: object) -> str:
 
 
 def _remembered(store: dict[str, Kept], key: str, made: Callable[[], Kept]) -> Kept:
-    """Entry of a dictionary under a key, computed if it is missing; then the oldest entry is dropped."""
+    """Entry of a dictionary, computed if it is missing; the oldest entry is dropped if there are too many."""
     found = store.get(key)
     if found is None:
         found = made()
@@ -158,7 +159,7 @@ def _clipped(walls: IntArray, patches: FloatArray, orders: FloatArray, height: f
 
 
 def _with_table(rows: FloatArray, table: FloatArray | None) -> FloatArray:
-    """Rows with their radiance tables appended, marked by an order of -1; a table of NaN leaves the row's order."""
+    """Rows with their radiance tables appended and their order set to -1, except where the table has a NaN."""
     if table is None:
         return rows
     given = np.asarray(np.isfinite(table).all(axis=1))
@@ -167,7 +168,7 @@ def _with_table(rows: FloatArray, table: FloatArray | None) -> FloatArray:
 
 
 def straight_rules(settings: Accuracy) -> StraightRules:
-    """Gauss nodes and weights of direct light under a press."""
+    """Gauss nodes and weights for the direct light under a press."""
     counts = (settings.nodes_emitter, settings.nodes_column, settings.nodes_height)
     one, two, three = (gauss(count) for count in counts)
     return *one, *two, *three
@@ -251,7 +252,7 @@ def _shifts(settings: Accuracy, seed: int) -> FloatArray:
     """(replicate, 8) offsets of grids in their cells, of rays, and of the search grid.
 
     Offsets in cells are evenly spread over the replicates, and each has its mirror image about the cell's middle. So
-    their mean is exact for functions that vary linearly in a cell, up to its borders.
+    the mean over replicates is exact for functions that vary linearly within a cell.
     """
     count = settings.replicates
     shifts = np.random.default_rng(seed).random((count, 8))
@@ -340,7 +341,7 @@ def _shifted(scene: OpticalScene, pad: UnshiftedPad, settings: Accuracy, seed: i
 
 
 def above_zero(flux: FloatArray) -> FloatArray:
-    """(emitter, receiver) flux in which 0 is replaced by the mean of the same emitter's other pairs."""
+    """(emitter, receiver) flux with 0 replaced by the mean of the emitter's lit pairs (`DARK_SCALE` if none is lit)."""
     lit = flux > 0
     mean = flux.sum(axis=1) / np.maximum(lit.sum(axis=1), 1)
     return np.asarray(np.where(lit, flux, np.where(mean > 0, mean, DARK_SCALE)[:, None]))

@@ -1,7 +1,7 @@
 """Random numbers of the ray tracer: a random stream for each ray, and directions drawn from emission patterns.
 
 Every ray has its own random stream (splitmix64; Steele, Lea & Flood 2014), started from a hash of seed, state, emitter
-and ray number. So results do not depend on threads or on the requested number of rays.
+and ray number. So a ray does not depend on the number of threads or of requested rays.
 
 A tabulated radiance L(c) is linear in the cosine c between the nodes c_i = i / (n - 1) and is drawn exactly. The share
 of power up to c is 2 π ∫ c L dc, a cubic between nodes. It is inverted by Newton steps within a bracket.
@@ -44,7 +44,7 @@ def draw(stream: np.uint64) -> tuple[np.uint64, float]:
 
 @njit()
 def direction_about(nx: float, ny: float, nz: float, cosine: float, v: float) -> tuple[float, float, float]:
-    """Unit direction at the angle of a cosine to a unit normal, and at the azimuth 2 π v; v in [0, 1)."""
+    """Unit direction with a given cosine to a unit normal, at the azimuth 2 π v; v in [0, 1)."""
     sine = math.sqrt(max(1.0 - cosine * cosine, 0.0))
     if abs(nz) < 0.9:
         across = math.hypot(nx, ny)
@@ -61,7 +61,7 @@ def direction_about(nx: float, ny: float, nz: float, cosine: float, v: float) ->
 def lobe_direction(
     nx: float, ny: float, nz: float, order: float, u: float, v: float
 ) -> tuple[float, float, float]:
-    """Random direction about a unit normal with an intensity of cosᵐθ, m = `order`; u, v are random in [0, 1)."""
+    """Random direction about a unit normal, for an intensity of cosᵐθ with m = `order`; u, v are random in [0, 1)."""
     return direction_about(nx, ny, nz, (1.0 - u) ** (1.0 / (order + 1.0)), v)
 
 
@@ -70,11 +70,11 @@ def pattern_shares(radiance: FloatArray) -> FloatArray:
 
     Parameters
     ----------
-    radiance : (e, n) at the cosines linspace(0, 1, n), linear between [1/sr]
+    radiance : (e, n) radiance at the cosines linspace(0, 1, n), linear between them [1/sr]
 
     Returns
     -------
-    (e, n) 2 π ∫ c L dc from 0 to each node; the last column is the power of the whole table
+    (e, n) 2 π ∫ c L dc from 0 to each node; the last column is the power of a whole table
     """
     nodes = radiance.shape[1]
     cosine, width = np.linspace(0.0, 1.0, nodes), 1.0 / (nodes - 1)
@@ -87,9 +87,9 @@ def pattern_shares(radiance: FloatArray) -> FloatArray:
 
 @njit()
 def pattern_cosine(radiance: FloatArray, shares: FloatArray, u: float) -> float:
-    """Random cosine, distributed as the power of one radiance table.
+    """Random cosine, distributed like the power of one radiance table.
 
-    radiance, shares : (n,) table [1/sr], and share of power below each node as from `pattern_shares` [-]
+    radiance, shares : (n,) table [1/sr], and share of power below each node, from `pattern_shares` [-]
     u : random number in [0, 1)
     """
     last = radiance.shape[0] - 1
@@ -118,7 +118,7 @@ def pattern_cosine(radiance: FloatArray, shares: FloatArray, u: float) -> float:
 
 @njit()
 def table_value(table: FloatArray, cosine: float) -> float:
-    """Linear interpolation in a table (n,) over the cosines linspace(0, 1, n); cosine in [0, 1]."""
+    """Interpolate linearly in a table (n,) over the cosines linspace(0, 1, n), at a cosine in [0, 1]."""
     last = table.shape[0] - 1
     place = min(max(cosine, 0.0), 1.0) * last
     node = min(int(place), last - 1)

@@ -1,7 +1,7 @@
 """Single light paths for pictures, from the random walk of the ray tracer.
 
-Every ray has a number. Under any press, the same number leaves an emitter at the same point in the same direction, so
-the effect of a press on one ray can be followed.
+Every ray has a number. Under any press, the ray with a given number leaves an emitter at the same point in the same
+direction, so the effect of a press on one ray can be followed.
 """
 
 from __future__ import annotations
@@ -23,9 +23,9 @@ from sims.optics.scene.optical_scene import OpticalScene, SmoothField
 LOST = -1
 """Stands for a receiver's number where light reaches no receiver."""
 TRIES_PER_PATH = 1_000_000
-"""Largest number of rays tried for each requested path; then fewer paths are returned."""
+"""Largest number of rays tried for each requested path; if these are not enough, fewer paths are returned."""
 PLACES = 200
-"""Largest number of points on one path; a longer path is skipped."""
+"""Largest number of points on one path; longer paths are skipped."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -34,9 +34,9 @@ class LightPath:
 
     Attributes
     ----------
-    fate : how the ray ends: name of its class if it reaches a receiver, else of the loss
+    fate : how the ray ends: name of its class of light if it reaches a receiver, else name of the loss
         (`sims.optics.oracle.walk.FATES`)
-    emitter, receiver : numbers; receiver -1 if the light is lost
+    emitter, receiver : numbers of both; the receiver is -1 if the light is lost
     ray : number of the ray
     places_mm : (n, 3) points along the path [mm]
     """
@@ -69,13 +69,13 @@ def sample_paths(
     scene : the pad
     centre_mm, indentation, field : as for `LightWalker`
     emitter : number of the emitter
-    receiver : number of the only receiver that counts; None: all light, however it ends
+    receiver : number of the only receiver whose light counts; if None, all light counts, however it ends
     count : requested paths; fewer are returned if light that reaches the receiver is too rare
     seed : seed of the random streams, >= 0
 
     Returns
     -------
-    for each path how it ends (`sims.optics.oracle.walk.FATES`), and its (n, 3) points [mm]
+    for each path, how it ends (`sims.optics.oracle.walk.FATES`) and its (n, 3) points [mm]
     """
     walker = LightWalker(scene, centre_mm, indentation, seed, field)
     if receiver is not None:
@@ -92,9 +92,9 @@ class LightWalker:
     ----------
     scene : the pad
     centre_mm : (2,) press axis, or (tip, 2) axes if several tips press at once [mm]
-    indentation : the press, None for the untouched pad, or a sequence of these, one per tip
+    indentation : the press, None for the untouched pad, or a sequence with one of these per tip
     seed : seed of the random streams, >= 0
-    field : height added to the top, or None; as for `sims.optics.oracle.tracer.trace_oracle`
+    field : height added to the top, or None; see `sims.optics.oracle.tracer.trace_oracle`
     """
 
     def __init__(
@@ -120,9 +120,10 @@ class LightWalker:
         Parameters
         ----------
         emitter : number of the emitter
-        ends : receivers that count, and `LOST` for light that reaches no receiver; None: every end counts
+        ends : numbers of the receivers that count, and `LOST` if light that reaches no receiver counts; if None, every
+            end counts
         count : requested paths
-        most_rays : largest number of rays tried; then fewer paths than `count` are returned
+        most_rays : largest number of rays tried; if these are not enough, fewer paths than `count` are returned
         """
         wanted = _wanted_ends(ends, self._receivers)
         paths: list[LightPath] = []
@@ -148,7 +149,7 @@ class LightWalker:
         return [path for path in found if path is not None]
 
     def _next_path(self, emitter: int, ray: int, tries: int, wanted: BoolArray) -> LightPath | None:
-        """First ray from number `ray` on, of at most `tries`, that has a requested end; None if there is none."""
+        """Path of the first of at most `tries` rays from number `ray` on that has a requested end; None if none has."""
         _check_number("emitter", emitter, self._emitters)
         number, fate, receiver, places = next_path(
             self._scene, self._top, emitter, wanted, self._seed, ray, tries, PLACES

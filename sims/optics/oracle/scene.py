@@ -1,11 +1,10 @@
 """The pad as the ray tracer takes it: checked numbers of walls, bottom, crown and patches; Fresnel's and Snell's laws.
-
-In plan the pad is convex. Its flat walls have a position, a tangent and an outward normal each; its round walls have a
-sector each. A rectangle is four flat walls. The bottom is the plane z = 0; the untouched top is flat or a crown. A
-patch is the rectangular face of an emitter or receiver.
+In plan the pad is convex. Each flat wall has a position, a tangent and an outward normal; each round wall has a sector.
+A rectangle is four flat walls. The bottom is the plane z = 0; the untouched top is flat or a crown. A patch is the
+rectangular face of an emitter or receiver.
 
 Light is unpolarised at each reflection (Born & Wolf, Principles of Optics, § 1.5). `ratio` is the index on the ray's
-side over the index behind the border. If it is above 1, reflection is total beyond the critical angle.
+side divided by the index behind the border. If it is above 1, reflection is total beyond the critical angle.
 """
 
 from __future__ import annotations
@@ -28,7 +27,7 @@ def fresnel_reflectance(cosine: float, ratio: float) -> float:
     """Share of unpolarised light that a border between two media reflects.
 
     cosine : cosine of the angle of incidence [-]
-    ratio : index on the ray's side over the index behind the border [-]
+    ratio : index on the ray's side divided by the index behind the border [-]
     """
     refracted = 1.0 - ratio * ratio * (1.0 - cosine * cosine)
     if refracted <= 0.0:
@@ -49,7 +48,7 @@ def refracted_direction(
     ----------
     dx, dy, dz : unit direction before the border [-]
     nx, ny, nz : unit normal that points to the far side [-]
-    ratio : index on the ray's side over the index behind the border [-]
+    ratio : index on the ray's side divided by the index behind the border [-]
     """
     cosine = dx * nx + dy * ny + dz * nz
     turn = math.sqrt(max(1.0 - ratio * ratio * (1.0 - cosine * cosine), 0.0)) - ratio * cosine
@@ -59,7 +58,7 @@ def refracted_direction(
 
 
 UNIT_TOLERANCE = 1e-9
-"""Tolerance of unit vectors [-] and of points on a wall [mm] for rounding."""
+"""Tolerance for rounding, of unit vectors [-] and of points on a wall [mm]."""
 BOX_TOLERANCE_MM = 1e-6
 ROUND_POINTS = 3600
 """Number of points that represent a round wall; between two points the wall bulges by 4e-7 of its radius."""
@@ -80,7 +79,7 @@ def rectangle_walls(length_mm: float, width_mm: float) -> FloatArray:
 def wall_runs(walls: FloatArray, arcs: FloatArray) -> FloatArray:
     """(k, 2) start and end of each flat wall along its tangent, where other walls cut it [mm].
 
-    A start after the end means that nothing of the wall is left. `walls` (k, 6) and `arcs` (m, 6) are as in `PadForm`.
+    If a start comes after the end, nothing of the wall is left. `walls` (k, 6) and `arcs` (m, 6) are as in `PadForm`.
     """
     runs = np.empty((len(walls), 2))
     for number, (x, y, tx, ty, _, _) in enumerate(walls):
@@ -120,7 +119,7 @@ def _arc_cuts(arcs: FloatArray, x: float, y: float, tx: float, ty: float) -> lis
 def _lies_in(
     walls: FloatArray, arcs: FloatArray, x: float, y: float, tx: float, ty: float, along: FloatArray
 ) -> BoolArray:
-    """(n,) mask of the positions `along` a line that are in the pad or on its border."""
+    """(n,) mask of the positions `along` a line in plan that are in the pad or on its border."""
     places = np.stack([x + along * tx, y + along * ty], axis=-1)
     beyond = _beyond_mm(walls, arcs, places)
     return np.asarray(beyond.max(axis=-1, initial=-math.inf) <= UNIT_TOLERANCE)
@@ -135,9 +134,9 @@ def _beyond_mm(walls: FloatArray, arcs: FloatArray, places: FloatArray) -> Float
 
 
 def beyond_walls_mm(form: PadForm, places_mm: FloatArray) -> FloatArray:
-    """(..., k + m) distance of (..., 2) points outside each flat wall and each round wall, negative inside [mm].
+    """(..., k + m) distance of (..., 2) points from each flat and round wall [mm]: positive outside, negative inside.
 
-    It is -inf for a round wall if the point is not in its sector.
+    The distance is -inf for a round wall if the point is not in the wall's sector.
     """
     return _beyond_mm(*form_rows(form), np.asarray(places_mm, dtype=np.float64))
 
@@ -149,7 +148,7 @@ def form_rows(form: PadForm) -> tuple[FloatArray, FloatArray]:
 
 
 def outline_mm(form: PadForm) -> FloatArray:
-    """(n, 2) ends of the flat walls and points of the round walls; their convex hull is the plan [mm]."""
+    """(n, 2) ends of the flat walls and points of the round walls; their convex hull is the pad in plan [mm]."""
     walls, arcs = form_rows(form)
     ends = walls[:, None, :2] + wall_runs(walls, arcs)[:, :, None] * walls[:, None, 2:4]
     angle = np.linspace(0.0, 2.0 * math.pi, ROUND_POINTS, endpoint=False)
@@ -166,7 +165,7 @@ def check_form(scene: OpticalScene, form: PadForm) -> None:
 
     Raises
     ------
-    InputError : the walls do not enclose a pad, or the crown does not reach over it.
+    InputError : the walls do not enclose a pad, or the crown does not cover it.
     """
     _check_numbers(form)
     for number, (low, high) in enumerate(wall_runs(*form_rows(form))):
@@ -253,22 +252,22 @@ def _check_crown(scene: OpticalScene, form: PadForm, outline: FloatArray) -> Non
 
 
 NO_FACE, BOTTOM_FACE, ROUND_FACE = -1, -2, -3
-"""Codes for what a ray meets besides flat walls, which are numbered from 0; round walls count down from ROUND_FACE."""
+"""Codes of surfaces besides flat walls. Flat walls are numbered from 0; round walls count down from `ROUND_FACE`."""
 POWER_TOLERANCE = 1e-6
-"""Largest deviation of a radiance table's power from 1 [-], for tables that were rounded."""
+"""Largest deviation of a radiance table's power from 1 [-], as tables may have been rounded."""
 
 
 class Scene(NamedTuple):
-    """`OpticalScene` as a tuple that compiled code takes; only the attributes that differ from it are listed.
+    """`OpticalScene` as a tuple for compiled code; only the attributes that differ from `OpticalScene` are listed.
 
     Attributes
     ----------
     walls, arcs : (k, 6) flat and (m, 6) round walls, as in `PadForm`
     crown : (4,) curvatures of the untouched top along x and y [1/mm]; x, y of its apex [mm]
-    wall_ratio : index of the elastomer over the index behind smooth walls [-]; 0 if walls only scatter
-    emitter_pattern : (2, e, n) radiance table [1/sr] and the share of power below each node [-]. An emitter has its
-        Lambertian order instead if its row is NaN or n is 0
-    receiver_response : (r, n) share of arriving light that is counted [-]; if n is 0, all of it
+    wall_ratio : index of the elastomer divided by the index behind smooth walls [-]; 0 if walls only scatter
+    emitter_pattern : (2, e, n) radiance table [1/sr] and the share of power below each node [-]. An emitter's
+        Lambertian order is used instead if its table row is NaN or n is 0
+    receiver_response : (r, n) share of arriving light that is counted [-]; if n is 0, all light is counted
     """
 
     walls: FloatArray
@@ -295,7 +294,7 @@ def lower_scene(scene: OpticalScene) -> Scene:
 
     Raises
     ------
-    InputError : a number of the scene is out of range, or its walls, crown or patches do not fit together.
+    InputError : a number of the scene is out of range, or walls, crown and patches do not fit together.
     """
     for name in ("length_mm", "width_mm", "height_mm"):
         _require(name, getattr(scene, name), 0.0, np.inf, open_low=True)
@@ -334,7 +333,7 @@ def lower_scene(scene: OpticalScene) -> Scene:
 
 
 def _lowered_form(scene: OpticalScene) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Walls, arcs and crown of `Scene` from those of a pad, after checking them."""
+    """Attributes `walls`, `arcs` and `crown` of `Scene`, after checking the pad's."""
     form = scene.form
     if form is None:
         walls = rectangle_walls(float(scene.length_mm), float(scene.width_mm))
@@ -351,7 +350,7 @@ def _wall_ratio(scene: OpticalScene) -> float:
 
 
 def _table(given: FloatArray | None, name: str, rows: int) -> FloatArray:
-    """(rows, n) table over cosines as an array; (rows, 0) if the scene has none."""
+    """(rows, n) table over cosines as an array; (rows, 0) if the scene has no such table."""
     if given is None:
         return np.empty((rows, 0))
     table = np.ascontiguousarray(given, dtype=np.float64)
@@ -392,7 +391,7 @@ def _require(name: str, value: float, low: float, high: float, *, open_low: bool
 
 
 def _check_patches(scene: OpticalScene, kind: str) -> None:
-    """Refuse emitters or receivers (`kind`) that are not rectangles on a flat wall of the pad."""
+    """Refuse emitters or receivers, as `kind` names, that are not rectangles on a flat wall of the pad."""
     walls, patches = np.asarray(getattr(scene, f"{kind}_wall")), np.asarray(getattr(scene, f"{kind}_patch"))
     if walls.ndim != 1 or patches.shape != (walls.size, 4):
         raise InputError(f"{kind}_patch: shape {patches.shape}, needs ({walls.size}, 4)")
@@ -455,7 +454,7 @@ def emission_point(scene: Scene, emitter: int, u: float, v: float) -> tuple[floa
 def face_hit(
     scene: Scene, x: float, y: float, z: float, dx: float, dy: float, dz: float
 ) -> tuple[float, int]:
-    """Distance to the nearest wall or the bottom [mm], and its code; walls extend upward without end."""
+    """Distance to the nearest wall or the bottom [mm], and its code; walls are taken as endless upward."""
     best, face = math.inf, NO_FACE
     for wall in range(scene.walls.shape[0]):
         ox, oy, _, _, nx, ny = scene.walls[wall]

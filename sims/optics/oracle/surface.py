@@ -1,49 +1,51 @@
-"""The top of the pad for the ray tracer, and the points where rays meet it, from inside and from outside.
+"""The top of the pad for the ray tracer, and the points where rays meet the top from inside and outside.
 
 Model
 -----
-The top is given in the *frame of the press*. Its third axis is the normal of the untouched top at the location of the
-press. Along it the top is a sum of heights: with the curvatures kx and ky of the untouched top [1/mm], and q = kx² x² +
-ky² y²,
+The top is given in *press coordinates*. Their third axis is the normal of the untouched top at the location of the
+press. Along this axis the top is a sum of heights: with the curvatures kx and ky of the untouched top [1/mm], and q =
+kx² x² + ky² y²,
 
     h(x, y) = -(kx x² + ky y²) / (1 + √(1 - q)) + Σ d_k(r_k) + f(x, y),    |curvature| <= max(kx, ky) / (1 - q)^1.5,
 
-with one profile d_k over the radius r_k around each tip's axis, and a bicubic Hermite field f. kx = ky = 0 is flat.
-Where q is above `STEEPEST_SHARE`² the crown continues straight. No point of a pad is there (`REACH_SHARE`), and light
-in air does not meet this part, as a ball and the cone that touches it are convex together.
+with one profile d_k over the radius r_k around each tip's axis, and a bicubic Hermite field f. If kx = ky = 0, the
+untouched top is flat. Where q is above `STEEPEST_SHARE`² the crown continues straight. No point of a pad is there
+(`REACH_SHARE`). Nor does light in air meet this part, as a ball and a cone that touches it are convex together.
 
 In contact with a sphere, d_k is the tip's height less that of the *mean crown*, a sphere of the curvature (kx + ky) /
-2. So on a sphere the top in contact is the tip; on a cylinder it is the tip once the press's f is added. The rest of a
-profile is a cubic in each piece of radius. Beyond a profile's last point d_k is 0, beyond its grid f is 0. Where either
-ends with a step, a vertical face closes it. Inside a tip's contact radius the top is contact.
+2. So on a spherical crown the top in contact equals the tip; on a cylindrical crown it does so once the press's f is
+added. The rest of a profile is a cubic in each interval of radius. d_k is 0 beyond the profile's last point, and f is 0
+beyond its grid. Where either ends with a step, a vertical face closes the step. Inside a tip's contact radius the top
+is contact.
 
-A flat top without a field and with one tip at most needs no sum (`is_sum`). It consists of the plane, an exact sphere,
-and cone frusta that follow the profile, which may run back under itself. A ray meets each of these where a quadratic
-equation is zero.
+A flat top without a field and with at most one tip needs no sum (`is_sum`). It consists of the plane, an exact sphere,
+and cone frusta that follow the profile, which may run back under itself. For each of these, the distance where a ray
+meets it solves a quadratic equation.
 
 Where a ray meets a sum
 -----------------------
 The *clearance* c(t) along a ray is its height below the top or, in air, above the top. The ray is followed to the first
 zero of c. The edges of contacts, profiles and field cut it into parts on which c is once differentiable and |c''| has a
-bound K from tables over radius: |c''| <= w² (max(|d''|, |d'| / r) + field's), with w² the squared share of a unit step
-in plan. A crown adds the bound of its curvature at the part's greatest q, for the component across a straight
-direction. It is convex, so it adds only downward from inside and only upward from outside: c'' is in -K_down to K_up.
+bound K from tables over radius: |c''| <= w² (max(|d''|, |d'| / r) + the field's bound), where w is the length in plan
+of a unit step. A crown adds the bound of its curvature at the part's largest q, for the component across a straight
+direction. As the crown is convex, it adds only to the bound downward for a ray inside, and only to the bound upward for
+a ray outside: c'' is in -K_down to K_up.
 
 A step s is safe if the clearances at its ends are above K_up s² / 8, or if c cannot fall within it. A step contains the
 first zero if its end is below zero and either c must fall within it or K_up is 0. Then Newton's steps within a bracket
-find the zero. Any other step is halved, down to `FINEST_MM`. So only a grazing contact less than K `FINEST_MM`² / 8
-deep is missed.
+find the zero. Any other step is halved, down to `FINEST_MM`. So a ray is missed only where it grazes the top less than
+K `FINEST_MM`² / 8 deep.
 
-Light in air also meets the tips. Only the press is known of them, so they are taken as solid and endless. A hemisphere
-is a half sphere and a cylinder of its radius above. Any other tip is a cylinder of the contact radius on the end of the
-contact, which hides no more than the tip does. A press without contact has no tip. Where other heights raise the top
-into a tip, light there counts as absorbed by the tip.
+Light in air also meets the tips. Nothing but the press is known of the tips, so they are taken as solid and endless. A
+hemispherical tip is a half sphere with a cylinder of the same radius above. Any other tip is a cylinder of the contact
+radius that starts at the end of the contact; it hides no more than the tip does. A press without contact has no tip.
+Where other heights raise the top into a tip, light there counts as absorbed by the tip.
 
 Left out
 --------
-In a sum: profiles with more than one height at a radius, and the tip's shape where other heights lift or lower the top
-under it (contact is the top itself). The wall's hold on the surface: a profile passes through the wall unchanged and is
-cut off there.
+A sum leaves out profiles with more than one height at a radius, and the tip's shape where other heights lift or lower
+the top under it: there the top itself counts as contact. The wall does not hold the surface: a profile passes through
+the wall unchanged and is cut off there.
 
 This file shares no code with the fast light model on purpose: the two are compared with each other.
 """
@@ -61,12 +63,12 @@ NOTHING, FREE, CONTACT = 0, 1, 2
 INSIDE, OUTSIDE = 1.0, -1.0
 """Side of the top from which a ray comes: in the elastomer, or in air."""
 SEAM_MM = 1e-6
-"""Overlap of neighbouring pieces of a surface [mm], so that no ray slips through a seam. Points nearer than this are
-one."""
+"""Overlap of neighbouring pieces of a surface, so that no ray slips through a seam [mm]. Points closer together than
+this count as one."""
 REACH_SHARE = 0.97
-"""Largest distance of a pad's points from the axis of the press's frame, over the crown's radius [-]."""
+"""Largest distance of a pad's points from the press axis, relative to the crown's radius [-]."""
 STEEPEST_SHARE = 0.985
-"""Share of its radius beyond which a crown continues straight, so that every point in plan has one height [-]."""
+"""Share of its radius beyond which a crown continues straight, so that every point in plan has a height [-]."""
 BLOCK = 16
 """Number of cones that share one bounding box."""
 BINS = 512
@@ -78,7 +80,7 @@ FINEST_MM = 2e-5
 BORDER_MM = 1e-9
 """Distance that the ends of a part of a ray keep from the circles and lines that bound it [mm]."""
 MARGIN_MM = 1e-6
-"""Extension of a field beyond its border [mm], so that rounding at a wall where the field ends makes no step."""
+"""Extension of a field beyond its border, so that rounding at a wall where the field ends makes no step [mm]."""
 FACE_MM = 1e-7
 """Smallest jump of the top across a border that counts as a vertical face, not as rounding [mm]."""
 
@@ -88,33 +90,33 @@ Ray = tuple[float, float, float, float, float, float]
 Line = tuple[float, float, float, float, float]
 """A ray relative to an axis, as a, b, c, z, dz: squared radius a t² + 2 b t + c [mm²], height z + dz t [mm]."""
 Meeting = tuple[float, int, float, float, float]
-"""Where a ray meets a surface: distance [mm], kind of surface (`NOTHING`, `FREE`, `CONTACT`), and the unit normal that
+"""Where a ray meets a surface: distance [mm], type of surface (`NOTHING`, `FREE`, `CONTACT`), and the unit normal that
 points away from the ray's side."""
 
 
 class Surface(NamedTuple):
-    """The top in one state as numbers. All but origin and axes are in the frame of the press.
+    """The top in one state as numbers. All but origin and axes are in press coordinates.
 
     Attributes
     ----------
-    origin : (3,) origin of the frame, on the untouched top [mm]
-    axes : (9,) the frame's axes, one after another [-]
+    origin : (3,) origin of press coordinates, on the untouched top [mm]
+    axes : (9,) axes of press coordinates, one after another [-]
     kx, ky : curvatures of the untouched top, 0 <= kx <= ky [1/mm]
     lowest, highest : bounds of the surface [mm]
-    is_sum : True: heights are added; False: one tip on a flat top, or none, given by the plane and cones
-    tips : (k, 8) centre x, y; edge, where the profile ends; contact radius (of its spherical part, if there are cones);
-        sphere radius (0: none); depth of the tip's apex [mm]; first and last row in `curve`
-    solids : (k, 6) the tips as light in air meets them: x, y of the axis; height of the sphere's centre, and its
-        radius, 0 for none; radius of the cylinder, and the height where it starts [mm]
+    is_sum : whether heights are added; if False, the top is flat with one tip or none, given by the plane and cones
+    tips : (k, 8) centre x, y; edge, where the profile ends; contact radius (with cones, that of the spherical part);
+        sphere radius (0 if none); depth of the tip's apex [mm]; first and last index in `curve`
+    solids : (k, 6) the tips as light in air meets them: x, y of the axis; height of the sphere's centre, and its radius
+        (0 if none); radius of the cylinder, and the height where it starts [mm]
     cones : (p, 8) r, z of the start [mm]; r, z of the unit direction; length [mm]; angle of the profile's tangent to
         the radial direction at start and end [rad]; 1 if in contact with the tip
     blocks : (b, 4) smallest and largest r, smallest and largest z of each run of `BLOCK` cones [mm]
     curve : (m, 5) radius at the start of a piece [mm], and the height's coefficients of powers 0 to 3 of the radius
         beyond the start
-    starts : (k, BINS) first row of `curve` that may contain a radius of the ring
+    starts : (k, BINS) index of the first piece in `curve` that may contain a radius of the ring
     bends : (k, BINS) largest |d''| and |d'| / r within the ring [1/mm]
     nodes : (nx, ny, 4) the field's value [mm], slopes [-] and mixed derivative [1/mm]; (0, 0, 4) without a field
-    corner, step : (2,) first node and distance of nodes of the field's grid [mm]
+    corner, step : (2,) first node of the field's grid, and distance between its nodes [mm]
     field_bend : bound of the field's second derivative in any direction [1/mm]
     """
 
@@ -142,7 +144,7 @@ class Surface(NamedTuple):
 def top_hit(s: Surface, side: float, ray: Ray, limit: float) -> Meeting:
     """First point nearer than `limit` [mm] where a ray meets the top; tips are not tested here.
 
-    ray : in the cavity frame
+    ray : the ray in cavity coordinates
     side : `INSIDE` for a ray in the elastomer, `OUTSIDE` for one in air
     """
     local = in_frame(s, ray)
@@ -156,7 +158,7 @@ def top_hit(s: Surface, side: float, ray: Ray, limit: float) -> Meeting:
 
 @njit()
 def is_in_elastomer(s: Surface, x: float, y: float, z: float) -> bool:
-    """Whether a point is below the top; for cones, whether an odd number of them passes above the point."""
+    """Whether a point is below the top; if the top consists of cones, an odd number of them is then above the point."""
     u, v, w, _, _, _ = in_frame(s, (x, y, z, 0.0, 0.0, 0.0))
     if s.is_sum:
         return bool(w <= top_height(s, u, v)[0])
@@ -181,7 +183,7 @@ def is_untouched(s: Surface) -> bool:
 
 @njit()
 def is_steep(s: Surface, slope: float, place_and_normal: Ray) -> bool:
-    """Whether press and field tilt the top by more than a slope [-], at a point given with the unit normal outward."""
+    """Whether press and field tilt the top by more than a slope [-], at a given point with a given outward normal."""
     x, y, _, nx, ny, nz = in_frame(s, place_and_normal)
     _, along, across = sag(s.kx, s.ky, x, y)
     return bool(nz <= 0.0 or math.hypot(along - nx / nz, across - ny / nz) > slope)
@@ -193,8 +195,8 @@ def tip_hit(s: Surface, ray: Ray, limit: float) -> tuple[float, bool, float, flo
 
     Returns
     -------
-    distance [mm], whether there is one, and the unit normal that points out of the tip. A normal of length zero means
-    that the ray starts inside the tip
+    distance [mm], whether there is such a point, and the unit normal that points out of the tip. A normal of length
+    zero means that the ray starts inside the tip
     """
     best, hit, nx, ny, nz = limit, False, 0.0, 0.0, 0.0
     x, y, z, dx, dy, dz = in_frame(s, ray)
@@ -224,7 +226,7 @@ def tip_hit(s: Surface, ray: Ray, limit: float) -> tuple[float, bool, float, flo
 
 @njit()
 def in_frame(s: Surface, ray: Ray) -> Ray:
-    """Convert a ray from the cavity frame to the frame of the press."""
+    """Convert a ray from cavity coordinates to press coordinates."""
     x, y, z, dx, dy, dz = ray
     place = _turned(s.axes, x - s.origin[0], y - s.origin[1], z - s.origin[2])
     return place + _turned(s.axes, dx, dy, dz)
@@ -232,7 +234,7 @@ def in_frame(s: Surface, ray: Ray) -> Ray:
 
 @njit()
 def _turned(a: tuple[float, ...], vx: float, vy: float, vz: float) -> Vector:
-    """Convert a vector from the cavity frame to the frame of the press."""
+    """Convert a vector from cavity coordinates to press coordinates."""
     return (
         a[0] * vx + a[1] * vy + a[2] * vz,
         a[3] * vx + a[4] * vy + a[5] * vz,
@@ -242,7 +244,7 @@ def _turned(a: tuple[float, ...], vx: float, vy: float, vz: float) -> Vector:
 
 @njit()
 def _turned_back(a: tuple[float, ...], vx: float, vy: float, vz: float) -> Vector:
-    """Convert a vector from the frame of the press to the cavity frame."""
+    """Convert a vector from press coordinates to cavity coordinates."""
     return (
         a[0] * vx + a[3] * vy + a[6] * vz,
         a[1] * vx + a[4] * vy + a[7] * vz,
@@ -252,7 +254,7 @@ def _turned_back(a: tuple[float, ...], vx: float, vy: float, vz: float) -> Vecto
 
 @njit()
 def sag(kx: float, ky: float, x: float, y: float) -> tuple[float, float, float]:
-    """Distance of an untouched top below its highest point at a point in plan [mm], and the distance's slopes [-]."""
+    """Distance of an untouched top below its highest point [mm], and the distance's slopes [-], at (x, y) in plan."""
     u, v = kx * x, ky * y
     square = u * u + v * v
     if square <= STEEPEST_SHARE * STEEPEST_SHARE:
@@ -267,7 +269,7 @@ def sag(kx: float, ky: float, x: float, y: float) -> tuple[float, float, float]:
 
 @njit()
 def top_height(s: Surface, x: float, y: float) -> tuple[float, float, float]:
-    """Height of the top as a sum [mm], and its slopes along x and y [-], at a point in the frame of the press."""
+    """Height of the top as a sum [mm], and its slopes along x and y [-], at a point in press coordinates."""
     height, along, across = 0.0, 0.0, 0.0
     if s.ky > 0.0:
         fall, along, across = sag(s.kx, s.ky, x, y)
@@ -326,7 +328,7 @@ def _field_height(s: Surface, x: float, y: float) -> tuple[float, float, float]:
 
 @njit()
 def _cubic_ends(t: float, end: int, step: float) -> tuple[float, float, float, float]:
-    """Weights of one end's value and slope in a cubic's value, then in its slope; t in [0, 1] from the first end."""
+    """Weights of the value and slope at one end, in a cubic's value, then in its slope; t in [0, 1] from its start."""
     if end == 0:
         return (
             1.0 + t * t * (2.0 * t - 3.0),
@@ -344,7 +346,7 @@ def _cubic_ends(t: float, end: int, step: float) -> tuple[float, float, float, f
 
 @njit()
 def _sum_hit(s: Surface, side: float, ray: Ray, limit: float) -> Meeting:
-    """`top_hit` for a ray in the frame of the press and a top that is a sum of heights."""
+    """`top_hit` for a ray in press coordinates and a top that is a sum of heights."""
     x, y, z, dx, dy, dz = ray
     t, stop = 0.0, limit
     far = s.lowest if side == INSIDE else s.highest  # beyond this height there is no surface
@@ -370,8 +372,7 @@ def _sum_hit(s: Surface, side: float, ray: Ray, limit: float) -> Meeting:
 
 @njit()
 def _clearance(s: Surface, side: float, ray: Ray, t: float) -> tuple[float, float]:
-    """Height of the top above a ray at distance t (in air, of the ray above the top) [mm], and its growth along the
-    ray."""
+    """Clearance at distance t along a ray [mm], positive on the ray's side of the top, and its growth along the ray."""
     x, y, z, dx, dy, dz = ray
     height, along, across = top_height(s, x + t * dx, y + t * dy)
     return side * (height - z - t * dz), side * (along * dx + across * dy - dz)
@@ -379,8 +380,7 @@ def _clearance(s: Surface, side: float, ray: Ray, t: float) -> tuple[float, floa
 
 @njit()
 def _bends(s: Surface, side: float, ray: Ray, t0: float, t1: float) -> tuple[float, float]:
-    """Bounds K_up and K_down of the second derivative of a ray's distance from the top, between two points on it
-    [1/mm]."""
+    """Bounds K_up, K_down on the second derivative of a ray's clearance from the top between t0 and t1 [1/mm]."""
     x, y, _, dx, dy, _ = ray
     bound = s.field_bend
     a = dx * dx + dy * dy
@@ -409,8 +409,7 @@ def _bends(s: Surface, side: float, ray: Ray, t0: float, t1: float) -> tuple[flo
 
 @njit()
 def _next_border(s: Surface, ray: Ray, t: float, limit: float) -> tuple[float, int]:
-    """Distance at which a ray next crosses a border in plan, and which: a tip's number, or -1, -2 for the field in x,
-    y."""
+    """Distance at which a ray next crosses a border in plan; tip number, or -1, -2 for the field's border in x, y."""
     x, y, _, dx, dy, _ = ray
     best, which = limit, -3
     a = dx * dx + dy * dy
@@ -466,9 +465,9 @@ def _first_zero(s: Surface, side: float, ray: Ray, t0: float, t1: float) -> floa
 
 @njit()
 def _zero(s: Surface, side: float, ray: Ray, low: float, high: float) -> float:
-    """Distance at which a ray meets the top, between one where it does not yet and one where it is past the top [mm].
+    """Distance at which a ray meets the top [mm], between `low`, before the top, and `high`, past the top.
 
-    Newton's steps start from the far end; a step that leaves the bracket is replaced by halving.
+    Newton's steps start from `high`; a step that leaves the bracket is replaced by halving.
     """
     place = high
     for _ in range(60):
@@ -519,7 +518,7 @@ def _tip_z(s: Surface) -> float:
 
 @njit(forceinline=True)
 def _cone_hit(s: Surface, side: float, ray: Ray, limit: float) -> Meeting:
-    """`top_hit` for a ray in the frame of the press, if the top is the plane z = 0 and one tip's cones.
+    """`top_hit` for a ray in press coordinates, if the top is the plane z = 0 and one tip's cones.
 
     From outside, the tip's sphere is not tested.
     """
@@ -620,9 +619,9 @@ def _cone_distance(
 def _one_cone_distance(cone: FloatArray, side: float, line: Line, limit: float) -> float:
     """Distance at which a ray passes through one cone frustum from its side [mm]; infinite if not before `limit`.
 
-    The offset from the cone, f(t) = (z - z0) kr - (r - r0) kz with start (r0, z0) and direction (kr, kz), is zero
-    there. It grows where the ray leaves the elastomer, and falls where the ray enters. Squaring r = sqrt(a t² + 2 b t +
-    c) gives a quadratic. Newton steps on f then remove its rounding, and reveal a root on the mirrored cone.
+    There the offset from the cone, f(t) = (z - z0) kr - (r - r0) kz with start (r0, z0) and direction (kr, kz), is
+    zero. It grows where the ray leaves the elastomer, and falls where the ray enters it. Squaring r = sqrt(a t² + 2 b t
+    + c) gives a quadratic. Newton steps on f then remove its rounding, and reveal a root on the mirrored cone.
     """
     a, b, c, z, dz = line
     r0, z0, kr, kz, length = cone[:5]

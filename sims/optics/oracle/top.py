@@ -5,24 +5,24 @@ curve*.
 
 Contact
 -------
-For a hemisphere the contact is an exact sphere. Above its equator (a press deeper than the tip radius) it is the
-cylindrical shank, up to the curve's last point within the contact radius. For another tip the curve itself is the
-contact, up to that point.
+For a hemispherical tip the contact is an exact sphere. If the press is deeper than the tip radius, the contact
+continues above the equator on the cylindrical shank, up to the curve's last point within the contact radius. For any
+other tip the curve itself is the contact, up to that point.
 
 As cones
 --------
 A single tip on a flat top is given by cones. The stored points (radius, height) of the free curve are interpolated by a
-smooth curve: a monotone cubic (PCHIP, Fritsch & Carlson 1980) of radius and of height over chord length. So the curve
-may run back under itself. It is cut into straight pieces that turn by at most `TURN_LIMIT` and are at most
+smooth curve: radius and height are each a monotone cubic (PCHIP, Fritsch & Carlson 1980) over chord length. So the
+curve may run back under itself. It is cut into straight pieces that turn by at most `TURN_LIMIT` and are at most
 `PIECE_LIMIT_MM` long, which keeps them within 0.15 µm of the curve. Revolved, each piece is a cone frustum. Normals
 turn linearly from end to end of a piece, so they are continuous. If the curve does not end at height zero, a vertical
 ring closes the step.
 
 As heights that add up
 ----------------------
-On a crown, with a field or with several tips, heights are added. The curve beyond an exact sphere, or all of it for
-another tip, is a monotone cubic (PCHIP) of height over radius through the stored points. Curves with more than one
-height at a radius are refused. The exception is a shank in the pad, which is made to lean by the slope `STEEPEST`.
+On a crown, with a field or with several tips, heights are added. The curve beyond an exact sphere, or the whole curve
+for other tips, is a monotone cubic (PCHIP) of height over radius through the stored points. Curves with more than one
+height at a radius are refused, except for a shank in the pad: it is made to lean, with the slope `STEEPEST`.
 
 This file shares no code with the fast light model on purpose: the two are compared with each other.
 """
@@ -59,15 +59,15 @@ Tip = tuple[FloatArray, Indentation]
 """Centre (2,) [mm] and press of a tip that touches the pad."""
 
 TIP_MISMATCH_MM = 0.1
-"""Largest distance between tip and curve at the end of the contact [mm]; the contact model's mesh and penetration cause
-some."""
+"""Largest distance between tip and curve at the end of the contact [mm]; some distance is due to the contact model's
+mesh and penetration."""
 TURN_LIMIT = 0.01
 """Largest turn of the curve within one straight piece [rad]."""
 PIECE_LIMIT_MM = 0.1
-"""Longest straight piece [mm]; with the turn limit, it departs from the curve by at most 0.125 µm."""
+"""Longest straight piece [mm]. Together with the turn limit, it keeps pieces within 0.125 µm of the curve."""
 STEEPEST, SPHERE_KNOTS = 30.0, 97
-"""Outward slope given to a shank in the pad, whose edge so moves out by a thirtieth of the wetted length; and number of
-points of the sphere below it."""
+"""Outward slope given to a shank in the pad, so its edge moves out by a thirtieth of the wetted length; and number of
+points on the sphere below the shank."""
 
 
 def lower_presses(
@@ -82,15 +82,15 @@ def lower_presses(
     ----------
     scene : the pad
     centres_mm : (state, 2), or (state, tip, 2) if several tips press at once [mm]
-    indentations : (state,) press or None (untouched), or a sequence of these, one per tip
-    fields : (state,) smooth height added to the top, or None; on a crown, along the normal at the press, over the
-        press's frame
+    indentations : (state,) press or None (untouched), or a sequence with one of these per tip
+    fields : (state,) smooth height added to the top, or None. On a crown it is a function of press coordinates x and y,
+        added along the normal at the press
 
     Raises
     ------
     InputError : shapes do not fit, a press is outside the pad, or a profile is invalid.
-    ModelScopeError : with several tips, a field or a crown, a curve folds; contacts overlap; several tips press on a
-        crown, or the crown falls too steeply in the frame of a press.
+    ModelScopeError : a curve folds and there are several tips, a field or a crown; contacts overlap; several tips press
+        on a crown; or the crown falls too steeply around a press.
     """
     states = len(indentations)
     centres = np.asarray(centres_mm, dtype=np.float64)
@@ -153,7 +153,7 @@ def lower_top(
 ) -> Surface:
     """Convert an untouched top, the tips that press on it and a field to numbers.
 
-    where : name of the presses in messages
+    where : name of the presses for error messages
     outline : (n, 2) outline of the pad in plan [mm], needed under a crown
 
     Raises
@@ -163,7 +163,7 @@ def lower_top(
     is_sum = not top.is_flat or field is not None or len(tips) > 1
     _check_together(top, tips, field, where)
     origin, axes = np.array([0.0, 0.0, top.clear_mm]), np.eye(3)
-    if not (top.is_flat and is_sum):  # in the frame of the one press
+    if not (top.is_flat and is_sum):  # in the coordinates of the one press
         x, y = tips[0][0] if tips else top.apex_mm
         origin, axes = top.press_frame(float(x), float(y))
         tips = [(np.zeros(2), press) for _, press in tips]
@@ -220,7 +220,7 @@ def _check_together(top: Top, tips: Sequence[Tip], field: SmoothField | None, wh
 
 
 def _reach_mm(top: Top, origin: FloatArray, axes: FloatArray, outline: FloatArray, where: str) -> float:
-    """Largest distance of the pad's points from the axis of the press's frame [mm]; on a cylinder, only across it."""
+    """Largest distance of the pad's points from the press axis [mm]; on a cylinder, only across it."""
     rim = top.height_mm(outline[:, 0], outline[:, 1])
     ends = np.vstack([np.column_stack([outline, height]) for height in (np.zeros(len(rim)), rim)])
     u, v, _ = axes @ (ends - origin).T
@@ -248,7 +248,7 @@ def _joined(parts: Sequence[ArrayLike], columns: int) -> FloatArray:
 
 
 class _Profile(NamedTuple):
-    """One tip's part of a `Surface`: either cones, or a curve of heights that add up; the other kind has no rows."""
+    """One tip's part of a `Surface`: either cones, or a curve of heights to be added; the other of the two is empty."""
 
     tip: tuple[float, ...]
     lowest: float
@@ -263,7 +263,7 @@ class _Profile(NamedTuple):
 def _lower_profile(
     centre: FloatArray, given: Indentation, mean_curvature: float, is_sum: bool, where: str
 ) -> _Profile:
-    """Convert a press's profile, whose heights are above a sphere of the mean curvature [1/mm]."""
+    """Convert a press's profile, whose heights are measured from a sphere of the mean curvature [1/mm]."""
     heights = np.asarray(given.height_mm, float) - _falls(given.radius_mm, mean_curvature)
     press = replace(given, height_mm=heights)  # above the tangent plane
     free, wetted, cap = free_curve(press, where)
@@ -292,7 +292,7 @@ def _lower_profile(
 
 
 def _solid(press: Indentation, centre: FloatArray, wetted: FloatArray) -> FloatArray:
-    """(1, 6) row of `Surface.solids`, the tip that light in air meets; (0, 6) without contact."""
+    """(1, 6) row of `Surface.solids` for the tip that light in air meets; (0, 6) if there is no contact."""
     x, y = centre
     if press.contact_radius_mm == 0.0:
         return np.empty((0, 6))
@@ -306,7 +306,7 @@ def check_indentation(press: Indentation, top_mm: float, where: str) -> None:
     """Refuse a press whose profile cannot be a pad's surface.
 
     top_mm : height of the undisturbed surface [mm]
-    where : name of the press in messages
+    where : name of the press for error messages
 
     Raises
     ------
@@ -345,7 +345,7 @@ def check_indentation(press: Indentation, top_mm: float, where: str) -> None:
 
 
 def free_curve(press: Indentation, where: str) -> tuple[FloatArray, FloatArray, float]:
-    """Points (n, 2) of the free curve, points (m, 2) of the contact beyond its sphere, radius of the sphere's edge.
+    """Points (n, 2) of the free curve; points (m, 2) of the contact beyond its sphere; radius of the sphere's edge.
 
     The radius is 0 if the tip is no hemisphere or does not touch.
     """
@@ -372,7 +372,7 @@ def free_curve(press: Indentation, where: str) -> tuple[FloatArray, FloatArray, 
 
 
 def apart(knots: FloatArray) -> FloatArray:
-    """Points of a curve without those that repeat the previous one."""
+    """Points of a curve without those that repeat the previous point."""
     step = np.hypot(*np.diff(knots, axis=0).T)
     return np.asarray(knots[np.concatenate([[True], step > SEAM_MM])])
 
@@ -427,8 +427,8 @@ def _single_valued(
 
     Returns
     -------
-    (n, 2) radius and height by rising radius; radius of the sphere at the axis, 0 if there is none; contact radius. All
-    in mm
+    (n, 2) radius and height by increasing radius; radius of the sphere at the axis, 0 if there is none; contact radius.
+    All in mm
 
     Raises
     ------
@@ -464,7 +464,7 @@ def _leaning(press: Indentation, free: FloatArray) -> FloatArray:
 def _rings(
     edge: float, contact: float, sphere: float, pieces: FloatArray, mean_curvature: float
 ) -> tuple[FloatArray, FloatArray]:
-    """For each ring, (1, BINS) first piece that reaches into it, and (1, BINS) bound of curvature [1/mm]."""
+    """For each ring, (1, BINS) first piece that reaches into it, and (1, BINS) bound on curvature [1/mm]."""
     border = np.linspace(0.0, edge, BINS + 1)
     ends = np.append(pieces[1:, 0], edge)
     first = np.searchsorted(ends, border[:-1], side="left").clip(max=len(pieces) - 1)
@@ -483,7 +483,7 @@ def _rings(
 
 
 def _piece_bends(pieces: FloatArray, ends: FloatArray) -> FloatArray:
-    """(m,) bound of |h''| and of |h'| / r on each cubic piece [1/mm]."""
+    """(m,) bound on |h''| and |h'| / r on each cubic piece [1/mm]."""
     start, size = pieces[:, 0], ends - pieces[:, 0]
     _, _, one, two, three = pieces.T
     second = np.maximum(np.abs(2.0 * two), np.abs(2.0 * two + 6.0 * three * size))
@@ -495,7 +495,7 @@ def _piece_bends(pieces: FloatArray, ends: FloatArray) -> FloatArray:
 def _lowered_field(
     field: SmoothField | None,
 ) -> tuple[FloatArray, FloatArray, FloatArray, float, float, float]:
-    """Nodes, origin and step of a field; lowest and highest value [mm], and bound of curvature [1/mm]."""
+    """Nodes, origin and step of a field; lowest and highest value [mm]; bound on curvature [1/mm]."""
     if field is None:
         return np.empty((0, 0, 4)), np.zeros(2), np.ones(2), 0.0, 0.0, 0.0
     nodes = np.ascontiguousarray(field.nodes, dtype=np.float64)

@@ -1,8 +1,8 @@
 """The oracle: a plain Monte-Carlo ray tracer that checks the fast light model.
 
-It shares no intersection, surface or Fresnel code with the fast model; only scene and press are common, as data. Rays
-start at each emitter and may pass through air, as `sims.optics.oracle.walk` describes. The top and its limits are those
-of `sims.optics.oracle.surface`.
+It shares no intersection, surface or Fresnel code with the fast model; the two have only the data of scene and press in
+common. Rays start at each emitter and may pass through air, as `sims.optics.oracle.walk` describes.
+`sims.optics.oracle.surface` describes the top and its limits.
 
 Classes of received light
 -------------------------
@@ -11,8 +11,8 @@ Classes of received light
 - `skirt`: mirrored at the top only, at least once where a press makes it slope by more than 0.02.
 - `wall`: never scattered, mirrored by a smooth wall at least once.
 - `diffuse`: scattered at least once by a wall, the bottom or the tip.
-- `crossing`: left through the top, crossed air and entered again at least once, with any other interactions. The fast
-  model leaves it out; compare `OracleLight.without_crossing` with that model.
+- `crossing`: left through the top, crossed air and entered again at least once, with or without other interactions. The
+fast model leaves this class out; compare it with `OracleLight.without_crossing`.
 
 The border between `top` and `skirt` is a convention: another definition moves light between the two but does not change
 their sum.
@@ -20,10 +20,10 @@ their sum.
 Accuracy
 --------
 Standard errors come from the second moment over rays. A pair that no ray reached has a standard error of zero, which
-means "not resolved", not "known to be zero": flux below about `1 / rays` is not detected.
+means that its flux is unknown, not that it is zero: flux below about `1 / rays` is not detected.
 
 The two compiled entry points are cached on disk, together with all functions that they call. Functions that every
-flight calls are forced inline: calls that pass a scene of arrays cost a third of the speed.
+flight calls are forced inline: calls that pass a scene of arrays would cost a third of the speed.
 """
 
 from __future__ import annotations
@@ -68,7 +68,7 @@ def trace_emitter(
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Trace the rays of one emitter; return sums over the rays of each batch.
 
-    The sums are the received weight by class and receiver, its square, and the weight by way of ending (`FATES`).
+    The sums are of the received weight by class and receiver, of its square, and of the weight by fate (`FATES`).
     """
     receivers = scene.receiver_wall.shape[0]
     flux = np.zeros((BATCHES, CLASS_COUNT, receivers))
@@ -92,7 +92,7 @@ def trace_emitter(
 def next_path(
     scene: Scene, top: Surface, emitter: int, wanted: BoolArray, seed: int, ray: int, tries: int, places: int
 ) -> tuple[int, int, int, FloatArray]:
-    """Trace rays from number `ray` on until one has a requested end: its number, fate (-1: none), receiver, points."""
+    """Trace rays from number `ray` on until one ends as requested; return number, fate (-1: none), receiver, points."""
     vertices = np.empty((places, 3))
     for number in range(ray, ray + tries):
         stream = ray_stream(seed, 0, emitter, number)
@@ -117,10 +117,10 @@ class OracleLight:
     flux : (class, state, emitter, receiver) flux by `CLASSES` [-]
     class_standard_error : (class, state, emitter, receiver) standard error of `flux` [-]
     standard_error : (state, emitter, receiver) standard error of the flux summed over classes [-]
-    ledger : (fate, state, emitter) share of the emitted power by how it ends (`FATES`) [-]: received by class; absorbed
-        at walls, bottom and tip, and in the volume; escaped through the top; `uncounted`, met a receiver that does not
-        count it; `unsubmerged`, radiated by the part of the emitter that is above the surface; `unresolved`, rays given
-        up. The sum over fates is 1
+    ledger : (fate, state, emitter) share of the emitted power by fate (`FATES`) [-]: received, by class; absorbed at
+        walls, bottom and tip, and in the volume; escaped through the top; `uncounted` light, which met a receiver but
+        was not counted; `unsubmerged` light, radiated by the part of the emitter that is above the surface;
+        `unresolved` light, whose rays were given up. The sum over fates is 1
     rays : number of rays per emitter and state
     seed : seed of the random streams
     """
@@ -139,7 +139,7 @@ class OracleLight:
 
     @property
     def without_crossing(self) -> FloatArray:
-        """(state, emitter, receiver) flux of light that never left the elastomer [-], as the fast engine models it."""
+        """(state, emitter, receiver) flux of light that never left the elastomer [-], as in the fast model."""
         return np.asarray(self.flux[:CROSSING].sum(axis=0))
 
 
@@ -159,18 +159,18 @@ def trace_oracle(
     ----------
     scene : the pad
     centres_mm : (state, 2), or (state, tip, 2), x and y of the press axes [mm]; ignored for untouched states
-    indentations : one press or None (untouched) for each state, or a sequence of these, one per tip
-    fields : smooth height added to the top, or None, for each state; on a crown, along the normal at the press, over
-        the first two axes of the press's frame (`PadForm.press_frame`)
-    rays : number of rays for each emitter and state
+    indentations : for each state one press or None (untouched), or a sequence with one of these per tip
+    fields : for each state a smooth height added to the top, or None. On a crown it is a function of press coordinates
+        x and y (`PadForm.press_frame`), added along the normal at the press
+    rays : number of rays per emitter and state
     seed : seed of the random streams, >= 0
-    on_step : function called with emitters done and emitters in all, over all states
+    on_step : function called with (emitters done, emitters in all), counted over all states
 
     Raises
     ------
     InputError : the scene, a location, a profile or the seed is invalid, or there are fewer than 2 rays.
-    ModelScopeError : with several tips, a field or a crown, a curve folds; contacts overlap; several tips press on a
-        crown, or the pad reaches too far around a press there.
+    ModelScopeError : a curve folds and there are several tips, a field or a crown; contacts overlap; several tips press
+        on a crown; or a crowned pad reaches too far around a press.
     """
     if rays < 2:
         raise InputError(f"rays: {rays} is too few; at least 2")
@@ -200,7 +200,7 @@ def trace_oracle(
 
 
 def _standard_error(mean: FloatArray, mean_square: FloatArray, rays: int) -> FloatArray:
-    """Standard error of a mean over rays, each of which adds to one bin only."""
+    """Standard error of a mean over rays, each of which adds to only one bin."""
     return np.asarray(np.sqrt(np.maximum(mean_square - mean * mean, 0.0) / (rays - 1)))
 
 

@@ -6,23 +6,23 @@ Geometrical optics, unpolarised, one wavelength. An emitter is a rectangle on a 
 or a tabulated pattern, into the elastomer. A ray flies straight to the nearest wall, bottom or top. The top reflects by
 Fresnel's equations; transmitted light continues in air and may enter again. Walls, emitter faces, the bottom and the
 tip in contact are Lambertian. Smooth walls and the emitters' faces in them mirror Fresnel's share first, and scatter
-part of the rest. Receivers absorb all light that meets them. They count all of it, or a share that depends on the angle
+part of the rest. Receivers absorb all light that meets them, and count all of it or a share that depends on the angle
 of arrival.
 
 Random decisions and weight
 ---------------------------
 At the top and at a wall one random number decides whether a ray is reflected, and at a receiver whether it is counted.
-Below the critical angle the reflectance is a few percent, so following both parts would cost more than it gains.
+Below the critical angle the reflectance is a few per cent, so following both parts would cost more than it gains.
 Absorption is not random: the ray has the weight exp(-absorption · distance), and the lost part is booked as absorbed in
 the volume. Each ray thus ends at one point, and all shares of the power sum to 1 up to rounding.
 
 Light in air
 ------------
 A ray that leaves by Snell's law flies straight, and meets the top from outside, a tip, or a wall. The top mirrors it or
-lets it in by Fresnel's equations. Tips scatter or absorb like their part in contact. A wall that the dimple exposes
-below the undisturbed top scatters or absorbs like any wall, but is never smooth, and its receivers absorb without
-counting. Above the undisturbed top there is nothing next to the pad: light that passes over a wall has escaped. Air
-absorbs nothing.
+lets it in by Fresnel's equations. Tips scatter or absorb as they do in contact. A wall that the dimple exposes below
+the undisturbed top scatters or absorbs like any wall, but is never smooth, and its receivers absorb without counting.
+Next to the pad nothing stands above the undisturbed top: light that passes over a wall has escaped. Air absorbs
+nothing.
 
 Left out
 --------
@@ -91,8 +91,8 @@ def fly(
 
     Returns
     -------
-    how the flight ends; random stream; end point and direction, inside the elastomer again if the ray enters it; number
-    of points
+    how the flight ends; state of the random stream; end point and direction, inside the elastomer again if the ray
+    enters it; number of points
     """
     (x, y, z), (dx, dy, dz) = place, direction
     for _ in range(AIR_STEP_LIMIT):
@@ -173,7 +173,7 @@ FATES = (
     "unsubmerged",
     "unresolved",
 )
-"""Possible ends of light: the first six are classes of light at a receiver, the others are losses."""
+"""Possible ends of light: the first six are classes of received light, the others are losses."""
 (
     DIRECT,
     TOP,
@@ -192,7 +192,8 @@ FATES = (
 ) = range(14)
 
 SKIRT_SLOPE = 0.02
-"""Slope of the pressed top against the untouched top above which a reflection makes a path a `skirt` path [-]."""
+"""Slope of the pressed top against the untouched top [-]; a reflection where it is larger makes a path a `skirt`
+path."""
 STEP_LIMIT = 10_000
 """Number of flights after which a ray is given up and booked as unresolved."""
 
@@ -222,7 +223,7 @@ def walk(
     -------
     fate : index into `FATES`
     receiver : number of the receiver, or -1
-    weight : remaining share of the ray at its end [-]; the rest is absorbed in the volume
+    weight : share of the ray's power that remains at its end [-]; the rest is absorbed in the volume
     count : number of points on the path
     """
     stream, u = draw(stream)
@@ -265,15 +266,15 @@ def walk_inside(
     Parameters
     ----------
     path : class of the light so far, an index into `FATES`
-    weight : remaining share after absorption [-]
+    weight : share of the ray's power that remains after absorption so far [-]
     stream : state of the ray's random stream
     place, direction : start [mm], and unit direction [-]
     vertices, count : (n, 3) points of the path so far [mm], which are extended, and their number
 
     Returns
     -------
-    fate, receiver, weight and count as for `walk`; then random stream, point and direction, which are valid just
-    outside the top if the fate is `ESCAPED`
+    fate, receiver, weight and count as for `walk`; then state of the random stream, point and direction. If the fate is
+    `ESCAPED`, point and direction are those just outside the top
     """
     (x, y, z), (dx, dy, dz) = place, direction
     for _ in range(STEP_LIMIT):
@@ -327,7 +328,7 @@ def walk_inside(
 
 @njit()
 def _counted_share(scene: Scene, receiver: int, cosine: float) -> float:
-    """Share of light arriving at a cosine that a receiver counts [-]."""
+    """Share that a receiver counts of light arriving at a cosine to its normal [-]."""
     if scene.receiver_response.shape[1] == 0:
         return 1.0
     return table_value(scene.receiver_response[receiver], cosine)

@@ -1,4 +1,4 @@
-"""Convert a design to the arrays of an optical scene, and check scenes and masks of pairs.
+"""Convert a design to the arrays of an optical scene, and check scenes and masks of requested pairs.
 
 A pad that is not a rectangular block with a flat top gets a `PadForm`: its walls and top.
 """
@@ -28,8 +28,8 @@ from sims.optics.scene.optical_scene import (
 
 WALLS = 4
 POWER_TOLERANCE = 1e-6
-"""Largest deviation of a pattern's power from 1 [-]: far below the light model's bias of 0.01 %; more means that the
-pattern was not normalised."""
+"""Largest deviation of a pattern's power from 1 [-]: far below the light model's bias of 0.01 %. A larger deviation
+means that the pattern was not normalised."""
 
 
 def check_scene(scene: OpticalScene) -> None:
@@ -37,7 +37,7 @@ def check_scene(scene: OpticalScene) -> None:
 
     Raises
     ------
-    InputError : a field is out of range or has the wrong shape; the message names the first one.
+    InputError : a field of the scene is out of range or has the wrong shape; the message names the first such field.
     """
     for name in ("length_mm", "width_mm", "height_mm"):
         _require(name, getattr(scene, name), 0.0, np.inf, open_low=True)
@@ -60,7 +60,7 @@ def check_scene(scene: OpticalScene) -> None:
 
 
 def wanted_pairs(pairs: BoolArray | None, states: int, emitters: int, receivers: int) -> BoolArray:
-    """(state, emitter, receiver) mask of pairs to trace; a mask without states holds for all, None means every pair.
+    """(state, emitter, receiver) mask of pairs to trace. A mask without states holds for all; None is for all pairs.
 
     Raises
     ------
@@ -155,11 +155,12 @@ def _check_response(response: FloatArray, receivers: int) -> None:
 TURN_RAD = 2.0 * math.pi
 BORDER_STEP_RAD = TURN_RAD / 96
 ROUNDING = 1e-9
-"""Tolerance of points [mm] and of cosines [-], so that a ray to the edge between two walls meets at least one."""
+"""Tolerance of points [mm] and of cosines [-]; due to it a ray to the edge between two walls meets at least one of
+them."""
 
 
 def scene_of(design: SensorDesign) -> OpticalScene:
-    """Optical scene of a design: the clear layer and the active areas of all parts, in the cavity's order.
+    """Optical scene of a design: the clear layer and all active areas, in the order of the parts in the cavity.
 
     An emitter's angular pattern, if it has one, replaces its Lambertian order. A receiver counts all light on its
     active area, at any angle, unless its part gives the index of the epoxy on the chip.
@@ -200,7 +201,7 @@ def form_of(plan: Plan) -> PadForm:
 
 
 def _round_walls(outline: Outline) -> FloatArray:
-    """(m, 6) round walls. Arcs of one circle become one, with any facets between; a round pad has a whole circle."""
+    """(m, 6) round walls. Arcs of one circle become one, including facets between them; a round pad has one circle."""
     circles: dict[tuple[float, float, float], list[Arc]] = {}
     for arc in outline.arcs:
         circles.setdefault((*arc.centre_mm, arc.radius_mm), []).append(arc)
@@ -235,7 +236,7 @@ def _patches(parts: tuple[PlacedPart, ...]) -> FloatArray:
 
 
 def _patterns(parts: tuple[PlacedPart, ...]) -> FloatArray | None:
-    """(e, n) angular patterns, with a row of NaN for each emitter that has an order; None if all have an order."""
+    """(e, n) angular patterns; a row is NaN if the emitter has an order instead; None if all have an order."""
     tables = [part.part.angular_pattern for part in parts]
     if not any(tables):
         return None

@@ -1,26 +1,26 @@
 """The optical scene as plain typed arrays: the only input of the light kernels and of the reference ray tracer.
 
-Frame
------
-x runs from 0 to the inner length and y from 0 to the inner width. z is 0 at the bottom of the clear layer and the clear
-thickness at the undisturbed top. Walls are numbered 0 south (y = 0), 1 east (x = length), 2 north (y = width), 3 west
-(x = 0). The active area of a part is a rectangle on a wall, called a patch. It is given by its centre along the wall (x
-for south and north, y for east and west), its centre height, and two half sizes. Only the part of a patch below the top
-emits or receives. An emitter's flux is a fraction of the power that its *whole* area would emit.
+Coordinates
+-----------
+x runs from 0 to the inner length and y from 0 to the inner width. z is 0 at the bottom of the clear layer; at the
+undisturbed top it equals the layer's thickness. Walls are numbered 0 south (y = 0), 1 east (x = length), 2 north (y =
+width), 3 west (x = 0). The active area of an emitter or receiver is a rectangle on a wall, called a patch. It is given
+by its centre along the wall (x for south and north, y for east and west), its centre height, and two half sizes. Only
+the part of a patch below the top emits or receives. An emitter's flux is a fraction of the power that its *whole* area
+would emit.
 
 Angular properties of a patch are tables over the cosine c to its inward normal, at nodes `np.linspace(0, 1, n)`, linear
 between them.
 
 Pads of other shape (`PadForm`)
 -------------------------------
-In plan the elastomer is convex: the points p with n · (p - o) <= 0 for every flat wall, and |p - c| <= r for every
-round wall in whose sector, seen from its centre c, p is. The bottom is the plane z = 0; the top is a
-`design.shape.top.Top`.
+In plan the elastomer is convex. A point p is inside if n · (p - o) <= 0 for every flat wall, and |p - c| <= r for every
+round wall with p in the sector of its centre c. The bottom is the plane z = 0; the top is a `design.shape.top.Top`.
 
 Response of a receiver
 ----------------------
 The response is the share of light arriving from inside the elastomer that a receiver counts, by angle. Elastomer of
-index n is on the part's flat face; behind the face is epoxy of index n_e with the chip. Light at angle a in the
+index n covers the receiver's flat face; behind the face is epoxy of index n_e with the chip. Light at angle a in the
 elastomer enters the epoxy at angle e, n sin a = n_e sin e (Snell). The unpolarised Fresnel share T(n -> n_e, a) = 1 -
 (R_s + R_p) / 2 enters (Hecht, Optics, eqs 4.34 to 4.62), and the chip counts the share q(e) of it:
 
@@ -32,38 +32,38 @@ has no epoxy index, counts 1 at every angle. One common gain scales all signals,
 The chip's own q follows from the data sheet's response S(b) in air, through the same face and relative to the axis:
 S(b) = cos b T(1 -> n_e, b) / T(1 -> n_e, 0) q(e), sin b = n_e sin e.
 
-* From a table, q is S divided by the other two factors, at most 1: a table that was rounded to the cosine gives a
-  little more. It is valid to the table's last angle or `FARTHEST_DEG`, whichever comes first. Light at larger angles
-  cannot enter the face from air; it is assumed to count as at that angle.
+* From a table, q is S divided by the other two factors, at most 1: a table that was rounded to a cosine gives a little
+  more. It is valid up to the table's last angle or `FARTHEST_DEG`, whichever is smaller. Light at larger angles in the
+  epoxy cannot come from air; it is assumed to count as much as at that angle.
 * From a half angle h, q = cos^p e, where p, 0 or more, gives S(h) = 1/2. A half angle of 60 degrees or more gives p =
   0, a flat chip that counts all light equally.
 
-The table of T has 129 nodes. Its error is 1e-5 of diffuse light for epoxy denser than the elastomer. For thinner epoxy
-the critical angle is rounded off within a cell, with an error of 1.6e-3 at most (scan of indices).
+The table of T has 129 nodes. If the epoxy's index is above the elastomer's, its error is 1e-5 of diffuse light. If it
+is below, the critical angle is rounded off within a cell, with an error of 1.6e-3 at most (scan of indices).
 
-Left out: lenses (bedded in elastomer they lose their power; `check` warns), reflection at the chip, light lost at the
-epoxy's side faces, polarisation.
+The model leaves out lenses (bedded in elastomer they lose their power; `check` warns), reflection at the chip, light
+lost at the epoxy's side faces, and polarisation.
 
 Pattern of an emitter
 ---------------------
-A pattern is the radiance over power and area L(c) [1/sr] of a flat patch. Its power into the half space, 2 pi int_0^1 c
-L(c) dc, is integrated exactly: a cell of width h from node a to node b adds h / 6 (c_a (2 L_a + L_b) + c_b (L_a + 2
-L_b)).
+A pattern is the radiance L(c) of a flat patch, divided by its power per area [1/sr]. Its power into the half space, 2
+pi int_0^1 c L(c) dc, is integrated exactly: a cell of width h from node a to node b adds h / 6 (c_a (2 L_a + L_b) + c_b
+(L_a + 2 L_b)).
 
 A data sheet's table of the intensity I over the angle becomes L(c) = I / c at every node but c = 0. There L has the
-value, 0 or more, that gives the first cell the sheet's power. It stays bounded even if the sheet shows light at 90
+value, 0 or more, with which the first cell has the sheet's power. It stays bounded even if the sheet shows light at 90
 degrees, which a flat face cannot emit. The pattern is then scaled to unit power. Sheets give emission into air. The
-pattern, like a half angle, is assumed to hold in the elastomer, without refraction at the face. A Lambertian source
-behind a flat face stays Lambertian except for Fresnel losses.
+pattern, like a half angle, is assumed to hold in the elastomer, too, without refraction at the face. A Lambertian
+source behind a flat face stays Lambertian except for Fresnel losses.
 
 Smooth height field
 -------------------
 The field is the part of the pressed top's height that is not axisymmetric. Between nodes it is the bicubic Hermite
-patch of value, both slopes and the mixed derivative at the four corners of a cell, continuous with its slope; outside
-it is 0. The caller has to ensure that field and slope vanish at the border, or that the border is on or beyond the
-walls. The nodes' derivatives come from the C2 bicubic spline through the heights (not-a-knot ends). If heights are
-sampled more closely than the nodes, these are nearly the derivatives of the height itself, and few nodes represent a
-steep height.
+patch through value, both slopes and mixed derivative at the four corners of a cell; value and slope are continuous.
+Outside its grid the field is 0. The caller has to ensure that field and slope vanish at the grid's border, or that the
+border is on or beyond the walls. The nodes' derivatives come from the C2 bicubic spline through the heights (not-a-knot
+ends). If heights are sampled more closely than the nodes, these are nearly the derivatives of the height itself, so
+even a steep height needs few nodes.
 """
 
 from __future__ import annotations
@@ -83,7 +83,7 @@ from design.shape.top import Top
 WALL_COLUMNS = ("x", "y", "tx", "ty", "nx", "ny")
 ARC_COLUMNS = ("x", "y", "radius", "ux", "uy", "cosine")
 WHOLE_CIRCLE = (0.0, 0.0, -1.0)
-"""Sector entry of a round wall that is a whole circle (`PadForm.arcs`)."""
+"""Stands in `PadForm.arcs` for the sector of a round wall that is a whole circle."""
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -93,9 +93,10 @@ class PadForm:
     Attributes
     ----------
     walls : (k, 6) flat walls by `WALL_COLUMNS`: x, y of the point from which positions along the wall are measured
-        [mm]; unit tangent in which they grow [-]; unit outward normal [-]
+        [mm]; unit tangent along which these positions increase [-]; unit outward normal [-]
     arcs : (m, 6) round walls by `ARC_COLUMNS`: x, y of the axis, and radius [mm]; then the sector in which the circle
-        is the wall: unit direction from the axis to its middle, and cosine of half its angle [-], or `WHOLE_CIRCLE`
+        serves as the wall: unit direction from the axis to the sector's middle, and cosine of half its angle [-], or
+        `WHOLE_CIRCLE`
     top : the untouched top; its highest point is the scene's height
     """
 
@@ -104,13 +105,14 @@ class PadForm:
     top: Top
 
     def __repr__(self) -> str:
-        """Text with every digit of each number, so that only equal forms have the same text."""
+        """Text with all digits of each number, so only equal forms have the same text."""
         walls, arcs = np.asarray(self.walls).tolist(), np.asarray(self.arcs).tolist()
         return f"PadForm(walls={walls}, arcs={arcs}, top={self.top!r})"
 
 
 FARTHEST_DEG = 80.0
-"""Largest angle used of a data sheet's response table [deg]: near 90 degrees, one small number divides another."""
+"""Largest angle in air that is used of a data sheet's response table [deg]: near 90 degrees the response of the chip is
+the ratio of two small numbers."""
 
 
 def transmitted_share(cosine: FloatArray, index_from: float, index_to: float) -> FloatArray:
@@ -123,7 +125,7 @@ def transmitted_share(cosine: FloatArray, index_from: float, index_to: float) ->
 
     Returns
     -------
-    (...,) share of the power, 0 beyond the critical angle [-]
+    (...,) transmitted share of the power; 0 beyond the critical angle [-]
     """
     c = np.asarray(cosine, dtype=np.float64)
     if index_from == index_to:
@@ -152,7 +154,7 @@ def cosine_nodes(count: int = COSINE_NODES) -> FloatArray:
 
 
 def response_nodes(part: Part, refractive_index: float, count: int = COSINE_NODES) -> FloatArray:
-    """Response of a receiver, as the scene's table: share of light that is counted, by cosine.
+    """Response table of a receiver: the share of arriving light that it counts, by cosine.
 
     Parameters
     ----------
@@ -176,7 +178,7 @@ def response_nodes(part: Part, refractive_index: float, count: int = COSINE_NODE
 
 
 def half_angle_power(half_angle_deg: float, epoxy_index: float) -> float:
-    """Exponent p, 0 or more, of the chip's response cos^p in epoxy that gives 1/2 in air at the half angle [-]."""
+    """Exponent p, 0 or more, with which the chip's response cos^p in epoxy gives 1/2 in air at the half angle [-]."""
     outer = np.cos(np.radians(half_angle_deg))
     face = float(outer * _relative_entry(outer, epoxy_index))
     inner = float(refracted_cosine(outer, 1.0, epoxy_index))
@@ -193,13 +195,13 @@ def _counted_by_table(table: AngularTable, inner: FloatArray, epoxy_index: float
 
 
 def _relative_entry(outer: FloatArray, epoxy_index: float) -> FloatArray:
-    """(...,) transmission from air into the epoxy at the cosines `outer`, over that at normal incidence [-]."""
+    """(...,) transmission from air into epoxy at cosines `outer`, relative to that at normal incidence [-]."""
     on_axis = transmitted_share(np.ones(()), 1.0, epoxy_index)
     return np.asarray(transmitted_share(outer, 1.0, epoxy_index) / on_axis)
 
 
 def pattern_power(radiance: FloatArray) -> FloatArray:
-    """(...,) power of (..., n) patterns, which is 1 for normalised ones [-]."""
+    """(...,) power of (..., n) patterns; 1 if they are normalised [-]."""
     c = cosine_nodes(np.shape(radiance)[-1])
     low, high = radiance[..., :-1], radiance[..., 1:]
     cells = c[:-1] * (2 * low + high) + c[1:] * (low + 2 * high)
@@ -245,18 +247,18 @@ def table_pattern(table: AngularTable, count: int = COSINE_NODES) -> FloatArray:
 
 
 MIN_CELLS = 4
-"""Smallest number of cells per side: a bicubic spline needs four points a side; one more cell separates its ends."""
+"""Smallest number of cells per side. A bicubic spline needs four points per side; one more cell separates its ends."""
 MAX_NODES = 1_000_000
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SmoothField:
-    """A height that is added to the top, on a regular grid; the module's docstring has the interpolation.
+    """A height that is added to the top, on a regular grid; the module's docstring explains the interpolation.
 
     Attributes
     ----------
-    origin_mm : (2,) x and y of the first node in the cavity frame [mm]
-    step_mm : (2,) distance of nodes along x and y [mm]
+    origin_mm : (2,) x and y of the first node in cavity coordinates [mm]
+    step_mm : (2,) distance between nodes along x and y [mm]
     nodes : (nx, ny, 4) value [mm], slope along x [-], slope along y [-], mixed derivative [1/mm] at x_i = x_0 + i dx,
         y_j = y_0 + j dy
 
@@ -285,7 +287,7 @@ class SmoothField:
             raise InputError(f"nodes[{i}, {j}, {k}]: {self.nodes[i, j, k]}, must be finite")
 
     def height_mm(self, x_mm: FloatArray, y_mm: FloatArray) -> FloatArray:
-        """(...,) height [mm] at (...,) points in the cavity frame [mm]; 0 outside the grid."""
+        """(...,) height [mm] at (...,) points in cavity coordinates [mm]; 0 outside the grid."""
         u, i = _cell(np.asarray(x_mm, dtype=np.float64), self.origin_mm[0], self.step_mm[0], len(self.nodes))
         v, j = _cell(
             np.asarray(y_mm, dtype=np.float64), self.origin_mm[1], self.step_mm[1], self.nodes.shape[1]
@@ -312,10 +314,11 @@ def smooth_field(
 
     Parameters
     ----------
-    height_mm : function of x (nx, 1) and y (1, ny) in the cavity frame [mm] that returns (nx, ny) heights [mm]
+    height_mm : function that takes x (nx, 1) and y (1, ny) in cavity coordinates [mm] and returns (nx, ny) heights [mm]
     length_mm, width_mm : size of the cavity [mm]
-    spacing_mm : largest distance of neighbouring nodes; the grid is stretched to end at the walls [mm]
-    finer : number of height samples per distance of nodes, from which the nodes' derivatives are computed
+    spacing_mm : largest distance between neighbouring nodes [mm]; the actual distance is such that the grid ends at the
+        walls
+    finer : number of height samples per distance between nodes; the nodes' derivatives are computed from these samples
 
     Raises
     ------
@@ -343,7 +346,7 @@ def smooth_field(
 
 
 def sum_of_fields(fields: Sequence[SmoothField]) -> SmoothField:
-    """Add fields on the same grid; a single field is returned itself.
+    """Add fields on the same grid; a single field is returned unchanged.
 
     Raises
     ------
@@ -375,9 +378,9 @@ def _spline_nodes(x: FloatArray, y: FloatArray, heights: FloatArray, finer: int)
 
 @lru_cache(maxsize=8)
 def _spline_slopes(count: int, size: float, finer: int) -> FloatArray:
-    """(node, count) matrix from the values at `count` even points from 0 to `size` to the spline's slopes at nodes.
+    """(node, count) matrix from values at `count` evenly spaced points on 0 to `size` to a spline's slopes at nodes.
 
-    Nodes are every `finer`-th of the points.
+    Every `finer`-th point is a node.
     """
     from scipy.interpolate import CubicSpline
 
@@ -386,7 +389,7 @@ def _spline_slopes(count: int, size: float, finer: int) -> FloatArray:
 
 
 def _cell(place: FloatArray, origin: float, step: float, count: int) -> tuple[FloatArray, IntArray]:
-    """Fraction (below 0 or above 1 outside the grid) of a coordinate within its grid cell, and the cell's number."""
+    """Fraction of a coordinate within its grid cell (below 0 or above 1 outside the grid), and the cell's number."""
     t = (place - origin) / step
     cell = np.clip(np.floor(t), 0, count - 2).astype(np.int64)
     return t - cell, cell
@@ -395,19 +398,19 @@ def _cell(place: FloatArray, origin: float, step: float, count: int) -> tuple[Fl
 def _hermite(
     t: FloatArray, step: float
 ) -> tuple[tuple[FloatArray, FloatArray], tuple[FloatArray, FloatArray]]:
-    """Weights of value and slope at a cell's first end, then at its second, for the cubic at fraction t of the cell."""
+    """Weights of value and slope at a cell's first end, then at its second, in the cubic at fraction t of the cell."""
     s = 1.0 - t
     return ((1 + 2 * t) * s * s, step * t * s * s), ((1 + 2 * s) * t * t, -step * s * t * t)
 
 
 @dataclass(frozen=True, kw_only=True)
 class OpticalScene:
-    """The clear elastomer with flat emitters and receivers on its walls; the module's docstring has the frame.
+    """The clear elastomer with flat emitters and receivers on its walls; for coordinates see the module's docstring.
 
     Attributes
     ----------
     length_mm, width_mm, height_mm : size of the clear block along x, y, z [mm]
-    refractive_index : index of the elastomer against air [-]
+    refractive_index : refractive index of the elastomer relative to air [-]
     absorption_per_mm : natural-log absorption coefficient [1/mm]
     wall_reflectance, bottom_reflectance, tip_reflectance : diffuse (Lambertian) reflectance [-]
     emitter_wall : (e,) wall number of each emitter
@@ -416,19 +419,19 @@ class OpticalScene:
     emitter_order : (e,) Lambertian order m of the intensity cos^m [-]; 1 is a Lambertian source
     receiver_wall : (r,) wall number of each receiver
     receiver_patch : (r, 4) columns as in `emitter_patch` [mm]
-    emitter_pattern : (e, n) radiance over power and area L(c) [1/sr] at the cosine's nodes: the intensity of the whole
-        area's unit power is c L(c), so that 2 pi int c L dc = 1. An emitter with a row of NaN has its order instead.
-        None: all have their order, L(c) = (m + 1) / (2 pi) c^(m - 1)
-    receiver_response : (r, n) counted share, 0 to 1, of light that arrives from inside the elastomer, at the cosine's
-        nodes [-]. None: 1 at every angle
-    wall_index : index of the material behind smooth walls [-]; 1 is an air gap. Such a wall mirrors the unpolarised
-        Fresnel share, 1 beyond the critical angle. Of the rest it scatters `wall_reflectance` and absorbs the
-        remainder. Emitters' faces count as wall, receivers' faces do not. None: walls only scatter. The bottom never
-        mirrors
-    form : walls and top of a pad that is not a rectangular block with a flat top; None: the block of the module's
-        frame. With a form, `height_mm` is the height of the highest point; `length_mm` and `width_mm` are those of the
-        box around the plan, which begins at 0, 0. Wall numbers are then rows of `form.walls`, along which positions of
-        patches are measured. The part of a patch above the untouched top is not in the scene
+    emitter_pattern : (e, n) radiance L(c), divided by power per area, at the cosine's nodes [1/sr]: for unit power of
+        the whole area the intensity is c L(c), so 2 pi int c L dc = 1. If an emitter's table row is NaN, its order is
+        used; if the pattern is None, all emitters' orders are used, with L(c) = (m + 1) / (2 pi) c^(m - 1)
+    receiver_response : (r, n) share, 0 to 1, of light arriving from inside the elastomer that is counted, at the
+        cosine's nodes [-]. If None, 1 at every angle
+    wall_index : refractive index of the material behind smooth walls [-]; 1 is an air gap. Such a wall mirrors the
+        unpolarised Fresnel share, which is 1 beyond the critical angle. It scatters the share `wall_reflectance` of the
+        rest and absorbs the remainder. Emitters' faces count as wall, receivers' faces do not. If None, walls only
+        scatter. The bottom never mirrors
+    form : walls and top of a pad that is not a rectangular block with a flat top; None for such a block. With a form,
+        `height_mm` is the height of the highest point; `length_mm` and `width_mm` are the size in plan of the box
+        around the pad, which begins at 0, 0. Wall numbers are then indices into `form.walls`, which also defines
+        positions of patches along the walls. The part of a patch above the untouched top is not in the scene
     """
 
     length_mm: float

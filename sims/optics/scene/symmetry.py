@@ -1,11 +1,11 @@
-"""Rotations and reflections that map a scene onto itself, and the states whose light is equal by them.
+"""Rotations and reflections that map a scene onto itself, and groups of states whose light is equal because of them.
 
-A rectangular block has four candidate motions (identity, half turn, two reflections), a square one four more. For a
+A rectangular block has four candidate motions (identity, half turn, two reflections), a square block four more. For a
 round pad, the candidates are the turns about its axis and reflections through it that move the first emitter to the
 direction of any emitter. A motion is a symmetry if it maps every emitter to an emitter and every receiver to a
-receiver, equal in all but position. A pad that is not a block also has to keep its shape: every wall is mapped to a
-wall, and the crown keeps its apex and its straight direction. A press and its image then have the same light, with
-emitters and receivers renumbered, so only one of them is traced.
+receiver, equal in all but position. A pad that is not a block must also keep its shape: every wall is mapped to a wall,
+and the crown keeps its apex and its straight direction. Under a symmetry, a press and its image have the same light,
+apart from the numbers of emitters and receivers. So only one of the two is traced.
 """
 
 from __future__ import annotations
@@ -20,9 +20,9 @@ from sims.optics.scene.optical_scene import WHOLE_CIRCLE, OpticalScene, PadForm
 from sims.press import Indentation
 
 SAME_PLACE_MM = 1e-6
-"""Two points are the same if their coordinates agree within this: patterns of parts agree to round-off."""
+"""Two points count as the same if their coordinates differ by no more than this, which allows for rounding."""
 SAME_WAY = 1e-9
-"""Two unit vectors are the same if their components agree within this: round-off."""
+"""Two unit vectors count as the same if their components differ by no more than this, which allows for rounding."""
 Key = tuple[tuple[int, int, float], ...]
 Presses = Sequence[Sequence[float | None]]
 
@@ -57,7 +57,8 @@ class StateClasses:
     ----------
     first : (class,) number of the state that represents each class
     member : (state,) number of each state's class
-    emitters : (state, e) for each emitter of a state, the emitter of the representing state with the same light
+    emitters : (state, e) for each emitter of a state, the emitter that has the same light in the state that represents
+        its class
     receivers : (state, r) the same for receivers
     """
 
@@ -87,12 +88,12 @@ def symmetries_of(scene: OpticalScene) -> tuple[SceneSymmetry, ...]:
 
 
 def press_keys(pressed: Sequence[Sequence[Indentation | None]]) -> Presses:
-    """Keys of presses by the identity of their surface curve; None where a tip does not touch."""
+    """Keys that are equal if presses have the same curve object; None where a tip does not touch."""
     return [[None if tip is None or tip.depth_mm <= 0 else id(tip) for tip in tips] for tips in pressed]
 
 
 def each_its_own(scene: OpticalScene, states: int) -> StateClasses:
-    """Classes for states that are all traced: each state is its own class."""
+    """Classes for states that are all to be traced: each state is a class of its own."""
     every = np.arange(states)
     return StateClasses(
         first=every,
@@ -108,7 +109,7 @@ def state_classes(scene: OpticalScene, centres_mm: FloatArray, pressed: Presses)
     Parameters
     ----------
     centres_mm : (state, tip, 2) press axes [mm]
-    pressed : per state and tip a key that is equal for equal presses; None where the tip does not touch
+    pressed : for each state and tip, a value that is the same for equal presses; None where the tip does not touch
     """
     symmetries = symmetries_of(scene)
     known: dict[Key, tuple[int, SceneSymmetry]] = {}
@@ -135,7 +136,7 @@ def state_classes(scene: OpticalScene, centres_mm: FloatArray, pressed: Presses)
 
 
 def _key(places_mm: FloatArray, tips: Sequence[float | None]) -> Key:
-    """Key of a state: locations and press keys of its touching tips, sorted so that the tips' order does not matter."""
+    """Key of a state: locations and press keys of its touching tips, sorted, as the tips' order does not matter."""
     rounded = np.round(places_mm / SAME_PLACE_MM).astype(np.int64)
     return tuple(
         sorted((int(x), int(y), tip) for (x, y), tip in zip(rounded, tips, strict=False) if tip is not None)
@@ -156,7 +157,7 @@ def _motions_of(scene: OpticalScene) -> list[tuple[FloatArray, FloatArray]]:
 
 
 def _turns_and_mirrors(scene: OpticalScene, centre_mm: FloatArray) -> list[tuple[FloatArray, FloatArray]]:
-    """Motions of a round pad that move the first emitter to the direction of an emitter: turns, then reflections."""
+    """Motions of a round pad that move the first emitter to any emitter's direction: turns, then reflections."""
     away = _places(scene, scene.emitter_wall, scene.emitter_patch) - centre_mm
     angles = np.arctan2(away[:, 1], away[:, 0])
     turns = _distinct(angles - angles[0])
@@ -167,7 +168,7 @@ def _turns_and_mirrors(scene: OpticalScene, centre_mm: FloatArray) -> list[tuple
 
 
 def _distinct(angles: FloatArray) -> FloatArray:
-    """Angles [rad] without those that repeat an earlier one up to whole turns."""
+    """Angles [rad] without those that equal an earlier angle up to whole turns."""
     kept: list[float] = []
     for angle in angles:
         if all(abs(np.exp(1j * angle) - np.exp(1j * one)) > SAME_WAY for one in kept):
@@ -207,7 +208,7 @@ def _motions(length_mm: float, width_mm: float) -> list[tuple[FloatArray, FloatA
 
 
 def _traits(orders: FloatArray, table: FloatArray | None) -> FloatArray:
-    """(part, n) properties, besides position and size, in which a part and its image must agree; NaN becomes -1."""
+    """(part, n) properties of emitters or receivers, besides position and size, that a symmetry keeps; -1 for NaN."""
     if table is None:
         return orders[:, None]
     return np.hstack([orders[:, None], np.nan_to_num(table, nan=-1.0)])
@@ -221,7 +222,7 @@ def _permutation(
     matrix: FloatArray,
     offset: FloatArray,
 ) -> IntArray | None:
-    """(part,) number of the part to which each part moves; None if some part has no image."""
+    """(part,) number of the emitter or receiver to which each one moves; None if some of them has no image."""
     places = _places(scene, walls, patches)
     moved = places @ matrix.T + offset
     rest = np.hstack([patches[:, 1:], traits])
@@ -236,7 +237,7 @@ def _permutation(
 
 
 def _places(scene: OpticalScene, walls: IntArray, patches: FloatArray) -> FloatArray:
-    """(part, 2) positions of patches in plan [mm]; being on a wall, a position also identifies the wall."""
+    """(part, 2) positions of patches in plan [mm], which also identify their walls."""
     along = patches[:, 0]
     if scene.form is not None:
         wall = np.asarray(scene.form.walls)[walls]

@@ -1,4 +1,4 @@
-"""The pressed top: curves around each tip, their sum, the grid on it.
+"""The pressed top: a curve around each tip, the sum of the curves, and the grid on this sum.
 
 It imports scene and press.
 """

@@ -3,18 +3,18 @@
 Model
 -----
 Around the press axis the top is h(r): the exact tip sphere in the contact, then a C1 curve through the indentation's
-points, a C1 cubic tail down to the undisturbed height, and the flat top. The curve's slopes are those of the points'
-inclinations, else of modified Akima interpolation. The pile-up may rise above the undisturbed top. A tip that is no
-hemisphere has no exact sphere: the curve begins `APEX_MM` off the axis, and its part within the contact radius is the
-contact.
+points, a C1 cubic tail down to the undisturbed height, and the flat top. The curve's slopes come from the points'
+inclinations where these are known, else from modified Akima interpolation. The pile-up may rise above the undisturbed
+top. If the tip is not a hemisphere, there is no exact sphere: the curve begins `APEX_MM` off the axis, and its part
+within the contact radius is the contact.
 
 Choices and their bounds
 ------------------------
-* One height for each radius: points whose radius does not exceed an earlier one are dropped. This removes the material
-  above an overhang.
+* There is one height for each radius: points whose radius does not exceed an earlier one are dropped. This removes the
+  material above an overhang.
 * Slopes are at most `MAX_SLOPE`: points above a steep piece move outward by at most their rise over `MAX_SLOPE` (0.033
-  mm for 1 mm of wrapped shank). `moved_mm` is the largest move, overhang included.
-* Material never reaches into the tip: heights above the sphere's are clipped.
+  mm for 1 mm of wrapped shank). `moved_mm` is the largest move, including those at overhangs.
+* Material never reaches into the tip: heights are limited to the tip sphere's.
 * Where the curve wraps the shank, it counts as contact up to its last point within the contact radius. Up to there the
   curve is a wall as steep as `MAX_SLOPE`.
 * The curve is cut at the last point that is higher than `CUT_HEIGHT_MM` or steeper than `CUT_SLOPE`, and ends in a tail
@@ -22,7 +22,7 @@ Choices and their bounds
   receiver. That holds for curves that end flat, as the contact model's do (`sims.contact.library.smooth_press`).
   Otherwise the tail dips by 4/27 of slope x `TAIL_MM`.
 
-Left out: any part that is not axisymmetric (`sims.optics.surface.tops` adds several tips and a smooth field).
+Whatever is not axisymmetric is left out here; `sims.optics.surface.tops` adds several tips and a smooth field.
 
 Table
 -----
@@ -30,14 +30,14 @@ Between contact edge a and outer radius b the curve h(r) is stored as `CELLS` cu
 
     x = sqrt(A r² + D) - C,    x(a) = 0,    x(b) = CELLS.
 
-So a kernel needs one square root from r² to a height, and none from there to a gradient: dh/dr / r = h' A / (x + C). C
-makes the first piece `FIRST_PIECE` of the mean one: pieces are short at the contact edge and nearly uniform in r
-beyond.
+So a kernel needs one square root to find a height from r², and no further one for the gradient: dh/dr / r = h' A / (x +
+C). C is such that the first piece is `FIRST_PIECE` times the mean piece: pieces are short at the contact edge and
+nearly uniform in r beyond.
 
-Rays are followed in steps that cannot jump over the top. For this, each piece has bounds that hold from the piece
-outward: of slope, of fall (negative slope), and of *bend*. Bend is the rate at which the slope along a line falls,
--d²h/ds², the largest of all directions: max(-h'', -h'/r, 0). The bound of bend includes a *window* of radii inward of
-the piece, for rays that move inward.
+Rays are followed in steps that cannot jump over the top. For this, each piece has upper bounds that hold from the piece
+outward: on slope, on fall (negative slope), and on *bend*. Bend is the rate at which the slope along a line falls,
+-d²h/ds², in the direction in which it is largest: max(-h'', -h'/r, 0). For rays that move inward, the bound on bend
+also covers a *window* of radii inward of the piece.
 """
 
 from __future__ import annotations
@@ -59,11 +59,11 @@ CELLS = 320
 LEVELS = 64
 FIRST_PIECE = 0.25
 BOUND_RESERVE = 1.01
-"""Safety factor on bounds, which are taken from `SAMPLES` points of each piece."""
+"""Safety factor on bounds, as these are computed from only `SAMPLES` points of each piece."""
 SAMPLES = 9
 NEAREST_WINDOW_MM, WINDOW_SHARE = 0.06, 0.25
-"""Width of the window inward of a piece: at least so many mm, and this share of the radius. A wider window allows
-longer steps but has a larger bend."""
+"""Width of the window inward of a piece: the larger of this many mm and this share of the radius. A wider window allows
+longer steps but contains a larger bend."""
 
 # columns of a piece
 CUBIC, STEEP, FALL, WINDOW, BEND = 0, 4, 5, 6, 7
@@ -79,9 +79,9 @@ class RadialTable:
     pieces : (CELLS, 8) four coefficients of the height above the clear layer's bottom, a cubic in the fraction of the
         piece [mm]; largest |dh/dr| and largest fall -dh/dr from this piece outward [-]; window inward [mm]; largest
         bend in that window and outward [1/mm]
-    reach2 : (LEVELS,) for evenly spaced levels from the curve's lowest point to the undisturbed top, the squared radius
-        beyond which the top is nowhere below the level's upper edge [mm²]
-    scale, offset, start : A [1/mm²], D and C of the coordinate x
+    reach2 : (LEVELS,) squared radii, for evenly spaced height intervals (levels) from the curve's lowest point to the
+        undisturbed top: beyond this radius the top is nowhere below the interval's upper end [mm²]
+    scale, offset, start : the constants A [1/mm²], D and C of the coordinate x
     radius, slope : (CELLS + 1,) radius [mm] and dh/dr [-] at the ends of the pieces
     """
 
@@ -95,7 +95,7 @@ class RadialTable:
 
 
 def node_radii_mm(first_mm: float, last_mm: float) -> tuple[FloatArray, float, float]:
-    """(CELLS + 1,) radii of the pieces' ends [mm], and A [1/mm²] and C of the coordinate x."""
+    """(CELLS + 1,) radii of the pieces' ends [mm], and the constants A [1/mm²] and C of the coordinate x."""
     start = CELLS * FIRST_PIECE * first_mm / (last_mm + first_mm * (1.0 - 2.0 * FIRST_PIECE))
     scale = CELLS * (CELLS + 2.0 * start) / (last_mm**2 - first_mm**2)
     x = np.arange(CELLS + 1) + start
@@ -111,7 +111,7 @@ def radial_table(
 
     Parameters
     ----------
-    radius, height, slope : (n,) rising radii [mm], heights relative to the undisturbed top [mm], dh/dr [-]
+    radius, height, slope : (n,) increasing radii [mm], heights relative to the undisturbed top [mm], dh/dr [-]
     top_mm, lowest_mm : heights of the undisturbed top and of the tip's lowest point above the bottom [mm]
     """
     curve = CubicHermiteSpline(radius, height, slope)
@@ -180,7 +180,7 @@ def _outward_maximum(values: FloatArray) -> FloatArray:
 
 
 def _reach2(pieces: FloatArray, nodes: FloatArray, top_mm: float, lowest_mm: float) -> FloatArray:
-    """(LEVELS,) squared radius beyond which the curve is nowhere below each level [mm²]; see `RadialTable`."""
+    """(LEVELS,) squared radius beyond which the curve is nowhere below each level [mm²], as in `RadialTable`."""
     low = lowest_of_pieces_mm(pieces)
     levels = lowest_mm + (top_mm - lowest_mm) * np.arange(1, LEVELS + 1) / LEVELS
     below = low[None, :] < levels[:, None]
@@ -195,7 +195,7 @@ TAIL_MM = 4.0
 SKIRT_SLOPE = 0.1
 MIN_KNOT_STEP_MM = 1e-3
 TOUCHING = 1e-9
-"""Tolerance of the contact radius, relative: points of the contact may be this much beyond it."""
+"""Relative tolerance of the contact radius: points this much beyond it still count as contact."""
 UPRIGHT_MM = 1e-9
 """A step back in radius [mm] below which the curve still counts as vertical, not as an overhang."""
 APEX_MM = 1e-3
@@ -221,13 +221,14 @@ class SurfaceStack:
 
     Attributes
     ----------
-    press : (state, n) by columns: centre x, y [mm]; 1 if the tip touches, else 0; radius of the exact sphere, tip
-        radius, height of the sphere's centre, outer radius, contact radius, lowest and highest surface, skirt radius,
-        undisturbed top [mm]; squares of the sphere's, tip's and outer radius [mm²]; scale, offset and start of the
-        table; levels per mm; area of the contact and squared radii that divide it into parts of equal area [mm²]
-    reach2 : (state, level) see `RadialTable` [mm²]
-    pieces : (state, piece, 8) see `RadialTable`
-    moved_mm : (state,) largest move of a point to make the curve single valued [mm]
+    press : (state, n) by columns: x, y of the press axis [mm]; 1 if the tip touches, else 0; radius in plan up to which
+        the sphere is used, tip radius, height of the sphere's centre, outer radius, contact radius, lowest and highest
+        point of the surface, skirt radius, height of the undisturbed top [mm]; squares of the sphere's, tip's and outer
+        radius [mm²]; scale, offset and start of the table; levels per mm; area of the contact and squared radii that
+        divide it into parts of equal area [mm²]
+    reach2 : (state, level) squared radii; see `RadialTable` [mm²]
+    pieces : (state, piece, 8) data of the pieces; see `RadialTable`
+    moved_mm : (state,) largest distance by which a point was moved to make the curve single valued [mm]
     """
 
     press: FloatArray
@@ -239,11 +240,11 @@ class SurfaceStack:
 def stack_surfaces(
     indentations: Sequence[Indentation | None], centres_mm: FloatArray, scene: OpticalScene
 ) -> SurfaceStack:
-    """Convert one indentation per state to a table; None is the untouched pad.
+    """Convert one indentation per state to tables; None stands for the untouched pad.
 
     Parameters
     ----------
-    indentations : one per state; an object that occurs several times is converted once
+    indentations : one indentation or None per state; an object that occurs several times is converted only once
     centres_mm : (state, 2) x and y of the press axis [mm]
     scene : the block of clear material
 
@@ -288,7 +289,7 @@ def _check_place(state: int, centre: FloatArray, contact_radius: float, scene: O
 
 _Lowered = tuple[FloatArray, RadialTable, float]
 _LOWERED: WeakKeyDictionary[Indentation, tuple[float, _Lowered]] = WeakKeyDictionary()
-"""Converted curve of each press, and the height of the top for which it was made, while the press is referenced."""
+"""Height of the top and, converted for this height, the curve of each press that is still referenced."""
 
 
 def _lower(indentation: Indentation, top_mm: float) -> _Lowered:
@@ -301,12 +302,13 @@ def _lower(indentation: Indentation, top_mm: float) -> _Lowered:
 
 
 def lower_curve(indentation: Indentation, top_mm: float, mean_mm: float = 0.0) -> _Lowered:
-    """Convert a press's curve: its numbers (`COLUMNS`), its radial table, and the farthest that a point was moved [mm].
+    """Convert a press's curve: its numbers (`COLUMNS`), its radial table, the largest move of a point [mm].
 
     Parameters
     ----------
     top_mm : height of the undisturbed top, at which the curve ends [mm]
-    mean_mm : radius of the sphere, of the crown's mean curvature, above which heights are given; 0 for a flat top [mm]
+    mean_mm : radius of a sphere with the crown's mean curvature; heights are given above this sphere. 0 for a flat top
+        [mm]
     """
     depth = indentation.depth_mm
     tip, start = _sphere(indentation)
@@ -352,7 +354,7 @@ def _contact_parts_mm2(
 ) -> tuple[float, FloatArray]:
     """Area of the contact [mm²], and (CONTACT_PARTS + 1,) squared radii that divide it into parts of equal area [mm²].
 
-    Area is measured along the surface. Parts of equal area in plan would hardly resolve the steep side of a deep
+    Area is measured along the surface. Parts of equal area in plan would be too coarse on the steep side of a deep
     contact, which faces LEDs and photodiodes.
     """
     angle = np.linspace(0.0, np.arcsin(start / tip), 8 * CONTACT_PARTS + 1)
@@ -365,8 +367,14 @@ def _contact_parts_mm2(
 
 
 def check_curve(indentation: Indentation, top_mm: float) -> None:
-    """Refuse a curve that is no press into a layer `top_mm` thick, with an InputError, or a ModelScopeError if too
-    deep."""
+    """Refuse a curve that cannot be a press into a layer.
+
+    top_mm : thickness of the layer [mm]
+
+    Raises
+    ------
+    InputError : the curve is invalid.
+    ModelScopeError : the press goes through the layer."""
     radius, height = np.asarray(indentation.radius_mm), np.asarray(indentation.height_mm)
     if radius.ndim != 1 or radius.shape != height.shape or radius.size < 4:
         raise InputError(
@@ -393,7 +401,7 @@ def _single_valued(
 ) -> tuple[FloatArray, FloatArray, FloatArray, float, float]:
     """Curve with one height per radius from the sphere's end outward, the largest move, and the contact radius [mm].
 
-    The curve is three arrays: radius [mm], height relative to the undisturbed top [mm], slope dh/dr (NaN: unknown).
+    The curve is three arrays: radius [mm], height relative to the undisturbed top [mm], slope dh/dr (NaN if unknown).
     """
     depth = indentation.depth_mm
     radius = np.asarray(indentation.radius_mm, dtype=np.float64)
@@ -434,7 +442,7 @@ def _slopes(indentation: Indentation) -> FloatArray:
 def _with_tail(
     radius: FloatArray, height: FloatArray, given: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Radius, height and slope of a curve that is cut where it becomes flat and closed by a cubic tail."""
+    """Radius, height and slope of a curve, after it is cut where it becomes flat and closed by a cubic tail."""
     slope = Akima1DInterpolator(radius, height, method="makima").derivative()(radius)
     slope = np.where(np.isfinite(given), given, slope)
     slope = np.clip(slope, -MAX_SLOPE, MAX_SLOPE)

@@ -2,9 +2,10 @@
 """Kernels: the radial table of one tip's curve, and basic functions of walls, patches and Fresnel reflection.
 
 `rows` (tip, n) has the columns of `sims.optics.surface.curves.SurfaceStack` for each tip (`ROW` columns). `box` is
-(length, width, height, refractive index, absorption per mm, index behind smooth walls or 0). The active area of a part
-is a `patch`: wall, centre along the wall, z, half width, half height, Lambertian order or -1, full area as mounted,
-radiance at the cosine's nodes ... Fresnel reflection is unpolarised, from inside (Born and Wolf, sec. 1.5).
+(length, width, height, refractive index, absorption per mm, index behind smooth walls or 0). The active area of an
+emitter or receiver is a `patch`: wall, centre along the wall, z, half width, half height, Lambertian order (-1: table),
+full area as mounted, then a table of radiance at the cosine's nodes. Fresnel reflection is unpolarised, from inside
+(Born and Wolf, sec. 1.5).
 """
 
 from __future__ import annotations
@@ -45,13 +46,14 @@ UNSEEN: dict[str, Any] = {
     "no_cpython_wrapper": True,
     "no_cfunc_wrapper": True,
 }
-"""Numba options of kernels that only other kernels call. Entry from Python or C takes a seventh of the time to compile;
-only `compiled` has it. The processor may fuse multiplications with sums; infinities and NaN keep their meaning. Sums
-keep their order, which costs 3 % of the run time. Without this, the process that compiles a kernel and later ones,
-which load it as part of an entry point, would differ in the order of sums."""
+"""Numba options of kernels that only other kernels call. They have no entry from Python or C, which would take a
+seventh of the time to compile; only kernels in `compiled` have one. The processor may fuse multiplications with sums;
+infinities and NaN keep their meaning. Sums keep their order, which costs 3 % of the run time. Otherwise the order would
+differ between the process that compiles a kernel and later ones, which load it as part of an entry point."""
 UNCOUNTED: dict[str, Any] = UNSEEN | {"_nrt": False}
-"""Options without Numba's reference counts of arrays, which took an eighth of the run time: its compiler cannot remove
-those of arrays in a named tuple. Such a kernel must neither make nor return an array; Numba refuses one that does."""
+"""The same options, but without Numba's reference counts of arrays. These took an eighth of the run time, as the
+compiler cannot remove them for arrays in a named tuple. Such a kernel must neither make nor return an array; Numba
+refuses one that does."""
 array_kernel: KernelDecorator = njit(**UNSEEN)
 kernel: KernelDecorator = njit(**UNCOUNTED)
 inlined: KernelDecorator = njit(**UNCOUNTED, forceinline=True)
@@ -63,7 +65,7 @@ NEVER = 1e30
 
 @inlined
 def distance(dx: float, dy: float) -> float:
-    """Length of a vector in plan; values are far from overflow, so the slower hypot is not needed."""
+    """Length of a vector in plan. Values are far from overflow, so the slower `hypot` is not needed."""
     return math.sqrt(dx * dx + dy * dy)
 
 
@@ -115,7 +117,7 @@ def wall_normal(wall: int) -> tuple[float, float]:
 
 @kernel
 def mirrored_share(cos_angle: float, index: float, behind: float) -> float:
-    """Unpolarised Fresnel reflectance from one index to the index behind; 1 beyond the critical angle."""
+    """Unpolarised Fresnel reflectance from index `index` to index `behind`; 1 beyond the critical angle."""
     ratio = index / behind
     sin2 = ratio * ratio * (1.0 - cos_angle * cos_angle)
     if sin2 >= 1.0:
@@ -128,18 +130,18 @@ def mirrored_share(cos_angle: float, index: float, behind: float) -> float:
 
 @kernel
 def radiance(patch: FloatArray, cosine: float) -> float:
-    """Radiance of a patch over power and area, at a cosine to its normal [1/sr]; 1/pi for a Lambertian patch.
+    """Radiance of a patch, divided by its power per area, at a cosine to its normal [1/sr]; 1/pi if Lambertian.
 
-    For a receiver, pi times this is the share of light from that direction that is counted.
+    For a receiver, pi times this value is the share of light from that direction that is counted.
     """
     return lobe_at(patch[5], patch, PATCH_TABLE, cosine)
 
 
 @inlined
 def lobe_at(order: float, row: FloatArray, first: int, cosine: float) -> float:
-    """Radiance over power and area at a cosine [1/sr], by Lambertian order.
+    """Radiance, divided by power per area, at a cosine [1/sr], by Lambertian order.
 
-    If the order is negative, it is read from a table that begins at column `first` of the row.
+    If the order is negative, the radiance is read from a table that begins at column `first` of `row`.
     """
     if order == 1.0:
         return 1.0 / math.pi
@@ -156,9 +158,9 @@ def lobe_at(order: float, row: FloatArray, first: int, cosine: float) -> float:
 def wall_hit(
     x: float, y: float, z: float, dx: float, dy: float, dz: float, box: FloatArray
 ) -> tuple[float, int]:
-    """Distance to the nearest wall or the bottom [mm], and which: 0-3 walls, 4 bottom, -1 none.
+    """Distance to the nearest wall or the bottom [mm], and the surface met: 0-3 walls, 4 bottom, -1 none.
 
-    The code has no branches on the signs, which a processor could not predict.
+    The code does not branch on the signs, which a processor could not predict.
     """
     per_x = 1.0 / dx if dx != 0.0 else NEVER
     per_y = 1.0 / dy if dy != 0.0 else NEVER
@@ -226,7 +228,7 @@ def height_slope_curvature(r2: float, tip: int, rows: FloatArray) -> tuple[float
 
 @inlined
 def _piece(r2: float, tip: int, rows: FloatArray) -> int:
-    """Column where the data of the piece at a squared radius begin; in the sphere, where the first piece's do."""
+    """Column where the data of the piece at a squared radius begin; within the sphere, those of the first piece."""
     if r2 <= rows[tip, SPHERE_2]:
         return PIECES
     k = int(math.sqrt(rows[tip, SCALE] * r2 + rows[tip, OFFSET]) - rows[tip, START])
@@ -247,8 +249,7 @@ def fall_bound(r2: float, tip: int, rows: FloatArray) -> float:
 
 @inlined
 def reach2(z: float, tip: int, rows: FloatArray) -> float:
-    """Squared radius beyond which the top is nowhere below a height z under the undisturbed top [mm²]; -1: nowhere at
-    all."""
+    """Squared radius beyond which the top is nowhere below z [mm²], z below the undisturbed top; -1: nowhere at all."""
     if z <= rows[tip, LOWEST]:
         return -1.0
     return rows[tip, REACH + int((z - rows[tip, LOWEST]) * rows[tip, PER_LEVEL])]

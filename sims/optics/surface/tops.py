@@ -3,16 +3,16 @@
 
 Model
 -----
-The top's height over the undisturbed plane is the sum of every tip's radial curve (`sims.optics.surface.curves`) and of
-a smooth bicubic field (`sims.optics.scene.optical_scene`). The sum is exact where at most one curve differs from zero.
-It leaves out the deformation of one tip's dimple under another, so overlapping steep parts are refused.
+The top's height above the undisturbed plane is the sum of every tip's radial curve (`sims.optics.surface.curves`) and
+of a smooth bicubic field (`sims.optics.scene.optical_scene`). The sum is exact where at most one curve differs from
+zero. It leaves out the deformation of one tip's dimple under another, so overlapping steep parts are refused.
 
 Grid
 ----
 Light is sampled on cells of the top in coordinates (u, v) around every tip. A tip owns the polygon of the box that is
 nearer to it than to any other tip. Each edge of the polygon spans a sector: v runs along the edge, u from the contact
-edge (0) to the polygon's edge (1) with r = a + (r_edge(v) - a) u². So cells are narrow at the contact edge. Rings are
-equal for all tips; columns are divided by tip.
+edge (0) to the polygon's edge (1) with r = a + (r_edge(v) - a) u². So cells are narrow at the contact edge. All tips
+have the same rings; each tip has its own columns.
 """
 
 from __future__ import annotations
@@ -70,10 +70,11 @@ class Top(NamedTuple):
 
     Attributes
     ----------
-    rows : (tip, n) numbers of each tip, see `sims.optics.surface.curves`; in the first row, from column `FIELD_ON`: 1
-        if there is a field, its origin [mm], cells per mm along x and y, lowest value (0 or below) [mm], largest slope
-        [-] and bend [1/mm] of the field; largest lowering of the top by the field and the other tips [mm]
-    field : (nx, ny, 16) coefficients of u^p v^q in each cell, q changing faster, for u and v from 0 to 1 [mm]; (0, 0,
+    rows : (tip, n) numbers of each tip; see `sims.optics.surface.curves`. The first row also has, from column
+        `FIELD_ON`: 1 if there is a field, else 0; the field's origin [mm], cells per mm along x and y, lowest value (0
+        or below) [mm], largest slope [-] and bend [1/mm]; largest amount by which the field and the other tips lower
+        the top [mm]
+    field : (nx, ny, 16) coefficients of u^p v^q in each cell, for u and v from 0 to 1 [mm]; q varies fastest. (0, 0,
         16) without a field
     """
 
@@ -100,7 +101,7 @@ def is_touched(top: Top) -> bool:
 
 @kernel
 def touching_tip(x: float, y: float, top: Top) -> tuple[int, float]:
-    """Tip in contact at a point (-1: none); smallest distance to a tip's axis, over that tip's skirt radius."""
+    """Tip in contact at a point (-1: none); smallest distance to a tip's axis, in multiples of its skirt radius."""
     share = 1e30
     tip = -1
     for k in range(top.rows.shape[0]):
@@ -124,7 +125,7 @@ def is_beyond(x: float, y: float, top: Top) -> bool:
 
 @inlined
 def _field_cell(x: float, y: float, top: Top) -> tuple[int, int, float, float]:
-    """Cell of the field that contains a point, and the point's fractions within it along x and y; -1 outside."""
+    """Cell of the field that contains a point (-1: outside), and the point's fractions within it along x and y."""
     u = (x - top.rows[0, FIELD_X]) * top.rows[0, PER_X]
     v = (y - top.rows[0, FIELD_Y]) * top.rows[0, PER_Y]
     nx = top.field.shape[0]
@@ -244,7 +245,7 @@ def surface_gradient(x: float, y: float, top: Top) -> tuple[float, float, float]
 def _tip_bend(
     x: float, y: float, tip: int, rows: FloatArray
 ) -> tuple[float, float, float, float, float, float]:
-    """Height of one tip's curve, its gradient and second derivatives at a point."""
+    """Height of one tip's curve at a point, its gradient and second derivatives."""
     rx = x - rows[tip, X]
     ry = y - rows[tip, Y]
     h, turn, bend = height_slope_curvature(rx * rx + ry * ry, tip, rows)
@@ -288,7 +289,7 @@ FEWEST_COLUMNS = 3
 
 @kernel
 def _cell_of_tip(tip: int, top: Top, box: FloatArray, corners: FloatArray, other: FloatArray) -> int:
-    """Put the corners of the polygon of the box nearest to a tip into `corners` (n, 2); return their number."""
+    """Fill `corners` (n, 2) with the polygon in the box that is nearer to a tip than to others; return their number."""
     corners[0, 0], corners[0, 1] = 0.0, 0.0
     corners[1, 0], corners[1, 1] = box[0], 0.0
     corners[2, 0], corners[2, 1] = box[0], box[1]
@@ -325,9 +326,9 @@ def _cell_of_tip(tip: int, top: Top, box: FloatArray, corners: FloatArray, other
 
 @array_kernel
 def sectors_of(top: Top, box: FloatArray) -> FloatArray:
-    """(sector, 6) for each edge of a tip's polygon: start relative to the axis, vector to its end, angle, tip number.
+    """(sector, 6) for each edge of a tip's polygon: start relative to the axis, vector to the end, angle, tip number.
 
-    Sectors are sorted by tip. If no tip touches, the first tip's axis is the middle of the grid.
+    Sectors are sorted by tip. If no tip touches, the grid is centred on the first tip's axis.
     """
     corners = np.empty((MOST_EDGES, 2))
     other = np.empty((MOST_EDGES, 2))
@@ -410,12 +411,12 @@ def columns_of(columns: float, phase: float, sectors: FloatArray) -> FloatArray:
     Parameters
     ----------
     columns : number of columns in a full turn; a sector has at least `FEWEST_COLUMNS`
-    phase : shift of the borders within a sector, 0 to 1, in units of a column; at 0.5 all columns are equal
-    sectors : (sector, 6) as from `sectors_of`
+    phase : shift of the column borders within a sector, in column widths, 0 to 1; at 0.5 all columns are equal
+    sectors : (sector, 6) result of `sectors_of`
 
     Returns
     -------
-    (column, 5) number of the sector; v of the column's start and end, 0 to 1 along the sector's edge; numbers of the
+    (column, 5) number of the sector; v at the column's start and end, 0 to 1 along the sector's edge; numbers of the
     previous and the next column around the tip
     """
     counts = np.empty(sectors.shape[0], np.int64)
@@ -442,7 +443,7 @@ def columns_of(columns: float, phase: float, sectors: FloatArray) -> FloatArray:
 
 @kernel
 def ring_edge(ring: int, rings: int, phase: float) -> float:
-    """Coordinate u of a ring's inner border; the phase, 0 to 1, shifts all borders except the first and the last."""
+    """Coordinate u of a ring's inner border; `phase`, 0 to 1, shifts all borders but the first and the last."""
     if ring == 0:
         return 0.0
     if ring == rings:
@@ -452,7 +453,7 @@ def ring_edge(ring: int, rings: int, phase: float) -> float:
 
 @array_kernel
 def top_nodes(rings: int, phase: float, columns: FloatArray, sectors: FloatArray, top: Top) -> FloatArray:
-    """(ring + 1, column, 8) position, height, gradient, second derivatives of the top at the start of each column."""
+    """(ring + 1, column, 8) position, height, gradient and second derivatives of the top at each column's start."""
     nodes = np.empty((rings + 1, columns.shape[0], NODE_COLUMNS))
     for b in range(columns.shape[0]):
         for a in range(rings + 1):
@@ -463,7 +464,7 @@ def top_nodes(rings: int, phase: float, columns: FloatArray, sectors: FloatArray
 
 @array_kernel
 def top_middles(rings: int, phase: float, columns: FloatArray, sectors: FloatArray, top: Top) -> FloatArray:
-    """(ring, column, 8) position, height, gradient, second derivatives of the top in the middle of every cell."""
+    """(ring, column, 8) position, height, gradient and second derivatives of the top in each cell's middle."""
     nodes = np.empty((rings, columns.shape[0], NODE_COLUMNS))
     for b in range(columns.shape[0]):
         for a in range(rings):
@@ -484,7 +485,7 @@ def _put_node(row: FloatArray, sector: int, u: float, v: float, sectors: FloatAr
 def cell_at(
     x: float, y: float, rings: int, phase: float, columns: FloatArray, sectors: FloatArray, top: Top
 ) -> tuple[int, int]:
-    """Ring and column of the cell that contains a point; (-1, -1) in a contact or outside."""
+    """Ring and column of the cell that contains a point; (-1, -1) if it is in a contact or outside the grid."""
     for n in range(columns.shape[0]):
         k = int(columns[n, 0])
         tip = int(sectors[k, TIP])
@@ -516,7 +517,7 @@ Presses = Sequence[Indentation | Sequence[Indentation | None] | None]
 SUBDIVISION = 2
 SLOPE_RESERVE, BEND_RESERVE = 1.1, 1.2
 _KNOWN: WeakKeyDictionary[SmoothField, FloatArray] = WeakKeyDictionary()
-"""Data of each field as in `_known_of`, as long as the field is referenced."""
+"""Result of `_known_of` for each field that is still referenced."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -527,7 +528,7 @@ class TopStack:
     ----------
     rows : (state, tip, n) as in `Top`
     field : (state, nx, ny, 4) nodes of the fields (`SmoothField`); (state, 0, 0, 4) if no state has a field
-    step_mm : (2,) distance of the nodes along x and y [mm]
+    step_mm : (2,) distance between nodes along x and y [mm]
     """
 
     rows: FloatArray
@@ -535,7 +536,7 @@ class TopStack:
     step_mm: FloatArray
 
     def part(self, states: IntArray) -> tuple[FloatArray, FloatArray]:
-        """Arrays of some states: first `Top.rows`, then `Top.field`, with a leading axis for the state."""
+        """Arrays `Top.rows` and `Top.field` of some states, each with a leading axis for the state."""
         return self.rows[states], _cells(self.field[states], self.step_mm)
 
 
@@ -545,13 +546,13 @@ def stack_tops(
     scene: OpticalScene,
     fields: Sequence[SmoothField | None] | None = None,
 ) -> TopStack:
-    """Convert the presses of all states, one or several per state, and optionally a smooth field per state.
+    """Convert the presses of all states and, if given, a smooth field per state.
 
     Parameters
     ----------
-    indentations : per state an indentation, None (untouched), or a sequence of these, one for each tip
+    indentations : for each state an indentation, None (untouched), or a sequence with one of these for each tip
     centres_mm : (state, 2) or (state, tip, 2) x and y of the press axes [mm]
-    fields : one field or None per state, all on the same grid
+    fields : for each state a field on the same grid, or None; if omitted, no state has a field
 
     Raises
     ------
@@ -579,7 +580,7 @@ def stack_tops(
 
 
 def _packed(column: SurfaceStack) -> FloatArray:
-    """(state, n) rows of one tip, as in `Top`; the field's columns stay 0."""
+    """(state, n) rows of one tip, as in `Top`, with 0 in the field's columns."""
     states = len(column.press)
     return np.concatenate(
         [
@@ -633,7 +634,7 @@ def _check_apart(rows: FloatArray, scene: OpticalScene) -> None:
 
 
 def _neighbours_depth_mm(rows: FloatArray) -> FloatArray:
-    """(state,) bound on how much other tips lower the top on a tip's own side [mm], summed over the tips."""
+    """(state,) upper bound on how much other tips lower the top where a tip is nearest [mm], summed over tips."""
     depth = np.zeros(len(rows))
     for state, tips in enumerate(rows):
         touching = tips[tips[:, ACTIVE] > 0.0]
@@ -644,7 +645,7 @@ def _neighbours_depth_mm(rows: FloatArray) -> FloatArray:
 
 
 def _fall_beyond_mm(row: FloatArray, radius_mm: float) -> float:
-    """Largest depth of a curve below the undisturbed top beyond a radius [mm]."""
+    """Largest depth of a curve below the undisturbed top, beyond a given radius [mm]."""
     edges, _, _ = node_radii_mm(float(row[SPHERE_R]), float(row[OUTER_R]))
     pieces = row[PIECES:].reshape(CELLS, PIECE_COLUMNS)[edges[1:] > radius_mm]
     if len(pieces) == 0:
@@ -655,7 +656,7 @@ def _fall_beyond_mm(row: FloatArray, radius_mm: float) -> float:
 def _stacked_fields(
     fields: Sequence[SmoothField | None] | None, states: int
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """(state, nx, ny, 4) nodes of the fields; (state, n) the field's columns of `Top.rows`; distance of nodes [mm]."""
+    """(state, nx, ny, 4) nodes of the fields; (state, n) the field's columns of `Top.rows`; node distance [mm]."""
     known = np.zeros((states, FIELD_COLUMNS))
     if fields is None or all(field is None for field in fields):
         return np.zeros((states, 0, 0, 4)), known, np.ones(2)
@@ -675,7 +676,7 @@ def _stacked_fields(
 
 
 def _cells(nodes: FloatArray, step: FloatArray) -> FloatArray:
-    """(state, nx - 1, ny - 1, 16) coefficients of u^p v^q of the bicubic Hermite patch in each cell."""
+    """(state, nx - 1, ny - 1, 16) coefficients of u^p v^q in each cell's bicubic Hermite patch."""
     if nodes.shape[1] == 0:
         return np.zeros((len(nodes), 0, 0, 16))
     # columns of a node: value, d/dx, d/dy, mixed, in units of a cell
@@ -694,7 +695,7 @@ def _patches() -> FloatArray:
 
 
 def _known_of(field: SmoothField) -> FloatArray:
-    """Field's columns of `Top.rows`; bounds are from `SUBDIVISION` + 1 points along a cell's side."""
+    """A field's columns of `Top.rows`; bounds are computed from `SUBDIVISION` + 1 points along a cell's side."""
     if field in _KNOWN:
         return _KNOWN[field]
     value, slope_x, slope_y, bend = _sampled(field)
@@ -720,7 +721,7 @@ def _sampled(field: SmoothField) -> tuple[FloatArray, FloatArray, FloatArray, Fl
 
 @cache
 def _samples() -> FloatArray:
-    """(16, 6 points) matrix from a cell's coefficients to height, slopes and second derivatives, in units of a cell."""
+    """(16, 6 x points) matrix from a cell's coefficients to height, slopes and second derivatives per cell."""
     t, power = np.linspace(0.0, 1.0, SUBDIVISION + 1)[:, None], np.arange(4)
     value = t**power
     slope = np.where(power > 0, power * t ** np.maximum(power - 1, 0), 0.0)

@@ -1,4 +1,4 @@
-"""Light of pads with a form: tops in the frame of the press, direct, mirrored and scattered light.
+"""Light of disc and crowned pads: tops in press coordinates; direct, mirrored and scattered light.
 
 It imports surface, scene and the rooms below them.
 """

@@ -1,16 +1,16 @@
 # mypy: no-warn-return-any
-r"""Light that a disc's or crowned pad's top mirrors twice or more, followed by ray bundles through points of the top.
+r"""Light that the top of a disc or crowned pad mirrors twice or more, followed as ray bundles. A *ray bundle* (pencil)
+is the light that goes from a part of the emitter by way of one point of the top. A *window* is the face of an emitter
+or receiver. The *skirt* is the steep part of the dimple around the tip.
 
-A ray bundle (pencil) is the light of a part of the emitter through one point of the top. A *window* is the face of an
-emitter or receiver. The *skirt* is the steep part of the dimple around the tip.
-
-First only the bundle's middle ray is followed. If it comes near a window, the bundle is divided, `LEVELS` times at
-most. At the level before the last, five rays represent a bundle: one from the part's middle and four around it at the
-nodes of Gauss' rule, each mirrored where it meets the top itself. To second order they map the part onto a window's
-plane, as a parallelogram about the mean of the arriving light. In four cases the bundle is divided once more, and the
-middle ray alone represents each piece as a sample: the rays meet different surfaces; the dimple hides some of them; the
-mean arrives farther from the middle ray than `BEND` of the window; or the skirt mirrors the bundle. The spread over
-points of the top gives the error of these samples.
+First only the bundle's middle ray is followed. If it comes near a window, the bundle is divided, at most `LEVELS`
+times. Before the last division, five rays represent a bundle: one from the part's middle and four around it at the
+nodes of Gauss' rule. Each ray is mirrored where it itself meets the top. To second order the five rays show the image
+of the part in a window's plane: a parallelogram about the mean of the arriving light. In four cases the bundle is
+divided once more, and each piece is represented by its middle ray alone, as a sample: if the rays meet different
+surfaces; if the dimple hides some of them; if the mean arrives farther from the middle ray than `BEND` times the
+window's half size; or if the skirt mirrors the bundle. The spread over points of the top gives the error of these
+samples.
 """
 
 from __future__ import annotations
@@ -67,32 +67,34 @@ from sims.optics.surface.radial import fresnel, inlined, kernel
 
 MOST = 24
 FAINT = 1e-9
-"""Share of the emitter's power below which the rays from an undivided part of the emitter are not followed further."""
+"""Share of the emitter's power below which the ray bundle from an undivided part of the emitter is not followed
+further."""
 SIDES, RAYS = 4, 44
-"""Number of rays around the middle one, and the column in `work` where their data begin."""
+"""Number of rays around a ray bundle's middle ray, and the column in `work` where their data begin."""
 LANDED, LANDINGS = RAYS + 6 * SIDES, 32
 """Column in `work` where a ray bundle's contributions to receivers begin, and their largest number."""
 DIVISIONS, LEVELS = 2, 2
-"""Number of pieces of a divided ray bundle in either direction, and largest number of divisions."""
+"""Number of pieces of a divided ray bundle in each direction, and largest number of divisions."""
 STACK = LANDED + 3 * LANDINGS
 """Column in `work` where the list of pieces that are still to be followed begins."""
 IS_LIT = STACK + 4 * (DIVISIONS * DIVISIONS * (LEVELS + 1) + 1)
-"""Column in `work`: 1 if the dimple certainly hides none of the emitter's light from the point."""
+"""Column in `work`: 1 if the dimple certainly hides no line from the emitter to the point of the top."""
 PLACE = IS_LIT + 1
-"""Column in `work` where the sample's position in a piece begins, from -1 to 1 in either direction."""
+"""Column in `work` where the sample's position in a piece begins; each of its two numbers is from -1 to 1."""
 CHAIN_WORK = PLACE + 2
 BEND = 0.2
-"""Largest offset of a ray bundle's mean arrival from that of its middle ray, in half sizes of the receiver's face;
-beyond, the bundle is divided."""
+"""Largest offset between the mean arrival of a ray bundle and the arrival of its middle ray, in half sizes of the
+receiver's face. If the offset is larger, the bundle is divided."""
 STAYS_FAR, COMES_NEAR, COMES_BENT, COMES_DIM = 0, 1, 2, 3
 WIDENS = 1.2
-"""Factor on the width that a ray bundle would have with plane mirrors, for the search for receivers."""
+"""In the search for receivers, a ray bundle is taken to be wider by this factor than with plane mirrors."""
 BRIGHT = 1e4
-"""A ray bundle that the dimple's steep skirt mirrors is divided if its power is above this multiple of `FAINT`."""
+"""A ray bundle that the dimple's steep skirt mirrors is divided if its power exceeds this multiple of `FAINT`."""
 BEHIND = 0.5
-"""How far behind a wall a bundle's middle ray may still meet the top, over its distance to the wall."""
+"""How far behind a wall a ray bundle's middle ray may still meet the top, relative to the distance to the wall."""
 FARTHEST = 20.0
-"""A receiver is not tested if a bundle's middle ray misses its face by more than this many half sizes."""
+"""A receiver is not tested if a ray bundle's middle ray arrives more than this many half sizes from its face's
+middle."""
 
 
 @kernel
@@ -101,12 +103,12 @@ def follow_chains(
     row: int, levels: int, receivers: FloatArray, wanted: BoolArray, e: FloatArray, absorbs: float, index: float,
     walls: FloatArray, arcs: FloatArray, top: FormedTop, out: FloatArray, work: FloatArray,
 ) -> None:  # fmt: skip
-    """Follow the light of a part of the emitter, of half sizes size_u and size_v, through a point of the top.
+    """Follow the light from a part of the emitter, of half sizes size_u and size_v, by way of a point of the top.
 
-    element : product of the areas of part and point, over which the light is averaged
-    faint : remaining share of the light at which the bundle has `FAINT` of the emitter's power
+    element : area of the part times the area that the point represents
+    faint : light below this is not followed further; it corresponds to `FAINT` of the emitter's power
     row : 1 if the point is in the dimple's steep skirt, else 0
-    levels : largest number of divisions
+    levels : largest number of times that the light is divided
     """
     per, waiting = 1.0 / DIVISIONS, 1
     work[STACK], work[STACK + 1], work[STACK + 2], work[STACK + 3] = 0.0, 0.0, 1.0, 0.0
@@ -145,14 +147,14 @@ def _comes_near(
     wanted: BoolArray, e: FloatArray, absorbs: float, index: float, walls: FloatArray, arcs: FloatArray,
     top: FormedTop,
 ) -> int:  # fmt: skip
-    """Whether a ray bundle comes near a receiver after its second or a later mirror, by its middle ray alone.
+    """Whether a ray bundle comes near a receiver after its second or a later reflection, by its middle ray alone.
 
     size : larger half size of the bundle's start on the emitter [mm]
 
     Returns
     -------
-    `STAYS_FAR`; `COMES_NEAR`; or, if the ray meets the dimple's steep skirt, which widens the bundle, `COMES_BENT` with
-    much power left or `COMES_DIM` with little
+    `STAYS_FAR` or `COMES_NEAR`. If the ray meets the dimple's steep skirt, which widens the bundle: `COMES_BENT` with
+    much power left, `COMES_DIM` with little
     """
     nx, ny, nz = p[MX], p[MY], p[MZ]
     way = math.sqrt((p[PX] - x0) ** 2 + (p[PY] - y0) ** 2 + (p[PZ] - z0) ** 2)
@@ -194,9 +196,9 @@ def _follow(
     row: int, is_sample: bool, receivers: FloatArray, wanted: BoolArray, e: FloatArray, absorbs: float, index: float,
     walls: FloatArray, arcs: FloatArray, top: FormedTop, out: FloatArray, work: FloatArray,
 ) -> bool:  # fmt: skip
-    """Add a ray bundle's light after its second and later mirrors; True: nothing was added, it has to be divided.
+    """Add a ray bundle's light after its second and later reflections; or return True if it must be divided first.
 
-    is_sample : whether the middle ray alone represents the bundle
+    is_sample : whether the middle ray alone represents the bundle; it then need not be divided
     """
     pressed = top.numbers[OUTER] > 0.0
     nx, ny, nz = p[MX], p[MY], p[MZ]
@@ -302,7 +304,7 @@ def _follow(
 def _side_place(
     side: int, x0: float, y0: float, z0: float, size_u: float, size_v: float, e: FloatArray
 ) -> tuple[float, float, float]:
-    """Start on the emitter of one of the four rays around the middle one: 0, 1 along the wall, 2, 3 above and below."""
+    """Start on the emitter of one of the four rays around the middle one: 0, 1 along the wall; 2, 3 above and below."""
     off = GAUSS if side % 2 == 0 else -GAUSS
     if side < 2:
         return x0 + off * size_u * e[UX], y0 + off * size_u * e[UY], z0
@@ -334,7 +336,7 @@ def _seen_rays(
     x0: float, y0: float, z0: float, size_u: float, size_v: float, x: float, y: float, z: float, u: float, v: float,
     is_pencil: bool, p: FloatArray, e: FloatArray, r: FloatArray, top: FormedTop, work: FloatArray,
 ) -> float:  # fmt: skip
-    """Share of a bundle's rays whose first and last legs the dimple does not hide."""
+    """Share of a ray bundle's rays whose first and last straight pieces the dimple does not hide."""
     tx, ty, tz = window_point(r, u, v)
     is_open = work[IS_LIT] > 0.0
     seen = 1.0 if (is_open or is_lit(x0, y0, z0, p, top)) and sees(x, y, z, tx, ty, tz, top) else 0.0
@@ -355,10 +357,11 @@ def _seen_rays(
 def _counted(
     a: float, b: float, share: float, toward: float, counts: float, r: FloatArray, work: FloatArray
 ) -> float:
-    """Counted share of a receiver, averaged over the rays of a bundle that arrive.
+    """Share of the arriving light that a receiver counts, averaged over the arriving rays of a ray bundle.
 
-    a, b, share : middle of the part of the emitter from which rays arrive, from -1 to 1, and that part's share
-    toward, counts : cosine at which the middle ray arrives, and its counted share
+    a, b, share : middle of the region of the emitter's part from which rays arrive, from -1 to 1, and the region's
+        share of the part
+    toward, counts : cosine at which the middle ray arrives, and the share of its light that the receiver counts
     """
     k = RAYS + 3
     t0 = work[k] * r[NX] + work[k + 1] * r[NY]
@@ -374,7 +377,7 @@ def _counted(
 def put_ray(
     x: float, y: float, z: float, dx: float, dy: float, dz: float, side: int, work: FloatArray
 ) -> None:
-    """Store one of the rays around the middle one in `work`."""
+    """Store one of the four rays around a ray bundle's middle ray in `work`."""
     k = RAYS + 6 * side
     work[k], work[k + 1], work[k + 2], work[k + 3], work[k + 4], work[k + 5] = x, y, z, dx, dy, dz
 
@@ -383,12 +386,12 @@ def put_ray(
 def pencil(
     u: float, v: float, r: FloatArray, work: FloatArray
 ) -> tuple[float, float, float, float, float, float, float]:
-    """Image of a part of the emitter on a receiver's face, in half sizes of the face.
+    """Image of a part of the emitter on a receiver's face, in multiples of the face's half sizes.
 
     Returns
     -------
-    shift (u, v) by half the part's width; shift (u, v) by its half height; shift (u, v) of the mean from the middle
-    ray; largest distance of the rays, -NEVER if not all arrive
+    shift (u, v) that corresponds to half the part's width; shift (u, v) that corresponds to half its height; shift (u,
+    v) of the mean from the middle ray; largest distance that a ray travels to the face, -NEVER if not all arrive
     """
     k = RAYS
     u0, v0, ok0 = landing(work[k], work[k + 1], work[k + 2], work[k + 3], work[k + 4], work[k + 5], r)
@@ -412,13 +415,13 @@ def pencil(
 
 @inlined
 def is_lit(x0: float, y0: float, z0: float, p: FloatArray, top: FormedTop) -> bool:
-    """Whether the straight line from a point of the emitter to a point of the top is free."""
+    """Whether the dimple does not hide the straight line from a point of the emitter to a point of the top."""
     return sees(x0, y0, z0, p[PX] - 1e-6 * p[MX], p[PY] - 1e-6 * p[MY], p[PZ] - 1e-6 * p[MZ], top)
 
 
 @kernel
 def _goes_on(spare: float, walls: FloatArray, arcs: FloatArray, top: FormedTop, work: FloatArray) -> bool:
-    """Whether a ray of a bundle meets the top before the walls, although the middle ray would meet it behind a wall.
+    """Whether some ray of a ray bundle meets the top before a wall, although the middle ray meets it behind the wall.
 
     spare : distance from the middle ray's point on the top to the wall, negative if the point is behind the wall
     """
@@ -449,7 +452,7 @@ def _spare(
     x: float, y: float, z: float, dx: float, dy: float, dz: float, walls: FloatArray, arcs: FloatArray,
     top: FormedTop,
 ) -> tuple[float, float]:  # fmt: skip
-    """Distance to the top (NEVER: not met), and how much farther away the wall is (negative: nearer)."""
+    """Distance of a ray to the top (NEVER if not met), and how much farther the wall is (negative if it is nearer)."""
     wall, _ = plan_exit(x, y, z, dx, dy, dz, walls, arcs)
     limit = (1.0 + BEHIND) * wall
     if dz < 0.0:

@@ -1,9 +1,8 @@
 # mypy: no-warn-return-any
-"""Share of an emitter's part from which a point of the top mirrors light into a receiver's face, by cutting polygons.
-
-Positions in the part are in half sizes from its middle, a square from -1 to 1. The sides of the receiver's face map to
-four lines g + u gu + v gv = 0 in this square. Light from the region where all four are above 0, a convex polygon,
-reaches the receiver.
+"""The share of an emitter's part whose light a point of the top mirrors into a receiver's face, by cutting polygons.
+Positions in the part are given in half sizes from its middle, so the part is a square from -1 to 1. The sides of the
+receiver's face correspond to four lines g + u gu + v gv = 0 in this square. Light reaches the receiver from the region
+where all four expressions are above 0, which is a convex polygon.
 """
 
 from __future__ import annotations
@@ -15,7 +14,7 @@ from sims.optics.engine.formed.formed_rays import NX, NY, UX, UY, lobe
 from sims.optics.surface.radial import fresnel, inlined, kernel
 
 GAUSS = 0.5773502691896258
-"""Nodes of Gauss' rule with two nodes are at plus and minus this, on the interval from -1 to 1."""
+"""The two nodes of Gauss' rule on the interval from -1 to 1 are at plus and minus this value."""
 # columns of a point of the top
 PX, PY, PZ, MX, MY, MZ, DA, SKIRT, BATCH, CHAINS = range(10)
 POINT_COLUMNS = 10
@@ -23,7 +22,7 @@ POINT_COLUMNS = 10
 
 @inlined
 def sent(x: float, y: float, z: float, p: FloatArray, e: FloatArray, absorbs: float, index: float) -> float:
-    """Light that leaves a point of the emitter and is mirrored by a point of the top, per area of both [1/mm²]."""
+    """Light from a point of the emitter that a point of the top mirrors, per area of both [1/mm²]."""
     dx, dy, dz = p[PX] - x, p[PY] - y, p[PZ] - z
     s2 = dx * dx + dy * dy + dz * dz
     s = math.sqrt(s2)
@@ -63,11 +62,11 @@ def lines(
 def cut(work: FloatArray) -> tuple[float, float, float, int, int]:
     """Share of the square from -1 to 1 in which four lines g + u gu + v gv are above 0.
 
-    work : (44,) the lines in the first 12 numbers; then space for two polygons
+    work : (44,) array with the lines in its first 12 numbers, then space for two polygons
 
     Returns
     -------
-    share; its middle u, v; number of corners (0: the whole square); index in `work` where they begin
+    share; centre u, v of the region; its number of corners (0: the whole square); index in `work` where they begin
     """
     is_cut = False
     for k in range(4):

@@ -1,5 +1,5 @@
 # mypy: no-warn-return-any
-"""Light that emitters of a disc or crowned pad send to, and receivers take from, patches of wall, bottom and tip.
+"""Light that a disc or crowned pad's emitters send to patches of wall, bottom and tip, and receivers take from them.
 
 Model
 -----
@@ -12,9 +12,9 @@ mirrored by the top. T_p is the light that the receiver would send to p (recipro
 plan. Wall patches are divided by direction from the middle of the pad and by height. The contact has `TIP_RINGS` rings
 of equal area, each in `TIP_TURNS` parts.
 
-A part's rays form batches, each of every n-th ray, from which the error follows.
+The rays of each emitter or receiver form batches of every n-th ray; their differences give the error.
 
-Left out: obstruction by the press of light that is scattered more than once.
+The model leaves out that the press obstructs light scattered more than once.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ def deposits(
     window: FloatArray, receivers: FloatArray, rays: int, steps: FloatArray, shift: FloatArray, absorbs: float,
     index: float, walls: FloatArray, arcs: FloatArray, top: FormedTop, layout: FloatArray, out: FloatArray,
 ) -> None:  # fmt: skip
-    """Add to `out` (batch, patch) the light on patches from rays of an emitter or receiver; tip patches are last."""
+    """Add to `out` (batch, patch) the light on patches from rays of an emitter or receiver; the tip's come last."""
     unit = 4.0 * window[HALF_U] * window[HALF_V] / window[10] / rays
     for n in range(rays):
         x, y, z = window_point(
@@ -102,7 +102,7 @@ def patch_of(what: int, x: float, y: float, z: float, layout: FloatArray) -> int
 
 @kernel
 def tip_patch(top: FormedTop, x: float, y: float) -> int:
-    """Number of the tip's patch at a point of the contact, given in plan in the frame of the press."""
+    """Number of the tip's patch at a point (x, y) of the contact, in press coordinates."""
     r2, ring = x * x + y * y, 0
     for k in range(1, TIP_RINGS):
         if r2 >= top.rows[0, CONTACT + k * CONTACT_PARTS // TIP_RINGS]:

@@ -3,11 +3,12 @@
 
     flux = ∫∫ L(c_e) c_e c_r e^(-μ s) A(c_r) / s² dA_e dA_r
 
-The integral is over both faces. L is the emitter's radiance over power and area, A the receiver's counted share. In
-plan the pad and its crown are convex, so only the tip and its dimple can come between two faces. A column of the
-receiver is lit from below up to a horizon, which is found by halving; Gauss' rule covers the lit part.
+The integral is over both faces. L is the emitter's radiance divided by its power per area; A is the share of light that
+the receiver counts. In plan the pad and its crown are convex, so only the tip and its dimple can come between two
+faces. A column of the receiver is lit from its lower end up to a horizon, which is found by halving an interval; Gauss'
+rule covers the lit part.
 
-Left out: a column that is lit in two separate parts.
+A column that is lit in two separate parts is not modelled.
 """
 
 from __future__ import annotations
@@ -79,7 +80,7 @@ def straight_flux(
 
 @kernel
 def _horizon(x: float, y: float, z: float, r: FloatArray, u: float, top: FormedTop) -> float:
-    """Height up to which a column of the receiver sees a point, from -1 to 1 in half heights; -1 if not at all."""
+    """Height up to which a receiver's column sees a point, -1 (not at all) to 1, in half heights from its middle."""
     tx, ty, tz = window_point(r, u, -1.0)
     if not sees(x, y, z, tx, ty, tz, top):
         return -1.0

@@ -73,7 +73,7 @@ def straight_matrix(
 def points_on(
     at: FloatArray, origin: FloatArray, axes: FloatArray, numbers: FloatArray, rows: FloatArray
 ) -> FloatArray:
-    """(n, 10) points of the top above the points `at` (n, 5) of the plan; see `formed_mirrored.top_points`."""
+    """(n, 10) points of the top at `at` (n, 5), given in press coordinates; see `formed_mirrored.top_points`."""
     out = np.zeros((at.shape[0], POINT_COLUMNS))
     top_points(at, FormedTop(origin, axes, numbers, rows), out)
     return out
@@ -85,7 +85,7 @@ def mirrored_matrix(
     absorbs: float, index: float, walls: FloatArray, arcs: FloatArray, origin: FloatArray,
     axes: FloatArray, numbers: FloatArray, rows: FloatArray,
 ) -> FloatArray:  # fmt: skip
-    """(2, batch, emitter, receiver) light mirrored by the top: by its smooth part only, and by the steep skirt."""
+    """(2, batch, emitter, receiver) light mirrored by the top: never by the steep skirt, and at least once by it."""
     top = FormedTop(origin, axes, numbers, rows)
     out = np.zeros((emitters.shape[0], 2, BATCHES, receivers.shape[0]))
     work = np.zeros(SIGHTS + SIGHT * (receivers.shape[0] + 1))
@@ -132,8 +132,7 @@ def deposit_matrix(
     shift: FloatArray, absorbs: float, index: float, walls: FloatArray, arcs: FloatArray,
     origin: FloatArray, axes: FloatArray, numbers: FloatArray, rows: FloatArray, layout: FloatArray, patches: int,
 ) -> FloatArray:  # fmt: skip
-    """(batch, window, patch) light from the requested faces of emitters or receivers on patches of walls, bottom and
-    tip."""
+    """(batch, window, patch) light on patches of walls, bottom and tip from requested emitters or receivers."""
     top = FormedTop(origin, axes, numbers, rows)
     out = np.zeros((windows.shape[0], RAY_BATCHES, patches))
     for i in range(windows.shape[0]):

@@ -39,10 +39,11 @@ from sims.optics.surface.curves import (
 from sims.press import Indentation
 
 REACH_SHARE = 0.97
-"""Largest distance of the pad's points from the axis of a press, over the crown's radius; beyond, it is too steep."""
+"""Largest distance of the pad's points from the axis of a press, relative to the crown's radius; farther away the crown
+is too steep."""
 OUTLINE_PLACES = 1440
 FRAME = 12
-"""Number of values of a frame: its origin (3) and axes (9)."""
+"""Number of values that describe press coordinates: the origin (3) and the axes (9)."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -51,8 +52,8 @@ class FormedStack:
 
     Attributes
     ----------
-    rows : (state, n) origin and axes of the frame of the press, numbers of the top, then the radial table of the
-        press's height; see `formed_top.FormedTop`
+    rows : (state, n) origin and axes of press coordinates, numbers of the top, then the radial table of its height; see
+        `formed_top.FormedTop`
     """
 
     rows: FloatArray
@@ -63,7 +64,7 @@ class FormedStack:
         return np.zeros((len(self.rows), 0))
 
     def top(self, state: int) -> FormedTop:
-        """Top in one state, by its number."""
+        """Top in the state of a given number."""
         row = self.rows[state]
         numbers = row[FRAME : FRAME + NUMBERS]
         table = row[None, FRAME + NUMBERS :].copy() if numbers[OUTER] > 0.0 else empty_rows()
@@ -71,11 +72,11 @@ class FormedStack:
 
 
 def check_formed(scene: OpticalScene, presses: Sequence[object], fields: Sequence[object] | None) -> None:
-    """Refuse states that are not traced on disc and crowned pads.
+    """Refuse states that cannot be traced on disc and crowned pads.
 
     Raises
     ------
-    InputError : there are fields, or smooth walls.
+    InputError : there are fields or smooth walls.
     ModelScopeError : several tips press at once.
     """
     if fields is not None and any(field is not None for field in fields):
@@ -87,7 +88,7 @@ def check_formed(scene: OpticalScene, presses: Sequence[object], fields: Sequenc
 
 
 def single_press(press: object) -> Indentation | None:
-    """The only press of a state, which is given alone or in a list; None for the untouched pad."""
+    """The only press of a state, given alone or in a sequence; None for the untouched pad."""
     listed = list(press) if isinstance(press, Sequence) else [press]
     if len(listed) != 1 or not (listed[0] is None or isinstance(listed[0], Indentation)):
         raise ModelScopeError(
@@ -98,13 +99,14 @@ def single_press(press: object) -> Indentation | None:
 
 
 def stack_formed(scene: OpticalScene, centres_mm: FloatArray, presses: Sequence[object]) -> FormedStack:
-    """Convert one press, or None, per state.
+    """Convert the states of a disc or crowned pad, each with one press or none, to arrays.
 
     Parameters
     ----------
     scene : the pad
-    centres_mm : (state, 2) or (state, 1, 2) location of the press in plan [mm]; ignored if untouched
-    presses : per state a press or None; its heights are above the untouched top, along the normal there
+    centres_mm : (state, 2) or (state, 1, 2) location of the press in plan [mm]; ignored for an untouched state
+    presses : for each state a press, or None if untouched; a press's heights are measured from the untouched top, along
+        the normal at its location
 
     Raises
     ------
@@ -127,7 +129,7 @@ def stack_formed(scene: OpticalScene, centres_mm: FloatArray, presses: Sequence[
 
 
 def check_place(scene: OpticalScene, state: int, centre_mm: FloatArray, press: Indentation) -> None:
-    """Check that a press is modelled at its location.
+    """Check that a press can be modelled at its location.
 
     Raises
     ------
@@ -160,7 +162,7 @@ def check_place(scene: OpticalScene, state: int, centre_mm: FloatArray, press: I
 
 
 def _reach_mm(scene: OpticalScene, form: PadForm, x_mm: float, y_mm: float) -> float:
-    """Largest distance of bottom and untouched top from a press's axis [mm]; on a cylinder, only across it."""
+    """Largest distance from a press's axis to bottom or untouched top [mm]; on a cylinder, only across it."""
     middle = np.array([scene.length_mm, scene.width_mm]) / 2.0
     corners = [
         np.arctan2(y - middle[1], x - middle[0])
@@ -179,10 +181,10 @@ def _reach_mm(scene: OpticalScene, form: PadForm, x_mm: float, y_mm: float) -> f
 
 
 def windows_of(scene: OpticalScene, kind: str) -> FloatArray:
-    """(n, 12 + table) faces of emitters or receivers, by columns.
+    """(n, 12 + table) faces of emitters or receivers, one per table row.
 
-    Columns are centre, unit tangent, half sizes (cut off at the crown), outward normal, Lambertian order, area as
-    mounted, number of the wall, and the radiance or response table.
+    Columns are centre, unit tangent, half sizes (of the part below the crown), outward normal, Lambertian order, area
+    as mounted, number of the wall, and the radiance or response table.
     """
     form = scene.form
     assert form is not None
@@ -225,7 +227,7 @@ def walls_of(scene: OpticalScene) -> tuple[FloatArray, FloatArray]:
 
 
 def formed_top(scene: OpticalScene, centre_mm: FloatArray, press: Indentation | None) -> FormedTop:
-    """Top under one press at a location in plan; None is the untouched top, in the frame of its apex."""
+    """Top under one press at a location in plan; if `press` is None, the untouched top, in coordinates at its apex."""
     form = scene.form
     assert form is not None
     place = form.top.apex_mm if press is None else (float(centre_mm[0]), float(centre_mm[1]))
@@ -247,7 +249,7 @@ def _crown_numbers(top: Top) -> tuple[float, float, float]:
 
 
 def _lowered(press: Indentation, mean_mm: float, clear_mm: float) -> tuple[FloatArray, tuple[float, ...]]:
-    """(1, n) radial table of a press's height; and its outer, contact and skirt radius [mm]."""
+    """(1, n) radial table of a press's height; the press's outer, contact and skirt radius [mm]."""
     check_curve(press, clear_mm)
     numbers, table, _ = lower_curve(press, 0.0, mean_mm)
     row = np.zeros(FORMED_ROW)

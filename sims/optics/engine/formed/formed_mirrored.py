@@ -1,5 +1,5 @@
 # mypy: no-warn-return-any
-r"""Light that a disc's or crowned pad's top mirrors: ray bundles through points of the top.
+r"""Light that the top of a disc or crowned pad mirrors: ray bundles by way of points of the top.
 
 Model
 -----
@@ -7,20 +7,21 @@ The light of an emitter that first meets the top at P, in an element dA, and rea
 
     dflux = ∫ L(c_e) c_e c_P / s² · F_1 ... F_k · e^(-μ way) A(c_r) dA_e dA
 
-over the part of the emitter whose rays through P arrive at the receiver. The emitter is divided into parts that are
-small relative to their distance from P (`share`). The plane mirror at P maps the sides of the receiver's face
-(*window*) to straight lines in the emitter's plane, which cut a part exactly (`formed_cuts`). All factors are
-integrated over the arriving light; light hidden by the dimple is found column by column. From the second mirror on,
-larger parts are used, whose ray bundles are divided near a window (`formed_chains`). The pad is convex, so a ray that
-points to a window reaches it, whichever wall's plane it crosses first.
+integrated over the region of the emitter whose rays by way of P arrive at the receiver. The emitter is divided into
+parts that are small relative to their distance from P (`share`). Mirrored at P as in a plane mirror, the sides of the
+receiver's face (*window*) become straight lines in the emitter's plane; along these, a part is cut exactly
+(`formed_cuts`). All factors are integrated over the arriving light; light hidden by the dimple is found column by
+column. From the second reflection on, parts are larger, and their ray bundles are divided near a window
+(`formed_chains`). The pad is convex, so a ray that points to a window reaches it, whichever wall's plane it crosses
+first.
 
 P runs over a grid of the untouched top and, around the press, over rings (`formed_points`). The change of light by a
-press comes from the same points with and without it. Points form batches, each an even grid by itself, from which the
-error follows. Light mirrored several times is followed through some of the points only, each of which represents its
-neighbours.
+press comes from the same points with and without the press. The points form batches, each an even grid by itself, from
+whose differences the error is estimated. Light mirrored several times is followed by way of only some points, each of
+which represents its neighbours.
 
-Left out: variation of later Fresnel shares within one part's ray bundle; more than `formed_chains.MOST` mirrors; a
-column of a part whose ends are both seen and whose middle is hidden.
+The model leaves out the variation of later Fresnel shares within one part's ray bundle, more than `formed_chains.MOST`
+reflections, and a column of a part whose ends are both seen while its middle is hidden.
 """
 
 from __future__ import annotations
@@ -88,20 +89,23 @@ from sims.optics.engine.formed.formed_top import (
 from sims.optics.surface.radial import inlined, kernel
 
 COLUMNS, HALVINGS = 4, 5
-"""Number of columns of an emitter's part in which light hidden by the dimple is found, and halvings to find it."""
+"""Number of columns of an emitter's part in which light hidden by the dimple is searched for, and number of halvings in
+the search."""
 CHAINS_SHARE = 2.0
-"""Size of undivided emitter parts for light mirrored several times, over their size for light mirrored once."""
+"""Size of undivided emitter parts for light mirrored several times, relative to their size for light mirrored once."""
 STEPS = (0.7548776662466927, 0.5698402909980532)
-"""Steps of Roberts' additive sequence, which gives each point's sample its position in the emitter's parts."""
+"""Steps of Roberts' additive sequence. For each point of the top it gives the sample's position in the emitter's
+parts."""
 MOST_PARTS = 12
-"""Largest number of parts of an emitter in either direction."""
+"""Largest number of parts into which an emitter is divided in each direction."""
 BATCHES = 4
 WAYS, PART = CHAIN_WORK, CHAIN_WORK + 9
 """Columns of the array `work`: where the data of mirrored directions begin, and those of the emitter's part."""
 AT = PART + 5
-"""Column of the array `work` where the top point's position in the frame of the press begins."""
+"""Column of the array `work` where the position of the top's point, in press coordinates, begins."""
 SIGHTS = AT + 3
-"""Column of the array `work` where the positions of all faces for `is_open` begin, the emitter's first."""
+"""Column of the array `work` where the positions of all faces, as `is_open` takes them, begin; the emitter's is
+first."""
 SIGHT = 4
 
 
@@ -110,12 +114,12 @@ def mirrored_flux(
     e: FloatArray, receivers: FloatArray, wanted: BoolArray, points: FloatArray, share: float, absorbs: float,
     index: float, walls: FloatArray, arcs: FloatArray, top: FormedTop, out: FloatArray, work: FloatArray,
 ) -> None:  # fmt: skip
-    """Add an emitter's light through points of the top to `out` (2, batch, receiver): smooth top, and steep skirt.
+    """Add an emitter's light by way of points of the top to `out` (2, batch, receiver): without and with steep skirt.
 
     wanted : (receiver,) mask of the requested receivers
-    points : (n, 10) points; normals out of the elastomer; elements of area [mm²]; 1 within the dimple's skirt, else 0;
-        batch; number of points that this one represents for light mirrored several times
-    share : largest size of a part of the emitter over its distance from a point
+    points : (n, 10) by columns: point; normal out of the elastomer; area that the point represents [mm²]; 1 within the
+        dimple's skirt, else 0; batch; number of points that this one represents for light mirrored several times
+    share : largest size of a part of the emitter, relative to its distance from a point
     work : (`SIGHTS` + `SIGHT` (receivers + 1),) workspace
     """
     pressed = top.numbers[OUTER] > 0.0
@@ -169,9 +173,9 @@ def mirrored_flux(
 def _may_land(p: FloatArray, e: FloatArray, receivers: FloatArray, wanted: BoolArray) -> bool:
     """Whether some ray of an emitter, mirrored at a point of the top, may reach a requested receiver's window.
 
-    Seen from the point, the emitter is within a cone about the direction of its middle, and each window within another
-    cone. The mirror preserves the angle of the emitter's cone. If the mirrored cone misses those of all windows, no ray
-    arrives.
+    Seen from the point, the emitter is within a cone about the direction of its middle, and each window is within
+    another cone. The emitter's cone keeps its angle when it is mirrored. If it then misses the cones of all windows, no
+    ray arrives.
     """
     x, y, z = p[PX] - e[CX], p[PY] - e[CY], p[PZ] - e[CZ]
     away = math.sqrt(x * x + y * y + z * z)
@@ -201,7 +205,7 @@ def _follow(
     receivers: FloatArray, wanted: BoolArray, e: FloatArray, absorbs: float, index: float, top: FormedTop,
     pressed: bool, out: FloatArray, work: FloatArray,
 ) -> None:  # fmt: skip
-    """Add the light of one part of the emitter, about x0, y0, z0, that a point of the top mirrors once."""
+    """Add the light from one part of the emitter, with middle x0, y0, z0, that a point of the top mirrors once."""
     nx, ny, nz = p[MX], p[MY], p[MZ]
     x, y, z = p[PX], p[PY], p[PZ]
     row, batch = (1 if p[SKIRT] > 0.0 else 0), int(p[BATCH])
@@ -260,7 +264,7 @@ def _follow(
 
 @kernel
 def _put_sight(window: FloatArray, number: int, top: FormedTop, work: FloatArray) -> None:
-    """Store the position of a part's face in `work`, in the form that `is_open` takes."""
+    """Store the position of the face of an emitter or receiver in `work`, in the form that `is_open` takes."""
     x, y, _ = into(top, window[CX], window[CY], window[CZ])
     around, most = 0.0, -NEVER
     for k in range(4):
@@ -273,7 +277,7 @@ def _put_sight(window: FloatArray, number: int, top: FormedTop, work: FloatArray
 
 @inlined
 def _is_open(number: int, top: FormedTop, work: FloatArray) -> bool:
-    """Whether the dimple certainly hides no line from the point to a window."""
+    """Whether the dimple certainly hides no line from the top's point in `work` to a window; see `is_open`."""
     k = SIGHTS + SIGHT * number
     return is_open(top, work[AT], work[AT + 1], work[AT + 2], work[k], work[k + 1], work[k + 2], work[k + 3])
 
@@ -283,10 +287,10 @@ def _brought(
     p: FloatArray, e: FloatArray, r: FloatArray, deep: float, absorbs: float, index: float, count: int, start: int,
     work: FloatArray,
 ) -> float:  # fmt: skip
-    """Mean light of an emitter's part that a point of the top mirrors to a receiver, over the region that arrives.
+    """Light that a point of the top mirrors to a receiver: mean over the region of an emitter's part that arrives.
 
-    count : number of corners of that region, in `work` from `start` on, whose triangles are sampled at the middles of
-        their sides; 0: the whole part arrives, and Gauss' rule with four nodes is used
+    count : number of corners of that region, stored in `work` from `start` on; its triangles are sampled at the middles
+        of their sides. If 0, the whole part arrives, and Gauss' rule with four nodes is used
     """
     total, whole = 0.0, 0.0
     for k in range(1, max(count - 1, 2)):
@@ -314,7 +318,7 @@ def _counted(
     a: float, b: float, p: FloatArray, e: FloatArray, r: FloatArray, deep: float, absorbs: float, index: float,
     work: FloatArray,
 ) -> float:  # fmt: skip
-    """Light from position a, b of an emitter's part that a point of the top mirrors to a receiver, as counted there."""
+    """Light from position a, b of an emitter's part, mirrored by a point of the top and counted by a receiver."""
     dx, dy, dz = _way(a, b, work)
     toward = (dx * r[NX] + dy * r[NY]) / math.sqrt(dx * dx + dy * dy + dz * dz)
     if toward <= 1e-9:
@@ -346,10 +350,10 @@ def _seen(
     p: FloatArray, e: FloatArray, r: FloatArray, deep: float, absorbs: float, index: float, count: int, start: int,
     top: FormedTop, work: FloatArray,
 ) -> float:  # fmt: skip
-    """Integral of an emitter part's light that reaches a receiver by a point of the top; NEVER: none is hidden.
+    """Integral of an emitter part's light that the dimple lets pass to a receiver by way of a point of the top.
 
-    A column of the part becomes hidden by the dimple from one end. Under a flat top this is the upper end, since both
-    rays are flatter there. The hidden length is found by halving.
+    NEVER if none is hidden. The dimple hides a column of the part from one end. Under a flat top this is the upper end,
+    since both rays are flatter there. The hidden length is found by halving.
     """
     low, high = -1.0, 1.0
     if count > 0:
@@ -394,7 +398,7 @@ def _seen(
 
 @inlined
 def _ends(a: float, work: FloatArray) -> tuple[float, float]:
-    """Lower and upper end of the light that arrives, in the column of an emitter's part at position `a`."""
+    """Lower and upper end of the region that arrives, in the column at position `a` of an emitter's part."""
     under, over = -1.0, 1.0
     for side in range(4):
         g, gv = work[3 * side] + a * work[3 * side + 1], work[3 * side + 2]
@@ -409,7 +413,7 @@ def _ends(a: float, work: FloatArray) -> tuple[float, float]:
 def _passes(
     a: float, b: float, p: FloatArray, e: FloatArray, r: FloatArray, deep: float, top: FormedTop, work: FloatArray
 ) -> bool:  # fmt: skip
-    """Whether the dimple hides neither the line from a part's point to the top nor the line to the receiver."""
+    """Whether the dimple hides neither the line from an emitter's point to the top nor the line to the receiver."""
     dx, dy, dz = _way(a, b, work)
     toward = dx * r[NX] + dy * r[NY]
     if toward <= 0.0:
@@ -426,8 +430,8 @@ def _passes(
 def top_points(at: FloatArray, top: FormedTop, out: FloatArray) -> None:
     """Fill `out` (n, 10) with points of the top, as `mirrored_flux` takes them.
 
-    at : (n, 5) points in plan of the frame of the press, elements of area in that plan [mm²], batch, and number of
-        points that each represents for light mirrored several times
+    at : (n, 5) by columns: x, y in press coordinates, area in that x-y plane [mm²], batch, and number of points that
+        this one represents for light mirrored several times
     """
     for n in range(at.shape[0]):
         x, y = at[n, 0], at[n, 1]

@@ -1,7 +1,6 @@
-"""Data of a disc or crowned pad that all states share: the untouched light, and sample points and rays for the presses.
-
-The untouched pad is traced once, finer than any press. A press's change is the difference between light through the
-same points and rays with and without it. The light without it is stored here, too.
+"""Data shared by all states of a disc or crowned pad: untouched light, and sample points and rays for presses. The
+untouched pad is traced once, more finely than any press. The change by a press is the difference of the light at the
+same points and rays with and without the press. The light without the press is stored here, too.
 """
 
 from __future__ import annotations
@@ -31,24 +30,26 @@ from sims.optics.scene.optical_scene import OpticalScene
 CLASSES = 5
 REFERENCE = Accuracy(image_step=0.06)
 REFERENCE_GRIDS = 2
-"""Settings of the grid of the untouched top, and number of such grids with different offsets."""
+"""Accuracy settings for the grid on the untouched top, and number of such grids with different offsets."""
 REFERENCE_PATCH_MM, PATCHES_ERROR = 0.5, 3e-3
-"""Size of patches for light scattered once in the untouched pad [mm], and the error by this size, relative [-]."""
+"""Size of patches for light scattered once in the untouched pad [mm], and the relative error that this size causes
+[-]."""
 REFERENCE_RAYS, REFERENCE_WALKS = 32768, 8
-"""Rays per emitter for the untouched pad's scattered light, and number of groups with different offsets. If settings
-have fewer rays, fewer are used here, and cells of the grid grow by the square root of the ratio."""
+"""Rays per emitter for the untouched pad's scattered light, and number of groups with different offsets. If the
+settings have fewer rays, fewer are used here, too, and the grid's cells grow by the square root of the ratio."""
 DEPOSIT_RAYS = 2048
 PART_SHARE, SPHERE_PART_SHARE = 0.3, 0.15
-"""Largest size of an emitter's part over its distance from a point of the top. It is smaller under a sphere, whose
-repeated reflections focus light in both directions. `formed_chains` begins with larger parts and divides them."""
+"""Largest size of a part of an emitter, relative to its distance from a point of the top. It is smaller under a
+spherical crown, whose repeated reflections focus light in both directions. `formed_chains` begins with larger parts and
+divides them."""
 CHAINS_ERROR = 3e-3
-"""Relative error of light mirrored several times by an untouched crown [-]. Smaller parts of emitters change all of it
-by 5e-4, and that of single pairs under a small press by up to this."""
+"""Relative error of light mirrored several times by an untouched crown [-]. With emitters divided into smaller parts,
+its sum changes by 5e-4, and that of single pairs under a small press by up to this error."""
 FINER_LATTICE = 2.0**-1.5
-"""Error of a grid of points over that of a grid with every other point, for a function with jumps."""
+"""Ratio of a grid's error to that of a grid with every other point, for a function with jumps."""
 STRAIGHT_NODES, LEAST_NODES = 12, (5, 24, 4)
-"""Gauss nodes of direct light in each direction for the untouched pad; smallest numbers over emitter, columns and
-heights under a press."""
+"""Number of Gauss nodes for direct light: in each direction for the untouched pad; and the smallest numbers under a
+press, over the emitter, the receiver's columns and the height of a column."""
 MOST_MIRRORED = 1000
 _MIRRORED: dict[bytes, FloatArray] = {}
 _LOCK = threading.Lock()
@@ -63,8 +64,8 @@ class FormedPad:
     Attributes
     ----------
     scene : the pad
-    emitters, receivers : faces as from `formed_lower.windows_of`
-    walls, arcs : as from `formed_lower.walls_of`
+    emitters, receivers : faces, from `formed_lower.windows_of`
+    walls, arcs : flat and round walls, from `formed_lower.walls_of`
     top : the untouched top
     patches : patches of walls and bottom for scattered light
     flux : (class, emitter, receiver) untouched flux [-]
@@ -83,7 +84,7 @@ class FormedPad:
 
     @cached_property
     def scale(self) -> FloatArray:
-        """(emitter, receiver) flux of all classes, made positive to serve as a scale [-]."""
+        """(emitter, receiver) flux summed over classes, made positive to serve as a scale [-]."""
         return above_zero(np.asarray(self.flux.sum(axis=0)))
 
     @property
@@ -99,7 +100,7 @@ class FormedPad:
         return np.asarray(straight_matrix(self.emitters, self.receivers, wanted, absorbs, *top, *rules))
 
     def mirrored(self, top: FormedTop, wanted: BoolArray, at: FloatArray) -> FloatArray:
-        """(2, batch, emitter, receiver) light that a top mirrors at points `at` (n, 5), given in plan of its frame."""
+        """(2, batch, emitter, receiver) light that a top mirrors at points `at` (n, 5), in press coordinates."""
         from sims.optics.engine.formed.formed_kernels import mirrored_matrix, points_on
 
         scene = self.scene
@@ -131,7 +132,7 @@ class FormedPad:
         patches: PatchLayout | None = None,
         rays: int = DEPOSIT_RAYS,
     ) -> tuple[FloatArray, FloatArray]:
-        """(batch, emitter, patch) and (batch, receiver, patch) light that the requested parts send to patches."""
+        """(batch, emitter, patch) and (batch, receiver, patch) light on patches from those requested."""
         from sims.optics.engine.formed.formed_kernels import deposit_matrix
 
         scene, layout = self.scene, patches or self.patches
@@ -159,9 +160,9 @@ class FormedWays:
     grid : cells of the top
     points : for each replicate, one point in each cell
     shifts : (replicate, 2) positions of the points in their cells
-    mirrored : (replicate, 2, batch, emitter, receiver) light mirrored at the points of the untouched top
+    mirrored : (replicate, 2, batch, emitter, receiver) light mirrored at these points by the untouched top
     rays : (replicate, n) offsets of rays
-    deposits : for each replicate, the light of these rays on patches in the untouched pad
+    deposits : for each replicate, light of these rays on patches in the untouched pad
     rules : Gauss nodes and weights of direct light
     straight : (emitter, receiver) direct light by these nodes in the untouched pad
     """
@@ -179,7 +180,7 @@ class FormedWays:
 
 
 def _name_of(*arrays: FloatArray | BoolArray) -> bytes:
-    """Hash of arrays by kind, shape and content."""
+    """Hash of arrays by type, shape and content."""
     digest = hashlib.blake2b(digest_size=16)
     for one in arrays:
         digest.update(repr((one.dtype.str, one.shape)).encode())
@@ -279,7 +280,7 @@ def _untouched_mirrored(pad: FormedPad, shift: FloatArray, settings: Accuracy) -
 
 
 def _untouched_once(pad: FormedPad, shift: FloatArray, rays: int) -> tuple[FloatArray, FloatArray]:
-    """(emitter, receiver) light scattered once in the untouched pad, by fine patches, and its standard error."""
+    """(emitter, receiver) light scattered once in the untouched pad, from fine patches, and its standard error."""
     patches = patch_layout(pad.scene, pad.walls, pad.arcs, REFERENCE_PATCH_MM)
     found, error = jackknifed(
         pad.deposits(pad.top, pad.every, shift, patches, rays),
@@ -309,10 +310,10 @@ def _untouched_more(pad: FormedPad, shifts: FloatArray, rays: int) -> FloatArray
 def jackknifed(
     deposits: tuple[FloatArray, FloatArray], joined: Callable[[FloatArray, FloatArray], FloatArray]
 ) -> tuple[FloatArray, FloatArray]:
-    """Function of all rays' deposits, and its standard error (jackknife: each batch is left out in turn).
+    """Value of a function of all rays' deposits, and its standard error by jackknife: each batch is left out in turn.
 
     deposits : (batch, emitter, patch) and (batch, receiver, patch) light on patches
-    joined : the function of both, summed over batches
+    joined : the function; it takes both deposits summed over batches
     """
     given, taken = deposits
     count = len(given)
@@ -326,10 +327,10 @@ def jackknifed(
 
 
 def lattice_error(mirrored: FloatArray) -> FloatArray:
-    """(emitter, receiver) standard error of mirrored light from grids of points, (grid, 2, batch, emitter, receiver).
+    """(emitter, receiver) standard error of `mirrored` (grid, 2, batch, emitter, receiver), light from grids of points.
 
-    Each batch is a grid with every other point. Its error times `FINER_LATTICE` bounds that of all batches together. If
-    whole grids differ by more, their spread is used.
+    Each batch is a grid with every other point. Its error times `FINER_LATTICE` is a bound for the error of all batches
+    together. If whole grids differ by more than that, their spread is used.
     """
     count, batches = mirrored.shape[0], mirrored.shape[2]
     alone = mirrored.sum(axis=1) * batches
@@ -345,7 +346,7 @@ def straight_rules(emitter: int, column: int, height: int) -> tuple[FloatArray, 
 
 
 def sequence_steps() -> FloatArray:
-    """(DIMENSIONS,) steps of Roberts' additive sequence: powers of 1/x, x the root of x^(d + 1) = x + 1."""
+    """(DIMENSIONS,) steps of Roberts' additive sequence: powers of 1/x, with x^(d + 1) = x + 1 in d dimensions."""
     root = 2.0
     for _ in range(64):
         root = (1.0 + root) ** (1.0 / (DIMENSIONS + 1))

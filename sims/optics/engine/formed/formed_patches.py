@@ -13,7 +13,7 @@ from sims.optics.scene.optical_scene import OpticalScene
 PATCH_MM = 2.0
 LEAST_TURNS = 24
 SAMPLES = 50
-"""Number of slices of a bottom patch, or of a wall patch's directions, over which its area is summed."""
+"""Number of slices into which a bottom patch, or the range of directions of a wall patch, is cut to sum its area."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -22,10 +22,10 @@ class PatchLayout:
 
     Attributes
     ----------
-    numbers : (8,) middle x, y of the plan [mm], bottom patches per mm, their columns and rows, directions of wall
-        patches, their levels of height, levels per mm
-    weight : (patch,) reflectance over area [1/mm²]: bottom, then walls, then the contact's patches, which change with
-        the press and have 0
+    numbers : (8,) middle x, y of the pad in plan [mm]; bottom patches per mm, and their numbers of columns and rows;
+        number of directions of wall patches, number of heights, heights per mm
+    weight : (patch,) reflectance divided by area [1/mm²]: bottom, then walls, then the contact's patches, which have 0
+        here since they change with the press
     """
 
     numbers: FloatArray
@@ -54,7 +54,7 @@ def patch_layout(
 
 
 def is_in_plan(x: FloatArray, y: FloatArray, walls: FloatArray, arcs: FloatArray) -> BoolArray:
-    """Mask of the points in plan that are in the pad."""
+    """Mask of the points (x, y) that are inside the pad in plan."""
     inside = np.ones(np.shape(x), dtype=np.bool_)
     for nx, ny, level in walls:
         inside &= nx * x + ny * y <= level
@@ -72,7 +72,7 @@ def from_arc(arc: FloatArray, x: FloatArray, y: FloatArray) -> tuple[FloatArray,
 
 
 def border_mm(way: FloatArray, start_mm: FloatArray, walls: FloatArray, arcs: FloatArray) -> FloatArray:
-    """(n, 2) points where the plan's border is met from `start_mm` (2,) inside, along (n, 2) unit vectors [mm]."""
+    """(n, 2) points where lines from `start_mm` (2,) inside along `way` (n, 2) meet the pad's outline in plan [mm]."""
     reach = np.full(len(way), np.inf)
     for nx, ny, level in walls:
         toward = way @ (nx, ny)
@@ -91,7 +91,7 @@ def border_mm(way: FloatArray, start_mm: FloatArray, walls: FloatArray, arcs: Fl
 def _bottom_areas(
     columns: int, rows: int, patch_mm: float, walls: FloatArray, arcs: FloatArray
 ) -> FloatArray:
-    """(columns, rows) areas of the bottom's patches within the plan [mm²], by slices across x."""
+    """(columns, rows) areas of the bottom's patches inside the pad's outline [mm²], summed over slices across x."""
     x = (np.arange(columns * SAMPLES) + 0.5) * patch_mm / SAMPLES
     low, high = np.zeros(len(x)), np.full(len(x), rows * patch_mm)
     for nx, ny, level in walls:

@@ -1,9 +1,10 @@
 """Points of a disc's or crowned pad's top through which mirrored light is followed.
 
-A grid covers the untouched top. Near the face of an emitter or receiver (*window*), a cell is divided by four while it
-is larger than `GRADE` of its distance from the window. Around a press, where the top bends within a cell, rings replace
-the grid. Cells that were divided for a window remain, except in the steep part of the press. Every cell has one point,
-at the same relative position, and belongs to one of four batches, like the squares of a board with four colours.
+A grid covers the untouched top. Near the face of an emitter or receiver (*window*), a cell is divided into four as long
+as it is larger than `GRADE` times its distance from the window. Around a press, where the top bends within a cell,
+rings replace the grid. Cells that were divided for a window remain, except in the steep part of the press. Every cell
+has one point, at the same relative position, and belongs to one of four batches, like the squares of a board with four
+colours.
 
 Light that a flat or cylindrical top mirrors several times is faint and varies slowly. It is followed through every
 fourth point of the grid and every second point of the rings, which represent the others. A sphere focuses such light,
@@ -26,18 +27,19 @@ from sims.optics.engine.formed.formed_top import CONTACT_EDGE, KIND, OUTER, SKIR
 from sims.optics.scene.optical_scene import OpticalScene
 
 GRADE = 0.35
-"""Largest size of a cell over its distance from a window."""
+"""Largest size of a cell, relative to its distance from a window."""
 PITCH = 0.38
-"""Size of cells at an image step of 1, over the mean of the narrowest emitter's and the narrowest receiver's width,
-which is the width of an image half-way between them. At an image step of 0.7 a press on the dome changes light to
-0.3 to 1.2 noise units rms with emitters of 0.3 mm, and 0.4 to 1.7 with those of 1.1 mm."""
+"""Size of cells at an image step of 1, relative to the mean of the narrowest emitter's and the narrowest receiver's
+width; this mean is the width of an image half-way between them. At an image step of 0.7 the change of light by a press
+on the dome has an error of 0.3 to 1.2 noise units rms with emitters of 0.3 mm, and of 0.4 to 1.7 with emitters of 1.1
+mm."""
 DIVISIONS = 4
-"""Largest number of divisions of a cell of the grid."""
+"""Largest number of times that a cell of the grid is divided."""
 RINGS_TO_SKIRT, RINGS_TO_CONTACT = 1.3, 2.0
 """Outer radius of the rings: the larger of these multiples of the steep skirt's radius and of the contact radius."""
 MOST_RINGS_TO_CONTACT = 4.0
-"""Largest outer radius of the rings over the contact radius. A dome's top is steep again at its wall, where the grid is
-as good with fewer points."""
+"""Largest outer radius of the rings, relative to the contact radius. A dome's top is steep again near its wall, but
+there the grid is as good with fewer points."""
 GOLDEN = 0.6180339887498949
 
 
@@ -51,7 +53,7 @@ class TopGrid:
     corner : (n, 2) smallest x and y of each cell [mm]
     size : (n,) size of each cell [mm]
     batch : (n,) batch of each cell's point, 0 to 3
-    divided : (columns, rows) mask of the undivided grid's cells that were divided
+    divided : (columns, rows) mask of the original grid's cells that were divided
     """
 
     pitch_mm: float
@@ -66,7 +68,7 @@ class TopGrid:
         return np.asarray(self.size < 0.75 * self.pitch_mm)
 
     def is_divided(self, x_mm: FloatArray, y_mm: FloatArray) -> BoolArray:
-        """Mask of the points in plan that are in a divided cell."""
+        """Mask of the points (x, y) in plan that are in a divided cell."""
         columns, rows = self.divided.shape
         i = np.clip((x_mm / self.pitch_mm).astype(np.int64), 0, columns - 1)
         j = np.clip((y_mm / self.pitch_mm).astype(np.int64), 0, rows - 1)
@@ -95,7 +97,7 @@ class GridPoints:
     chains: FloatArray
 
     def in_frame(self, top: FormedTop) -> FloatArray:
-        """(n, 5) the points in the frame of a press: x, y, area in the frame's plan [mm²], batch, `chains`."""
+        """(n, 5) the points in press coordinates: x, y, area in that x-y plane [mm²], batch, `chains`."""
         at = (self.place - top.origin) @ top.axes[:2].T
         element = self.area * (self.normal @ top.axes[2]) / self.normal[:, 2]
         return np.column_stack([at, element, self.batch, self.chains])
@@ -108,7 +110,7 @@ def pitch_of(settings: Accuracy, emitters: FloatArray, receivers: FloatArray) ->
 
 
 def top_grid(scene: OpticalScene, windows: FloatArray, pitch_mm: float) -> TopGrid:
-    """Cells that cover the box around the plan, smaller near windows (n, 12 or more)."""
+    """Cells that cover the box around the pad in plan, smaller near windows (n, 12 or more)."""
     form = scene.form
     assert form is not None
     columns, rows = (int(np.ceil(side / pitch_mm)) for side in (scene.length_mm, scene.width_mm))
@@ -174,13 +176,13 @@ def points_of(
 
 
 def _every_fourth(grid: TopGrid) -> FloatArray:
-    """(n,) number of points that each represents: 4 for every second cell of a batch in both directions, else 0."""
+    """(n,) number of points that each point represents: 4 in every second cell of a batch in each direction, else 0."""
     number = np.round(grid.corner / grid.size[:, None]).astype(np.int64) // 2
     return np.where((number % 2 == 0).all(axis=1), 4.0, 0.0)
 
 
 def ring_zone_mm(top: FormedTop) -> tuple[float, float]:
-    """Radii within which rings replace the grid [mm]: its divided cells, and its other cells."""
+    """Radii within which rings replace the grid [mm]: one for its divided cells, one for all others."""
     steep, contact = float(top.numbers[SKIRT_EDGE]), float(top.numbers[CONTACT_EDGE])
     most = min(MOST_RINGS_TO_CONTACT * contact, float(top.numbers[OUTER]))
     wide = max(RINGS_TO_SKIRT * steep, RINGS_TO_CONTACT * contact)
@@ -190,7 +192,7 @@ def ring_zone_mm(top: FormedTop) -> tuple[float, float]:
 def ring_points(
     top: FormedTop, outer_mm: float, pitch_mm: float, settings: Accuracy, shift: FloatArray
 ) -> FloatArray:
-    """(n, 5) points on rings around the press, denser near the contact; columns as in `GridPoints.in_frame`."""
+    """(n, 5) points on rings around the press, denser near the contact; columns as from `GridPoints.in_frame`."""
     contact, all_chains = float(top.numbers[CONTACT_EDGE]), top.numbers[KIND] == SPHERE
     within = max(settings.rings // 3, 4)
     beyond = max(settings.rings, int(1.5 * (outer_mm - contact) / pitch_mm))

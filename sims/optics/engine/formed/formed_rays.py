@@ -1,12 +1,11 @@
 # mypy: no-warn-return-any
-"""Rays in a disc or crowned pad: where they meet walls, bottom, top and parts' faces (*windows*).
+"""Rays in a disc or crowned pad: where they meet walls, bottom, top, and *windows* (faces of emitters and receivers).
+Points and directions are in cavity coordinates; the top is evaluated in press coordinates. `walls` (k, 3) holds the
+outward normal of each flat wall and its distance from the origin, `arcs` (m, 6) the round walls as in `PadForm`.
+Windows are rows of `sims.optics.engine.formed.formed_lower.windows_of`.
 
-Points and directions are in the cavity frame; the top is evaluated in the frame of the press. `walls` (k, 3) has
-outward normal and distance from the origin of each flat wall, `arcs` (m, 6) the round walls as in `PadForm`. Windows
-are rows of `sims.optics.engine.formed.formed_lower.windows_of`.
-
-The pad is convex. A ray from inside leaves a circle at one point. If the point is in the arc's sector, the ray meets
-the arc there, or another wall before.
+The pad is convex. So a ray from inside leaves the full circle of an arc at one point. If this point is in the arc's
+sector, the ray meets the arc there, unless it meets another wall before.
 """
 
 from __future__ import annotations
@@ -19,7 +18,7 @@ from sims.optics.surface.radial import inlined, kernel, lobe_at
 
 NEVER = 1e30
 BOTTOM, TOP = -1, -2
-"""Codes of surfaces other than walls. Walls have their number; round walls come after flat ones."""
+"""Codes of surfaces other than walls. A wall's code is its number; round walls come after flat ones."""
 CX, CY, CZ, UX, UY, HALF_U, HALF_V, NX, NY, ORDER, AREA, WALL, TABLE = range(13)
 
 
@@ -96,9 +95,9 @@ def window_point(window: FloatArray, u: float, v: float) -> tuple[float, float, 
 
 @inlined
 def lobe(window: FloatArray, cosine: float) -> float:
-    """Radiance of an emitter's window over power and area at a cosine to its normal [1/sr].
+    """Radiance of an emitter's window, divided by its power per area, at a cosine to its normal [1/sr].
 
-    For a receiver, pi times this is the share of light that is counted.
+    For a receiver, pi times this value is the share of light that is counted.
     """
     return lobe_at(window[ORDER], window, TABLE, cosine)
 
@@ -121,8 +120,7 @@ def beside(x: float, y: float, z: float, nx: float, ny: float, nz: float) -> tup
 def landing(
     x: float, y: float, z: float, dx: float, dy: float, dz: float, r: FloatArray
 ) -> tuple[float, float, float]:
-    """Where a ray crosses the plane of a part's face: u, v in half sizes of the face, and distance (-NEVER: moves
-    away)."""
+    """Where a ray crosses a window's plane: u, v in half sizes of the window, and distance (-NEVER: moves away)."""
     toward = dx * r[NX] + dy * r[NY]
     if toward <= 1e-9:
         return 0.0, 0.0, -NEVER

@@ -4,15 +4,16 @@
 Model
 -----
 Rays leave an emitter with Lambertian directions of a low-discrepancy sequence, weighted by its angular pattern. The top
-mirrors Fresnel's share; absorption follows Beer and Lambert. Walls, bottom and tip scatter their reflectance,
-Lambertian. Every point of scattering is connected to the face (window) of every receiver by one ray to a point on it:
+mirrors Fresnel's share; absorption follows Beer and Lambert. Walls, bottom and tip scatter light with a Lambertian
+distribution, by their reflectances. Every point of scattering is connected to every receiver by one ray to a point on
+the receiver's face, its window. This adds
 
     weight · c_s c_r A(c_r) area / (π s²) · e^(-μ s)
 
 Light that the top mirrors after its last scattering is counted if the ray itself meets a receiver. A ray's random
 numbers depend on its number and on how often it was scattered, not on the press.
 
-Left out: smooth walls; light of less than `FAINT` of the emitter's power.
+The model leaves out smooth walls, and light below `FAINT` of the emitter's power.
 """
 
 from __future__ import annotations
@@ -46,8 +47,8 @@ FAINT = 1e-7
 MOST_SCATTERED, MOST_FLIGHTS = 6, 60
 FIRST, PER_SCATTER = 4, 4
 DIMENSIONS = FIRST + PER_SCATTER * MOST_SCATTERED
-"""Random numbers per ray: point and direction at the emitter; then, per scattering, a direction and a point on the
-faces."""
+"""Number of random numbers per ray: for a point and direction at the emitter; then, for each scattering, for a
+direction and for a point on the receivers' faces."""
 
 
 @kernel
@@ -55,11 +56,11 @@ def scattered_flux(
     e: FloatArray, receivers: FloatArray, rays: int, steps: FloatArray, shift: FloatArray, absorbs: float,
     index: float, reflectances: FloatArray, walls: FloatArray, arcs: FloatArray, top: FormedTop, out: FloatArray,
 ) -> None:  # fmt: skip
-    """Add the light of an emitter over its power to `out` (2, receiver): scattered once, and scattered more often.
+    """Add an emitter's light per emitted power to `out` (2, receiver): scattered once, and scattered more often.
 
     rays : number of rays
     steps, shift : (DIMENSIONS,) steps and offsets of the random sequence
-    reflectances : of walls, bottom and tip
+    reflectances : (3,) reflectances of walls, bottom and tip
     """
     submerged = e[HALF_V] * e[HALF_U] * 4.0 / e[10]
     for n in range(rays):
@@ -147,7 +148,7 @@ def _look(
 
 @kernel
 def window_at(what: int, x: float, y: float, z: float, receivers: FloatArray) -> int:
-    """Number of the receiver whose face covers a point of a wall; -1 if there is none."""
+    """Number of the receiver whose face contains a point of a wall; -1 if there is none."""
     for j in range(receivers.shape[0]):
         r = receivers[j]
         along = (x - r[CX]) * r[UX] + (y - r[CY]) * r[UY]
@@ -165,7 +166,7 @@ def number(ray: int, dimension: int, steps: FloatArray, shift: FloatArray) -> fl
 
 @kernel
 def about(nx: float, ny: float, nz: float, cosine: float, turn: float) -> tuple[float, float, float]:
-    """Unit direction at the angle of a cosine to a unit normal, turned around the normal by a share of a full turn."""
+    """Unit direction with a given cosine to a unit normal; `turn` is its angle about the normal, in full turns."""
     sine = math.sqrt(max(1.0 - cosine * cosine, 0.0))
     a, b = sine * math.cos(2.0 * math.pi * turn), sine * math.sin(2.0 * math.pi * turn)
     if abs(nz) < 0.9:

@@ -1,29 +1,31 @@
 # mypy: no-warn-return-any
-r"""The top of a disc or crowned pad under one press, in the frame of the press, and where rays leave through it.
+r"""The top of a disc or crowned pad under one press, and the points where rays leave through it.
 
 Model
 -----
-The *frame of the press* has its origin on the untouched top at the location of the press, and its third axis along the
-normal (`PadForm.press_frame`). There the top is
+*Press coordinates* have their origin on the untouched top at the location of the press, and their third axis along the
+normal (`PadForm.press_frame`). In them the top is
 
-    z = -c(x, y) + d(r) + F(x, y),     c: the crown's fall below its tangent plane,  r² = x² + y²
+    z = -c(x, y) + d(r),     r² = x² + y²
 
-with d the press's height above the untouched crown. In the contact of a hemisphere of radius a at depth p, d = a - p -
-√(a² - r²) + m(r), with m the fall of the mean crown. For a sphere m is c itself, so the top is the tip. For a cylinder
-m is the fall of a sphere of twice its radius. Beyond the contact, d is a C1 cubic through the press's points as in
+where c is the crown's fall below its tangent plane and d the height of the pressed top above the untouched crown. In
+the contact of a hemisphere of radius a at depth p, d = a - p - √(a² - r²) + m(r), with m the fall of the mean crown.
+For a spherical crown m is c itself, so the top follows the tip exactly. For a cylindrical crown m is the fall of a
+sphere of twice its radius. Beyond the contact, d is a C1 cubic through the points of the press's curve, as in
 `sims.optics.surface.curves`, and ends in a tail.
 
 Rays march in steps that cannot jump over the top. The height of a ray above the crown, u = z + c, is convex along it,
-so within a step u is nowhere above the line between its ends. Let s be the step's smallest radius. From s outward there
-are bounds: the lowest d, the largest downward slope, and the largest *cup* κ = max(d'', d'/r, 0), the rate at which d's
-slope along a line grows. With the gap g = d - u, a step of length h in plan is safe in three cases: u stays below the
-lowest d; g at one end is larger than it can lose within the step; or √g₁ + √g₂ > h √(κ/2) at its ends, for then g is
-above the parabola through them that is bent by κ. Steps are shortened until they are safe, or until a ray that comes
-out closes its gap faster than κ h, and so comes out once. At `STEP_MM`, less where the gap is small, only the ends are
-tested: a shorter chord through a tip of radius a is missed, STEP_MM² / 8a deep, 4 µm for 3 mm. Newton's rule within the
-step finds the point where the ray comes out.
+so within a step u is nowhere above the line between its ends. Let s be the step's smallest radius. From s outward, d
+has three bounds: the lowest d, the largest downward slope, and the largest *cup* κ = max(d'', d'/r, 0), the rate at
+which d's slope along a line grows. With the gap g = d - u, a step of length h in plan is safe in three cases: if u
+stays below the lowest d; if g at one end is larger than its largest possible loss within the step; or if √g₁ + √g₂ > h
+√(κ/2) for the gaps at its ends, because then g lies above the parabola of curvature κ through both. Steps are shortened
+until they are safe, or until a ray that comes out closes its gap faster than κ h, and so comes out only once. Steps of
+at most `STEP_MM`, less where the gap is small, are tested only at their ends. So a shorter chord through a tip of
+radius a may be missed; it is STEP_MM² / 8a deep, 4 µm for a = 3 mm. Newton's rule within the step finds the point where
+the ray comes out.
 
-Left out: the second height where the curve folds, several tips.
+The model leaves out the second height where the curve folds, and several tips.
 """
 
 from __future__ import annotations
@@ -51,16 +53,17 @@ NEVER = 1e30
 STEP_MM, LEAST_STEP_MM = 0.3, 0.06
 """Longest and shortest step of a march near the dimple in which only the ends are tested [mm]."""
 SHORTER, LONGER = 0.25, 2.0
-"""Factor on the step of a march after a step that is not safe, and after one that is."""
+"""Factors by which the step of a march changes after an unsafe step and after a safe one."""
 ALOOF, NEWTON_STEPS = 2.5, 8
-"""How much steeper than the dimple a ray must cross the crown, at both ends, so that it certainly meets the top once;
+"""How many times steeper than the dimple a ray must cross the crown, at both ends, to meet the top certainly only once;
 and number of Newton steps."""
 AT_TOP_MM = 1e-10
 """Distance below which a point counts as on the top [mm]."""
 NEAR_TOP_MM = 1e-6
-"""Distance from the top below which one more step of Newton's rule is enough [mm]."""
+"""Within this distance from the top, one more step of Newton's rule is enough [mm]."""
 LOWS, CUPS = ROW, ROW + CELLS
-"""Columns in a press's row where the lowest heights and the largest cups begin, each from a piece outward."""
+"""Columns in a press's table row where two lists begin: the lowest height and the largest cup from each piece of the
+curve outward."""
 FORMED_ROW = CUPS + CELLS
 FLAT, SPHERE, CYLINDER = 0.0, 1.0, 2.0
 # numbers of a top
@@ -69,17 +72,17 @@ NUMBERS = 7
 
 
 class FormedTop(NamedTuple):
-    """The top in one state, as kernels read it; the module's docstring explains frame, d and cup.
+    """The top in one state, as kernels read it; the module's docstring explains press coordinates, d and cup.
 
     Attributes
     ----------
-    origin : (3,) origin of the frame of the press [mm]
-    axes : (3, 3) axes of the frame, one per row [-]
-    numbers : (7,) kind of crown; its radius and that of the mean crown (0: none); depth of the press; radius beyond
-        which d is 0; contact radius; skirt radius, within which a reflection counts as the skirt's [mm]. The last four
-        are 0 if untouched
-    rows : (1, `FORMED_ROW`) radial table of d (`sims.optics.surface.curves`), then lowest heights, then largest cups; a
-        single 0 if untouched
+    origin : (3,) origin of press coordinates, in cavity coordinates [mm]
+    axes : (3, 3) axes of press coordinates, one per table row [-]
+    numbers : (7,) type of crown (flat, sphere or cylinder); its radius and the mean crown's radius (0 if flat) [mm];
+        depth of the press; radius beyond which d is 0; contact radius; skirt radius, within which a reflection counts
+        as the skirt's [mm]. The last four are 0 if untouched
+    rows : (1, `FORMED_ROW`) radial table of d (`sims.optics.surface.curves`), then lowest heights, then largest cups;
+        if untouched, a single 0
     """
 
     origin: FloatArray
@@ -90,13 +93,13 @@ class FormedTop(NamedTuple):
 
 @inlined
 def into(top: FormedTop, x: float, y: float, z: float) -> tuple[float, float, float]:
-    """Convert a point from the cavity frame to the frame of the press."""
+    """Convert a point from cavity coordinates to press coordinates."""
     return turn(top, x - top.origin[0], y - top.origin[1], z - top.origin[2])
 
 
 @inlined
 def turn(top: FormedTop, x: float, y: float, z: float) -> tuple[float, float, float]:
-    """Convert a vector from the cavity frame to the frame of the press."""
+    """Convert a vector from cavity coordinates to press coordinates."""
     a = top.axes
     return (
         a[0, 0] * x + a[0, 1] * y + a[0, 2] * z,
@@ -107,7 +110,7 @@ def turn(top: FormedTop, x: float, y: float, z: float) -> tuple[float, float, fl
 
 @inlined
 def out_of(top: FormedTop, x: float, y: float, z: float) -> tuple[float, float, float]:
-    """Convert a vector from the frame of the press to the cavity frame."""
+    """Convert a vector from press coordinates to cavity coordinates."""
     a = top.axes
     return (
         a[0, 0] * x + a[1, 0] * y + a[2, 0] * z,
@@ -118,7 +121,7 @@ def out_of(top: FormedTop, x: float, y: float, z: float) -> tuple[float, float, 
 
 @inlined
 def fall(top: FormedTop, x: float, y: float) -> float:
-    """Distance of the untouched crown below its tangent plane [mm]; far outside the pad it is continued steeply."""
+    """Distance of the untouched crown below its tangent plane [mm]; far outside the pad it continues steeply."""
     kind = top.numbers[KIND]
     if kind == FLAT:
         return 0.0
@@ -141,7 +144,7 @@ def crown_slopes(top: FormedTop, x: float, y: float) -> tuple[float, float]:
 
 @inlined
 def rise(top: FormedTop, r2: float) -> tuple[float, float]:
-    """Height d of the press at a squared radius [mm], and (dd/dr) / r [1/mm]."""
+    """Height d of the pressed top above the crown at a squared radius r2 [mm], and (dd/dr) / r [1/mm]."""
     if r2 >= top.numbers[OUTER] * top.numbers[OUTER]:
         return 0.0, 0.0
     value, turned = height_and_slope(r2, 0, top.rows)
@@ -155,7 +158,7 @@ def rise(top: FormedTop, r2: float) -> tuple[float, float]:
 
 @kernel
 def crown_exit(top: FormedTop, x: float, y: float, z: float, dx: float, dy: float, dz: float) -> float:
-    """Distance at which a ray from inside leaves the untouched crown, in the press's frame; NEVER if it does not."""
+    """Distance at which a ray from inside, in press coordinates, leaves the untouched crown; NEVER if it does not."""
     kind = top.numbers[KIND]
     if kind == FLAT:
         return max(-z / dz, 0.0) if dz > 0.0 else NEVER
@@ -180,7 +183,7 @@ def crown_exit(top: FormedTop, x: float, y: float, z: float, dx: float, dy: floa
 
 @inlined
 def above(top: FormedTop, x: float, y: float, z: float) -> float:
-    """Height above the top of a point in the frame of the press [mm]; negative in the elastomer."""
+    """Height of a point above the pad's top [mm]; negative inside the elastomer. The point is in press coordinates."""
     return z + fall(top, x, y) - rise(top, x * x + y * y)[0]
 
 
@@ -188,7 +191,7 @@ def above(top: FormedTop, x: float, y: float, z: float) -> float:
 def above_along(
     top: FormedTop, x: float, y: float, z: float, dx: float, dy: float, dz: float
 ) -> tuple[float, float]:
-    """Height above the top of a point in the frame of the press [mm], and its derivative along a direction."""
+    """Height of a point in press coordinates above the pad's top [mm], and its derivative along a direction."""
     sx, sy = crown_slopes(top, x, y)
     height, turned = rise(top, x * x + y * y)
     return z + fall(top, x, y) - height, dz + (sx - turned * x) * dx + (sy - turned * y) * dy
@@ -200,7 +203,7 @@ def top_hit(
 ) -> float:
     """Distance, below `limit`, at which a ray from inside first leaves through the top; NEVER if it does not.
 
-    x, y, z, dx, dy, dz : start and unit direction in the frame of the press
+    x, y, z, dx, dy, dz : start and unit direction in press coordinates
     """
     leaves = crown_exit(top, x, y, z, dx, dy, dz)
     outer = top.numbers[OUTER]
@@ -234,9 +237,9 @@ def _aloof(
     top: FormedTop, x: float, y: float, z: float, dx: float, dy: float, dz: float, a: float, b: float, end: float,
     leaves: float,
 ) -> float:  # fmt: skip
-    """Largest distance before its exit from the crown at which a ray may leave the top [mm]; 0 if it may leave twice.
+    """How far before its exit from the crown a ray may leave through the top, at most [mm]; 0 if it may leave twice.
 
-    A ray leaves once if the dimple, over the ray up to `end`, is much less steep than the ray relative to the crown.
+    A ray leaves only once if, up to `end`, the dimple is much less steep than the ray relative to the crown.
     """
     at = min(max(-b / a, 0.0), end) if a > 1e-14 else 0.0
     qx, qy = x + at * dx, y + at * dy
@@ -255,7 +258,7 @@ def _aloof(
 def _settled(
     top: FormedTop, x: float, y: float, z: float, dx: float, dy: float, dz: float, t: float, limit: float
 ) -> float:
-    """Distance at which a ray meets the top, by Newton's rule from a nearby t; NEVER if it is above the limit."""
+    """Distance at which a ray meets the top, by Newton's rule from a nearby distance t; NEVER if not below `limit`."""
     for _ in range(NEWTON_STEPS):
         off, grows = above_along(top, x + t * dx, y + t * dy, z + t * dz, dx, dy, dz)
         t -= off / grows
@@ -269,7 +272,7 @@ def _march(
     top: FormedTop, x: float, y: float, z: float, dx: float, dy: float, dz: float, a: float, b: float, first: float,
     stop: float,
 ) -> float:  # fmt: skip
-    """Distance from `first` to `stop`, all within the dimple's circle, at which a ray leaves; NEVER if it does not.
+    """Distance, between `first` and `stop` within the dimple's circle, at which a ray leaves; NEVER if it does not.
 
     a, b : squared length of the direction in plan, and its scalar product with the start in plan [mm]
     """
@@ -315,13 +318,13 @@ def _march(
 def is_open(
     top: FormedTop, x: float, y: float, u: float, to_x: float, to_y: float, round_mm: float, to_u: float
 ) -> bool:
-    """True: the dimple hides no straight line from a point of the top to a window. False: the dimple may hide some.
+    """Whether the dimple certainly hides no straight line from a point of the top to a window.
 
-    x, y, u : the point in plan of the frame, and its height above the untouched crown [mm]
-    to_x, to_y, round_mm, to_u : middle of the window in that plan, radius of a circle about it that contains the
-        window, and the window's largest height above the crown [mm]
+    x, y, u : the point in press coordinates in plan, and its height above the untouched crown [mm]
+    to_x, to_y, round_mm, to_u : middle of the window in press coordinates in plan, radius of a circle about it that
+        contains the window, and the window's largest height above the crown [mm]
 
-    Beyond some share of its length the line is below the lowest point of the dimple that it passes. Before that, the
+    Beyond some share of its length, a line is below the lowest point of the dimple that it passes. Up to there, the
     dimple must be less steep than the line.
     """
     vx, vy = to_x - x, to_y - y
@@ -338,7 +341,7 @@ def is_open(
 
 @inlined
 def _bounds(top: FormedTop, r2: float) -> tuple[float, float, float]:
-    """Lowest d [mm], largest slope of d [-] and largest cup of d [1/mm] from a squared radius outward."""
+    """Lowest d [mm], largest slope of d [-] and largest cup of d [1/mm] from a squared radius r2 outward."""
     rows = top.rows
     if r2 >= top.numbers[OUTER] * top.numbers[OUTER]:
         return 0.0, 0.0, 0.0
@@ -374,7 +377,7 @@ def _between(
 
 @inlined
 def normal_at(top: FormedTop, x: float, y: float) -> tuple[float, float, float]:
-    """Unit normal out of the elastomer at a point in plan of the frame."""
+    """Unit normal out of the elastomer at a point (x, y) of the top, in press coordinates."""
     sx, sy = crown_slopes(top, x, y)
     turned = rise(top, x * x + y * y)[1]
     nx, ny = sx - turned * x, sy - turned * y
@@ -384,25 +387,25 @@ def normal_at(top: FormedTop, x: float, y: float) -> tuple[float, float, float]:
 
 @inlined
 def is_contact(top: FormedTop, x: float, y: float) -> bool:
-    """Whether the tip touches the top at a point in plan of the frame."""
+    """Whether the tip touches the top at (x, y) in press coordinates."""
     edge = top.numbers[CONTACT_EDGE]
     return x * x + y * y < edge * edge
 
 
 @inlined
 def is_skirt(top: FormedTop, x: float, y: float) -> bool:
-    """Whether a point in plan of the frame is within the outermost radius where the press is steep (skirt)."""
+    """Whether (x, y) in press coordinates is within the skirt: the outermost radius where the dimple is steep."""
     edge = top.numbers[SKIRT_EDGE]
     return x * x + y * y < edge * edge
 
 
 def empty_rows() -> FloatArray:
-    """(1, 1) table of an untouched top."""
+    """(1, 1) radial table of an untouched top, which is 0."""
     return np.zeros((1, 1))
 
 
 def out_of_frame(top: FormedTop, at_mm: FloatArray) -> FloatArray:
-    """(n, 3) points of the untouched top in the cavity frame, at (n, 2) points of the press frame's plan [mm]."""
+    """(n, 3) points of the untouched top in cavity coordinates, at (n, 2) press coordinates x and y [mm]."""
     x, y = at_mm.T
     kind, radius = top.numbers[KIND], top.numbers[RADIUS]
     fallen = np.zeros(len(x))

@@ -3,23 +3,23 @@
 Method, class by class
 ----------------------
 - `direct`: quadrature with a horizon for every column (`formed_direct`).
-- `top`, `skirt`: ray bundles through points of the top (`formed_mirrored`, `formed_points`).
+- `top`, `skirt`: ray bundles by way of points of the top (`formed_mirrored`, `formed_points`).
 - `diffuse`: the untouched pad's scattered light times the factor by which a press changes light scattered once
-  (`formed_deposits`). If only the tip scatters, the light that it scatters.
+(`formed_deposits`). If nothing but the tip scatters, it is the tip's scattered light.
 
-The untouched pad is traced once, finely (`formed_pad`). A press's change is the difference between light through the
-same points and rays with and without it.
+The untouched pad is traced only once, and finely (`formed_pad`). The change by a press is the difference of the light
+at the same points and rays with and without the press.
 
 Standard error
 --------------
-The error of mirrored light comes from grids with every other point, that of scattered light from leaving out every
-fourth ray in turn. Each pair also has the error of fixed rules: `RULES_ERROR` of the untouched flux, `HORIZON_ERROR` of
-the direct light that the press removes, and `CHAINS_ERROR` or `PARTS_ERROR` of the change of mirrored light.
-`change_error` leaves out what differences of states do not contain: the untouched pad's error, which all states share,
-and that of rules, which err by the same share of equal changes. Obstruction by the dimple of light scattered more than
-once is in no error.
+The error of mirrored light comes from grids with every other point; the error of scattered light, from leaving out
+every fourth ray in turn. Each pair also has an error by fixed rules: `RULES_ERROR` of the untouched flux,
+`HORIZON_ERROR` of the direct light that the press removes, and `CHAINS_ERROR` or `PARTS_ERROR` of the change of
+mirrored light. `change_error` leaves out what cancels in the difference of two states: the untouched pad's error, which
+all states share, and the error of fixed rules, which is the same share of equal changes. No error covers light
+scattered more than once that the dimple obstructs.
 
-Left out: smooth walls, several tips, fields, folds; `sims.optics.oracle` has all of these.
+This model leaves out smooth walls, several tips, fields and folds; `sims.optics.oracle` has all of these.
 """
 
 from __future__ import annotations
@@ -52,24 +52,27 @@ from sims.optics.scene.optical_scene import OpticalScene
 from sims.optics.surface.curves import CONTACT_AREA
 
 RULES_ERROR = 3e-4
-"""Error of fixed rules over the untouched flux, if a press changes a pair [-]: mirrored light of flat rectangles is
-within 1e-4 of that of `trace_states`."""
+"""Error of fixed rules relative to the untouched flux, for a pair that a press changes [-]. For comparison: for flat
+rectangles, mirrored light here is within 1e-4 of the result of `trace_states`."""
 HORIZON_ERROR = 0.01
-"""Error of direct light over the direct light that the press removes [-]: the largest change by finer rules."""
+"""Error of direct light relative to the direct light that the press removes [-]: the largest change that finer rules
+cause."""
 CHAINS_ERROR, PARTS_ERROR = 0.02, 0.01
-"""Error of a press's change of mirrored light, over the change by the skirt and elsewhere [-]: under a crown, where
-light is mirrored several times, and under a flat top. It is about the largest change that smaller parts still cause."""
+"""Error of a press's change of mirrored light, relative to the changes by the skirt and elsewhere [-]: under a crown,
+where light is mirrored several times; and under a flat top. It is about the largest change that dividing emitters into
+smaller parts still causes."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class FormedLight:
-    """Light of some states, over emitted power.
+    """Light of some states, as a fraction of emitted power.
 
     Attributes
     ----------
     flux : (state, class, emitter, receiver) flux [-]
     standard_error : (state, emitter, receiver) standard error of the flux summed over classes [-]
-    change_error : (state, emitter, receiver) error of the press's sample points and rays alone [-]
+    change_error : (state, emitter, receiver) the part of the error that comes from the press's sample points and rays
+        [-]
     scale : (emitter, receiver) untouched flux of all classes, above 0 [-]
     """
 
@@ -87,7 +90,7 @@ def trace_formed(
     seed: int,
     wanted: BoolArray,
 ) -> FormedLight:
-    """Trace some states. One emitter's light in one state depends on no other emitter and no other state.
+    """Trace some states. One emitter's light in one state does not depend on any other emitter or state.
 
     Parameters
     ----------
@@ -96,7 +99,7 @@ def trace_formed(
     states : (n,) numbers of the states to trace
     settings : the accuracy
     seed : seed of the offsets
-    wanted : (n, emitter, receiver) mask of pairs; the flux of others is 0
+    wanted : (n, emitter, receiver) mask of the pairs to trace; the flux of others is 0
     """
     ways = formed_ways(scene, settings, seed)
     flux = np.zeros((len(states), CLASSES, *wanted.shape[1:]))
@@ -121,7 +124,7 @@ def trace_formed(
 def _pressed(
     ways: FormedWays, top: FormedTop, wanted: BoolArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """(class, emitter, receiver) light of a pressed state; (emitter, receiver) its standard error, and its change's."""
+    """(class, emitter, receiver) light of a pressed state; (emitter, receiver) standard error and change error."""
     pad = ways.pad
     flux = pad.flux.copy()
     straight = pad.straight(top, wanted, ways.rules) - ways.straight
@@ -187,7 +190,7 @@ def _scattered(ways: FormedWays, top: FormedTop, wanted: BoolArray) -> tuple[Flo
 
 
 def _without_press(top: FormedTop) -> FormedTop:
-    """The untouched top in the frame of a press."""
+    """The untouched top in the coordinates of a press."""
     numbers = top.numbers.copy()
     numbers[[DEPTH, OUTER, CONTACT_EDGE, SKIRT_EDGE]] = 0.0
     return top._replace(numbers=numbers, rows=empty_rows())
