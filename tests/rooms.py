@@ -56,7 +56,7 @@ FLOORS: dict[str, tuple[str, ...]] = {
         "straight",
         "mirrored",
         "scattered",
-        "formed",
+        "general",
         "states",
         "compiled",
         "trace_states",

@@ -74,8 +74,8 @@ def check(
 
     from design.rules.check import check as findings_of
     from design.rules.check import notes
-    from optopad.screen.answer import counted
     from optopad.screen.verdict import as_typed, findings_screen, rate_words
+    from optopad.screen.verdict_sentences import counted
 
     read = read_design(design, set_)
     findings = findings_of(read)

@@ -14,7 +14,7 @@ from design.spec import SensorDesign
 from optopad.report.words import Html, element, section, table
 from optopad.results.comparison import Comparison, shown_value
 from optopad.results.improvement import Figures, Improvement
-from optopad.screen.answer import answer_of, changes_words
+from optopad.screen.verdict_sentences import answer_of, changes_words
 from sims.plots.maps import plot_margin_map
 from sims.plots.signal import plot_signal
 from sims.plots.style import plain_style, svg_text

@@ -30,7 +30,7 @@ from string import Template
 from typing import Any
 
 from design.spec import SensorDesign
-from optopad.screen.answer import answer_of, counted, signed, spans
+from optopad.screen.verdict_sentences import answer_of, counted, signed, spans
 from sims.bounds.observability import Figure, PadBounds
 from sims.score.result import ContinuityScore, JudgedPair, Verdict
 from sims.verdict.builds import BuildStudy

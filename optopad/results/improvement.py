@@ -11,8 +11,8 @@ from design.search.improve import Judged, Kind
 from design.spec import SensorDesign
 from optopad.results.score import Score
 from optopad.results.shown import Result, block, number, table
-from optopad.screen.answer import answer_of, changes_words, verdict_words
 from optopad.screen.verdict import labelled, row
+from optopad.screen.verdict_sentences import answer_of, changes_words, verdict_words
 from sims.score.result import ContinuityScore
 
 Figures = dict[str, float | None]

@@ -12,8 +12,8 @@ from design.fields.finding import Finding
 from design.shape.cavity import cavity_of
 from design.spec import SensorDesign
 from optopad.results.shown import WIDTH_IN, block, drawn, picture, table
-from optopad.screen.answer import answer_of, counted
 from optopad.screen.verdict import checks_line, verdict_screen
+from optopad.screen.verdict_sentences import answer_of, counted
 from sims.score.result import ContinuityScore, JudgedPair, KeyFigures
 
 if TYPE_CHECKING:

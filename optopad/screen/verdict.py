@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 from design.circuit.pins import board_of, faster_boards, frame_rate_hz
 from design.spec import SensorDesign
 from optopad.prediction_cost import STEM, quick_prediction_s
-from optopad.screen.answer import (
+from optopad.screen.verdict_sentences import (
     answer_of,
     at_mm,
     command_words,

@@ -21,7 +21,7 @@ from design.spec.layout import (
 )
 from design.spec.pad import WALLS
 from design.spec.properties import entries_of
-from optopad.screen.answer import unit_of
+from optopad.screen.verdict_sentences import unit_of
 
 Kind = Literal["number", "whole", "choice"]
 BY_HAND = "by hand"

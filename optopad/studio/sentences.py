@@ -7,11 +7,11 @@ from collections.abc import Mapping, Sequence
 from html import escape
 
 from design.shape.cavity import PlacedPart
-from optopad.screen.answer import answer_of, verdict_words
 from optopad.screen.stages import STAGE_TITLES
+from optopad.screen.verdict_sentences import answer_of, verdict_words
 from optopad.sensor.touch_view import touch_line
-from optopad.studio.answers import Judged, Progress
 from optopad.studio.live import LiveView
+from optopad.studio.live_results import Judged, Progress
 from optopad.studio.session import Said, Version
 
 RED, GREEN, AMBER, GREY = "#d1242f", "#1a7f37", "#9a6700", "#6e7781"

@@ -21,7 +21,7 @@ from design.fields.finding import Finding
 from design.rules.check import check
 from design.shape.cavity import cavity_of, workspace_of
 from design.spec import SensorDesign
-from optopad.screen.answer import changes_words
+from optopad.screen.verdict_sentences import changes_words
 from optopad.studio.design_file import DesignFile
 from optopad.studio.editable_fields import changes_of
 from optopad.studio.moves import moved, part_named

@@ -23,7 +23,7 @@ from design.arrays import FloatArray
 from design.errors import DesignError, OptopadError
 from design.shape.cavity import cavity_of, pair_name
 from design.spec import SensorDesign
-from optopad.studio.answers import Answer, Curves, Failed, Judged, Look, Progress, Ray, Rays, Readings
+from optopad.studio.live_results import Answer, Curves, Failed, Judged, Look, Progress, Ray, Rays, Readings
 from optopad.studio.session import Press
 
 Post = Callable[[Answer], None]

@@ -27,9 +27,9 @@ from design.errors import InputError
 from design.spec import SensorDesign
 from sims.cache import GatheredLight, folder_fingerprint, light_store
 from sims.optics.accuracy import LADDER, Accuracy, accuracy_of
-from sims.optics.engine.formed.formed_lower import FormedStack, windows_of
-from sims.optics.engine.formed.formed_pad import formed_ways
-from sims.optics.engine.formed.formed_points import pitch_of
+from sims.optics.engine.general.lower import FormedStack, windows_of
+from sims.optics.engine.general.pad import formed_ways
+from sims.optics.engine.general.points import pitch_of
 from sims.optics.engine.threads import run_each
 from sims.optics.engine.trace_states import CLASS_NAMES, RawLight, Tops, trace_scene, trace_tops
 from sims.optics.engine.untouched import untouched_pad

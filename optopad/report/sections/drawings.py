@@ -15,7 +15,7 @@ from optopad.report.scenes.layout_drawing import plot_layout
 from optopad.report.scenes.map_scene import MapScene, plot_by_depth
 from optopad.report.sections.published import published_load
 from optopad.report.words import Html, element, governing, ranked
-from optopad.screen.answer import spans, unit_of
+from optopad.screen.verdict_sentences import spans, unit_of
 from sims.contact.force_curve import ForceCurve
 from sims.contact.load_protocol import load_history, solid_of
 from sims.plots.builds import plot_builds

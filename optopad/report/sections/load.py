@@ -26,7 +26,7 @@ from optopad.report.sections.sensor import (
     wiring_figure,
 )
 from optopad.report.words import Html, element, html_of, section, table
-from optopad.screen.answer import counted, ends
+from optopad.screen.verdict_sentences import counted, ends
 from sims.contact.force_curve import ForceCurve
 from sims.score.result import ContinuityScore
 

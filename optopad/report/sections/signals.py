@@ -17,7 +17,7 @@ from optopad.report.words import (
     section,
     table,
 )
-from optopad.screen.answer import (
+from optopad.screen.verdict_sentences import (
     DASH,
     cause_sentence,
     counted,

@@ -20,10 +20,10 @@ from design.errors import OptopadError
 from design.shape.cavity import cavity_of
 from fabrication.bundle import bundle_name
 from optopad.studio.actions import Ghost, Task
-from optopad.studio.answers import Answer, Curves, Failed, Judged, Look, Progress, Readings
 from optopad.studio.drawings import QUANTITIES, curves_svg, map_svg, quantity, readings_svg
 from optopad.studio.editable_fields import EditableField, editable_fields_of
 from optopad.studio.live import LiveSensor, LiveView
+from optopad.studio.live_results import Answer, Curves, Failed, Judged, Look, Progress, Readings
 from optopad.studio.sentences import bad_parts, curves_title, pins_html, said_html, sensor_html, verdict_html
 from optopad.studio.session import Session
 

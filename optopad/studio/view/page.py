@@ -18,10 +18,10 @@ import viser
 from cad.mesh import Mesh
 from design.errors import OptopadError
 from design.shape.cavity import cavity_of
-from optopad.studio import answers as found_by_work
+from optopad.studio import live_results as found_by_work
 from optopad.studio.actions import Ghost, MoldShop, Task
-from optopad.studio.answers import Answer, Failed, Judged, Look, Rays, Readings
 from optopad.studio.live import LiveSensor, LiveView
+from optopad.studio.live_results import Answer, Failed, Judged, Look, Rays, Readings
 from optopad.studio.sentences import bad_parts
 from optopad.studio.session import Said, Session
 from optopad.studio.view.controls import AnswersPanel, BackgroundJobs, Controls

@@ -19,7 +19,7 @@ from design.shape.cavity import CavityGeometry, PlacedPart, Plan, cavity_of
 from design.spec import SensorDesign
 from fabrication.driver.touch_reader import Touch
 from optopad.studio.actions import Ghost
-from optopad.studio.answers import Look, Rays
+from optopad.studio.live_results import Look, Rays
 from optopad.studio.pad_mesh import cut_open, side_walls, slab, struck_place, untouched_top
 from optopad.studio.session import Press, Session
 from optopad.studio.view.shapes import (

@@ -59,8 +59,8 @@ import numpy as np
 
 from design.arrays import BoolArray, FloatArray, IntArray
 from sims.optics.accuracy import ACCURACIES, LADDER, Accuracy, accuracy_of, checked_target
-from sims.optics.engine.formed.formed_lower import FormedStack, check_formed, stack_formed
-from sims.optics.engine.formed.trace_formed import trace_formed
+from sims.optics.engine.general.lower import FormedStack, check_formed, stack_formed
+from sims.optics.engine.general.trace import trace_formed
 from sims.optics.engine.light_rows import KeptRows, content_of, name_of_names, names_of, row_names, row_of
 from sims.optics.engine.stated_error import standard_error
 from sims.optics.engine.threads import run_each

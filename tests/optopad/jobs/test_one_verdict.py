@@ -13,7 +13,7 @@ from design.spec.cheap_fields import CLEAR
 from optopad.jobs.compare import compare
 from optopad.jobs.sweep import run_sweep
 from optopad.results.sweep import table_row
-from optopad.studio.answers import Judged
+from optopad.studio.live_results import Judged
 from optopad.studio.session import Press
 from sims.score.objective import judge
 from sims.score.result import ContinuityScore

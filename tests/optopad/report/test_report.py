@@ -20,7 +20,7 @@ from optopad.report.sections.drawings import drawings_of, shown_pairs
 from optopad.report.sections.load import force_section
 from optopad.report.sections.published import PIACENZA_2017, compared, published_load
 from optopad.report.words import Html, bullets, element, governing, headline, ranked, rests_on, table
-from optopad.screen.answer import answer_of
+from optopad.screen.verdict_sentences import answer_of
 from sims.score.result import ContinuityScore
 from tests.optopad.report.page_reader import Page
 from tests.sims.made_up_scores import (

@@ -12,8 +12,8 @@ from design.preset import preset
 from design.shape.cavity import cavity_of
 from optopad.report.page import write_report
 from optopad.report.scenes.cause_drawing import plot_cause
-from optopad.screen.answer import cause_sentence
 from optopad.screen.verdict import step_lines
+from optopad.screen.verdict_sentences import cause_sentence
 from sims.verdict.tolerance import Effect, FieldStep, FieldSteps
 from sims.verdict.trial import Move, Trial, TriedMove
 from tests.optopad.report.page_reader import Page

@@ -7,8 +7,8 @@ from dataclasses import replace
 import pytest
 
 from design.preset import preset
-from optopad.screen.answer import answer_of, fix_words, no_fix_words, tool_words
 from optopad.screen.verdict import verdict_screen
+from optopad.screen.verdict_sentences import answer_of, fix_words, no_fix_words, tool_words
 from sims.verdict.trial import Move, Trial, TriedMove
 from tests.sims.made_up_scores import dead_score
 

@@ -10,7 +10,6 @@ import numpy as np
 from design.fields.finding import error, warning
 from design.preset import preset
 from optopad.report.words import bounds_words
-from optopad.screen.answer import answer_of, cause_sentence, unit_of
 from optopad.screen.stages import STAGE_TITLES
 from optopad.screen.verdict import (
     LINES,
@@ -21,6 +20,7 @@ from optopad.screen.verdict import (
     score_lines,
     verdict_screen,
 )
+from optopad.screen.verdict_sentences import answer_of, cause_sentence, unit_of
 from sims.verdict.causes import Cause, Witness
 from tests.design.for_each import for_each
 from tests.optopad.plain_words import words_of

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from design.preset import preset
-from optopad.screen.answer import verdict_words
+from optopad.screen.verdict_sentences import verdict_words
 from sims.score.sweep import sweep_row
 from tests.sims.made_up_scores import contiguous_score, dead_score, out_of_scope_score
 

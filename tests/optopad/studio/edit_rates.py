@@ -14,8 +14,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from optopad.studio.answers import Answer, Curves, Judged
 from optopad.studio.design_file import DesignFile
+from optopad.studio.live_results import Answer, Curves, Judged
 from optopad.studio.session import Session
 from optopad.studio.workshop import Request, Workshop
 

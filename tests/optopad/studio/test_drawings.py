@@ -21,9 +21,9 @@ from design.rules.check import check
 from design.shape.cavity import CavityGeometry, cavity_of, workspace_of
 from design.spec import SensorDesign
 from fabrication.driver.pattern import Problem
-from optopad.studio.answers import Judged, Progress
 from optopad.studio.drawings import QUANTITIES, curves_svg, map_svg, nearest_place, quantity, readings_svg
 from optopad.studio.live import LiveView
+from optopad.studio.live_results import Judged, Progress
 from optopad.studio.pad_mesh import cut_open
 from optopad.studio.sentences import bad_parts, curves_title, pins_html, said_html, sensor_html, verdict_html
 from optopad.studio.session import Press, Said, Version

@@ -12,7 +12,7 @@ import viser
 from design.io import load_design
 from design.preset import SHAPED_PRESETS, preset_text
 from design.shape.cavity import cavity_of
-from optopad.screen.answer import answer_of
+from optopad.screen.verdict_sentences import answer_of
 from optopad.studio.design_file import DesignFile
 from optopad.studio.moves import part_named
 from optopad.studio.session import Session

@@ -15,7 +15,7 @@ import pytest
 from design.preset import preset
 from design.spec import SensorDesign
 from optopad.studio import workshop as workshop_module
-from optopad.studio.answers import Answer, Curves, Failed, Judged, Look, Progress, Rays, Readings
+from optopad.studio.live_results import Answer, Curves, Failed, Judged, Look, Progress, Rays, Readings
 from optopad.studio.session import Press
 from optopad.studio.workshop import Request, Workshop
 from sims.score import objective as draft

@@ -18,7 +18,7 @@ import numpy as np
 
 from design.preset import preset
 from design.shape.top import Top
-from sims.optics.engine.formed import formed_pad
+from sims.optics.engine.general import pad as formed_pad
 from sims.optics.engine.trace_states import RawLight, trace_scene
 from sims.optics.scene.lower import scene_of
 from sims.optics.scene.optical_scene import OpticalScene

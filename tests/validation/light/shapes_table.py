@@ -29,7 +29,7 @@ import optopad
 from design.arrays import FloatArray
 from design.spec import SensorDesign
 from sims.optics.accuracy import ACCURACIES, MIRRORED_FINER, Accuracy
-from sims.optics.engine.formed import formed_pad
+from sims.optics.engine.general import pad as formed_pad
 from sims.optics.engine.trace_states import trace_scene
 from sims.optics.oracle.tracer import trace_oracle
 from sims.optics.oracle.walk import CROSSING

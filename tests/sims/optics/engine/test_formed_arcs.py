@@ -11,9 +11,10 @@ import pytest
 from design.arrays import FloatArray
 from design.shape.cavity import Plan, facet
 from design.shape.outline import Line, Outline, stadium
-from sims.optics.engine.formed import formed_deposits, formed_rays
-from sims.optics.engine.formed.formed_lower import walls_of
-from sims.optics.engine.formed.formed_patches import PatchLayout, is_in_plan, patch_layout
+from sims.optics.engine.general import deposits as formed_deposits
+from sims.optics.engine.general import rays as formed_rays
+from sims.optics.engine.general.lower import walls_of
+from sims.optics.engine.general.patches import PatchLayout, is_in_plan, patch_layout
 from sims.optics.engine.trace_states import CLASS_NAMES, trace_scene
 from sims.optics.oracle import scene as oracle_scene
 from sims.optics.oracle.scene import outline_mm, wall_runs

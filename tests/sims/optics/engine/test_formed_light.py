@@ -10,7 +10,7 @@ import pytest
 from design.arrays import FloatArray
 from design.errors import InputError, ModelScopeError
 from design.preset import preset
-from sims.optics.engine.formed import formed_pad
+from sims.optics.engine.general import pad as formed_pad
 from sims.optics.engine.trace_states import CLASS_NAMES, RawLight, trace_scene
 from sims.optics.oracle.tracer import trace_oracle
 from sims.optics.scene.lower import scene_of

@@ -11,7 +11,7 @@ import pytest
 from sims.cache import LightStore
 from sims.optics.accuracy import ACCURACIES
 from sims.optics.engine import trace_states as engine
-from sims.optics.engine.formed.formed_lower import stack_formed
+from sims.optics.engine.general.lower import stack_formed
 from sims.optics.engine.light_rows import row_names
 from sims.optics.engine.trace_states import RawLight, trace_scene
 from sims.optics.scene.optical_scene import OpticalScene

@@ -7,10 +7,11 @@ import pytest
 
 from design.preset import preset
 from sims.optics.accuracy import ACCURACIES
-from sims.optics.engine.formed import formed_kernels, formed_pad
-from sims.optics.engine.formed.formed_lower import windows_of
-from sims.optics.engine.formed.formed_points import pitch_of, points_of, top_grid
-from sims.optics.engine.formed.formed_rays import HALF_U
+from sims.optics.engine.general import kernels as formed_kernels
+from sims.optics.engine.general import pad as formed_pad
+from sims.optics.engine.general.lower import windows_of
+from sims.optics.engine.general.points import pitch_of, points_of, top_grid
+from sims.optics.engine.general.rays import HALF_U
 from sims.optics.scene.lower import scene_of
 
 CROWN = scene_of(preset("crowned-40x25"))

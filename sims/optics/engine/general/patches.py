@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from design.arrays import BoolArray, FloatArray
-from sims.optics.engine.formed.formed_deposits import TIP_PATCHES
+from sims.optics.engine.general.deposits import TIP_PATCHES
 from sims.optics.scene.optical_scene import OpticalScene
 
 PATCH_MM = 2.0

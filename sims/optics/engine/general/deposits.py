@@ -7,7 +7,7 @@ It is assumed that a press changes all scattered light by the same factor as lig
 
     S = S_0 · J / J_0,      J = Σ_p ρ_p G_p T_p / A_p
 
-S_0 is the untouched pad's scattered light (`formed_scattered`). G_p is the light of the emitter on patch p, direct or
+S_0 is the untouched pad's scattered light (`scattered`). G_p is the light of the emitter on patch p, direct or
 mirrored by the top. T_p is the light that the receiver would send to p (reciprocity). Bottom patches are squares in
 plan. Wall patches are divided by direction from the middle of the pad and by height. The contact has `TIP_RINGS` rings
 of equal area, each in `TIP_TURNS` parts.
@@ -22,7 +22,7 @@ from __future__ import annotations
 import math
 
 from design.arrays import FloatArray
-from sims.optics.engine.formed.formed_rays import (
+from sims.optics.engine.general.rays import (
     BOTTOM,
     HALF_U,
     HALF_V,
@@ -33,8 +33,8 @@ from sims.optics.engine.formed.formed_rays import (
     meeting,
     window_point,
 )
-from sims.optics.engine.formed.formed_scattered import FAINT, about, number, window_at
-from sims.optics.engine.formed.formed_top import FormedTop, into, is_contact, normal_at, out_of
+from sims.optics.engine.general.scattered import FAINT, about, number, window_at
+from sims.optics.engine.general.top import FormedTop, into, is_contact, normal_at, out_of
 from sims.optics.surface.curves import CONTACT, CONTACT_PARTS
 from sims.optics.surface.radial import fresnel, kernel
 
@@ -47,7 +47,7 @@ MIDDLE_X, MIDDLE_Y, PER_MM, COLUMNS, ROWS, TURNS, LEVELS, PER_LEVEL = range(8)
 
 
 @kernel
-def deposits(
+def deposit(
     window: FloatArray, receivers: FloatArray, rays: int, steps: FloatArray, shift: FloatArray, absorbs: float,
     index: float, walls: FloatArray, arcs: FloatArray, top: FormedTop, layout: FloatArray, out: FloatArray,
 ) -> None:  # fmt: skip

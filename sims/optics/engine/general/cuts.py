@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 
 from design.arrays import FloatArray
-from sims.optics.engine.formed.formed_rays import NX, NY, UX, UY, lobe
+from sims.optics.engine.general.rays import NX, NY, UX, UY, lobe
 from sims.optics.surface.radial import fresnel, inlined, kernel
 
 GAUSS = 0.5773502691896258

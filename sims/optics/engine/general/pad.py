@@ -17,12 +17,12 @@ import numpy as np
 from design.arrays import BoolArray, FloatArray
 from sims.compiling import listen_to_numba
 from sims.optics.accuracy import Accuracy
-from sims.optics.engine.formed.formed_lower import formed_top, walls_of, windows_of
-from sims.optics.engine.formed.formed_patches import PatchLayout, patch_layout
-from sims.optics.engine.formed.formed_points import GridPoints, TopGrid, pitch_of, points_of, top_grid
-from sims.optics.engine.formed.formed_rays import AREA
-from sims.optics.engine.formed.formed_scattered import DIMENSIONS
-from sims.optics.engine.formed.formed_top import FLAT, KIND, SPHERE, FormedTop
+from sims.optics.engine.general.lower import formed_top, walls_of, windows_of
+from sims.optics.engine.general.patches import PatchLayout, patch_layout
+from sims.optics.engine.general.points import GridPoints, TopGrid, pitch_of, points_of, top_grid
+from sims.optics.engine.general.rays import AREA
+from sims.optics.engine.general.scattered import DIMENSIONS
+from sims.optics.engine.general.top import FLAT, KIND, SPHERE, FormedTop
 from sims.optics.engine.threads import run_each
 from sims.optics.engine.untouched import above_zero
 from sims.optics.scene.optical_scene import OpticalScene
@@ -40,7 +40,7 @@ settings have fewer rays, fewer are used here, too, and the grid's cells grow by
 DEPOSIT_RAYS = 2048
 PART_SHARE, SPHERE_PART_SHARE = 0.3, 0.15
 """Largest size of a part of an emitter, relative to its distance from a point of the top. It is smaller under a
-spherical crown, whose repeated reflections focus light in both directions. `formed_chains` begins with larger parts and
+spherical crown, whose repeated reflections focus light in both directions. `chains` begins with larger parts and
 divides them."""
 CHAINS_ERROR = 3e-3
 """Relative error of light mirrored several times by an untouched crown [-]. With emitters divided into smaller parts,
@@ -64,8 +64,8 @@ class FormedPad:
     Attributes
     ----------
     scene : the pad
-    emitters, receivers : faces, from `formed_lower.windows_of`
-    walls, arcs : flat and round walls, from `formed_lower.walls_of`
+    emitters, receivers : faces, from `lower.windows_of`
+    walls, arcs : flat and round walls, from `lower.walls_of`
     top : the untouched top
     patches : patches of walls and bottom for scattered light
     flux : (class, emitter, receiver) untouched flux [-]
@@ -94,14 +94,14 @@ class FormedPad:
 
     def straight(self, top: FormedTop, wanted: BoolArray, rules: tuple[FloatArray, ...]) -> FloatArray:
         """(emitter, receiver) direct light of the requested pairs under a top."""
-        from sims.optics.engine.formed.formed_kernels import straight_matrix
+        from sims.optics.engine.general.kernels import straight_matrix
 
         absorbs = self.scene.absorption_per_mm
         return np.asarray(straight_matrix(self.emitters, self.receivers, wanted, absorbs, *top, *rules))
 
     def mirrored(self, top: FormedTop, wanted: BoolArray, at: FloatArray) -> FloatArray:
         """(2, batch, emitter, receiver) light that a top mirrors at points `at` (n, 5), in press coordinates."""
-        from sims.optics.engine.formed.formed_kernels import mirrored_matrix, points_on
+        from sims.optics.engine.general.kernels import mirrored_matrix, points_on
 
         scene = self.scene
         share = SPHERE_PART_SHARE if top.numbers[KIND] == SPHERE else PART_SHARE
@@ -133,7 +133,7 @@ class FormedPad:
         rays: int = DEPOSIT_RAYS,
     ) -> tuple[FloatArray, FloatArray]:
         """(batch, emitter, patch) and (batch, receiver, patch) light on patches from those requested."""
-        from sims.optics.engine.formed.formed_kernels import deposit_matrix
+        from sims.optics.engine.general.kernels import deposit_matrix
 
         scene, layout = self.scene, patches or self.patches
         given, taken = (
@@ -291,7 +291,7 @@ def _untouched_once(pad: FormedPad, shift: FloatArray, rays: int) -> tuple[Float
 
 def _untouched_more(pad: FormedPad, shifts: FloatArray, rays: int) -> FloatArray:
     """(shift, emitter, receiver) light scattered more than once, for each offset of the random sequence."""
-    from sims.optics.engine.formed.formed_kernels import scattered_matrix
+    from sims.optics.engine.general.kernels import scattered_matrix
 
     scene = pad.scene
     out = np.zeros((len(shifts), *pad.every.shape))

@@ -21,7 +21,7 @@ from __future__ import annotations
 import math
 
 from design.arrays import FloatArray
-from sims.optics.engine.formed.formed_rays import (
+from sims.optics.engine.general.rays import (
     BOTTOM,
     CX,
     CY,
@@ -40,7 +40,7 @@ from sims.optics.engine.formed.formed_rays import (
     sees,
     window_point,
 )
-from sims.optics.engine.formed.formed_top import OUTER, FormedTop, into, is_contact, normal_at, out_of
+from sims.optics.engine.general.top import OUTER, FormedTop, into, is_contact, normal_at, out_of
 from sims.optics.surface.radial import fresnel, kernel
 
 FAINT = 1e-7

@@ -9,41 +9,41 @@ import numpy as np
 
 from design.arrays import BoolArray, FloatArray
 from sims.kernels import entry_points
-from sims.optics.engine.formed import (
-    formed_chains,
-    formed_cuts,
-    formed_deposits,
-    formed_direct,
-    formed_mirrored,
-    formed_rays,
-    formed_scattered,
-    formed_top,
+from sims.optics.engine.general import (
+    chains,
+    cuts,
+    deposits,
+    direct,
+    mirrored,
+    rays,
+    scattered,
+    top,
 )
-from sims.optics.engine.formed.formed_cuts import POINT_COLUMNS
-from sims.optics.engine.formed.formed_deposits import RAY_BATCHES, deposits
-from sims.optics.engine.formed.formed_direct import straight_flux
-from sims.optics.engine.formed.formed_mirrored import (
+from sims.optics.engine.general.cuts import POINT_COLUMNS
+from sims.optics.engine.general.deposits import RAY_BATCHES, deposit
+from sims.optics.engine.general.direct import straight_flux
+from sims.optics.engine.general.mirrored import (
     BATCHES,
     SIGHT,
     SIGHTS,
     mirrored_flux,
     top_points,
 )
-from sims.optics.engine.formed.formed_scattered import scattered_flux
-from sims.optics.engine.formed.formed_top import FormedTop
+from sims.optics.engine.general.scattered import scattered_flux
+from sims.optics.engine.general.top import FormedTop
 from sims.optics.surface import curves, radial
 
 KERNEL_MODULES = (
     curves,
     radial,
-    formed_top,
-    formed_rays,
-    formed_direct,
-    formed_cuts,
-    formed_chains,
-    formed_mirrored,
-    formed_scattered,
-    formed_deposits,
+    top,
+    rays,
+    direct,
+    cuts,
+    chains,
+    mirrored,
+    scattered,
+    deposits,
     sys.modules[__name__],
 )
 kernel = entry_points(KERNEL_MODULES, error_model="numpy", nogil=True)
@@ -73,7 +73,7 @@ def straight_matrix(
 def points_on(
     at: FloatArray, origin: FloatArray, axes: FloatArray, numbers: FloatArray, rows: FloatArray
 ) -> FloatArray:
-    """(n, 10) points of the top at `at` (n, 5), given in press coordinates; see `formed_mirrored.top_points`."""
+    """(n, 10) points of the top at `at` (n, 5), given in press coordinates; see `mirrored.top_points`."""
     out = np.zeros((at.shape[0], POINT_COLUMNS))
     top_points(at, FormedTop(origin, axes, numbers, rows), out)
     return out
@@ -138,7 +138,7 @@ def deposit_matrix(
     for i in range(windows.shape[0]):
         if wanted[i]:
             moved = shift + GOLDEN * (i + 1.0) * np.arange(1, shift.shape[0] + 1)
-            deposits(
+            deposit(
                 windows[i],
                 receivers,
                 rays,

@@ -18,7 +18,7 @@ from __future__ import annotations
 import math
 
 from design.arrays import BoolArray, FloatArray
-from sims.optics.engine.formed.formed_cuts import (
+from sims.optics.engine.general.cuts import (
     BATCH,
     GAUSS,
     MX,
@@ -32,7 +32,7 @@ from sims.optics.engine.formed.formed_cuts import (
     sent,
     sent_by_part,
 )
-from sims.optics.engine.formed.formed_rays import (
+from sims.optics.engine.general.rays import (
     CX,
     CY,
     CZ,
@@ -51,7 +51,7 @@ from sims.optics.engine.formed.formed_rays import (
     sees,
     window_point,
 )
-from sims.optics.engine.formed.formed_top import (
+from sims.optics.engine.general.top import (
     NEVER,
     OUTER,
     FormedTop,

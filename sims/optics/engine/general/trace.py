@@ -2,12 +2,12 @@
 
 Method, class by class
 ----------------------
-- `direct`: quadrature with a horizon for every column (`formed_direct`).
-- `top`, `skirt`: ray bundles by way of points of the top (`formed_mirrored`, `formed_points`).
+- `direct`: quadrature with a horizon for every column (`direct`).
+- `top`, `skirt`: ray bundles by way of points of the top (`mirrored`, `points`).
 - `diffuse`: the untouched pad's scattered light times the factor by which a press changes light scattered once
-(`formed_deposits`). If nothing but the tip scatters, it is the tip's scattered light.
+(`deposits`). If nothing but the tip scatters, it is the tip's scattered light.
 
-The untouched pad is traced only once, and finely (`formed_pad`). The change by a press is the difference of the light
+The untouched pad is traced only once, and finely (`pad`). The change by a press is the difference of the light
 at the same points and rays with and without the press.
 
 Standard error
@@ -30,13 +30,13 @@ import numpy as np
 
 from design.arrays import BoolArray, FloatArray, IntArray
 from sims.optics.accuracy import Accuracy
-from sims.optics.engine.formed.formed_deposits import TIP_PATCHES
-from sims.optics.engine.formed.formed_lower import FormedStack
-from sims.optics.engine.formed.formed_pad import CLASSES, FormedWays, formed_ways, jackknifed, lattice_error
-from sims.optics.engine.formed.formed_patches import is_in_plan
-from sims.optics.engine.formed.formed_points import ring_points, ring_zone_mm
-from sims.optics.engine.formed.formed_rays import AREA
-from sims.optics.engine.formed.formed_top import (
+from sims.optics.engine.general.deposits import TIP_PATCHES
+from sims.optics.engine.general.lower import FormedStack
+from sims.optics.engine.general.pad import CLASSES, FormedWays, formed_ways, jackknifed, lattice_error
+from sims.optics.engine.general.patches import is_in_plan
+from sims.optics.engine.general.points import ring_points, ring_zone_mm
+from sims.optics.engine.general.rays import AREA
+from sims.optics.engine.general.top import (
     CONTACT_EDGE,
     DEPTH,
     FLAT,
@@ -94,7 +94,7 @@ def trace_formed(
 
     Parameters
     ----------
-    scene : a disc or crowned pad (`formed_lower.check_formed`)
+    scene : a disc or crowned pad (`lower.check_formed`)
     tops : tops of all states
     states : (n,) numbers of the states to trace
     settings : the accuracy

@@ -160,7 +160,9 @@ def _verdict(design: SensorDesign, score: ContinuityScore) -> str:
 def _other_pairs(count: int, every: int) -> str:
     if not count:
         return ""
-    others = f"{count} of the {every - 1}" if count < every - 1 else "the other" if count == 1 else f"the {count}"
+    others = (
+        f"{count} of the {every - 1}" if count < every - 1 else "the other" if count == 1 else f"the {count}"
+    )
     which = "pair" if others == "the other" else "other pairs"
     return f"; {others} {which} {'has a deadband' if count == 1 else 'have deadbands'}, too"
 

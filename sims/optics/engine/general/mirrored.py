@@ -10,17 +10,17 @@ The light of an emitter that first meets the top at P, in an element dA, and rea
 integrated over the region of the emitter whose rays by way of P arrive at the receiver. The emitter is divided into
 parts that are small relative to their distance from P (`share`). Mirrored at P as in a plane mirror, the sides of the
 receiver's face (*window*) become straight lines in the emitter's plane; along these, a part is cut exactly
-(`formed_cuts`). All factors are integrated over the arriving light; light hidden by the dimple is found column by
+(`cuts`). All factors are integrated over the arriving light; light hidden by the dimple is found column by
 column. From the second reflection on, parts are larger, and their ray bundles are divided near a window
-(`formed_chains`). The pad is convex, so a ray that points to a window reaches it, whichever wall's plane it crosses
+(`chains`). The pad is convex, so a ray that points to a window reaches it, whichever wall's plane it crosses
 first.
 
-P runs over a grid of the untouched top and, around the press, over rings (`formed_points`). The change of light by a
+P runs over a grid of the untouched top and, around the press, over rings (`points`). The change of light by a
 press comes from the same points with and without the press. The points form batches, each an even grid by itself, from
 whose differences the error is estimated. Light mirrored several times is followed by way of only some points, each of
 which represents its neighbours.
 
-The model leaves out the variation of later Fresnel shares within one part's ray bundle, more than `formed_chains.MOST`
+The model leaves out the variation of later Fresnel shares within one part's ray bundle, more than `chains.MOST`
 reflections, and a column of a part whose ends are both seen while its middle is hidden.
 """
 
@@ -29,7 +29,7 @@ from __future__ import annotations
 import math
 
 from design.arrays import BoolArray, FloatArray
-from sims.optics.engine.formed.formed_chains import (
+from sims.optics.engine.general.chains import (
     CHAIN_WORK,
     FAINT,
     IS_LIT,
@@ -38,7 +38,7 @@ from sims.optics.engine.formed.formed_chains import (
     follow_chains,
     is_lit,
 )
-from sims.optics.engine.formed.formed_cuts import (
+from sims.optics.engine.general.cuts import (
     BATCH,
     CHAINS,
     DA,
@@ -54,7 +54,7 @@ from sims.optics.engine.formed.formed_cuts import (
     lines,
     sent,
 )
-from sims.optics.engine.formed.formed_rays import (
+from sims.optics.engine.general.rays import (
     AREA,
     CX,
     CY,
@@ -71,7 +71,7 @@ from sims.optics.engine.formed.formed_rays import (
     sees,
     window_point,
 )
-from sims.optics.engine.formed.formed_top import (
+from sims.optics.engine.general.top import (
     FLAT,
     KIND,
     NEVER,

@@ -11,8 +11,8 @@ import numpy as np
 from design.arrays import FloatArray
 from design.errors import InputError, ModelScopeError
 from design.shape.top import Top
-from sims.optics.engine.formed.formed_patches import border_mm, from_arc
-from sims.optics.engine.formed.formed_top import (
+from sims.optics.engine.general.patches import border_mm, from_arc
+from sims.optics.engine.general.top import (
     CUPS,
     CYLINDER,
     FLAT,
@@ -53,7 +53,7 @@ class FormedStack:
     Attributes
     ----------
     rows : (state, n) origin and axes of press coordinates, numbers of the top, then the radial table of its height; see
-        `formed_top.FormedTop`
+        `top.FormedTop`
     """
 
     rows: FloatArray

@@ -21,9 +21,9 @@ import numpy as np
 
 from design.arrays import BoolArray, FloatArray
 from sims.optics.accuracy import Accuracy
-from sims.optics.engine.formed.formed_patches import is_in_plan
-from sims.optics.engine.formed.formed_rays import CX, CY, CZ, HALF_U, HALF_V, NX, NY, UX, UY
-from sims.optics.engine.formed.formed_top import CONTACT_EDGE, KIND, OUTER, SKIRT_EDGE, SPHERE, FormedTop
+from sims.optics.engine.general.patches import is_in_plan
+from sims.optics.engine.general.rays import CX, CY, CZ, HALF_U, HALF_V, NX, NY, UX, UY
+from sims.optics.engine.general.top import CONTACT_EDGE, KIND, OUTER, SKIRT_EDGE, SPHERE, FormedTop
 from sims.optics.scene.optical_scene import OpticalScene
 
 GRADE = 0.35

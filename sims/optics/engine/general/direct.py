@@ -16,8 +16,8 @@ from __future__ import annotations
 import math
 
 from design.arrays import FloatArray
-from sims.optics.engine.formed.formed_rays import AREA, HALF_U, HALF_V, NX, NY, WALL, lobe, sees, window_point
-from sims.optics.engine.formed.formed_top import OUTER, FormedTop
+from sims.optics.engine.general.rays import AREA, HALF_U, HALF_V, NX, NY, WALL, lobe, sees, window_point
+from sims.optics.engine.general.top import OUTER, FormedTop
 from sims.optics.surface.radial import kernel
 
 HALVINGS = 12
@@ -32,7 +32,7 @@ def straight_flux(
 
     Parameters
     ----------
-    e, r : rows of the emitter's and the receiver's face (`formed_lower.windows_of`)
+    e, r : rows of the emitter's and the receiver's face (`lower.windows_of`)
     absorbs : absorption coefficient [1/mm]
     top : the pressed top
     nodes_e, nodes_u, nodes_v : Gauss nodes from -1 to 1 over each direction of the emitter, the receiver's columns, and
