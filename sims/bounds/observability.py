@@ -330,7 +330,7 @@ class PadBounds:
 
     @property
     def worst_loss(self) -> PartLoss | None:
-        """The failure with the lowest coverage; of equal ones, that with the largest median bound. None if no losses."""
+        """The failure with the lowest coverage; of equal ones, the largest median location bound. None if no losses."""
         if not self.losses:
             return None
         return min(self.losses, key=lambda loss: (loss.coverage.value, -loss.median_location_mm.value))
