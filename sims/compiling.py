@@ -67,7 +67,7 @@ def tell_of(entry_point: str) -> None:
 
 
 def is_there(entry_point: str) -> None:
-    """Note that an entry point has been compiled by this or another process; after the last one, report the end."""
+    """Note that this or another process has compiled an entry point; after the last one, report that all is compiled."""
     if entry_point in LAST:
         _say(1.0)
 

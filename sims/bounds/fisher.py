@@ -139,7 +139,7 @@ never uses a half twice."""
 
 @dataclass(frozen=True, kw_only=True)
 class Steps:
-    """Distances from a voxel's centre to the presses for the derivatives [mm]: in x and y, and the largest in depth."""
+    """How far the presses for the derivatives are offset from a voxel's centre: in x and y, and at most in depth [mm]."""
 
     lateral_mm: float = LATERAL_STEP_MM
     depth_mm: float = DEPTH_STEP_MM

@@ -1,8 +1,8 @@
 """The press of a design's tip into its pad: surface, force and contact radius at a depth.
 
-A press is taken from the shipped library of solved presses, or solved live: on request, or if the library does not
-cover it. Both are dimensionless. Lengths scale with the tip radius R, forces with E R² (E is Young's modulus), because
-a frictionless neo-Hookean layer has no other length or force. The pad is modelled as a round pad of the same area
+A press is taken from the shipped library of solved presses. It is solved live on request, or if the library does not
+cover it. Library and solver are dimensionless: because the layer is neo-Hookean and frictionless, lengths scale with
+the tip radius R and forces with E R² (E is Young's modulus). The pad is modelled as a round pad of the same area
 (`scope.wall_radius`). In a flat rectangular pad ("block"), the effect of its four walls at the location is added
 (`library.solved_press`). Other pads use the model below.
 

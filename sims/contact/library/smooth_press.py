@@ -157,7 +157,7 @@ def contact_coordinate(
 def _free_curve(
     radius: FloatArray, height: FloatArray, edge: float, depth: float, tip: TipOutline
 ) -> FloatArray:
-    """Radius and height (n, 2) of points on a spline through the free nodes, tangent to the tip at the contact edge."""
+    """Radius and height (n, 2) of points on a spline from the contact edge, tangent to the tip, through free nodes."""
     start = np.stack(tip_outline(np.array(edge), depth, tip))
     angle = min(edge, 0.5 * np.pi) if tip == HEMISPHERE else tip.tangent_angle(edge)
     tangent = np.array([np.cos(angle), np.sin(angle)])
@@ -397,7 +397,7 @@ def runs_back(curve: TopCurve) -> BoolArray:
 
 
 def outward(curve: TopCurve) -> tuple[FloatArray, FloatArray]:
-    """Increasing radii and the heights of a curve without the points that run back under an overhang."""
+    """Radius and height of a curve's points at which the radius increases; overhanging parts are left out."""
     kept = np.append(True, np.diff(np.maximum.accumulate(curve.radius)) > _RUN_BACK)
     return curve.radius[kept], curve.height[kept]
 
