@@ -105,7 +105,7 @@ PASSING = (
     sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED, sqlite3.SQLITE_CANTOPEN, sqlite3.SQLITE_IOERR, sqlite3.SQLITE_FULL,
     sqlite3.SQLITE_PERM, sqlite3.SQLITE_AUTH, sqlite3.SQLITE_NOMEM,
 )  # fmt: skip
-"""SQLite errors that do not mean a damaged file: it is in use, lacks permissions, or the disk is full."""
+"""SQLite errors that do not mean a damaged file, such as a file in use, missing permissions, or a full disk."""
 _TABLE = "CREATE TABLE IF NOT EXISTS light (name BLOB PRIMARY KEY, content BLOB NOT NULL)"
 
 

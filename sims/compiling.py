@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from typing import Any
 
 LAST = ("trace_further", "trace_emitter", "next_path", "straight_matrix")
-"""Names of the last entry point that each type of pad, or the ray tracer, calls. Once it is compiled, all are."""
+"""For each type of pad, and for the ray tracer, name of the entry point that is compiled last."""
 
 _TOLD = set(LAST)
 """Names of the entry points whose compilation is reported. Others compile in less than a second."""
@@ -45,7 +45,7 @@ def compiling_told(tell: Callable[[float], None]) -> Iterator[None]:
 
 
 def listen_to_numba() -> None:
-    """Forward numba's compile events to the callbacks. Modules with entry points call this, if only once or often."""
+    """Forward numba's compile events to the callbacks; every module with entry points may call this."""
     from numba.core import event
 
     class Listener(event.Listener):
@@ -67,7 +67,7 @@ def tell_of(entry_point: str) -> None:
 
 
 def is_there(entry_point: str) -> None:
-    """Note that this or another process has compiled an entry point; after the last one, report that all is compiled."""
+    """Note that this or another process has compiled an entry point. After the last one, report that all are done."""
     if entry_point in LAST:
         _say(1.0)
 

@@ -162,7 +162,7 @@ def _located(name: str) -> type[Any]:
 
 
 def _make_room(folder: Path) -> None:
-    """Remove the folders of the least recently compiled sources, so that `KEPT_FOLDERS` remain when one is added."""
+    """Remove the folders of the least recently compiled sources, so that one more makes at most `KEPT_FOLDERS`."""
     if folder.is_dir():
         known = sorted(
             (path for path in folder.iterdir() if path.is_dir()), key=lambda path: path.stat().st_mtime

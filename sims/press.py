@@ -40,7 +40,8 @@ def depth_schedule_mm(max_depth_mm: float, step_mm: float = STEP_MM) -> FloatArr
     Parameters
     ----------
     max_depth_mm : deepest press [mm]
-    step_mm : spacing of the depths from 0.2 mm on [mm]; below `COARSE_STEP_MM`, the first depths are the fine ones
+    step_mm : spacing of the depths from 0.2 mm on [mm]. If it is below `COARSE_STEP_MM`, the depths before that are
+        closely spaced
 
     Returns
     -------

@@ -46,7 +46,7 @@ class LightKind:
     ----------
     key : short name, used in files and in the page
     title : name in a legend
-    words : description, part of a sentence
+    words : description, to be used within a sentence
     mode : 1, 2, or None for light that is part of neither mode
     classes : names of path classes and losses of the light models
     colour, night_colour : colour on a light and on a dark background
@@ -138,7 +138,7 @@ _BY_CLASS = {name: kind for kind in KINDS for name in kind.classes}
 
 
 def kind_of(class_name: str) -> LightKind:
-    """The kind of light to which a path class or loss belongs; a class that is in no kind gets one of its own."""
+    """The kind of light to which a path class or loss belongs; a class that belongs to none gets one of its own."""
     if class_name in _BY_CLASS:
         return _BY_CLASS[class_name]
     return LightKind(
@@ -173,10 +173,11 @@ class RayState:
     ----------
     press_mm : x, y, depth [mm]; depth 0 is untouched
     indentation : the deformed surface around the axis; None where untouched
-    power : for each path class, (pair,) power received by each pair over the power of its emitter [-]
+    power : for each path class by name, (pair,) power received by each pair, as a share of its emitter's power [-]
     emitters : number of different emitters in the pairs
     paths : drawn paths that reach a receiver of the pairs; kinds of light with more power have more paths
-    lost : drawn paths that miss these receivers: all sorts, or only rays that reached them before the press
+    lost : drawn paths that miss these receivers; unless `RayChoice.shows_all_losses`, only those of rays that reached
+        them before the press
     lost_by : for each lost path, the receiver that its ray reached before the press, or `NO_RECEIVER`
     """
 
@@ -190,14 +191,19 @@ class RayState:
 
     @property
     def power_by_kind(self) -> dict[str, float]:
-        """For each kind of light, by key: power summed over all pairs, over the summed power of their emitters [-]."""
+        """Power that all pairs together receive as each kind of light, as a share of their emitters' total power [-].
+
+        The dictionary is keyed by `LightKind.key`.
+        """
         everything = list(range(len(next(iter(self.power.values())))))
         return {key: value / self.emitters for key, value in self.sums_by_kind(everything).items()}
 
     def sums_by_kind(self, pairs: list[int]) -> dict[str, float]:
-        """For each kind of light, by key: power summed over the given pairs, over the power of one emitter [-].
+        """Power that the given pairs together receive as each kind of light, as a share of one emitter's power [-].
 
-        pairs : indices of the pairs, as in the arrays of `power`
+        The dictionary is keyed by `LightKind.key`.
+
+        pairs : indices of the pairs in the arrays of `power`
         """
         found: dict[str, float] = {}
         for name, values in self.power.items():
@@ -207,7 +213,7 @@ class RayState:
 
     @property
     def total(self) -> float:
-        """Power summed over all pairs and kinds of light, over the summed power of the pairs' emitters [-]."""
+        """Power that all pairs together receive, as a share of their emitters' total power [-]."""
         return sum(self.power_by_kind.values())
 
 

@@ -115,8 +115,8 @@ six seeds gave 18 to 30 µm for the depth bound of a deep press on the published
 2.4 µm. With 0.05 they gave 20 to 21 µm, for an eighth more computing time."""
 
 SHALLOW_MM: Final = 0.3
-"""Depth above which the first light settings are tried; shallower voxels begin with the second ones [mm]. [M]: at
-0.2 mm on the published pad, the first settings leave four in five voxels uncertain, most of them not resolved."""
+"""Voxels less deep than this are traced with the second light settings from the start [mm]. [M]: at 0.2 mm on the
+published pad, the first settings leave four in five voxels uncertain, most of them not resolved."""
 
 COARSE_DEPTHS_MM: Final = (0.2, 0.7, 1.5, 2.9)
 """Depths of the voxels in a quick score [mm]. Depths beyond the usable range are left out, and the end of the range is
@@ -139,13 +139,13 @@ never uses a half twice."""
 
 @dataclass(frozen=True, kw_only=True)
 class Steps:
-    """How far the presses for the derivatives are offset from a voxel's centre: in x and y, and at most in depth [mm]."""
+    """How far the presses for the derivatives lie from a voxel's centre: in x and y, and at most in depth [mm]."""
 
     lateral_mm: float = LATERAL_STEP_MM
     depth_mm: float = DEPTH_STEP_MM
 
     def offsets_mm(self, depth_mm: FloatArray) -> FloatArray:
-        """(voxel, 3) offsets in x, y and depth [mm] for voxels at depths (voxel,); small depths reduce the third."""
+        """(voxel, 3) offsets in x, y and depth [mm] for voxels at depths (voxel,); shallow ones get less in depth."""
         by_depth = np.minimum(self.depth_mm, LARGEST_DEPTH_STEP_SHARE * depth_mm)
         lateral = np.full_like(by_depth, self.lateral_mm)
         return np.stack([lateral, lateral, by_depth], axis=-1)
@@ -377,7 +377,7 @@ def _depth_alone(
 
 
 FIRST_STAGE_SHARE = 0.8
-"""Progress shown when the first light settings are finished and finer ones may follow [-]."""
+"""Progress to show when the first light settings are finished and finer ones may follow [-]."""
 
 
 def sensitivities(
@@ -398,7 +398,7 @@ def sensitivities(
 
     Parameters
     ----------
-    places_mm, depth_mm : (place, 2) locations x, y and (depth,) depths, combined to voxels [mm]
+    places_mm, depth_mm : (place, 2) locations x, y, and (depth,) depths; each combination is a voxel [mm]
     accuracies : accuracy settings of the light model, cheapest first
     seed : random seed of the first half; the second half has ``seed + SEED_GAP``
     steps : offsets of the presses

@@ -55,7 +55,7 @@ class Figure:
     high: float
 
     def percent(self) -> str:
-        """The value in per cent, followed by the ends of its band unless both round to the same number."""
+        """The value as text in per cent, followed by the ends of its band unless they round to the same number."""
         same = round(100 * self.low) == round(100 * self.high)
         return f"{self.value:.0%}" if same else f"{self.value:.0%} ({self.low:.0%} to {self.high:.0%})"
 
@@ -330,7 +330,10 @@ class PadBounds:
 
     @property
     def worst_loss(self) -> PartLoss | None:
-        """The failure with the lowest coverage; of equal ones, the largest median location bound. None if no losses."""
+        """The failure that leaves the lowest coverage; None if no failures were computed.
+
+        Of equal ones, it is the one with the largest median location bound.
+        """
         if not self.losses:
             return None
         return min(self.losses, key=lambda loss: (loss.coverage.value, -loss.median_location_mm.value))
@@ -388,7 +391,7 @@ def pad_bounds(
     readout : common gain; if omitted, it is set on the untouched pad, which takes one more trace
     felt : detection threshold, only copied into the result
     limits, steps : limits of covered and dead voxels, and offsets of the presses
-    with_losses : whether to compute the bounds without each component
+    with_losses : whether to compute the summaries without each emitter and receiver in turn
     on_step : called with the share of the work done, 0 to 1
 
     Raises

@@ -100,7 +100,7 @@ class TipOutline:
         )
 
     def tangent_angle(self, coordinate: float) -> float:
-        """Angle of the tangent to the radial direction [rad], at an arc length from the apex; before a kink, if any."""
+        """Angle of tangent to radial direction [rad] at an arc length from the apex; at a kink, the angle before it."""
         piece = max(int(np.searchsorted(self.starts, coordinate, side="left")) - 1, 0)
         first, last = self.angles[piece]
         share = (coordinate - self.starts[piece]) / self.lengths[piece]

@@ -96,7 +96,7 @@ class QuadraticAxis:
     def matrix(self, left: Shape, right: Shape, weight: Weight | None = None) -> csr_matrix:
         """Matrix of the integrals of products of a `left` and a `right` shape function, times a weight if given.
 
-        Both sorts of functions are "value" (quadratic functions), "slope" (their derivatives) or "pressure" (linear
+        `left` and `right` are "value" (quadratic functions), "slope" (their derivatives) or "pressure" (linear
         functions). The weight is a function of position.
         """
         weights = self._weights if weight is None else self._weights * weight(self._points)
@@ -520,7 +520,7 @@ class FarPress:
 
 
 def far_press(layer: float, wall: float, deepest: float, top: Top) -> FarPress:
-    """Fit the loads that replace presses into a round pad, of every depth, far from the tip.
+    """Fit the loads that, far from the tip, replace presses of every depth into a round pad.
 
     Parameters
     ----------

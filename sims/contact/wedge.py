@@ -88,7 +88,7 @@ PENETRATION_LIMIT = 0.02
 BALANCE_LIMIT = 0.01
 """Largest allowed difference between contact force and reaction of the bonded surfaces, over the force [-]."""
 BALANCE_FLOOR = 1e-4
-"""Below this force, the difference is divided by this force instead [E R²]; it is 0.9 mN for 3 mm and 1 MPa."""
+"""Smallest force by which `BALANCE_LIMIT` is multiplied [E R²]: 0.9 mN for a 3 mm tip and a modulus of 1 MPa."""
 
 
 class ContactSolveError(RuntimeError):

@@ -23,7 +23,7 @@ LOOKS = ((BLUE, "-", "o"), (VERMILLION, "-", "s"), (GREEN, "-", "^"), (INK, ":",
 
 
 def plot_touch(rows: Mapping[str, Sequence[TouchRow]], published: PublishedTouch | None = None) -> Figure:
-    """Share of samples whose touch or no touch is correctly recognised, against depth, and published values if given.
+    """Share of samples correctly classified as touch or no touch, against depth, and published values if given.
 
     `rows` gives one line of the plot for each model or data set, by name.
     """

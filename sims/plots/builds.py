@@ -42,7 +42,7 @@ def plot_builds(study: BuildStudy, band: ToleranceBand) -> Figure:
 
 
 def plot_ends(study: BuildStudy, band: ToleranceBand, ax: Axes) -> Axes:
-    """Margin with one value at a time at its low and high end [noise units]; labels give the deadbands."""
+    """Margin when one value at a time is at its low or high end [noise units]; labels give the deadbands."""
     rows = {row.path: row for row in band.rows}
     for place, number in enumerate(study.ranking):
         row = rows.get(study.tolerances[number].path)

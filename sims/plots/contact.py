@@ -165,7 +165,7 @@ def seen_tip_mm(design: SensorDesign, frame: PressFrame, depth_mm: float, plane:
 
 
 def cut_tip_mm(design: SensorDesign, frame: PressFrame, depth_mm: float, plane: CutPlane) -> FloatArray:
-    """Distance and height (n, 2) of the line along which a vertical plane cuts the tip [mm]; empty if it misses it."""
+    """Distance and height (n, 2) of the line along which a vertical plane cuts the tip [mm]; empty if there is none."""
     radius, tall = tip_points_mm(design.indenter, TIP_LENGTH, TIP_POINTS).T
 
     def beyond(places: FloatArray) -> FloatArray:
@@ -248,7 +248,7 @@ def plot_profile(
 
 
 def _mirrored(radius: FloatArray, height: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Complete a cross-section: from radius and height of its right half, outward from the axis, to left and right."""
+    """Mirror the right half of a cross-section, given from the axis outward; return the whole, from left to right."""
     return np.concatenate([-radius[::-1], radius]), np.concatenate([height[::-1], height])
 
 

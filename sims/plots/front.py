@@ -74,7 +74,7 @@ def _svg_of(ax: Axes, salt: str) -> str:
 def plot_front(
     x: str, y: str, base: Judged, tried: Sequence[Tried], front: Sequence[Tried], ax: Axes | None = None
 ) -> Axes:
-    """Fully judged designs, with the figures `x` and `y` on the axes; the front and the base design are highlighted."""
+    """Fully judged designs, with the results `x` and `y` on the axes; the front and the base design are highlighted."""
     ax = axes_or_new(ax, PANEL_IN[1], PANEL_IN[0])
     on_front = {one.number for one in front}
     rest = [one.judged for one in tried if one.number not in on_front]
@@ -191,13 +191,13 @@ def plot_importance(
 
 
 def axis_label(figure: str) -> str:
-    """A figure's name, followed by its unit in brackets."""
+    """Name of a result, followed by its unit in brackets."""
     unit = FIGURES[figure].unit
     return f"{words(figure)} [{'-' if unit == '1' else unit}]"
 
 
 def words(name: str) -> str:
-    """Name of a figure or field in plain words, without the unit suffix and underscores."""
+    """Name of a result or field in plain words, without the unit suffix and underscores."""
     return name.removesuffix("_mm").replace("_", " ")
 
 

@@ -124,7 +124,7 @@ def plot_margin_map(
 
 
 def plot_usable_map(pad_map: PadMap, cavity: CavityGeometry, ax: Axes | None = None) -> Axes:
-    """Usable depth at each location [mm], down to which depth is resolved; the worst location is framed."""
+    """Usable depth [mm]: down to which depth presses are resolved at each location; the worst location is framed."""
     usable = pad_map.usable_grid_mm()
     norm = Normalize(0.0, float(np.nanmax(usable)) or 1.0)
     return _plot_map(ax, pad_map, cavity, usable, norm, "usable depth [mm]", pad_map.weakest)

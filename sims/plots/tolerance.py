@@ -27,7 +27,7 @@ EFFECTS = (
     ("location_mm", "location bound\n[mm]"),
     ("depth_mm", "depth bound\n[mm]"),
 )
-"""Names of the figures that a step in a field may change, with the label of each figure's panel."""
+"""Names of the results that a step in a field may change, with the label of each result's panel."""
 
 
 def plot_tolerance(band: ToleranceBand, ax: Axes | None = None) -> Axes:
@@ -86,9 +86,9 @@ def plot_margin_tolerance(band: ToleranceBand, ax: Axes | None = None) -> Axes:
 
 
 def plot_field_steps(steps: FieldSteps, unit_of: Callable[[str], str]) -> Figure:
-    """Change of each figure when each field is stepped down and up, one panel per figure.
+    """Change of each result when each field is stepped down and up, one panel per result.
 
-    Figures that no step changes are left out.
+    Results that no step changes are left out.
 
     Parameters
     ----------
@@ -132,7 +132,7 @@ def plot_field_steps(steps: FieldSteps, unit_of: Callable[[str], str]) -> Figure
 
 
 def _changes(steps: FieldSteps, name: str) -> list[float]:
-    """Changes of a figure by all steps, without unknown ones and zeros."""
+    """Changes of a result by all steps, without unknown ones and zeros."""
     known = (
         _change(steps.as_designed, effect, name) for row in steps.rows for effect in (row.lower, row.higher)
     )
@@ -140,13 +140,13 @@ def _changes(steps: FieldSteps, name: str) -> list[float]:
 
 
 def _change(design: Effect, stepped: Effect | None, name: str) -> float | None:
-    """Change of a figure by a step; None if its value before or after the step is unknown."""
+    """Change of a result by a step; None if its value before or after the step is unknown."""
     before, after = getattr(design, name), None if stepped is None else getattr(stepped, name)
     return None if before is None or after is None else after - before
 
 
 def row_label(row: ToleranceRow) -> str:
-    """Label of a parameter: a star if it changes the verdict, its path without `part_measurements.`, and both ends."""
+    """Label of a parameter: a star if it changes the verdict, its path without `part_measurements.`, and end values."""
     name = row.path.removeprefix("part_measurements.")
     return f"{'* ' if row.flips else ''}{name}\n{row.values[0]:.3g} / {row.values[1]:.3g}"
 

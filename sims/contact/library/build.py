@@ -74,7 +74,7 @@ DEPTHS_PER_INTERVAL = 3
 
 
 def _resampled(points: FloatArray, wall_radius: float) -> FloatArray:
-    """Resample a dense curve (n, 2) of radius and height at the arc lengths of `sample_arcs`, to (sample, 2)."""
+    """Resample a curve (n, 2) of radius and height at the arc lengths of `sample_arcs`; the result is (sample, 2)."""
     length = np.append(0.0, np.cumsum(np.hypot(*np.diff(points, axis=0).T)))
     return np.asarray(
         CubicSpline(length, points)(sample_arcs(float(length[-1]), wall_radius)), dtype=np.float64
@@ -466,7 +466,7 @@ def build_library(workers: int, on_step: Callable[[int, int], None] | None = Non
 
 
 def require_writable(path: Path) -> None:
-    """Check that a file can be written, before its content is computed for hours.
+    """Check that a file can be written, before hours are spent computing its content.
 
     Raises
     ------

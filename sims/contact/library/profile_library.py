@@ -64,7 +64,7 @@ CROWN_LAYERS = (CORNER, 3.0, 6.0)
 CROWN_RADII = (WALL_RADIUS_RANGE[0], WALL_RADIUS)
 """Wall radii for which crowns (spherical tops) are solved [tip radii]; flat pads are solved with them too."""
 CROWN_CENTRE = (3.0, WALL_RADIUS)
-"""Layer thickness and wall radius [tip radii] of which every solved press into a crowned pad has at least one."""
+"""Layer thickness and wall radius [tip radii]; every crowned pad that is solved has at least one of these values."""
 LARGEST_REACH = 0.8
 """Largest wall radius over the crown's radius [-], at which the top slopes by 53 degrees at the wall."""
 _JOIN = 1e-9
@@ -251,7 +251,7 @@ class Library:
 
         Parameters
         ----------
-        layer : layer thickness that `covers` accepts, under a crown that at the apex [tip radii]
+        layer : layer thickness that `covers` accepts [tip radii]; under a crown, the thickness at the apex
         wall_radius : radius of the bonded wall, clipped to the solved range [tip radii]; None is that of the entries
         crown : tip radius over the radius of a spherical top that is pressed at its apex; 0 is flat [-]
 
@@ -283,7 +283,7 @@ class Library:
         )
 
     def _change(self, layer: float, radius: float) -> FloatArray | float:
-        """Change (coefficient, VALUES) that another wall radius makes to the coefficients; 0 at the entries' own."""
+        """Change (coefficient, VALUES) of the coefficients due to another wall radius; 0 for the entries' own."""
         if radius == self.wall_radius:
             return 0.0
         part, weights = self._wall_charts[int(layer > CORNER)]

@@ -95,7 +95,7 @@ def contact_tolerance(spacing: float, wedge_angle: float) -> float:
 
 
 def hertz_gap(ratio: FloatArray) -> FloatArray:
-    """Gap outside a Hertz contact [contact radius²/tip radius], at `ratio` >= 1 of radius over contact radius."""
+    """Gap outside a Hertz contact [contact radius²/tip radius]; `ratio` is radius over contact radius, at least 1."""
     free = (2.0 - ratio**2) * np.arcsin(1.0 / ratio) + np.sqrt(ratio**2 - 1.0)
     return np.asarray(ratio**2 / 2.0 - 1.0 + free / np.pi, dtype=np.float64)
 
@@ -299,7 +299,7 @@ NEARLY_INCOMPRESSIBLE = 0.499
 
 
 def extrapolation_weight() -> float:
-    """Factor of the change from Poisson's ratio 0.48 to 0.49, to be added to extrapolate to 0.499 [-]: 0.9."""
+    """Weight with which the change from Poisson's ratio 0.48 to 0.49 is added to extrapolate to 0.499 [-]: 0.9."""
     soft, stiff = POISSON_RATIOS
     return (NEARLY_INCOMPRESSIBLE - stiff) / (stiff - soft)
 
@@ -353,7 +353,7 @@ FIRST_SPACING, SPACING_GROWTH, LARGEST_SPACING = 0.003, 1.04, 0.015
 """First spacing, growth ratio and largest spacing of the free surface's samples; spacings over its arc length [-]."""
 _RUN_BACK = 1e-6
 LOAD_SHARES = np.linspace(0.0, 1.0, 17)
-"""Fractions of the arc length from tip apex to contact edge for which the share of the load inside is stored [-]."""
+"""Fractions of the arc length from tip apex to contact edge; the share of the load within each is stored [-]."""
 
 
 @cache
@@ -442,7 +442,7 @@ def off_crown(points: FloatArray, wall_radius: float, crown: float) -> FloatArra
 
 @dataclass(frozen=True, kw_only=True)
 class StateValues:
-    """The numbers that describe a press at one depth; over depth, they are fitted by splines.
+    """The numbers that describe a press at one depth; splines fit each of them over depth.
 
     Attributes
     ----------

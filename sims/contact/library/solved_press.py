@@ -190,7 +190,7 @@ def _solved(smooth: SmoothPress, depth: float) -> TopCurve:
 
 
 LEAST_RUN_OUT = 0.02
-"""Up to this relative difference between the nearest and the farthest wall's distance, the curve is not faded [-]."""
+"""Relative difference of the nearest and the farthest wall's distance up to which the curve is not faded out [-]."""
 
 
 @dataclass(frozen=True, kw_only=True)

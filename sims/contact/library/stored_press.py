@@ -36,7 +36,7 @@ _SOLVED: dict[str, UnitPress] = {}
 
 @cache
 def _mujoco_version() -> str:
-    """Version of MuJoCo; looked up only once, because it takes reading the package's metadata from disk."""
+    """Version of MuJoCo; looked up only once, because this reads the package's metadata from disk."""
     return version("mujoco")
 
 
