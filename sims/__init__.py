@@ -1,5 +1,5 @@
 """From a design to its signals and its verdict.
 
-Rooms in the order of imports: contact, optics, readings, verdict, bounds, score; then learning, which uses some of
-them, and plots, which shows all. They import design.
+Its packages in the order of imports: contact, optics, readings, verdict, bounds, score. Then come learning, which uses
+some of these, and plots, which draws the results of all. All import `design`.
 """

@@ -1,18 +1,19 @@
 """The cache folder, fingerprints of sources, and the store of traced light.
 
-The cache folder keeps results between runs. It is the system's cache folder for optopad, or a given one. A fingerprint
-is a hash of the sources on which results depend.
+The cache folder keeps results between runs. It is the system's cache folder for optopad, or the one that
+`OPTOPAD_CACHE` names. A fingerprint is a hash of the sources on which results depend.
 
-The store is one SQLite file with rows of numbers: one for each emitter and state, named by a hash of all its inputs.
-SQLite's locks separate processes, and its journal undoes the unfinished writes of a killed process. Writes do not wait
-for the disk, so a power cut may damage the file. Each row has a checksum over its name and bytes: a row that fails it
-counts as missing, and a damaged file is removed and recreated. When the file is full, the oldest quarter of the rows is
-dropped. A fault of the store costs a trace, never a result: only a size that is not a number raises an error.
+The store is one SQLite file. Each table row holds the light of one emitter under one press and is named by a hash of
+all its inputs. SQLite's locks separate processes, and its journal undoes the unfinished writes of a killed process.
+Writes do not wait for the disk, so a power cut may damage the file. Each table row has a checksum over its name and
+bytes: a row that fails it counts as missing, and a damaged file is removed and recreated. When the file is full, the
+oldest quarter of its rows is dropped. If the store fails, light is traced again and no result is lost. Only an invalid
+size raises an error.
 
-For a state of 8 + 8 parts, which takes 60 ms and more to trace, naming its rows takes 0.03 ms, reading 0.1 ms, writing
-0.05 ms (measured).
+For one press on a pad of 8 + 8 parts, tracing takes at least 60 ms, naming the rows 0.03 ms, reading them 0.1 ms and
+writing them 0.05 ms (measured).
 
-`OPTOPAD_LIGHT_CACHE_MB` sets the size; 0 turns the store off. The folder may be deleted at any time.
+`OPTOPAD_LIGHT_CACHE_MB` sets the store's largest size; 0 turns it off. The folder may be deleted at any time.
 """
 
 from __future__ import annotations
@@ -39,11 +40,11 @@ CACHE_VARIABLE = "OPTOPAD_CACHE"
 
 
 NO_HOME = Path(os.devnull) / "no home folder"
-"""Stand-in for the home folder of a user who has none: nothing can be stored there, and a run continues without."""
+"""Stand-in for the cache folder of a user without a home folder: nothing can be stored there, so runs do not cache."""
 
 
 def cache_folder() -> Path:
-    """The folder that `OPTOPAD_CACHE` names, else the system's cache folder for optopad; it may not exist yet."""
+    """The folder that `OPTOPAD_CACHE` names, or else the system's cache folder for optopad. It may not exist yet."""
     if chosen := os.environ.get(CACHE_VARIABLE):
         return Path(os.path.expanduser(chosen))
     try:
@@ -54,25 +55,25 @@ def cache_folder() -> Path:
 
 
 def kernel_folder() -> Path:
-    """Folder of compiled kernels: `NUMBA_CACHE_DIR`, else ``kernels`` in the cache folder; it may not exist yet."""
+    """Folder of compiled kernels: `NUMBA_CACHE_DIR` if set, else ``kernels`` in the cache folder; may not exist yet."""
     chosen = os.environ.get("NUMBA_CACHE_DIR")
     return Path(chosen) if chosen else cache_folder() / "kernels"
 
 
 SUFFIXES = {".py", ".toml", ".npz"}
 WORDS = re.compile(rb'^\s*r?"""(?s:.*?)"""\s*$|^\s*#.*$', re.MULTILINE)
-"""Pattern of docstrings, and of comments on lines of their own."""
+"""Pattern that matches docstrings, and comments on lines of their own."""
 
 
 def source_fingerprint(modules: Iterable[ModuleType]) -> int:
-    """63-bit hash of the modules' source files, in the given order, without docstrings and comments."""
+    """63-bit hash of the modules' source files, in the given order, ignoring docstrings and comments."""
     return _hash_of_files(Path(str(module.__file__)) for module in modules)
 
 
 def folder_fingerprint(*folders: Path) -> int:
-    """63-bit hash of the given files, and of every source and data file in the given folders and below.
+    """63-bit hash of the given files, and of all source and data files in the given folders and their subfolders.
 
-    Docstrings and comments of Python files do not count.
+    Docstrings and comments of Python files are ignored.
     """
     files = (path for folder in folders for path in (folder, *sorted(folder.rglob("*"))) if path.is_file())
     return _hash_of_files(path for path in files if path.suffix in SUFFIXES)
@@ -88,33 +89,33 @@ def _hash_of_files(paths: Iterable[Path]) -> int:
 
 
 SIZE_VARIABLE = "OPTOPAD_LIGHT_CACHE_MB"
-"""Environment variable that sets the largest size of the store [MB]; 0: no light is stored."""
+"""Environment variable that sets the largest size of the store [MB]; 0 turns the store off."""
 DEFAULT_SIZE_MB = 500.0
-"""Default size [MB]: enough for 50,000 states of a pad of 8 + 8 parts and their derivatives."""
+"""Default size of the store [MB]: enough for 50,000 presses on a pad of 8 + 8 parts, with derivatives."""
 PATIENCE_S = 10.0
-"""Longest wait for another process's write [s]."""
+"""Longest wait for another process to finish writing [s]."""
 CHECKSUM_BYTES = 8
 WRITTEN_EVERY_S = 1.0
-"""Interval at which a trace writes its rows [s]; a killed process loses the rows of one interval at most."""
+"""Interval at which a trace writes its rows to the store [s]; a killed process loses at most one interval's rows."""
 MOST_ROW_BYTES = 64_000_000
-"""Largest size of one row [bytes]; the light of one emitter in one state has a few kB."""
+"""Largest table row that is read [bytes]; the light of one emitter under one press takes a few kB."""
 ASKED_AT_ONCE = 500
-"""Largest number of names in one query; SQLite allows 999 and more."""
+"""Largest number of names in one query; SQLite allows at least 999."""
 PASSING = (
     sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED, sqlite3.SQLITE_CANTOPEN, sqlite3.SQLITE_IOERR, sqlite3.SQLITE_FULL,
     sqlite3.SQLITE_PERM, sqlite3.SQLITE_AUTH, sqlite3.SQLITE_NOMEM,
 )  # fmt: skip
-"""SQLite errors that do not mean a damaged file: another process, permissions, a full disk."""
+"""SQLite errors that do not mean a damaged file, such as a file in use, missing permissions, or a full disk."""
 _TABLE = "CREATE TABLE IF NOT EXISTS light (name BLOB PRIMARY KEY, content BLOB NOT NULL)"
 
 
 class _DamagedFileError(Exception):
-    """The file has impossible numbers, so it is damaged."""
+    """The file's page counts are impossible, so it is damaged."""
 
 
 @dataclass(frozen=True)
 class LightStore:
-    """Rows of light in one SQLite file; see the module.
+    """Traced light in one SQLite file, one table row for each emitter and press; see the module.
 
     Attributes
     ----------
@@ -126,7 +127,7 @@ class LightStore:
     size_mb: float
 
     def read(self, names: Sequence[bytes]) -> dict[bytes, bytes]:
-        """Stored rows by name, without those that are missing or damaged."""
+        """Contents of the named rows, by name; missing and damaged rows are left out."""
         found: dict[bytes, bytes] = {}
         if not os.path.isfile(self.path):  # False where the folder may not be read
             return found
@@ -143,7 +144,7 @@ class LightStore:
         return {name: content for name, content in whole if content is not None}
 
     def write(self, rows: Mapping[bytes, bytes]) -> None:
-        """Store rows; existing rows of the same name are replaced."""
+        """Store rows, given by name; existing rows of the same name are replaced."""
         with contextlib.suppress(OSError), self._going_on(PASSING):
             self.path.parent.mkdir(parents=True, exist_ok=True)
             with self._opened() as file:
@@ -170,7 +171,7 @@ class LightStore:
 
     @contextlib.contextmanager
     def _going_on(self, passing: tuple[int, ...]) -> Iterator[None]:
-        """Continue after an SQLite error; the file is removed unless the error may be temporary.
+        """`with` block that suppresses SQLite errors; removes the file unless the error may be temporary.
 
         passing : SQLite codes of errors that may be temporary
         """
@@ -191,7 +192,7 @@ class LightStore:
 
 
 class GatheredLight:
-    """Rows of one trace: available at once, written to the store every `WRITTEN_EVERY_S`. Threads may share it.
+    """Table rows of one trace: available at once, and written to the store every `WRITTEN_EVERY_S`. Thread-safe.
 
     Parameters
     ----------
@@ -207,7 +208,7 @@ class GatheredLight:
         self._written_s = time.monotonic()
 
     def read(self, names: Sequence[bytes]) -> dict[bytes, bytes]:
-        """Known rows by name, from memory or the store; the store is queried once for each name."""
+        """Contents of the known rows, by name, from memory or the store. The store is queried once for each name."""
         new = [name for name in names if name not in self._asked]
         if new and self._store is not None:
             self._rows.update(self._store.read(new))
@@ -224,7 +225,7 @@ class GatheredLight:
                 self._put_away()
 
     def put_away(self) -> None:
-        """Write to the store all rows that are in memory only."""
+        """Write all rows to the store that are in memory only."""
         with self._lock:
             self._put_away()
 
@@ -236,11 +237,11 @@ class GatheredLight:
 
 
 def light_store() -> LightStore | None:
-    """The store of this user; None if it is turned off.
+    """This user's store of traced light; None if it is turned off.
 
     Raises
     ------
-    InputError : `OPTOPAD_LIGHT_CACHE_MB` is not a number of 0 or more.
+    InputError : `OPTOPAD_LIGHT_CACHE_MB` is not a number, or is negative.
     """
     size_mb = _size_mb()
     return LightStore(store_file(), size_mb) if size_mb > 0 else None
@@ -273,7 +274,7 @@ def _sealed(name: bytes, content: bytes) -> bytes:
 
 
 def _unsealed(name: bytes, sealed: object) -> bytes | None:
-    """A row's content; None if its checksum does not fit."""
+    """A row's content without its checksum; None if the checksum does not match."""
     if not isinstance(sealed, bytes):
         return None
     content = sealed[CHECKSUM_BYTES:]
@@ -290,7 +291,7 @@ def _used_mb(file: sqlite3.Connection) -> float:
 
 
 def _drop_oldest_quarter(file: sqlite3.Connection) -> None:
-    """Drop the oldest quarter of the rows, which have the lowest row numbers; freed pages are reused."""
+    """Delete the quarter of the rows with the lowest row numbers, which are the oldest. Freed pages are reused."""
     (count,) = file.execute("SELECT COUNT(*) FROM light").fetchone()
     file.execute(
         "DELETE FROM light WHERE rowid IN (SELECT rowid FROM light ORDER BY rowid LIMIT ?)", (-(-count // 4),)

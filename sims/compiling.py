@@ -1,7 +1,7 @@
-"""Report when kernels are compiled: once per machine, and again after a change of a source, numba or the processor.
+"""Report when kernels are compiled: once per machine, and again when the sources, numba or the processor change.
 
-A progress display registers a callback. Modules with compiled code forward numba's compiling events to it. Code that is
-read from numba's cache on disk is not compiled, so it causes no event. Nothing here imports numba before it is needed.
+A progress display registers a callback. Modules with compiled code forward numba's compile events to it. Code that is
+read from numba's cache on disk is not compiled, so it causes no event. This module imports numba only when needed.
 """
 
 from __future__ import annotations
@@ -11,17 +11,17 @@ from contextlib import contextmanager
 from typing import Any
 
 LAST = ("trace_further", "trace_emitter", "next_path", "straight_matrix")
-"""The last entry points that each kind of pad and the ray tracer call; when one is compiled, compiling is done."""
+"""For each type of pad, and for the ray tracer, name of the entry point that is compiled last."""
 
 _TOLD = set(LAST)
-"""Names of the entry points whose compiling is reported. Others take less than a second."""
+"""Names of the entry points whose compilation is reported. Others compile in less than a second."""
 _ASKED: list[_Word] = []
 _LISTENERS: list[Any] = []
-"""The listener to numba's events; empty, or one entry."""
+"""The listener to numba's events; empty until it is registered."""
 
 
 class _Word:
-    """A callback and the last value that it was called with, so that it is not called twice with the same value."""
+    """A callback and the last value passed to it, so that it is not called twice in a row with the same value."""
 
     def __init__(self, tell: Callable[[float], None]) -> None:
         self.tell, self.share = tell, 1.0
@@ -34,7 +34,7 @@ class _Word:
 
 @contextmanager
 def compiling_told(tell: Callable[[float], None]) -> Iterator[None]:
-    """Within this context, call `tell` with 0 when compiling begins and with 1 when it is done."""
+    """`with` block in which `tell` is called with 0 when compilation begins and with 1 when it ends."""
     word = _Word(tell)
     _ASKED.append(word)
     try:
@@ -45,7 +45,7 @@ def compiling_told(tell: Callable[[float], None]) -> Iterator[None]:
 
 
 def listen_to_numba() -> None:
-    """Report numba's compiling events to the callbacks; modules with entry points call it, any number of times."""
+    """Forward numba's compile events to the callbacks; every module with entry points may call this."""
     from numba.core import event
 
     class Listener(event.Listener):
@@ -62,12 +62,12 @@ def listen_to_numba() -> None:
 
 
 def tell_of(entry_point: str) -> None:
-    """Report the compiling of this entry point, too."""
+    """Report the compilation of this entry point, too."""
     _TOLD.add(entry_point)
 
 
 def is_there(entry_point: str) -> None:
-    """Note that an entry point is compiled, by any process; after the last one, report the end of compiling."""
+    """Note that this or another process has compiled an entry point. After the last one, report that all are done."""
     if entry_point in LAST:
         _say(1.0)
 

@@ -2,11 +2,11 @@
 """Compiled kernels on disk: one folder per version of the sources, outside the checkout and the installation.
 
 Numba stores compiled code next to the sources, where a new clone does not find it. Here it is stored in the cache
-folder (`NUMBA_CACHE_DIR`, else ``kernels`` in `sims.cache`), in a folder named by a hash of the code. Any checkout with
-the same code reads it, and changed code never uses an old cache. Numba itself checks its own version and the processor.
-If two processes need the same kernel, one compiles, and the other waits for it.
+folder (`sims.cache.kernel_folder`), in a subfolder named by a hash of the code. Any checkout with the same code reads
+it, and changed code never uses an old cache. Numba itself checks its own version and the processor. If two processes
+need the same kernel, one compiles it and the other waits.
 
-Some used parts of numba are no public interface: `FunctionCache`, its locators, and the attribute ``_cache``.
+Some parts of numba used here are not a public interface: `FunctionCache`, its locators, and the attribute ``_cache``.
 """
 
 from __future__ import annotations
@@ -36,12 +36,12 @@ KEPT_FOLDERS = 24
 
 
 def entry_points(modules: Sequence[ModuleType], **options: Any) -> Callable[[Function], Function]:
-    """Decorator for entry points that are compiled together with all functions that they call, and cached on disk.
+    """Decorator that compiles an entry point together with all functions that it calls, and caches it on disk.
 
     Parameters
     ----------
-    modules : modules of all functions that the entry points call, and last the module that defines the entry points
-    options : options of `numba.njit`
+    modules : modules of all functions that the entry point calls; last, the module that defines the entry point itself
+    options : keyword arguments for `numba.njit`
     """
     room, _, own = modules[-1].__name__.rpartition(".")
     name = f"{room.rpartition('.')[2]}-{own}-{source_fingerprint(modules):016x}"
@@ -57,14 +57,14 @@ def entry_points(modules: Sequence[ModuleType], **options: Any) -> Callable[[Fun
 
 @cache
 def compile_beside(program: str, entry_point: Any) -> None:
-    """Start a compiling program in the background, once, unless the entry point is on disk already.
+    """Start a program in the background that compiles kernels, unless the entry point is already on disk.
 
-    The program ends no later than this process.
+    It starts at most once, and ends no later than this process.
 
     Parameters
     ----------
-    program : name of a module to run, which ends when it is done or its standard input closes
-    entry_point : an entry point that the program compiles
+    program : name of the module to run; it must end when it is done or its standard input closes
+    entry_point : one of the entry points that the program compiles
     """
     files = entry_point._cache
     folder = Path(files.cache_path)
@@ -100,7 +100,7 @@ class _KernelFiles(FunctionCache):
         super().__init__(function)
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
-        """Load the kernel from disk. If it is missing and another process compiles it, wait for that process."""
+        """Load the kernel from disk; None if it is missing. If another process is compiling it, wait for it."""
         try:
             found = super().load_overload(sig, target_context)
             if found is None and self._lock is None:
@@ -114,7 +114,7 @@ class _KernelFiles(FunctionCache):
         return found
 
     def save_overload(self, sig: Any, data: Any) -> None:
-        """Store the compiled kernel; if the folder cannot be written, the next process compiles again."""
+        """Store the compiled kernel. If the folder is not writable, the next process has to compile it again."""
         try:
             super().save_overload(sig, data)
         except OSError:
@@ -123,7 +123,7 @@ class _KernelFiles(FunctionCache):
             self._leave_lock()
 
     def _take_lock(self) -> None:
-        """Wait for the lock and take it; it is released by `_leave_lock` or when this process ends in any way."""
+        """Wait for the lock and take it. `_leave_lock` releases it, and so does the end of this process."""
         self._impl.locator.ensure_cache_path()
         file = Path(self.cache_path) / f"{self._impl.filename_base}.lock"
         self._lock = os.open(file, os.O_RDWR | os.O_CREAT)
@@ -136,7 +136,7 @@ class _KernelFiles(FunctionCache):
 
 
 def _located(name: str) -> type[Any]:
-    """Class by which numba finds the folder of the kernels with this name."""
+    """Locator class with which numba finds the folder of this name, where the kernels are cached."""
 
     class Locator(_CacheLocator):
         def get_cache_path(self) -> str:
@@ -162,7 +162,7 @@ def _located(name: str) -> type[Any]:
 
 
 def _make_room(folder: Path) -> None:
-    """Remove the folders of the least recently compiled sources, so that there is space for one more."""
+    """Remove the folders of the least recently compiled sources, so that one more makes at most `KEPT_FOLDERS`."""
     if folder.is_dir():
         known = sorted(
             (path for path in folder.iterdir() if path.is_dir()), key=lambda path: path.stat().st_mtime

@@ -1,11 +1,11 @@
-"""What contact and light models share about a press: depths, the deformed surface, and numbered locations.
+"""Description of a press that contact and light models share: depths, the deformed surface, and numbered locations.
 
-Signals are computed at a schedule of depths that is fine near contact, where mode 1 can end within 0.3 mm.
+Signals are computed at a series of depths that are closely spaced near contact, where mode 1 can end within 0.3 mm.
 
 A press is axisymmetric. Its deformed surface is stored as a curve (radius, height), which starts on the axis under the
-tip and runs outward. Near the shank the curve may run back, so radius need not increase. Heights are relative to the
-undisturbed surface, negative in the dimple and positive in the pile-up. Inside the contact circle the surface is the
-tip's: an exact sphere for a hemisphere, the curve itself for any other tip.
+tip and runs outward. Near the shank the curve may run back, so the radius need not increase. Heights are relative to
+the undisturbed surface, negative in the dimple and positive in the pile-up. Inside the contact circle the surface is
+the tip's: an exact sphere for a hemisphere, the curve itself for any other tip.
 
 A stage reports the same location slightly differently each time; such locations are merged.
 """
@@ -22,7 +22,7 @@ from scipy.spatial import cKDTree
 from design.arrays import FloatArray, IntArray
 
 NEAR_CONTACT_MM = (0.0, 0.02, 0.05, 0.1, 0.15)
-"""First depths of the fine schedule [mm]; from the study of depth steps."""
+"""First depths of the fine schedule [mm]; chosen in the study of depth steps."""
 
 NEAR_CONTACT_COARSE_MM = (0.0, 0.1)
 """First depths of the coarse schedule [mm]."""
@@ -35,12 +35,13 @@ COARSE_STEP_MM = 0.2
 
 
 def depth_schedule_mm(max_depth_mm: float, step_mm: float = STEP_MM) -> FloatArray:
-    """Depths from 0 to the deepest press, increasing; the deepest one is included.
+    """Increasing depths from 0 up to and including the deepest press.
 
     Parameters
     ----------
     max_depth_mm : deepest press [mm]
-    step_mm : step between depths beyond the first few [mm]
+    step_mm : spacing of the depths from 0.2 mm on [mm]. If it is below `COARSE_STEP_MM`, the depths before that are
+        closely spaced
 
     Returns
     -------
@@ -66,7 +67,7 @@ class Indentation:
     force_n : press force [N]
     is_hemisphere : whether the tip is a hemisphere of radius `tip_radius_mm`
     inclination_deg : (n,) angle of the curve's tangent to the radial direction at each point, continuous along the
-        curve [deg]; None if only points are known
+        curve [deg]; None if only the points of the curve are known
     """
 
     depth_mm: float
@@ -80,8 +81,8 @@ class Indentation:
 
 
 SAME_PLACE_MM = 0.15
-"""Locations within this distance are the same [mm]: seven times the default stage's positioning error. Locations drawn
-at random are 1 mm apart."""
+"""Locations within this distance count as the same [mm]: seven times the default stage's positioning error. Locations
+drawn at random are at least 1 mm apart."""
 
 
 def place_numbers(at_mm: FloatArray, within_mm: float = SAME_PLACE_MM) -> IntArray:
@@ -90,11 +91,11 @@ def place_numbers(at_mm: FloatArray, within_mm: float = SAME_PLACE_MM) -> IntArr
     Parameters
     ----------
     at_mm : (n, 2) reported x, y [mm]
-    within_mm : locations are the same if a chain of samples with steps up to this links them [mm]
+    within_mm : locations count as the same if a chain of samples links them in steps of at most this length [mm]
 
     Returns
     -------
-    (n,) numbers from 0 without gaps
+    (n,) number of each sample's location, from 0 without gaps
     """
     distinct, number = np.unique(at_mm, axis=0, return_inverse=True)
     linked = cKDTree(distinct).query_pairs(within_mm, output_type="ndarray")

@@ -1,20 +1,20 @@
-"""Sample light paths for display: their kinds, with modes and colours, and the power of each kind.
+"""Sample light paths for display: kinds of light, with their modes and colours, and the power of each kind.
 
-The light models distinguish more classes and losses of light than a picture can show. The table of kinds says which are
-drawn in the same way. A class that is not in the table is drawn as `other`, under its own name. Colours are those of
-the signal plots (Okabe and Ito 2008), and pale versions of them for a dark ground. Dash and mark differ too, so that
-nothing depends on colour alone.
+The light models distinguish more path classes and losses than a picture can show. The table `KINDS` groups those that
+are drawn alike into kinds of light. A class that is not in the table is drawn as `other`, under its own name. Colours
+are those of the signal plots (Okabe and Ito 2008), and pale versions of them for a dark background. Dashes and marks
+differ too, so that nothing depends on colour alone.
 
 Paths are random walks of the ray tracer (`sims.optics.oracle.paths`). Powers are integrals of the light model
-(`sims.optics.tracing`), because a few dozen paths would not give them. Powers are those of the whole pressed surface.
-Paths are drawn on the axisymmetric surface around the press axis, which leaves out the change by walls, a few tenths of
-a millimetre near them. The classes of both models agree except for the border between `top` and `skirt`, which are one
-kind here.
+(`sims.optics.tracing`), because a few dozen paths are too few to compute them. Powers are those of the whole pressed
+surface. Paths are drawn on the axisymmetric surface around the press axis, without the effect of walls, which is a few
+tenths of a millimetre near them. Both models classify light alike, except at the border between `top` and `skirt`,
+which are one kind here.
 
-A path of a kind is drawn with a probability proportional to its power. The number of drawn paths of a kind, at least a
-few, grows with the square root of its power, so that weak kinds are visible and strong ones do not hide them. To find
-the light lost under a press, rays that arrived while the pad was untouched are followed again. Left out: absorption
-along the drawn paths, and kinds so rare that the search finds no ray.
+Within a kind, a path is drawn with a probability proportional to its power. The number of paths drawn of a kind is at
+least a few and grows with the square root of its power. So weak kinds are visible, and strong ones do not hide them. To
+find the light lost under a press, rays that arrived while the pad was untouched are followed again. Left out:
+absorption along the drawn paths, and kinds so rare that the search finds no ray.
 """
 
 from __future__ import annotations
@@ -40,18 +40,18 @@ Mark = Literal["none", "mirror", "scatter", "end"]
 
 @dataclass(frozen=True, kw_only=True)
 class LightKind:
-    """A kind of light: one or more path classes that are drawn in the same way.
+    """A kind of light: one or more path classes or losses that are drawn alike.
 
     Attributes
     ----------
-    key : short name, in files and in the page
-    title : name for a legend
-    words : description, in a sentence
+    key : short name, used in files and in the page
+    title : name in a legend
+    words : description, to be used within a sentence
     mode : 1, 2, or None for light that is part of neither mode
     classes : names of path classes and losses of the light models
-    colour, night_colour : colour on a light and on a dark ground
-    dash : lengths of strokes and gaps over the line's width; empty for a solid line
-    mark : points of a path that are marked: where it is mirrored or scattered, or its end
+    colour, night_colour : colour on a light and on a dark background
+    dash : alternating lengths of strokes and gaps, in line widths; empty for a solid line
+    mark : points of a path that are marked: where it is mirrored or scattered, its end, or none
     """
 
     key: str
@@ -138,7 +138,7 @@ _BY_CLASS = {name: kind for kind in KINDS for name in kind.classes}
 
 
 def kind_of(class_name: str) -> LightKind:
-    """Kind of a path class or loss; a class that is not in the table becomes a kind of its own."""
+    """The kind of light to which a path class or loss belongs; a class that belongs to none gets one of its own."""
     if class_name in _BY_CLASS:
         return _BY_CLASS[class_name]
     return LightKind(
@@ -158,9 +158,9 @@ Pair = tuple[int, int]
 Press = tuple[float, float, float]
 
 POOL_PER_PATH = 20
-"""Number of paths found for each drawn path, so that a kind with a hundredth of the power is still present."""
+"""Number of paths searched for each drawn path, so that a kind with a hundredth of the power is still found."""
 FEWEST = 5
-"""Smallest number of drawn paths of a kind, if that many were found."""
+"""Smallest number of paths drawn of a kind of light, if that many were found."""
 MOST_RAYS = 2_000_000
 """Largest number of rays tried for an emitter under one press; they take 1 to 3 s."""
 
@@ -173,11 +173,12 @@ class RayState:
     ----------
     press_mm : x, y, depth [mm]; depth 0 is untouched
     indentation : the deformed surface around the axis; None where untouched
-    power : for each path class, (pair,) power over that of the pair's emitter [-]
+    power : for each path class by name, (pair,) power received by each pair, as a share of its emitter's power [-]
     emitters : number of different emitters in the pairs
-    paths : drawn paths that reach a receiver of the pairs; a kind with more power has more paths
-    lost : drawn paths that do not; under a press, those of rays that arrived while the pad was untouched
-    lost_by : for each lost path, the receiver that it reached while untouched, or `NO_RECEIVER`
+    paths : drawn paths that reach a receiver of the pairs; kinds of light with more power have more paths
+    lost : drawn paths that miss these receivers; unless `RayChoice.shows_all_losses`, only those of rays that reached
+        them before the press
+    lost_by : for each lost path, the receiver that its ray reached before the press, or `NO_RECEIVER`
     """
 
     press_mm: Press
@@ -190,14 +191,19 @@ class RayState:
 
     @property
     def power_by_kind(self) -> dict[str, float]:
-        """Power of all pairs together for each kind's key, over the power of all their emitters together [-]."""
+        """Power that all pairs together receive as each kind of light, as a share of their emitters' total power [-].
+
+        The dictionary is keyed by `LightKind.key`.
+        """
         everything = list(range(len(next(iter(self.power.values())))))
         return {key: value / self.emitters for key, value in self.sums_by_kind(everything).items()}
 
     def sums_by_kind(self, pairs: list[int]) -> dict[str, float]:
-        """Power of some pairs together for each kind's key, over the power of one emitter [-].
+        """Power that the given pairs together receive as each kind of light, as a share of one emitter's power [-].
 
-        pairs : indices of the pairs in `power`
+        The dictionary is keyed by `LightKind.key`.
+
+        pairs : indices of the pairs in the arrays of `power`
         """
         found: dict[str, float] = {}
         for name, values in self.power.items():
@@ -207,7 +213,7 @@ class RayState:
 
     @property
     def total(self) -> float:
-        """Power of all pairs and kinds together, over the power of all their emitters together [-]."""
+        """Power that all pairs together receive, as a share of their emitters' total power [-]."""
         return sum(self.power_by_kind.values())
 
 
@@ -218,9 +224,10 @@ class RayChoice:
     Attributes
     ----------
     pairs : emitter and receiver number of each pair
-    count : number of paths drawn of the strongest kind of light
-    draws_each_pair : True: `count` applies to each pair's strongest kind; False: to that of all pairs together
-    shows_all_losses : True: draw all light that misses the pairs' receivers; False: only light that the press removes
+    count : number of paths drawn of the strongest kind of light in the untouched pad
+    draws_each_pair : if True, `count` applies to each pair separately; if False, to all pairs together
+    shows_all_losses : whether to draw all light that misses the pairs' receivers; if False, only light that the press
+        takes away from them
     pool_per_path : number of paths searched for each drawn path
     most_rays : largest number of rays tried for an emitter under one press
     accuracy : settings of the light model
@@ -251,7 +258,7 @@ class RayChoice:
 
 @dataclass(frozen=True, kw_only=True)
 class _Found:
-    """A path and its pair; for lost light, the pair whose receiver the ray reached while the pad was untouched."""
+    """A path and its pair. For lost light, it is the pair whose receiver the ray reached in the untouched pad."""
 
     pair: Pair
     path: LightPath
@@ -263,14 +270,14 @@ def ray_states(
     presses: Sequence[Press],
     on_step: Callable[[float], None] | None = None,
 ) -> tuple[RayState, ...]:
-    """Find paths and powers: first of the untouched pad, then under each press.
+    """Paths and powers of the chosen light: first in the untouched pad, then under each press.
 
     Parameters
     ----------
     design : the sensor
     choice : the light to show
     presses : x, y, depth > 0 of each press [mm]
-    on_step : function that is called with the share that is done, 0 to 1
+    on_step : function that is called with the share of the work done, 0 to 1
 
     Raises
     ------
@@ -322,7 +329,7 @@ def _power(light: LightSignals, state: int, pairs: tuple[Pair, ...]) -> dict[str
 
 @dataclass(frozen=True, kw_only=True)
 class _Search:
-    """Search for paths of the chosen pairs' light under one press."""
+    """Search for light paths of the chosen pairs under one press."""
 
     walker: LightWalker
     choice: RayChoice
@@ -348,7 +355,7 @@ class _Search:
         return found
 
     def missing(self, before: list[_Found]) -> list[_Found]:
-        """Paths of the rays `before`, found in the untouched pad, that no longer reach the pairs' receivers."""
+        """Follow rays found in the untouched pad (`before`); return those that no longer reach the pairs' receivers."""
         found = []
         for emitter, own in self.choice.receivers.items():
             former = {one.path.ray: one.pair for one in before if one.pair[0] == emitter}
@@ -365,7 +372,7 @@ def _filled(
     before: list[_Found],
     lost: list[_Found],
 ) -> RayState:
-    """Copy a state with the drawn paths, which are selected from the found ones."""
+    """Copy of `state` with the paths to draw, which are selected from those found."""
     drawn: list[_Found] = []
     gone: list[_Found] = []
     for group in choice.groups:
@@ -395,12 +402,16 @@ def _of(pairs: set[Pair], found: list[_Found]) -> list[_Found]:
 
 
 def _number(share: float, count: int) -> int:
-    """Number of drawn paths of a kind, by its power over that of the untouched pad's brightest kind (`share`)."""
+    """Number of paths to draw of a kind of light.
+
+    share : power of the kind over that of the brightest kind in the untouched pad [-]
+    count : number of paths drawn of that brightest kind
+    """
     return min(count, max(FEWEST, round(count * float(np.sqrt(max(share, 0.0))))))
 
 
 def _in_turn(found: list[_Found], count: int) -> list[_Found]:
-    """Select up to `count` paths, taking one of each emitter in turn."""
+    """Select up to `count` paths, one from each emitter in turn."""
     seen: dict[int, int] = {}
     ranks = []
     for place, one in enumerate(found):

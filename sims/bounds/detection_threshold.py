@@ -1,11 +1,11 @@
 """The detection threshold: the lightest press that the pad detects at each location, in millimetres and newtons.
 
 A press is detected when at least one pair's reading differs from its untouched value by the deadband threshold, 3
-noise units. This is for one frame; several pairs or frames evaluated together detect lighter presses. The error of the
-light trace gives an earliest and a latest depth: there the change plus or minus two standard errors reaches the
-threshold. Loads come from the contact model at each location, near walls included. The band of a load is that of
-Young's modulus. Changes are interpolated linearly between the traced depths. Below the first traced depth this gives
-too small a threshold, because signals grow faster than depth at first contact.
+noise units, in a single frame. Several pairs or frames evaluated together detect lighter presses. The error of the
+light trace gives a band of depths: at its ends, the change plus or minus two standard errors reaches the threshold.
+Loads come from the contact model at each location, also near walls. The band of a load is due to that of Young's
+modulus. Changes are interpolated linearly between the traced depths. Below the first traced depth, this makes the
+threshold too small, because signals grow faster than depth at first contact.
 """
 
 from __future__ import annotations
@@ -28,18 +28,18 @@ from sims.verdict.depth_curve import DEADBAND_THRESHOLD, noise_units, sigma_coun
 class DetectionThreshold:
     """The lightest detected press at each location of a grid.
 
-    Maps are infinite where no press within the usable range is detected, and NaN outside the workspace.
+    Arrays are infinite where no press within the usable range is detected, and NaN outside the workspace.
 
     Attributes
     ----------
     x_mm, y_mm : (nx,) and (ny,) coordinates of the grid [mm]
     depth_mm : (ny, nx) depth from which a press is detected [mm]
-    depth_low_mm, depth_high_mm : (ny, nx) that depth with the signal change raised and lowered by two standard errors
-        of the light trace [mm]
+    depth_low_mm, depth_high_mm : (ny, nx) the same depth if every signal change is raised or lowered, respectively,
+        by two standard errors of the light trace [mm]
     force_n : (ny, nx) load at `depth_mm` for the nominal Young's modulus [N]
     force_error_low_n, force_error_high_n : (ny, nx) load at `depth_low_mm` and `depth_high_mm` [N]
-    low_n, high_n : (ny, nx) load at `depth_mm` for the ends of the modulus's band [N]
-    threshold : change that counts as detected [noise units]
+    low_n, high_n : (ny, nx) load at `depth_mm` for the lower and upper end of the modulus's band [N]
+    threshold : change of a reading that counts as detected [noise units]
     """
 
     x_mm: tuple[float, ...]
@@ -56,7 +56,7 @@ class DetectionThreshold:
 
     @property
     def worst(self) -> tuple[int, int]:
-        """(row, column) of the location where a press must be deepest to be detected."""
+        """Indices (y, x) of the location where a press must be deepest to be detected."""
         row, column = np.unravel_index(int(np.nanargmax(self.depth_mm)), self.depth_mm.shape)
         return int(row), int(column)
 
@@ -71,15 +71,15 @@ def detection_threshold(
     readout: Readout,
     threshold: float = DEADBAND_THRESHOLD,
 ) -> DetectionThreshold:
-    """The lightest detected press at each location of a map.
+    """The lightest detected press at each location of a grid.
 
     Parameters
     ----------
-    flux, standard_error : (ny, nx, nd, pair) received over emitted power and its standard error [-]; the first depth
-        is the untouched pad, and values outside the workspace are NaN
-    x_mm, y_mm, depth_mm : (nx,), (ny,) and (nd,) coordinates of the map [mm]
+    flux, standard_error : (ny, nx, nd, pair) received over emitted power, and its standard error [-]. The first depth
+        is the untouched pad. Values outside the workspace are NaN
+    x_mm, y_mm, depth_mm : (nx,), (ny,) and (nd,) coordinates of the grid [mm]
     readout : gains of the receivers
-    threshold : change that counts as detected [noise units]
+    threshold : change of a reading that counts as detected [noise units]
     """
     noise = {
         "read_noise_counts": design.value_noise_counts,

@@ -1,55 +1,57 @@
-"""Fisher information of a press in many readings, and the Cramér-Rao bound, from two independent Jacobians.
+"""Fisher information about a press in the readings, and the Cramér-Rao bound, from two independent Jacobians.
 
 Model
 -----
-Readings cₖ of all pairs are independent and normal about their means, with the standard deviation σₖ of the design's
-noise. For θ = (x, y, depth) the Fisher information of one frame of readings is (Kay 1993, eq. 3.31)
+The readings cₖ of all pairs are independent and normally distributed about their means, with the standard deviation σₖ
+of the design's noise. For θ = (x, y, depth) the Fisher information of one frame is (Kay 1993, eq. 3.31)
 
     F = Jᵀ W J,   Jₖᵢ = ∂cₖ/∂θᵢ,   W = diag 1/σₖ²,
 
 and no unbiased estimate of θ has a covariance below F⁻¹ (Van Trees 1968, section 2.4). The location bound is
-√(F⁻¹ₓₓ + F⁻¹ᵧᵧ), the depth bound √F⁻¹_dd, and 1/√F_dd where the location is known.
+√(F⁻¹ₓₓ + F⁻¹ᵧᵧ), and the depth bound is √F⁻¹_dd, or 1/√F_dd if the location is known.
 
-Trace noise is no information
------------------------------
-A Jacobian J + n whose noise n comes from the simulation gives E[(J + n)ᵀW(J + n)] = F + E[nᵀWn]: noise counts as
-information. With two independent halves, E[(J + a)ᵀW(J + b)] = F. So F is the symmetrised product of the halves. Some
-of its eigenvalues may be zero or negative: such a press is *not resolved* to the accuracy of this trace.
+Trace noise is not information
+------------------------------
+A Jacobian J + n whose noise n comes from the simulation gives E[(J + n)ᵀW(J + n)] = F + E[nᵀWn], so noise would count
+as information. Two independent Jacobians J + a and J + b, called halves, give E[(J + a)ᵀW(J + b)] = F. So F is computed
+as the symmetrised product of the halves. Some of its eigenvalues may be zero or negative. Then the press is *not
+resolved* at the accuracy of this trace.
 
-The error of a bound follows from d(F⁻¹) = -F⁻¹ dF F⁻¹. A variance with v = F⁻¹eᵢ changes by -vᵀdF v, a sum over pairs
-of w (Jv)((a + b)v) + w (av)(bv). The variance of each term is w² (2 (Jv)² s² + s⁴), where s² = var(av) is estimated by
-half of ((a - b)v)². A direction whose information is within `TOLD_FROM_ZERO` standard errors of zero counts as not
-resolved, so bounds tend to be too large rather than too small.
+The error of a bound follows from d(F⁻¹) = -F⁻¹ dF F⁻¹. With v = F⁻¹eᵢ, the variance (F⁻¹)ᵢᵢ changes by -vᵀdF v. This is
+a sum over pairs of w (Jv)((a + b)v) + w (av)(bv). The variance of each term is w² (2 (Jv)² s² + s⁴), where s² = var(av)
+is estimated by half of ((a - b)v)². A direction whose information is within `TOLD_FROM_ZERO` standard errors of zero
+counts as not resolved, so bounds tend to be too large rather than too small.
 
 Not modelled: information in the variance of the readings (σ depends on c; at a relative noise of 0.003 it adds 2e-5 of
 F), bias of estimators, prior knowledge such as the limits of the workspace, several frames (n independent frames divide
-bounds by √n), errors common to all readings (drift, supply, temperature), ambient light, an unknown gain.
+bounds by √n), errors common to all readings (drift, supply, temperature), ambient light, and an unknown gain.
 
 Derivatives
 -----------
-The derivatives of all readings by location and depth are central differences of presses around each voxel's centre.
-Each half has six presses: (x ± h, y, d), (x, y ± h, d) and (x, y, d ± k), so errors are of the order h² and k².
-Within a half, all presses have the same seed and settings and hence the same sampling points around the tip: their
-errors are nearly equal on both sides and cancel. The two halves have different seeds, so their remaining errors are
-independent, as the product above requires. Replicates of a single trace would not do as halves: their sampling offsets
-are spread evenly, which correlates their errors. Steps are small because signals curve within a millimetre.
+The derivatives of all readings with respect to location and depth are central differences of presses around each
+voxel's centre. Each half has six presses: (x ± h, y, d), (x, y ± h, d) and (x, y, d ± k), so errors are of the order h²
+and k². Within a half, all presses have the same seed and settings, and hence the same sampling points around the tip.
+So their errors are nearly equal on both sides and cancel. The two halves have different seeds, so their remaining
+errors are independent, as the product above requires. Replicates within a single trace cannot serve as halves, because
+their sampling offsets are spread evenly, which correlates their errors. Steps are small because signals curve within a
+millimetre.
 
-Four presses a half would suffice (the corners of a tetrahedron, mirrored in the other half). But mixed second
-derivatives would then make the halves differ by more than the trace's error. One-sided differences, outward in one half
-and inward in the other, cancel errors of the first order in the product. But where signals curve within the step (the
-paper's pad at 4.9 mm), they made the bounds twice as large.
+Four presses per half would suffice (the corners of a tetrahedron, mirrored in the other half), but mixed second
+derivatives would make the halves differ by more than the trace's error. With one-sided differences, outward in one half
+and inward in the other, errors of the first order cancel in the product. But where signals curve within the step (the
+published pad at 4.9 mm), they made the bounds twice as large.
 
-Kinks of a signal that are narrower than the steps, as at the edge of a shadow, are smoothed over h and k. Voxels whose
-bounds the first light settings leave undecided are traced again with finer settings.
+Kinks of a signal that are narrower than the steps, such as the edge of a shadow, are smoothed over h and k. Voxels
+whose bounds are still uncertain with the first light settings are traced again with finer ones.
 
 Sources
 -------
 S. M. Kay, Fundamentals of Statistical Signal Processing: Estimation Theory, 1993, sections 3.7 and 3.9;
 H. L. Van Trees, Detection, Estimation, and Modulation Theory I, 1968, section 2.4.
-[R] Chosen for this tool, to rank layouts: a fingertip-sized contact is useful when it is located to a millimetre and
-its depth to half a millimetre (coverage). A voxel is dead when its location is not resolved to half a millimetre or its
-depth not to a tenth, the limits of the feasibility study.
-[M] Measured on the paper's pad: docs/understand/model.md, "What the signals can tell".
+[R] Chosen for this tool, to rank layouts. A voxel is covered when a fingertip-sized contact is located to within a
+millimetre and its depth to within half a millimetre. A voxel is dead when its location is not resolved to half a
+millimetre, or its depth to a tenth, the limits of the feasibility study.
+[M] Measured on the published pad: docs/understand/model.md, "What the signals can tell".
 """
 
 from __future__ import annotations
@@ -83,76 +85,76 @@ DEAD_DEPTH_MM: Final = 0.1
 """Depth bound above which a voxel counts as dead [mm]; [R]."""
 
 LATERAL_STEP_MM: Final = SURROUND_MM
-"""Offset from the voxel's centre of the presses that give the derivatives by x and y [mm]; [M]."""
+"""Distance from a voxel's centre to the presses for the derivatives with respect to x and y [mm]; [M]."""
 
 DEPTH_STEP_MM: Final = 0.1
-"""Offset from the voxel's centre of the presses that give the derivative by depth [mm]; [M]."""
+"""Distance from a voxel's centre to the presses for the derivative with respect to depth [mm]; [M]."""
 
 LARGEST_DEPTH_STEP_SHARE: Final = 0.25
-"""Upper limit of the depth offset as a share of the depth [-]: near first contact, signals grow like a power of
-depth."""
+"""Upper limit of `DEPTH_STEP_MM` as a share of the depth [-]. It matters near first contact, where signals grow like a
+power of depth."""
 
 SPIKE: Final = 5.0
 """Trace error above which a pair is left out of a voxel's bounds [noise units]. [M]: at the draft setting this leaves
-out 2 pairs of 960; one of them alone would have made the voxel unresolved."""
+out 2 pairs of 960, one of which would have made its voxel unresolved."""
 
 TOLD_FROM_ZERO: Final = 2.0
-"""Number of standard errors of the light trace within which Fisher information counts as zero [-]."""
+"""Number of the light trace's standard errors within which Fisher information counts as zero [-]."""
 
 BAND: Final = 2.0
-"""Number of standard errors by which all bounds are moved to get the low and high end of a summary [-]."""
+"""Number of standard errors by which all bounds are shifted for the low and high ends of a summary [-]."""
 
 FORMED_SPIKE: Final = 20.0
-"""Trace error above which a pair is left out, for discs and crowned pads [noise units]. Their light is integrated on
-regular point lattices and has no outliers, so the limit is looser than `SPIKE`. [M]: half as many points widened bounds
-of the crowned preset at 2.9 and 3.9 mm by up to 24 % with a limit of 5, but by at most 6 % with 20."""
+"""The limit `SPIKE` for discs and crowned pads [noise units]. Their light is integrated on regular point lattices and
+has no outliers, so the limit is looser. [M]: on the crowned preset at 2.9 and 3.9 mm, halving the number of points
+widened bounds by up to 24 % with a limit of 5, but by at most 6 % with 20."""
 
 CLEAR_ERROR: Final = 0.05
-"""Relative trace error of a bound above which its voxel is traced again with finer light [-]. [M]: with 0.1, six seeds
-gave 18 to 30 µm for the depth bound of a deep press on the paper's pad, with stated errors of 0.7 to 2.4 µm. With 0.05
-they gave 20 to 21 µm, for an eighth more computing time."""
+"""Relative trace error of a bound above which its voxel is traced again with finer light settings [-]. [M]: with 0.1,
+six seeds gave 18 to 30 µm for the depth bound of a deep press on the published pad, with stated errors of 0.7 to
+2.4 µm. With 0.05 they gave 20 to 21 µm, for an eighth more computing time."""
 
 SHALLOW_MM: Final = 0.3
-"""Depth below which a voxel is traced with the second light settings at once [mm]. [M]: at 0.2 mm on the paper's pad,
-the first settings leave four in five voxels undecided, most of them not resolved."""
+"""Voxels less deep than this are traced with the second light settings from the start [mm]. [M]: at 0.2 mm on the
+published pad, the first settings leave four in five voxels uncertain, most of them not resolved."""
 
 COARSE_DEPTHS_MM: Final = (0.2, 0.7, 1.5, 2.9)
 """Depths of the voxels in a quick score [mm]. Depths beyond the usable range are left out, and the end of the range is
-added. Most depths are half-way between depths of the deadband map, whose stored light is then used for both."""
+added. Most are half-way between depths of the deadband map, so their presses can use its stored light."""
 
 FINE_DEPTHS_MM: Final = (0.15, 0.4, 0.8, 1.5, 2.5, 3.6)
-"""Depths of the voxels in a fine score [mm]; the end of the usable range is added. Bounds change slowly with depth, so
-fewer depths suffice than for the deadband map."""
+"""Depths of the voxels in a fine score [mm]; the end of the usable range is added. Fewer depths suffice than for the
+deadband map, because bounds change slowly with depth."""
 
 PRESSES = 6
 """Number of presses per voxel in one of the two halves: both sides in x, y and depth."""
 
 DEPTH_DIGITS = 12
-"""Decimals to which a press's depth in mm is rounded: far below any step, above round-off."""
+"""Number of decimals to which a press's depth in mm is rounded: far finer than any step, but coarser than round-off."""
 
 SEED_GAP = 7919
 """Number added to the seed for the second half of the presses: a large prime, so that a study with consecutive seeds
-uses no half twice."""
+never uses a half twice."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Steps:
-    """Offsets of the presses that give the derivatives: in x and y, and at most in depth [mm]."""
+    """How far the presses for the derivatives lie from a voxel's centre: in x and y, and at most in depth [mm]."""
 
     lateral_mm: float = LATERAL_STEP_MM
     depth_mm: float = DEPTH_STEP_MM
 
     def offsets_mm(self, depth_mm: FloatArray) -> FloatArray:
-        """(voxel, 3) offsets in x, y and depth [mm] at (voxel,) depths; the depth offset shrinks near the surface."""
+        """(voxel, 3) offsets in x, y and depth [mm] for voxels at depths (voxel,); shallow ones get less in depth."""
         by_depth = np.minimum(self.depth_mm, LARGEST_DEPTH_STEP_SHARE * depth_mm)
         lateral = np.full_like(by_depth, self.lateral_mm)
         return np.stack([lateral, lateral, by_depth], axis=-1)
 
 
 def stencil_presses(voxels_mm: FloatArray, offsets_mm: FloatArray) -> FloatArray:
-    """(voxel x 6, 3) presses on both sides of each (voxel, 3) centre: +x, -x, +y, -y, +depth, -depth [mm].
+    """(voxel x 6, 3) presses around the centres (voxel, 3), offset by +x, -x, +y, -y, +depth, -depth [mm].
 
-    Depths are rounded to `DEPTH_DIGITS`, so that they equal the depths of a map and its stored light can be used.
+    Depths are rounded to `DEPTH_DIGITS` so that they match depths of the deadband map, whose stored light is then used.
     """
     sides = np.repeat(np.eye(3), 2, axis=0) * np.tile([1.0, -1.0], 3)[:, None]
     presses = (voxels_mm[:, None, :] + sides * offsets_mm[:, None, :]).reshape(-1, 3)
@@ -161,7 +163,7 @@ def stencil_presses(voxels_mm: FloatArray, offsets_mm: FloatArray) -> FloatArray
 
 
 def stencil_derivatives(readings: FloatArray, offsets_mm: FloatArray) -> FloatArray:
-    """(voxel, pair, 3) derivatives by x, y and depth [counts/mm] from (voxel, 6, pair) readings [counts]."""
+    """Derivatives (voxel, pair, 3) with respect to x, y and depth [counts/mm] from readings (voxel, 6, pair)."""
     change = np.moveaxis(readings[:, 0::2] - readings[:, 1::2], 1, -1)
     return np.asarray(change / (2.0 * offsets_mm[:, None, :]))
 
@@ -176,7 +178,7 @@ def sensitivity(
     steps: Steps,
     on_step: OnShare | None = None,
 ) -> Sensitivity:
-    """Derivatives of all pairs' readings at each voxel.
+    """Derivatives of all pairs' readings with respect to location and depth, at each voxel.
 
     Parameters
     ----------
@@ -186,8 +188,8 @@ def sensitivity(
 
     Returns
     -------
-    Sensitivity with the axes (voxel, pair), pairs in emitter-major order. Pairs that read above full scale at any of
-    the presses have weight 0, and so have pairs with a trace error above `SPIKE` (discs and crowned pads:
+    Sensitivity with the axes (voxel, pair), pairs in emitter-major order. Pairs that reach full scale at any of the
+    presses have weight 0, and so do pairs with a trace error above `SPIKE` (for discs and crowned pads,
     `FORMED_SPIKE`). This can only widen the bounds.
     """
     offsets = steps.offsets_mm(voxels_mm[:, 2])
@@ -208,10 +210,10 @@ def sensitivity(
 
 
 def _apart(first: FloatArray, second: FloatArray) -> FloatArray:
-    """(voxel, 6, pair) error of the readings, estimated from the difference between the halves [counts].
+    """(voxel, 6, pair) trace error of the readings, estimated from the difference between the halves [counts].
 
     The mean difference over the voxel's six presses is subtracted, since it cancels in derivatives. Discs and crowned
-    pads use this estimate because their stated errors are far too large.
+    pads use this estimate because the errors stated by the light model are far too large for them.
     """
     apart = (first - second) / np.sqrt(2.0)
     return np.asarray(np.abs(apart - apart.mean(axis=1, keepdims=True)))
@@ -241,9 +243,9 @@ def _share_of_half(on_step: OnShare | None, half: int) -> Callable[[int, int], N
 def _weights(
     design: SensorDesign, readings: FloatArray, errors: FloatArray, spike: float, readout: Readout
 ) -> FloatArray:
-    """(voxel, pair) 1/variance of one frame's reading at the voxel [1/counts²].
+    """(voxel, pair) one over the variance of a reading in one frame [1/counts²].
 
-    The weight is 0 where any of the presses reads above full scale or has a trace error above `spike` noise units.
+    It is 0 where the pair reaches full scale or has a trace error above `spike` noise units under any of the presses.
     """
     sigma = sigma_counts(readings.mean(axis=1), design.value_noise_counts, design.noise.relative_noise)
     is_lost = (readings.max(axis=1) >= readout.full_scale_counts) | (errors.max(axis=1) > spike * sigma)
@@ -252,11 +254,11 @@ def _weights(
 
 @dataclass(frozen=True, kw_only=True)
 class Sensitivity:
-    """Derivatives of the readings by location and depth, estimated twice from independent light traces.
+    """Derivatives of the readings with respect to location and depth, from two independent light traces.
 
     Attributes
     ----------
-    first, second : (..., pair, 3) derivatives of the readings by x, y and depth [counts/mm]
+    first, second : (..., pair, 3) derivatives with respect to x, y and depth [counts/mm], from each of the traces
     weight : (..., pair) one over the variance of a reading [1/counts²]; 0 where the pair is left out
     """
 
@@ -265,22 +267,23 @@ class Sensitivity:
     weight: FloatArray
 
     def without(self, is_lost: BoolArray) -> Sensitivity:
-        """The same derivatives without the pairs that the (pair,) mask marks as lost."""
+        """The same derivatives, but with weight 0 for the pairs that the mask (pair,) marks as lost."""
         return Sensitivity(first=self.first, second=self.second, weight=np.where(is_lost, 0.0, self.weight))
 
 
 @dataclass(frozen=True, kw_only=True)
 class Bounds:
-    """Least standard deviations of unbiased estimates of location and depth from one frame.
+    """Smallest standard deviations with which unbiased estimators can find location and depth from one frame.
 
-    All arrays have the axes of the derivatives without that of the pairs, and are infinite where not resolved.
+    All arrays have the axes of the derivatives except pair and (x, y, depth). They are infinite where a press is not
+    resolved.
 
     Attributes
     ----------
     location_mm : standard deviation of the location, √(var x + var y) [mm]
     depth_mm : standard deviation of the depth when the location is unknown [mm]
     depth_alone_mm : standard deviation of the depth when the location is known [mm]
-    location_error_mm, depth_error_mm, depth_alone_error_mm : standard errors of the above from the light trace [mm]
+    location_error_mm, depth_error_mm, depth_alone_error_mm : standard errors of these, due to the light trace [mm]
     """
 
     location_mm: FloatArray
@@ -297,14 +300,14 @@ class Bounds:
 
 
 def information(answers: Sensitivity) -> FloatArray:
-    """(..., 3, 3) Fisher information of x, y and depth [1/mm²]; because of trace noise not always positive definite."""
+    """(..., 3, 3) Fisher information about x, y and depth [1/mm²]; trace noise may make it not positive definite."""
     weighted = answers.first * answers.weight[..., None]
     product = np.swapaxes(weighted, -1, -2) @ answers.second
     return np.asarray(0.5 * (product + np.swapaxes(product, -1, -2)))
 
 
 def information_error(answers: Sensitivity, direction: FloatArray) -> FloatArray:
-    """Standard error of vᵀFv that comes from the light trace, where F is the Fisher information.
+    """Standard error of vᵀFv due to the light trace, where F is the Fisher information.
 
     Parameters
     ----------
@@ -312,7 +315,7 @@ def information_error(answers: Sensitivity, direction: FloatArray) -> FloatArray
 
     Returns
     -------
-    (...) standard error [unit of v² / mm²]
+    (...) standard error [unit of v² per mm²]
     """
     first, second = ((half @ direction[..., None])[..., 0] for half in (answers.first, answers.second))
     variance = 0.5 * (first - second) ** 2
@@ -326,9 +329,9 @@ def bounds_of(answers: Sensitivity, told_from_zero: float = TOLD_FROM_ZERO) -> B
 
     Parameters
     ----------
-    answers : derivatives of all pairs, from independent halves
-    told_from_zero : number of standard errors of the trace by which information must exceed zero [-]; below it a press
-        counts as not resolved
+    answers : derivatives of the readings of all pairs, from independent halves
+    told_from_zero : number of the trace's standard errors by which information must exceed zero in every direction
+        [-]; otherwise the press counts as not resolved
     """
     fisher = information(answers)
     is_seen = _is_seen(answers, fisher, told_from_zero)
@@ -349,7 +352,7 @@ def bounds_of(answers: Sensitivity, told_from_zero: float = TOLD_FROM_ZERO) -> B
 
 
 def _is_seen(answers: Sensitivity, fisher: FloatArray, told_from_zero: float) -> BoolArray:
-    """(...) whether the information in every direction of (x, y, depth) exceeds the trace's error."""
+    """(...) whether a press is resolved: in every direction of (x, y, depth), information exceeds the trace's error."""
     least, vectors = np.linalg.eigh(fisher)
     clear = [
         least[..., axis] > told_from_zero * information_error(answers, vectors[..., axis])
@@ -359,7 +362,7 @@ def _is_seen(answers: Sensitivity, fisher: FloatArray, told_from_zero: float) ->
 
 
 def _rooted(variance: FloatArray, error: FloatArray, is_seen: BoolArray) -> tuple[FloatArray, FloatArray]:
-    """Square root of a variance, and standard error of that root; both infinite where not resolved."""
+    """Square root of a variance, and the root's standard error; both infinite where `is_seen` is False."""
     root = np.sqrt(np.where(is_seen, variance, 1.0))
     return np.where(is_seen, root, np.inf), np.where(is_seen, 0.5 * error / root, np.inf)
 
@@ -374,7 +377,7 @@ def _depth_alone(
 
 
 FIRST_STAGE_SHARE = 0.8
-"""Share of the progress display that the first light settings take, where finer settings may follow [-]."""
+"""Progress to show when the first light settings are finished and finer ones may follow [-]."""
 
 
 def sensitivities(
@@ -388,14 +391,14 @@ def sensitivities(
     steps: Steps,
     on_step: OnShare | None = None,
 ) -> Sensitivity:
-    """Derivatives of all pairs' readings at every location and depth.
+    """Derivatives of all pairs' readings with respect to location and depth, in every voxel.
 
     Voxels that are not resolved, or whose bounds have a relative error above `CLEAR_ERROR`, are traced again with the
     next accuracy. Voxels shallower than `SHALLOW_MM` begin with the second one.
 
     Parameters
     ----------
-    places_mm, depth_mm : (place, 2) locations and (depth,) depths [mm]
+    places_mm, depth_mm : (place, 2) locations x, y, and (depth,) depths; each combination is a voxel [mm]
     accuracies : accuracy settings of the light model, cheapest first
     seed : random seed of the first half; the second half has ``seed + SEED_GAP``
     steps : offsets of the presses
@@ -436,7 +439,7 @@ def _share_of_stage(on_step: OnShare, stage: int, stages: int) -> OnShare:
 
 
 def _is_unclear(bounds: Bounds) -> BoolArray:
-    """(voxel,) whether a voxel is not resolved or the trace error of its location or depth bound is too large."""
+    """(voxel,) whether a voxel is not resolved, or the trace error of its location or depth bound is too large."""
     is_known = ~bounds.is_blind
     clear = [
         error[is_known] <= CLEAR_ERROR * value[is_known]
@@ -451,7 +454,7 @@ def _is_unclear(bounds: Bounds) -> BoolArray:
 
 
 def _nothing(like: Sensitivity, voxels: int) -> Sensitivity:
-    """Zero derivatives and weights for a number of voxels, with the pairs of `like`: none of them is resolved."""
+    """Derivatives and weights of 0 for a number of voxels, so that none is resolved, with as many pairs as `like`."""
     pairs = like.weight.shape[-1]
     zeros = np.zeros((voxels, pairs, 3))
     return Sensitivity(first=zeros, second=zeros, weight=np.zeros((voxels, pairs)))

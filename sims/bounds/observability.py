@@ -1,12 +1,12 @@
-"""Best possible accuracy of a pad: bounds of a press's location and depth in every voxel of the workspace.
+"""Best possible accuracy of a pad: bounds on the error of a press's location and depth, over the workspace.
 
-A voxel is one (x, y, depth). Its Cramér-Rao bounds are those of one frame with all pairs; derivatives of the readings
-come from slightly offset presses (`sims.bounds.fisher`). The bounds serve to compare layouts; a trained estimator is no
-better on average, and usually worse. The loss when an emitter or receiver fails follows from the bounds without its
-pairs.
+A voxel is one combination (x, y, depth). Its Cramér-Rao bounds apply to one frame with all pairs. Derivatives of the
+readings come from slightly offset presses (`sims.bounds.fisher`). The bounds serve to compare layouts; a trained
+estimator is no better on average, and usually worse. The loss when an emitter or receiver fails follows from the bounds
+without its pairs.
 
-Summaries are medians and shares over the volume of the workspace: every location has the same weight, and a depth
-represents the range half-way to its neighbours. The low and high ends of a summary come from all bounds moved together
+Summaries are medians and shares over the volume of the workspace. Every location has the same weight, and a depth
+represents the range half-way to its neighbours. For the low and high ends of a summary, all bounds are shifted together
 by two standard errors of the light trace. This is the worst case, since errors of voxels are nearly independent. The
 errors of the models and of the coarse grid are not included.
 """
@@ -43,19 +43,19 @@ from sims.verdict.pad_map import grid_inside, grid_places_mm, map_grid_mm, on_gr
 from sims.verdict.presses import untouched_flux
 
 ROUND_OFF_DIGITS = 12
-"""Decimals to which a share is rounded, to remove round-off."""
+"""Number of decimals to which a share is rounded, to remove round-off."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Figure:
-    """A summary and the low and high end of its error band; infinite where not resolved."""
+    """A summary of the bounds, with the low and high end of its error band; infinite where not resolved."""
 
     value: float
     low: float
     high: float
 
     def percent(self) -> str:
-        """The value in per cent, followed by the ends of its band unless both round to the same number."""
+        """The value as text in per cent, followed by the ends of its band unless they round to the same number."""
         same = round(100 * self.low) == round(100 * self.high)
         return f"{self.value:.0%}" if same else f"{self.value:.0%} ({self.low:.0%} to {self.high:.0%})"
 
@@ -68,11 +68,11 @@ class Figure:
 
 
 def depth_weights(depth_mm: Sequence[float] | FloatArray, max_depth_mm: float) -> FloatArray:
-    """(n,) share of the range of depths that each depth represents [-]: from half-way to half-way to its neighbours.
+    """(n,) share of the depth range that each depth represents [-]; parts meet half-way between neighbouring depths.
 
     Parameters
     ----------
-    depth_mm : (n,) rising depths [mm]
+    depth_mm : (n,) increasing depths [mm]
     max_depth_mm : end of the range, which starts at 0 [mm]
     """
     depth = np.asarray(depth_mm, dtype=np.float64)
@@ -81,7 +81,7 @@ def depth_weights(depth_mm: Sequence[float] | FloatArray, max_depth_mm: float) -
 
 
 def median_of(values: FloatArray, errors: FloatArray, weight: FloatArray) -> Figure:
-    """Weighted median of bounds; low and high are the medians of all bounds moved by `BAND` standard errors."""
+    """Weighted median of bounds; its low and high ends are the medians of all bounds shifted by `BAND` errors."""
     low, high = _ends(values, errors)
     return Figure(
         value=_median(values, weight),
@@ -91,7 +91,7 @@ def median_of(values: FloatArray, errors: FloatArray, weight: FloatArray) -> Fig
 
 
 def share_of(bounds: Bounds, location_mm: float, depth_mm: float, weight: FloatArray) -> Figure:
-    """Share of the volume that is resolved and has location and depth bounds below the given limits [-]."""
+    """Share of the volume that is resolved, with location and depth bounds below the given limits [-]."""
     location_low, location_high = _ends(bounds.location_mm, bounds.location_error_mm)
     depth_low, depth_high = _ends(bounds.depth_mm, bounds.depth_error_mm)
 
@@ -107,7 +107,7 @@ def share_of(bounds: Bounds, location_mm: float, depth_mm: float, weight: FloatA
 
 
 def _ends(values: FloatArray, errors: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Values lowered and raised by `BAND` errors; values below zero become 0, infinite values stay infinite."""
+    """Values lowered and raised by `BAND` errors; results below zero become 0, infinite values stay infinite."""
     is_known = np.isfinite(values)
     moved = BAND * np.where(is_known, errors, 0.0)
     return np.maximum(values - moved, 0.0), values + moved
@@ -121,7 +121,7 @@ def _median(values: FloatArray, weight: FloatArray) -> float:
 
 @dataclass(frozen=True, kw_only=True)
 class PartLoss:
-    """Summaries of the bounds when one component has failed.
+    """Summaries of a pad's bounds when one emitter or receiver has failed.
 
     Attributes
     ----------
@@ -146,12 +146,12 @@ def part_losses(
     covered_location_mm: float,
     covered_depth_mm: float,
 ) -> tuple[PartLoss, ...]:
-    """Summaries of the bounds without each component in turn, emitters first.
+    """Summaries of the bounds without each emitter and receiver in turn, emitters first.
 
     Parameters
     ----------
-    answers : derivatives of all pairs, in emitter-major order
-    weight : share of the volume that each voxel represents [-]; the axes of `answers` without that of the pairs
+    answers : derivatives of the readings of all pairs, in emitter-major order
+    weight : share of the volume that each voxel represents [-]; it has the axes of `answers` except that of the pairs
     """
     emitter, receiver = (index.ravel() for index in np.indices((len(cavity.emitters), len(cavity.receivers))))
     lost = [(part.name, emitter == k) for k, part in enumerate(cavity.emitters)]
@@ -180,15 +180,15 @@ def _loss(
 
 
 BOUND_ACCURACIES = ("score", MIRRORED_FINER)
-"""Accuracy settings of the light for derivatives, cheapest first; voxels that the first leaves undecided are traced
-again with the second. The first setting is that of the deadband map, whose stored light is used again."""
+"""Accuracy settings of the light model for derivatives, cheapest first. Voxels still uncertain with the first are
+traced again with the second. The first is that of the deadband map, so that its stored light can be used."""
 MANY_PAIRS_BOUNDS = (ACCURACIES["draft"], MIRRORED_FINER)
-"""Accuracy settings of the light for layouts of hundreds of pairs, cheapest first."""
+"""The same settings for layouts with hundreds of pairs."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Limits:
-    """Limits of the bounds [mm]: a covered voxel is below both, a dead voxel above at least one."""
+    """Limits on the bounds [mm]: a covered voxel is below both of its limits, a dead voxel above at least one."""
 
     covered_location_mm: float = COVERED_LOCATION_MM
     covered_depth_mm: float = COVERED_DEPTH_MM
@@ -198,7 +198,7 @@ class Limits:
 
 @dataclass(frozen=True, kw_only=True)
 class Voxel:
-    """Centre of a voxel, its bounds and their standard errors [mm]; bounds and errors are infinite if not resolved."""
+    """Centre of a voxel, its bounds and their standard errors [mm]; if not resolved, both are infinite."""
 
     x_mm: float
     y_mm: float
@@ -221,15 +221,16 @@ class PadBounds:
     x_mm, y_mm, depth_mm : (nx,), (ny,) and (nd,) coordinates of the voxels' centres [mm]
     max_depth_mm : end of the usable range, to which the deepest voxel reaches [mm]
     location_mm : (ny, nx, nd) least standard deviation of the location, √(var x + var y) [mm]
-    depth_bound_mm : (ny, nx, nd) least standard deviation of the depth, location unknown [mm]
-    depth_alone_mm : (ny, nx, nd) least standard deviation of the depth, location known [mm]
-    location_error_mm, depth_error_mm, depth_alone_error_mm : (ny, nx, nd) standard errors from the light trace [mm]
-    losses : summaries of the bounds without each component in turn, emitters first; empty if not computed
-    felt : detection threshold by location; None where not computed
+    depth_bound_mm : (ny, nx, nd) least standard deviation of the depth if the location is unknown [mm]
+    depth_alone_mm : (ny, nx, nd) least standard deviation of the depth if the location is known [mm]
+    location_error_mm, depth_error_mm, depth_alone_error_mm : (ny, nx, nd) standard errors of these, due to the light
+        trace [mm]
+    losses : summaries without each emitter and receiver in turn, emitters first; empty if not computed
+    felt : detection threshold at each location; None if not computed
     limits : limits of covered and of dead voxels
-    pairs : names of the pairs in the bounds, such as E1-R3
+    pairs : names of the pairs that are used, such as E1-R3
     steps : offsets of the presses for the derivatives [mm]
-    accuracies : names of the light's accuracy settings, cheapest first
+    accuracies : names of the light model's accuracy settings, cheapest first
     seed : random seed of the first half of the presses; the second half has seed + `sims.bounds.fisher.SEED_GAP`
     digest : digest of the design
     """
@@ -255,7 +256,7 @@ class PadBounds:
 
     @property
     def is_blind(self) -> BoolArray:
-        """(ny, nx, nd) whether a press is not resolved in some direction; False outside the workspace."""
+        """(ny, nx, nd) whether a press is not resolved; False outside the workspace."""
         return np.isinf(self.location_mm)
 
     @property
@@ -284,17 +285,17 @@ class PadBounds:
 
     @property
     def median_location_mm(self) -> Figure:
-        """Median location bound over the volume [mm]; infinite where half of it is not resolved."""
+        """Median location bound over the volume [mm]; infinite if half of it is not resolved."""
         return median_of(self.location_mm, self.location_error_mm, self.weight)
 
     @property
     def median_depth_mm(self) -> Figure:
-        """Median depth bound over the volume, location unknown [mm]."""
+        """Median depth bound over the volume if the location is unknown [mm]; infinite if half is not resolved."""
         return median_of(self.depth_bound_mm, self.depth_error_mm, self.weight)
 
     @property
     def median_depth_alone_mm(self) -> Figure:
-        """Median depth bound over the volume, location known [mm]."""
+        """Median depth bound over the volume if the location is known [mm]; infinite if half is not resolved."""
         return median_of(self.depth_alone_mm, self.depth_alone_error_mm, self.weight)
 
     @property
@@ -305,23 +306,23 @@ class PadBounds:
 
     @property
     def dead_share(self) -> Figure:
-        """Share of the volume that is dead [-]: not resolved, or location or depth bound above the limit."""
+        """Share of the volume that is dead [-]: not resolved, or with a location or depth bound above its limit."""
         limits = self.limits
         return share_of(self.bounds, limits.dead_location_mm, limits.dead_depth_mm, self.weight).complement()
 
     @property
     def dead_depth_share(self) -> Figure:
-        """Share of the volume that is not resolved, or whose depth bound (location unknown) is above its limit [-]."""
+        """Share of the volume that is not resolved or whose depth bound (location unknown) is above its limit [-]."""
         return share_of(self.bounds, np.inf, self.limits.dead_depth_mm, self.weight).complement()
 
     @property
     def blind_share(self) -> float:
-        """Share of the volume where some direction of (x, y, depth) is not resolved [-]."""
+        """Share of the volume where presses are not resolved in some direction of (x, y, depth) [-]."""
         return float(self.weight[self.is_blind].sum())
 
     @property
     def worst(self) -> Voxel:
-        """The voxel with the largest location bound, or the deepest of several equals; unresolved is largest."""
+        """The voxel with the largest location bound, where unresolved counts as largest; of equal ones, the deepest."""
         rank = np.where(np.isnan(self.location_mm), -np.inf, self.location_mm)
         deepest_first = np.broadcast_to(np.arange(len(self.depth_mm)), rank.shape)
         order = np.lexsort((-deepest_first.ravel(), -rank.ravel()))
@@ -329,13 +330,16 @@ class PadBounds:
 
     @property
     def worst_loss(self) -> PartLoss | None:
-        """The component whose failure leaves the lowest coverage, then the largest median bound; None if no losses."""
+        """The failure that leaves the lowest coverage; None if no failures were computed.
+
+        Of equal ones, it is the one with the largest median location bound.
+        """
         if not self.losses:
             return None
         return min(self.losses, key=lambda loss: (loss.coverage.value, -loss.median_location_mm.value))
 
     def voxel(self, row: int, column: int, layer: int) -> Voxel:
-        """The voxel at indices of y, x and depth."""
+        """The voxel at the given indices of y, x and depth."""
         at = (row, column, layer)
         return Voxel(
             x_mm=self.x_mm[column],
@@ -349,9 +353,9 @@ class PadBounds:
 
 
 def bound_depths_mm(wanted_mm: tuple[float, ...], max_depth_mm: float, step_mm: float) -> FloatArray:
-    """(n,) depths of the voxels [mm]: the requested ones within the usable range, and the deepest possible one.
+    """(n,) depths of the voxels [mm]: the requested depths within the usable range, and the deepest possible one.
 
-    The deepest voxel is `step_mm` above the end of the range, because the derivative needs a press `step_mm` deeper.
+    The deepest voxel lies `step_mm` before the end of the range, because its derivative needs a press `step_mm` deeper.
     """
     deepest = max(max_depth_mm - step_mm, 0.5 * max_depth_mm)
     inside = [depth for depth in wanted_mm if depth < deepest - 1.5 * step_mm]
@@ -374,20 +378,20 @@ def pad_bounds(
     with_losses: bool = True,
     on_step: OnShare | None = None,
 ) -> PadBounds:
-    """Bounds of location and depth over the workspace.
+    """Cramér-Rao bounds of location and depth over the workspace.
 
     Parameters
     ----------
-    x_mm, y_mm : coordinates of the grid [mm]; by default a grid of equal pitch in both directions
+    x_mm, y_mm : coordinates of the grid [mm]; if omitted, a grid of equal pitch in both directions
     places : number of locations of the default grid along the workspace's longer side
     depths_mm : depths of the voxels [mm]; depths beyond the usable range are left out, and its end is added
-    accuracies : accuracy settings for `sims.optics.tracing.trace`, cheapest first; voxels whose bounds one leaves
-        undecided are traced again with the next
+    accuracies : accuracy settings for `sims.optics.tracing.trace`, cheapest first; voxels whose bounds are still
+        uncertain with one are traced again with the next
     seed : random seed of the first half of the presses
-    readout : common gain; by default set on the untouched pad, with one more trace
-    felt : detection threshold, copied into the result
+    readout : common gain; if omitted, it is set on the untouched pad, which takes one more trace
+    felt : detection threshold, only copied into the result
     limits, steps : limits of covered and dead voxels, and offsets of the presses
-    with_losses : whether to compute the bounds without each component
+    with_losses : whether to compute the summaries without each emitter and receiver in turn
     on_step : called with the share of the work done, 0 to 1
 
     Raises
@@ -441,7 +445,7 @@ def pad_bounds(
 
 
 def _name_of(accuracy: str | Accuracy) -> str:
-    """Name of an accuracy setting in files."""
+    """Name by which files refer to an accuracy setting."""
     if isinstance(accuracy, str):
         return accuracy
     if accuracy == MIRRORED_FINER:
@@ -450,7 +454,7 @@ def _name_of(accuracy: str | Accuracy) -> str:
 
 
 def own_readout(design: SensorDesign, *, seed: int, accuracy: str | Accuracy = "standard") -> Readout:
-    """The gain of a design, set on its untouched pad."""
+    """A design's common gain, set on its untouched pad."""
     cavity = cavity_of(design)
     flat = untouched_flux(design, cavity, seed=seed, accuracy=accuracy)
     return readout_of(design, flat, mask_of(judged_pairs(cavity), cavity))
@@ -462,7 +466,7 @@ def pair_names(cavity: CavityGeometry) -> tuple[str, ...]:
 
 
 def bounds_json(bounds: PadBounds) -> dict[str, Any]:
-    """All values of a `PadBounds` for JSON; maps are nested lists with the axes (depth, y, x), infinite is None."""
+    """All values of a `PadBounds` for JSON. Arrays become nested lists with the axes (depth, y, x), infinity None."""
     worst = bounds.worst_loss
     return {
         "x_mm": list(bounds.x_mm),
@@ -492,7 +496,7 @@ def bounds_json(bounds: PadBounds) -> dict[str, Any]:
 
 
 def figure_json(figure: Figure) -> dict[str, float | None]:
-    """Value, low and high end of a summary for JSON; infinite becomes None."""
+    """Value, low and high end of a summary for JSON; infinity becomes None."""
     return {"value": _number(figure.value), "low": _number(figure.low), "high": _number(figure.high)}
 
 

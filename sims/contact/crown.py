@@ -1,4 +1,4 @@
-"""Geometry of a pad whose top is a spherical cap ("crown"), highest on the press axis. Lengths in tip radii.
+"""Geometry of a pad whose top is a spherical cap ("crown"), highest on the press axis. Lengths are in tip radii.
 
                  ___---.---___              top: z = -s(r), a sphere of radius 1/κ about the axis
             _--'       |      '--_          s(r) = r² κ / (1 + √(1 - κ² r²))
@@ -7,8 +7,8 @@
     z=-H   +-----------+----------+         flat bottom
           -wall        0        wall
 
-κ is the tip's radius over the crown's radius; 0 is flat. The formula equals 1/κ - √(1/κ² - r²), but does not lose
-digits where κ is small.
+κ is the tip's radius over the crown's radius; 0 is flat. The formula for s(r) equals 1/κ - √(1/κ² - r²), but does not
+lose digits where κ is small.
 """
 
 from __future__ import annotations
@@ -21,8 +21,8 @@ from design.arrays import FloatArray
 from design.errors import InputError, ModelScopeError
 
 LEAST_RIM_SHARE = 0.15
-"""Least thickness at the rim over that at the apex [-]. The mesh has as many rows of elements at the rim as at the
-apex.
+"""Least thickness at the rim over that at the apex [-]. The mesh has as many layers of elements at the rim as at the
+apex, so they become thin there.
 """
 
 

@@ -2,10 +2,10 @@
 
 The deformed shape does not depend on Young's modulus E, and the force F is proportional to E: F = E R² f(d/R, h/R),
 with tip radius R, press depth d and layer thickness h. So one solved press gives the force at the catalogue's modulus
-and at both ends of its band. The mixing ratio sets the value; cure and batch set the band. A modulus measured on the
-manufactured pad has no band.
+and at both ends of its band. The mixing ratio determines the modulus, while cure and batch cause its band. A modulus
+measured on the manufactured pad has no band.
 
-Left out: the band does not include the error of the contact model or the effect of the real walls' distance.
+The band does not include the error of the contact model or the effect of the real walls' distance.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ class LoadCurve:
     ----------
     depth_mm : (n,) increasing press depths [mm]
     force_n : (n,) force at the nominal modulus [N]
-    low_n, high_n : (n,) force at the lower and upper end of the modulus's band [N]; equal to `force_n` without a band
+    low_n, high_n : (n,) force at the lower and upper end of the modulus's band [N]; if it has none, equal to `force_n`
     """
 
     depth_mm: FloatArray
@@ -43,7 +43,7 @@ class LoadCurve:
         return bool(self.low_n[-1] < self.high_n[-1])
 
     def at(self, depth_mm: float) -> tuple[float, float, float]:
-        """Force at a depth [mm], then at the lower and upper end of its band [N]; interpolated linearly."""
+        """Force at a depth [mm], and the lower and upper end of its band [N], interpolated linearly."""
         low, value, high = (
             float(np.interp(depth_mm, self.depth_mm, load))
             for load in (self.low_n, self.force_n, self.high_n)
@@ -53,7 +53,7 @@ class LoadCurve:
 
 @dataclass(frozen=True, kw_only=True)
 class ForceCurve(LoadCurve):
-    """A `LoadCurve` (force against depth) with the contact radius.
+    """Force and contact radius against depth of one press, from the contact model.
 
     Attributes
     ----------
@@ -68,7 +68,7 @@ class ForceCurve(LoadCurve):
 
 
 def band_factors(young: Quantity) -> tuple[float, float]:
-    """Lower and upper end of the modulus's uncertainty band over its nominal value [-]; both 1 without a band."""
+    """Lower and upper end of the modulus's uncertainty band over its nominal value [-]; both 1 if it has no band."""
     low = young.value if young.low is None else young.low
     high = young.value if young.high is None else young.high
     return low / young.value, high / young.value
@@ -79,8 +79,8 @@ def load_curve(design: SensorDesign, press: SolvedPress, depth_mm: FloatArray) -
 
     Parameters
     ----------
-    design : the sensor whose elastomer gives the band of the modulus
-    press : its solved press
+    design : the sensor, whose elastomer gives the modulus and its band
+    press : the solved press on this sensor
     depth_mm : (n,) increasing depths [mm]
 
     Raises

@@ -1,27 +1,31 @@
 """The press of a design's tip into its pad: surface, force and contact radius at a depth.
 
-A press is taken from the shipped library of solved presses, or solved live where a mesh is requested. Both are
-dimensionless: lengths scale with the tip radius R, forces with E R² (E is Young's modulus), because a frictionless
-neo-Hookean layer has no other length or force. The pad is modelled as a round pad of the same area
-(`scope.wall_radius`). For a flat rectangular pad ("block") the effect of its four walls is added, at every location
+A press is taken from the shipped library of solved presses. It is solved live on request, or if the library does not
+cover it. Library and solver are dimensionless: because the layer is neo-Hookean and frictionless, lengths scale with
+the tip radius R and forces with E R² (E is Young's modulus). The pad is modelled as a round pad of the same area
+(`scope.wall_radius`). In a flat rectangular pad ("block"), the effect of its four walls at the location is added
 (`library.solved_press`). Other pads use the model below.
 
 Presses on pads with another outline or top
 -------------------------------------------
 The tip presses along the normal of the undeformed top at its location (x, y), to a depth d from first touch. The press
-is modelled as the axisymmetric press at the apex of a round pad
+is modelled as an axisymmetric one at the apex of a round pad. This round pad
 
-- as thick as the pad is there, along the normal (this agrees better with finite elements than the vertical thickness),
-- under a sphere of the top's mean curvature: 1/C under a sphere of radius C, 1/(2C) under a cylinder,
-- with its wall at the radius that gives the pad's area, limited to the library's range. In a pad with round walls the
-  surface follows the axisymmetric curve to the nearest wall, then fades out to the farthest one.
+- is as thick as the real pad at the location, measured along the normal (which agrees better with finite elements than
+  the vertical thickness),
+- has a spherical top with the mean curvature of the real top: 1/C for a sphere of radius C, 1/(2C) for a cylinder,
+- has the real pad's area, limited to the library's range.
 
-A flat pad with round walls is pressed in the same way, without the crown, also by tips that are solved live. Heights
-are above the undeformed top, along its normal. The model is exact only in the middle of a disc, flat or under a sphere.
-docs/validation/contact-crowns.md compares off-centre presses with finite elements in three dimensions.
+If the real pad has round walls, the surface follows the axisymmetric curve to the nearest wall and then fades out to
+the farthest one.
 
-Left out: the nearer wall and thinner layer on one side, which tilt the top around the tip, and the difference of a
-cylinder's two curvatures.
+A flat pad with round walls is treated in the same way, but without a crown, and its presses may also be solved live.
+Heights are above the undeformed top, along its normal. The model is exact only in the middle of a disc whose top is
+flat or spherical. docs/validation/contact-crowns.md compares off-centre presses with finite elements in three
+dimensions.
+
+Left out: the tilt of the top around the tip, because one wall is nearer and the layer is thinner on one side; and the
+difference between a cylinder's two curvatures.
 """
 
 from __future__ import annotations
@@ -58,15 +62,15 @@ Place = tuple[float, float]
 
 
 def crowned_press(design: SensorDesign, at_mm: Place | None) -> SmoothPress:
-    """The presses at one location of a pad with a convex top, at every depth, from the shipped library.
+    """Presses of every depth at one location of a pad with a convex top, from the shipped library.
 
     Parameters
     ----------
-    at_mm : (x, y) where the tip touches first, in the cavity frame [mm]; None is the middle
+    at_mm : (x, y) where the tip first touches, in cavity coordinates [mm]; None is the middle
 
     Raises
     ------
-    ModelScopeError : the tip is no hemisphere; the library does not cover the layer or crown
+    ModelScopeError : the tip is not a hemisphere, or the library does not cover the layer or crown
     """
     if tip_of(design.indenter) != HEMISPHERE:
         raise ModelScopeError(
@@ -85,19 +89,19 @@ def crowned_press(design: SensorDesign, at_mm: Place | None) -> SmoothPress:
 
 
 def round_walls_mm(design: SensorDesign, at_mm: Place | None) -> tuple[float, float] | None:
-    """Distance of a location from the nearest and the farthest wall [mm]; None if the pad has no round walls."""
+    """Distances from a location to the nearest and the farthest wall [mm]; None if the pad has no round walls."""
     outline = plan_of(design).outline
     place = outline.centre_mm if at_mm is None else at_mm
     return (float(outline.gap_mm(*place)), outline.farthest_mm(*place)) if outline.arcs else None
 
 
 def require_place(design: SensorDesign, at_mm: Place) -> None:
-    """Refuse locations outside a pad, or nearer to a wall than the contact model covers; `at_mm` is (x, y) [mm].
+    """Refuse a location (x, y) [mm] outside the pad, or nearer to a wall than the contact model covers.
 
     Raises
     ------
     InputError : the location is outside the pad
-    ModelScopeError : the location is too near to a wall
+    ModelScopeError : the location is too near a wall
     """
     plan, tip = cavity_of(design).plan, tip_radius_mm(design)
     if not all(map(math.isfinite, at_mm)) or not plan.contains(*at_mm):
@@ -134,13 +138,13 @@ def modulus_mpa(design: SensorDesign) -> float:
 
 
 def is_in_library(design: SensorDesign) -> bool:
-    """Whether the shipped library covers a design: a hemispherical tip, and a layer thickness in its range."""
+    """Whether the shipped library covers a design, with a hemispherical tip and a layer thickness in its range."""
     return tip_of(design.indenter) == HEMISPHERE and shipped_library().covers(round(layer_depth(design), 9))
 
 
 @lru_cache(maxsize=64)
 def _library_press(layer: float, wall: float) -> SmoothPress:
-    """The library's presses for a layer thickness and wall radius of a round pad, both in tip radii (cached)."""
+    """The library's presses into a round pad of a layer thickness and wall radius, both in tip radii; cached."""
     return shipped_library().press(layer, wall)
 
 
@@ -152,17 +156,17 @@ def solved_press(
     *,
     at_mm: tuple[float, float] | None = None,
 ) -> SolvedPress:
-    """The press of a design's tip into its pad, down to a depth or deeper.
+    """The press of a design's tip into its pad, at all depths down to at least the required one.
 
     Parameters
     ----------
     design : the sensor
-    max_depth_mm : deepest press required, by default that of the design's usable range [mm]
-    mesh_mm : node spacing under the tip [mm]; a value solves the press live. None takes the shipped library, which has
-        hemispheres and layers 1.3 to 6 tip radii thick; other designs are solved with a spacing of a tenth of the tip
-        radius.
+    max_depth_mm : deepest press required [mm]; None is the end of the design's usable range
+    mesh_mm : node spacing under the tip [mm]. If given, the press is solved live. If None, it is taken from the shipped
+        library, which has hemispheres and layers 1.3 to 6 tip radii thick. Other designs are solved live with a
+        spacing of a tenth of the tip radius
     on_step : called with the fraction done (0 to 1) while solving
-    at_mm : (x, y) of the press axis in the cavity frame [mm]; None is the middle
+    at_mm : (x, y) of the press axis in cavity coordinates [mm]; None is the middle
 
     Raises
     ------
@@ -186,9 +190,9 @@ def round_press(
     *,
     at_mm: tuple[float, float] | None = None,
 ) -> SolvedPress:
-    """The press in a round pad of the same area: faster than `solved_press`, as it ignores the real walls.
+    """The press in a round pad of the same area: faster than `solved_press`, because it ignores straight walls.
 
-    Parameters and errors are those of `solved_press`. The location has no effect in a flat rectangular pad.
+    Parameters and errors are those of `solved_press`. In a flat rectangular pad, the location has no effect.
     """
     radius, layer, modulus = tip_radius_mm(design), round(layer_depth(design), 9), modulus_mpa(design)
     deepest = _deepest(design, max_depth_mm) / radius
@@ -213,7 +217,7 @@ def round_press(
 
 
 def _deepest(design: SensorDesign, max_depth_mm: float | None) -> float:
-    """The deepest press required [mm], by default the design's; refused where it is deeper than the model covers."""
+    """The deepest press required [mm]; None is the design's. Refuse it if it is deeper than the model covers."""
     if max_depth_mm is None:
         return require_depth(design, design.operating.max_depth_mm, "operating.max_depth_mm")
     return require_depth(design, max_depth_mm, "max_depth_mm")
@@ -222,10 +226,10 @@ def _deepest(design: SensorDesign, max_depth_mm: float | None) -> float:
 def _placed(
     design: SensorDesign, smooth: SmoothPress, at_mm: tuple[float, float] | None, deepest: float
 ) -> tuple[PlacedPress | None, tuple[str, ...]]:
-    """The presses at a location between the pad's own walls, and notes for the user.
+    """Presses corrected for the rectangular pad's own walls at a location, and notes for the user.
 
-    If `at_mm` is None and the pad is too small for the wall model, the presses are None and a note says why. At a given
-    location the wall model raises `ModelScopeError` instead.
+    `at_mm` None is the middle. If the pad is too small for the wall model there, the presses are None and a note says
+    why. If the wall model does not cover a given location, it raises `ModelScopeError` instead.
     """
     cavity, tip = design.cavity, tip_radius_mm(design)
     size = cavity.length_mm / tip, cavity.width_mm / tip
@@ -265,19 +269,19 @@ def indent(
     Parameters
     ----------
     design : the sensor
-    depth_mm : depth of the tip's apex below the undeformed surface [mm]; 0 or less: no contact
-    at_mm : (x, y) of the press axis in the cavity frame [mm]; None is the middle. `pad_surface` adds the part of the
-        surface that is not symmetric about this axis
-    mesh_mm : node spacing under the tip [mm]; a value solves the press live, see `solved_press`
+    depth_mm : depth of the tip's apex below the undeformed surface [mm]; 0 or less means no contact
+    at_mm : (x, y) of the press axis in cavity coordinates [mm]; None is the middle
+    mesh_mm : node spacing under the tip [mm]; if given, the press is solved live, see `solved_press`
 
     Returns
     -------
-    Indentation : deformed top as a curve about the press axis, contact radius and force
+    Indentation : deformed top as a curve about the press axis, contact radius and force. `pad_surface` adds the part of
+        the surface that is not symmetric about this axis
 
     Raises
     ------
     DesignError, InputError : a value is not a number, or the location is outside the cavity
-    ModelScopeError : the layer or depth is outside the model
+    ModelScopeError : the layer, depth or location is outside the range of the model
     """
     require_depth(design, depth_mm, "depth_mm")
     if at_mm is not None:

@@ -6,9 +6,9 @@
     __|                          |__     time
 
 The force is that of the elastic press. If the design sets `elastomer.viscoelastic`, the force also depends on the past,
-by the model below. Depth counts from first contact. A pause follows every step, into the pad and out.
+by the model below. Depth is measured from first contact. A pause follows every step, both into the pad and out.
 
-Left out: acceleration of the stage, and errors of the zero of depth.
+Left out: acceleration of the stage, and errors in the depth of first contact.
 
 Viscoelastic model
 ------------------
@@ -16,31 +16,32 @@ The standard linear solid (a spring parallel to a spring and a dashpot in series
 
     g(t) = 1 + s/(1 - s) exp(-t/τ)
 
-over its long-time modulus, where s is the share of the instantaneous modulus that relaxes away and τ the time constant.
-`elastomer.youngs_modulus_mpa`, from slow tests, is taken as the long-time modulus, so g(∞) = 1 and g(0) = 1/(1 - s).
-Quasi-linear viscoelasticity (Fung, Biomechanics, 1981, section 7.6) applies g to the force F_e(d) of the elastic press:
+where g is the modulus over the long-time modulus, s the share of the instantaneous modulus that relaxes away, and τ the
+time constant. `elastomer.youngs_modulus_mpa` comes from slow tests and is taken as the long-time modulus, so g(∞) = 1
+and g(0) = 1/(1 - s). Quasi-linear viscoelasticity (Fung, Biomechanics, 1981, section 7.6) applies g to the force F_e(d)
+of the elastic press:
 
     F(t) = ∫ g(t - t') dF_e(d(t'))/dt' dt'
 
-Where F_e is linear in time between samples the integral is exact: with q the part that relaxes, q(t + Δ) = q(t)
-exp(-Δ/τ) + ΔF_e (1 - exp(-Δ/τ)) τ/Δ and F = F_e + s/(1 - s) q.
+If F_e is linear in time between samples, the integral is computed exactly. With q the part that relaxes,
+q(t + Δ) = q(t) exp(-Δ/τ) + ΔF_e (1 - exp(-Δ/τ)) τ/Δ and F = F_e + s/(1 - s) q.
 
-While the contact grows this is Lee and Radok's solution for a linear solid (J. Appl. Mech. 27, 1960, 438-444), because
-Hertz' force is one function of depth. For large strains it is an assumption.
+While the contact grows, this is Lee and Radok's solution for a linear solid (J. Appl. Mech. 27, 1960, 438-444), because
+Hertz' force depends on depth alone. For large strains it is an assumption.
 
 What the viscoelastic model leaves out
 --------------------------------------
 * The true contact in retraction. The skin recovers more slowly than the tip leaves, so the contact shrinks faster than
-  the elastic one, and the force depends on that (Ting, J. Appl. Mech. 33, 1966, 845-854). Here the elastic contact is
-  assumed, which gives negative forces at the end of a fast retraction. A tip without adhesion cannot pull, so they
-  count as 0 (`LoadHistory.has_left`). A test compares with Ting's solution for a Hertz contact, pressed and retracted
-  at one rate in a time of τ: for s = 0.1, 0.3 and 0.5 the force in retraction is off by up to 2, 4 and 5 % of the peak,
-  and the lost work is 16, 11 and 8 % too high.
-* The slow recovery of the surface. Shape, and with it light, are those of the elastic press.
+  an elastic one, which affects the force (Ting, J. Appl. Mech. 33, 1966, 845-854). Here the elastic contact is assumed,
+  which gives negative forces at the end of a fast retraction. A tip without adhesion cannot pull, so they count as 0
+  (`LoadHistory.has_left`). A test compares this with Ting's solution for a Hertz contact that is pressed and retracted
+  at one speed within a time of τ. For s = 0.1, 0.3 and 0.5, the force in retraction is off by up to 2, 4 and 5 % of the
+  peak, and the lost work is 16, 11 and 8 % too high.
+* The slow recovery of the surface. Shape and light are those of the elastic press.
 * More than one time constant.
-* A proof that dissipation is positive. It is for a linear force. Tests find it positive over single cycles of press and
-  retraction here, but the model does not enforce it.
-* Default values. The paper shows hysteresis but gives no figures to derive them from.
+* A guarantee that dissipation is positive. It is positive for a linear force, and tests find it positive for single
+  cycles of press and retraction, but the model does not enforce it.
+* Default values. The paper shows hysteresis but gives no figures from which to derive them.
 """
 
 from __future__ import annotations
@@ -63,7 +64,7 @@ class StandardLinearSolid:
 
     Attributes
     ----------
-    relaxed_share : share of the instantaneous modulus that relaxes away [-], 0 to below 1
+    relaxed_share : share of the instantaneous modulus that relaxes away [-], at least 0 and below 1
     time_constant_s : time constant of the relaxation [s]
     """
 
@@ -72,16 +73,16 @@ class StandardLinearSolid:
 
     @property
     def excess(self) -> float:
-        """Instantaneous over long-time modulus, minus 1 [-]."""
+        """Ratio of the instantaneous to the long-time modulus, minus 1 [-]."""
         return self.relaxed_share / (1.0 - self.relaxed_share)
 
     def relaxation(self, time_s: FloatArray) -> FloatArray:
-        """Force (...,) over its long-time value [-], at times (...,) after a step of depth [s]."""
+        """Force (...) over its long-time value [-], at times (...) after a sudden step of depth [s]."""
         return np.asarray(1.0 + self.excess * np.exp(-time_s / self.time_constant_s), dtype=np.float64)
 
 
 def solid_of(design: SensorDesign) -> StandardLinearSolid | None:
-    """The relaxation given in the design; None if the design has none, so that the force is elastic."""
+    """The relaxation set in the design; None if there is none, and the force is purely elastic."""
     given = design.elastomer.viscoelastic
     if given is None:
         return None
@@ -93,9 +94,9 @@ def viscoelastic_load_n(time_s: FloatArray, elastic_n: FloatArray, solid: Standa
 
     Parameters
     ----------
-    time_s : (n,) times that do not decrease [s]; two equal times make a step
-    elastic_n : (n,) elastic force at those times [N], linear between them; before the first time it is 0, so the
-        history may start with a jump
+    time_s : (n,) times in ascending order [s]; two equal times make a sudden step
+    elastic_n : (n,) elastic force at these times, linear between them [N]. It is 0 before the first time, so the force
+        may start with a jump
     solid : how the force relaxes
 
     Returns
@@ -122,12 +123,12 @@ def viscoelastic_load_n(time_s: FloatArray, elastic_n: FloatArray, solid: Standa
 
 
 def loop_energy_mj(depth_mm: FloatArray, force_n: FloatArray) -> float:
-    """Work that a press and its retraction leave in the pad, ∮ F dd [mJ = N mm], by the trapezoidal rule."""
+    """Work that a press and its retraction leave in the pad: ∮ F dd by the trapezoidal rule [mJ = N mm]."""
     return float(np.sum(0.5 * (force_n[1:] + force_n[:-1]) * np.diff(depth_mm)))
 
 
 SAMPLES_PER_STEP = 20
-"""Number of samples per step, and per pause; ten times as many change the force by less than 1e-5 of its peak."""
+"""Number of samples per step and per pause. Ten times as many change the force by less than 1e-5 of its peak."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -136,10 +137,10 @@ class LoadHistory:
 
     Attributes
     ----------
-    time_s, depth_mm : (n,) time from first contact [s], and depth [mm]
+    time_s, depth_mm : (n,) time since first contact [s], and depth [mm]
     elastic_n : (n,) force of the elastic press [N]
     load_n : (n,) force with relaxation [N], never negative; equal to `elastic_n` without relaxation
-    has_left : (n,) True where the model's force would be negative, so the tip has left the surface
+    has_left : (n,) True where the model's force would be negative, which means that the tip has left the surface
     pause_ends : (pause,) indices of the last sample of each pause, in order
     """
 
@@ -162,7 +163,7 @@ class LoadHistory:
 
     @property
     def lost_mj(self) -> float:
-        """Work that stays in the pad over the protocol [mJ]; without relaxation it is 0 up to sampling errors."""
+        """Work that the whole protocol leaves in the pad [mJ]; without relaxation, 0 except for sampling errors."""
         return loop_energy_mj(self.depth_mm, self.load_n)
 
 
@@ -191,7 +192,7 @@ def load_history(
     ----------
     protocol : how the tip is driven
     elastic_n : function from depth [mm] to the force of the elastic press [N], e.g. `SolvedPress.force_n`
-    solid : relaxation of the force; None: the force is elastic
+    solid : relaxation of the force; if None, the force is purely elastic
     """
     time_s, depth_mm, pause_ends = protocol_path(protocol)
     elastic = np.array([elastic_n(float(depth)) for depth in depth_mm])

@@ -1,10 +1,10 @@
 r"""Mesh of the elastic layer, forces of its elements, and contact forces on its nodes.
 
-The mesh is in the r-z half-plane: crossed triangles, fine under the tip, coarse towards the wall.
+The mesh lies in the r-z half-plane: crossed triangles, fine under the tip and coarse towards the wall.
 
-All lengths are in tip radii, so one mesh serves every press with the same layer thickness over tip radius. Every
-rectangle of a graded grid is cut by both diagonals into four triangles about a middle node. Linear triangles from a
-single diagonal would lock in nearly incompressible materials; crossed ones can deform at constant volume.
+All lengths are in tip radii, so one mesh serves every press with the same ratio of layer thickness to tip radius. Every
+rectangle of a graded grid is cut along both diagonals into four triangles that meet at a middle node. Linear triangles
+from a single diagonal would lock in nearly incompressible materials, but crossed ones can deform at constant volume.
 
         r = 0                                r = wall
     z=0  +--+--+--+--+--+---+----+------+------+   free top
@@ -12,32 +12,29 @@ single diagonal would lock in nearly incompressible materials; crossed ones can 
          |/\|/\|/\|/\|/\| ...                 bonded wall
     z=-h +--+--+--+--+--+---+----+------+------+   bonded bottom
 
-Under a spherical top (`crown`) every column of the mesh is scaled to the local thickness: its bottom stays, its top is
-on the sphere, whose apex is at height 0. At the rim the top meets the wall in more than a right angle, so stress is
-singular there. Columns are finer towards the rim; otherwise the force is too large (by 3 % on a pad of 3.7 tip radii).
+Under a spherical top (`crown`), every column of the mesh is scaled to the local thickness: its bottom stays, and its
+top lies on the sphere, whose apex is at height 0. At the rim, the angle between top and wall exceeds 90°, so stress is
+singular there. Columns become narrower towards the rim; otherwise the force would be too large, by 3 % on a pad of 3.7
+tip radii.
 
-The tip slides on the top, so the spacing there limits the resolution of the contact radius. The fine zone reaches
-beyond the largest contact radius (one tip radius), and deeper than the steep strain of a deep press.
+The tip slides on the top, so the spacing there limits the resolution of the contact radius. The fine zone extends
+beyond the largest contact radius (one tip radius), and deeper than the steep strains of a deep press.
 
-Stable neo-Hookean tetrahedra check every MuJoCo solution independently.
+Every MuJoCo solution is checked with an independent model of stable neo-Hookean tetrahedra. MuJoCo computes the contact
+force; `nodal_forces` computes the reaction of the bonded bottom and wall from the deformed shape alone. The two must
+agree. This checks the equilibrium of the whole layer, not only that of the solver's own unknowns.
 
-MuJoCo computes the contact force. `nodal_forces` computes the reaction of the bonded bottom and wall from the deformed
-shape alone. The two must agree, which checks the equilibrium of the whole layer, not only that of the solver's own
-unknowns.
-
-Energy density (Smith, de Goes, Kim 2018, "Stable Neo-Hookean Flesh Simulation", without the logarithmic barrier), with
-Lamé's λ and μ of small strains:
+The energy density is (Smith, de Goes, Kim 2018, "Stable Neo-Hookean Flesh Simulation", without the logarithmic barrier)
 
     ψ = μ/2 (tr FᵀF - 3) - μ (J - 1) + (λ + μ)/2 (J - 1)²
 
-It equals the forces of MuJoCo 4.0's `elastic3d = 1` to 3e-16; a test repeats the comparison.
+with Lamé's λ and μ at small strains. Its forces equal those of MuJoCo 4.0's `elastic3d = 1` to 3e-16; a test repeats
+the comparison.
 
-The pressure under the tip is computed from the tip's force on each node of the top.
-
-The solver finds one normal force per contact between the tip and an element of the layer. Each is distributed to the
-two adjacent nodes of the top by the lever rule, so that the forces on the nodes add up to the sum of all contacts. The
-solver itself lets a contact act on all corners of its element, so 1 to 2 % of the load is on nodes below the top. That
-is left out here.
+The pressure under the tip is computed from the tip's force on each node of the top. The solver finds one normal force
+per contact between the tip and an element of the layer. Each is distributed to the two adjacent nodes of the top by the
+lever rule, so that the forces on the nodes add up to the sum of all contacts. The solver itself lets a contact act on
+all corners of its element, so 1 to 2 % of the load acts on nodes below the top. This is left out here.
 """
 
 from __future__ import annotations
@@ -59,10 +56,10 @@ GROWTH = 1.08
 LARGEST_RADIAL_SPACING = 0.25
 """Largest radial spacing [tip radii]."""
 FEWEST_ROWS = 20
-"""Layer thickness over the largest axial spacing [-]; this spacing is at least the spacing under the tip."""
+"""Layer thickness over the largest axial spacing [-], unless the spacing under the tip is larger than that."""
 
 RIM_SPACING = 0.02
-"""Radial spacing next to the wall of a crowned pad [tip radii]. Half of it changes a press by less than a micrometre.
+"""Radial spacing next to the wall of a crowned pad [tip radii]. Halving it changes a press by less than a micrometre.
 """
 RIM_GROWTH = 1.3
 """Ratio of neighbouring radial spacings from the wall of a crowned pad inward [-]."""
@@ -70,13 +67,13 @@ RIM_GROWTH = 1.3
 
 @dataclass(frozen=True, kw_only=True)
 class RadialMesh:
-    """Triangles in the r-z half-plane; lengths in tip radii.
+    """Mesh of triangles in the r-z half-plane; lengths in tip radii.
 
     Attributes
     ----------
     nodes : (node, 2) radius and height of the nodes at rest; the top's apex is at height 0
-    triangles : (triangle, 3) node indices
-    top : (top node,) indices of the top surface from the axis outward
+    triangles : (triangle, 3) indices of each triangle's nodes
+    top : (top node,) indices of the top surface's nodes, from the axis outward
     is_bonded : (node,) True on the bottom and on the wall
     """
 
@@ -87,12 +84,12 @@ class RadialMesh:
 
 
 def graded_spacing(length: float, fine_length: float, fine: float, largest: float) -> FloatArray:
-    """Coordinates from 0 to `length`: evenly spaced up to `fine_length`, then with growing spacing.
+    """Coordinates from 0 to `length`: evenly spaced up to `fine_length`, then with increasing spacing.
 
     Parameters
     ----------
-    length, fine_length : whole length and length of the even part [any unit]
-    fine, largest : spacing of the even part, and upper bound of the spacing [same unit]
+    length, fine_length : whole length, and length of the even part [any unit]
+    fine, largest : spacing of the even part, and upper limit of the spacing [same unit]
 
     Returns
     -------
@@ -114,13 +111,13 @@ def graded_spacing(length: float, fine_length: float, fine: float, largest: floa
 
 
 def finer_towards_end(coordinates: FloatArray, last: float, growth: float) -> FloatArray:
-    """Refine coordinates towards their end to about the spacing `last`, unless they are already finer.
+    """Refine coordinates towards their end to a spacing of about `last`, unless they are already finer.
 
     Parameters
     ----------
-    coordinates : (n,) increasing [any unit]
+    coordinates : (n,) increasing coordinates [any unit]
     last : spacing at the end [same unit]
-    growth : ratio of neighbouring spacings from the end backwards, up to the original spacing [-]
+    growth : ratio by which spacings grow from the end backwards, until they reach the original spacing [-]
     """
     largest = float(coordinates[-1] - coordinates[-2])
     if largest <= last:
@@ -132,7 +129,7 @@ def finer_towards_end(coordinates: FloatArray, last: float, growth: float) -> Fl
 
 
 def _crossed(columns: int, rows: int) -> IntArray:
-    """Node indices (4 * cells, 3) of the triangles; the grid's nodes come first, then one middle node per cell."""
+    """Node indices (4 * cells, 3) of the triangles. The grid's nodes come first, then each cell's middle node."""
     column, row = np.meshgrid(np.arange(columns - 1), np.arange(rows - 1), indexing="ij")
     corner = (column * rows + row).ravel()
     middle = columns * rows + np.arange(corner.size)
@@ -146,7 +143,7 @@ def radial_mesh(layer_depth: float, wall_radius: float, spacing: float, crown: f
 
     Parameters
     ----------
-    layer_depth, wall_radius : layer thickness on the axis, wall radius [tip radii]
+    layer_depth, wall_radius : layer thickness on the axis, and wall radius [tip radii]
     spacing : node spacing in the fine zone under the tip [tip radii]
     crown : tip radius over the radius of the top's sphere; 0 is flat [-]
 
@@ -187,7 +184,7 @@ def _edges(points: FloatArray, tetrahedra: IntArray) -> FloatArray:
 
 
 def volumes(points: FloatArray, tetrahedra: IntArray) -> FloatArray:
-    """Signed volumes (tetrahedron,); negative for an inverted element."""
+    """Signed volumes (tetrahedron,) of the tetrahedra; negative for an inverted one."""
     return np.asarray(np.linalg.det(_edges(points, tetrahedra)) / 6.0, dtype=np.float64)
 
 
@@ -240,7 +237,7 @@ def contact_forces(data: mujoco.MjData) -> tuple[FloatArray, FloatArray]:
 
     Returns
     -------
-    (contact, 2) radius and height of the contacts, and (contact,) their normal forces on this wedge, not the full
+    (contact, 2) radius and height of the contacts, and (contact,) their normal forces, for this wedge and not the full
     circle
     """
     count = data.ncon
@@ -252,11 +249,11 @@ def contact_forces(data: mujoco.MjData) -> tuple[FloatArray, FloatArray]:
 
 
 def shared_out(at: FloatArray, force: FloatArray, nodes: FloatArray) -> FloatArray:
-    """Distribute point forces to the nodes of a polyline, each to the two ends of its nearest segment.
+    """Distribute point forces to the nodes of a polyline: each to both ends of the segment nearest to it.
 
     Parameters
     ----------
-    at : (force, 2) points at which the forces act; same coordinates as `nodes`
+    at : (force, 2) points at which the forces act, in the coordinate system of `nodes`
     force : (force,) magnitudes of the forces
     nodes : (node, 2) nodes of the polyline
 

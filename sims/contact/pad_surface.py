@@ -1,8 +1,8 @@
-"""The deformed top of a whole pad under one press, between its own walls, and notes for the user about a press.
+"""The deformed top of a whole pad under one press, between the pad's own walls, and notes for the user about a press.
 
-The surface is the sum of two parts (`library.solved_press`): a curve about the press axis that ends a few tip radii
-away, and a smooth height map. The height is a function of (x, y): where the surface wraps around the tip's shank, it is
-the lowest height.
+The surface is the sum of two parts (`library.solved_press`): a curve rotated about the press axis, which ends a few tip
+radii away, and a smooth height over the whole pad. The sum is a function of (x, y). Where the surface wraps around the
+tip's shank, the lowest height counts.
 """
 
 from __future__ import annotations
@@ -23,20 +23,20 @@ from sims.press import Indentation
 
 _STEP = 1e-6
 MOST_SURFACES = 1024
-"""Most pad surfaces that are cached, of 30 kB each."""
+"""Largest number of pad surfaces that are cached; each takes 30 kB."""
 _SURFACES: dict[tuple[object, ...], PadSurface] = {}
-"""Cache of pad surfaces. Keys hold the `id` of the presses, which stays valid because the surface refers to them."""
+"""Cache of pad surfaces. Keys contain the `id` of the presses, which stays valid because the surface refers to them."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PadSurface:
-    """The top of a pad under one press.
+    """The deformed top of a whole pad under one press.
 
     Attributes
     ----------
     near : the part of the surface that is symmetric about the press axis, with force and contact at this location
     solved : the presses at this location, at every depth
-    at_mm : (x, y) of the press axis in the cavity frame [mm]
+    at_mm : (x, y) of the press axis in cavity coordinates [mm]
     size_mm : length and width of the cavity [mm]
     """
 
@@ -46,16 +46,16 @@ class PadSurface:
     size_mm: tuple[float, float]
 
     def beside_mm(self, x_mm: FloatArray, y_mm: FloatArray) -> FloatArray:
-        """Height (nx, ny) to add to the symmetric part `near` [mm], at x (nx,) and y (ny,) in the cavity frame [mm]."""
+        """Height (nx, ny) to add to the symmetric part `near` [mm], at cavity coordinates x (nx,) and y (ny,) [mm]."""
         tip = self.near.tip_radius_mm
         if self.solved.placed is None:
             return np.zeros((len(x_mm), len(y_mm)))
         return tip * self.solved.placed.beside(self.near.depth_mm / tip, x_mm / tip, y_mm / tip)
 
     def height_mm(self, x_mm: FloatArray, y_mm: FloatArray) -> FloatArray:
-        """Height (nx, ny) of the top over the undeformed top [mm], at x (nx,) and y (ny,) in the cavity frame [mm].
+        """Height (nx, ny) of the top over the undeformed top [mm], at cavity coordinates x (nx,) and y (ny,) [mm].
 
-        Inside the contact this is the tip's height.
+        Inside the contact, this is the tip's height.
         """
         radius = np.hypot(x_mm[:, None] - self.at_mm[0], y_mm[None, :] - self.at_mm[1])
         beside = np.where(radius <= self.near.contact_radius_mm, 0.0, self.beside_mm(x_mm, y_mm))
@@ -80,8 +80,8 @@ def pad_surface(
     Parameters
     ----------
     design : the sensor
-    depth_mm : depth of the press [mm]; 0 or less: no contact
-    at_mm : (x, y) of the press axis in the cavity frame [mm]; None is the middle
+    depth_mm : depth of the press [mm]; 0 or less means no contact
+    at_mm : (x, y) of the press axis in cavity coordinates [mm]; None is the middle
 
     Raises
     ------
@@ -98,7 +98,7 @@ def pad_surface(
 
 
 def pad_surfaces(design: SensorDesign, presses_mm: FloatArray) -> Iterator[PadSurface]:
-    """The top under each of many presses (n, 3) of x, y, depth > 0 [mm]; errors are those of `pad_surface`."""
+    """Yield the top under each of many presses (n, 3) at x, y, depth > 0 [mm]; errors are those of `pad_surface`."""
     deepest = float(max(presses_mm[:, 2].max(initial=0.0), design.operating.max_depth_mm))
     middle, size = solved_press(design, deepest), (design.cavity.length_mm, design.cavity.width_mm)
     tip, is_block = middle.tip_radius_mm, plan_of(design).is_block
@@ -116,7 +116,7 @@ def pad_surfaces(design: SensorDesign, presses_mm: FloatArray) -> Iterator[PadSu
 def _remembered(
     solved: SolvedPress, depth_mm: float, at_mm: tuple[float, float], size_mm: tuple[float, float]
 ) -> PadSurface:
-    """The pad surface of a press, from the cache if there; designs with the same press share one object."""
+    """The pad surface of a press, from the cache if it is there; designs with the same press share one object."""
     press = (id(solved.smooth), solved.tip_radius_mm, solved.youngs_modulus_mpa, solved.walls_mm)
     key = (*press, solved.placed is None, depth_mm, *at_mm, *size_mm)
     found = _SURFACES.get(key)
@@ -129,14 +129,14 @@ def _remembered(
 
 
 NOTED_FORCE_CHANGE = 0.03
-"""Least relative change of force by near walls that is reported to the user [-]; it equals the contact model's error.
+"""Relative change of force by near walls from which the user is notified [-]; it equals the contact model's error.
 """
 
 
 def edge_force_note(design: SensorDesign) -> str | None:
-    """A note on how much walls change the force at the workspace's corner; None if the change is small.
+    """A note on how much near walls change the force at the workspace's corner; None if the change is small.
 
-    In pads other than flat rectangular ones the change comes from a thinner border, not from a nearer wall.
+    In pads other than flat rectangular ones, the change is due to a thinner border, not to a nearer wall.
     """
     space, depth_mm = cavity_of(design).workspace, design.operating.max_depth_mm
     corner = space.clamped(space.x0_mm, space.y0_mm)
@@ -154,6 +154,6 @@ def edge_force_note(design: SensorDesign) -> str | None:
 
 
 def contact_notes(design: SensorDesign) -> tuple[str, ...]:
-    """All notes for the user on the press of a design: on its solution, and on the effect of the walls."""
+    """All notes for the user about a design's press: about its solution, and about the effect of the walls."""
     walls = edge_force_note(design)
     return (*solved_press(design).notes, *((walls,) if walls else ()))

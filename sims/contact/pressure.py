@@ -1,12 +1,13 @@
 """Contact pressure under the tip, from the load that the solver found on each part of the contact.
 
-`SmoothPress` stores C(t), the share of the load inside the arc length t along the tip's outline from its apex. With
-A(t) the tip's area up to t, the pressure is p = N dC/dA. Its mean is computed on each ring between two of the
-`LOAD_SHARES` (fractions of the contact's outline), and a monotone curve runs through these means. The total normal load
-N is set so that the pressure gives the press force F = ∫ p 2πr dr at every depth.
+`SmoothPress` stores C(t), the share of the load within the arc length t along the tip's outline from its apex. If A(t)
+is the tip's area up to t, the pressure is p = N dC/dA. Its mean is computed on each ring between two successive
+`LOAD_SHARES` (fractions of the contact's arc length), and a monotone curve is drawn through these means. The total
+normal load N is chosen so that the pressure gives the press force F = ∫ p 2πr dr at every depth.
 
-Error against Hertz out to 0.8 of the contact radius: 3 % of the peak (root mean square), 6 % at most; the peak itself
-is 5 % high. This is for a layer of 6 tip radii, a depth of 1/6 tip radius, and a contact radius of 4 node spacings.
+Out to 0.8 of the contact radius, the error against Hertz is 3 % of the peak (root mean square) and 6 % at most; the
+peak itself is 5 % too high. This is for a layer of 6 tip radii, a depth of 1/6 tip radius, and a contact radius of 4
+node spacings.
 
 Left out: any detail finer than the mesh and the `LOAD_SHARES`. The edge of the contact is smeared over one node
 spacing, which also averages the singular edge of a flat punch. A contact of fewer than `FEWEST_SPACINGS` node spacings
@@ -40,7 +41,7 @@ class ContactPressure:
     radius_mm : (n,) radii of points on the tip's outline, from the axis to the contact edge [mm]
     height_mm : (n,) heights of these points above the undeformed surface [mm]
     pressure_mpa : (n,) pressure at these points [MPa]; 0 at the last, the contact edge
-    is_resolved : whether the contact spans enough mesh nodes for a valid profile
+    is_resolved : whether the contact spans enough mesh nodes for a valid pressure profile
     """
 
     depth_mm: float
@@ -51,12 +52,12 @@ class ContactPressure:
 
     @property
     def peak_mpa(self) -> float | None:
-        """Greatest pressure [MPa]; None where the mesh does not resolve the contact."""
+        """Highest pressure [MPa]; None if the mesh does not resolve the contact."""
         return float(self.pressure_mpa.max()) if self.is_resolved else None
 
     @property
     def axial_force_n(self) -> float:
-        """Vertical force of the pressure, ∫ p 2πr dr [N]; equal to the press force up to the mesh error."""
+        """Vertical force of the pressure, ∫ p 2πr dr [N]; equal to the press force except for the mesh error."""
         first, second = self.radius_mm[:-1], self.radius_mm[1:]
         near, far = self.pressure_mpa[:-1], self.pressure_mpa[1:]
         moment = near * (2.0 * first + second) + far * (first + 2.0 * second)
@@ -66,7 +67,7 @@ class ContactPressure:
 def _outline_areas(edge: float, depth: float, tip: TipOutline) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Radius and height of points on the tip's outline, and the outline's area from the apex to each point.
 
-    There are `_FINE_STEPS` steps between two of the `LOAD_SHARES`.
+    There are `_FINE_STEPS` steps between two successive `LOAD_SHARES`.
     """
     steps = _FINE_STEPS * (LOAD_SHARES.size - 1)
     along = np.linspace(0.0, edge, steps + 1)
@@ -76,7 +77,7 @@ def _outline_areas(edge: float, depth: float, tip: TipOutline) -> tuple[FloatArr
 
 
 def _through_rings(ring: FloatArray) -> FloatArray:
-    """Pressure along the tip's outline from its mean on each ring: symmetric about the axis, 0 at the contact edge."""
+    """Pressure along the tip's outline, interpolated from its mean on each ring; 0 at the contact edge."""
     middles = np.arange(ring.size) + 0.5
     places = np.concatenate([-middles[1::-1], middles, [ring.size]])
     course = PchipInterpolator(places, np.concatenate([ring[1::-1], ring, [0.0]]))
@@ -85,12 +86,12 @@ def _through_rings(ring: FloatArray) -> FloatArray:
 
 
 def contact_pressure(press: SolvedPress, depth_mm: float) -> ContactPressure:
-    """Pressure between tip and layer at one depth; without contact, one point of pressure 0.
+    """Pressure between tip and layer at one depth; without contact, a single point of pressure 0.
 
     Parameters
     ----------
     press : the solved press
-    depth_mm : depth of the press [mm]; at 0 or less there is no contact
+    depth_mm : depth of the press [mm]; 0 or less means no contact
 
     Raises
     ------

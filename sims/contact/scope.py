@@ -1,7 +1,7 @@
-"""Range of the contact model: layer thickness, press depth, walls, and the depths that are solved.
+"""Range of the contact model: layer thickness, press depth and walls, and the depths that are solved.
 
-The limits come from the feasibility study of this project (section "Contact"). Outside them MuJoCo's solution was not
-compared with the independent finite-element solution.
+The limits come from this project's feasibility study (section "Contact"). Outside these limits, MuJoCo's solution was
+not compared with the independent finite-element solution.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ HALF_WIDTH = 16 / 3
 WALL_RADIUS = 16 / 3
 """Default wall radius of a round pad [tip radii]."""
 FIRST_DEPTHS = (0.02 / 3, 0.05 / 3, 0.1 / 3, 0.15 / 3, 0.2 / 3)
-"""First solved depths [tip radii]. They are close together, because mode 1 of a pair can end in the first 0.2 mm."""
+"""First solved depths [tip radii]. They are close together, because mode 1 of a pair can end within 0.2 mm."""
 DEPTH_STEP = 0.1 / 3
 """Step between solved depths after the first ones [tip radii]."""
 
@@ -62,8 +62,8 @@ def layer_depth(design: SensorDesign, at_mm: tuple[float, float] | None = None) 
     Parameters
     ----------
     design : the sensor
-    at_mm : (x, y) in the cavity frame [mm], where the thickness is measured along the normal of the top. None is the
-        highest point of the top
+    at_mm : (x, y) in cavity coordinates where the thickness is measured, along the normal of the top [mm]. None is
+        the highest point of the top
 
     Raises
     ------
@@ -87,9 +87,9 @@ def layer_depth(design: SensorDesign, at_mm: tuple[float, float] | None = None) 
 def round_radius(length: float, width: float) -> float:
     """Radius of the round pad with the area of a rectangular pad, in the unit of `length` and `width`.
 
-    Rubber is incompressible: the volume that the tip displaces rises elsewhere over the area of the pad. So with equal
-    areas, the free surfaces of a round and a square pad agree within a few micrometres, except next to the walls. The
-    effect of the real walls is added later (`library.solved_press`).
+    Rubber is incompressible, so the volume that the tip displaces rises elsewhere, over the area of the pad. With equal
+    areas, the free surfaces of a round and a square pad therefore agree within a few micrometres, except next to the
+    walls. The effect of the real walls is added later (`library.solved_press`).
     """
     return math.sqrt(length * width / math.pi)
 
@@ -100,20 +100,20 @@ def half_width_of(radius: float) -> float:
 
 
 WALL_RADIUS_RANGE = (round(round_radius(20 / 3, 20 / 3), 9), 7.5)
-"""Range of the solved round pads' radii [tip radii]: for a 3 mm tip, the areas of square pads of 20 mm to 40 mm. From
-6.0 to 7.5 the force at a depth of 1 tip radius falls by 1 %.
+"""Range of the solved round pads' radii [tip radii]. With a 3 mm tip, it covers the areas of square pads of 20 to
+40 mm. From 6.0 to 7.5, the force at a depth of 1 tip radius falls by only 1 %.
 """
 
 
 def wall_radius(design: SensorDesign) -> float:
-    """Radius of the round pad with the design's pad area [tip radii], clipped to `WALL_RADIUS_RANGE`."""
+    """Radius of the round pad with the area of the design's pad [tip radii], clipped to `WALL_RADIUS_RANGE`."""
     radius = math.sqrt(plan_of(design).area_mm2 / math.pi) / tip_radius_mm(design)
     low, high = WALL_RADIUS_RANGE
     return min(max(radius, low), high)
 
 
 def mean_crown(design: SensorDesign) -> float:
-    """Tip radius times the mean curvature of the undeformed top [-]; 0 for a flat one."""
+    """Tip radius times the mean curvature of the undeformed top [-]; 0 for a flat top."""
     return tip_radius_mm(design) * plan_of(design).top.mean_curvature
 
 
@@ -124,7 +124,7 @@ def depth_limit_mm(design: SensorDesign) -> float:
 
 
 def require_depth(design: SensorDesign, depth_mm: float, name: str) -> float:
-    """Return the depth [mm] if it is within the contact model; otherwise raise an error that starts with `name`.
+    """Return the depth [mm] if the contact model covers it; otherwise raise an error whose message starts with `name`.
 
     Raises
     ------
@@ -144,7 +144,7 @@ def require_depth(design: SensorDesign, depth_mm: float, name: str) -> float:
 
 
 def solved_depths(layer: float, deepest: float) -> FloatArray:
-    """Depths to solve: the fixed schedule of depths, up to the first one at or beyond `deepest`.
+    """Depths to solve, from a fixed series: up to the first one that is at least `deepest`.
 
     Parameters
     ----------

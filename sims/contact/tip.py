@@ -1,13 +1,13 @@
 """The tip in tip radii: an outline of lines and arcs with a straight shank, and the arc length along it.
 
-       |  |                     outline coordinate t: arc length from the apex [tip radii]; on a
-       |  |  shank              hemisphere the angle up to π/2, then π/2 + height above the equator
+       |  |                     outline coordinate t: arc length from the apex [tip radii]; for a
+       |  |  shank              hemisphere, the angle up to π/2, then π/2 + height above the equator
 z=0 ---|--|----- undisturbed top
        \\  /   outline          height of the outline is a function of radius, from the axis to 1
         --     apex, at z = -depth
 
-A point is inside the tip if its radius is below 1 and its height is above the outline's. Distances are exact: they are
-to the nearest point of outline and shank.
+A point is inside the tip if its radius is below 1 and it is higher than the outline at this radius. Distances are
+exact: they are measured to the nearest point of outline or shank.
 """
 
 from __future__ import annotations
@@ -25,29 +25,29 @@ from design.spec.indenter import tip_outline as outline_pieces
 Row = tuple[float, float, float, float, float, float, float]
 
 _KINK = 1e-6
-"""Least change of the tangent angle between two pieces of an outline that counts as a kink [rad]."""
+"""Smallest change of the tangent angle between two pieces of an outline that counts as a kink [rad]."""
 
 
 @dataclass(frozen=True)
 class TipOutline:
-    """Outline of a tip of radius 1, from lines and arcs; lengths in tip radii.
+    """Outline of a tip of radius 1, made of lines and arcs; lengths in tip radii.
 
     Attributes
     ----------
-    rows : one row of 7 per piece, from the apex outwards: radius and height of the piece's start, of its end and of its
-        centre, then the radius of the arc, which is convex. Centre and arc radius are 0 for a line
+    rows : 7 numbers for each piece, from the apex outwards: radius and height of the piece's start, of its end and of
+        its centre, then the radius of the arc, which is convex. Centre and arc radius are 0 for a line
     """
 
     rows: tuple[Row, ...]
 
     @classmethod
     def from_rows(cls, rows: FloatArray) -> TipOutline:
-        """An outline from its rows (piece, 7)."""
+        """Make an outline from the array (piece, 7) of its `rows`."""
         return cls(tuple((a, b, c, d, e, f, g) for a, b, c, d, e, f, g in np.asarray(rows).tolist()))
 
     @cached_property
     def table(self) -> FloatArray:
-        """Rows (piece, 7) of the outline, with the shank as the last one: an infinite vertical line."""
+        """The outline's `rows` as an array (piece, 7), with the shank as last piece: an infinite vertical line."""
         height = self.rows[-1][3]
         return np.array([*self.rows, (1.0, height, 1.0, height + 1.0, 0.0, 0.0, 0.0)], dtype=np.float64)
 
@@ -82,13 +82,13 @@ class TipOutline:
 
     @property
     def contact_power(self) -> float:
-        """Power of the depth by which the contact radius grows at first touch [-]: round 1/2, pointed 1, flat 0."""
+        """Power of the depth with which the contact radius grows at first touch [-]: round 1/2, pointed 1, flat 0."""
         if self.rows[0][6] > 0.0:
             return 0.5
         return 0.0 if self.rows[0][3] <= self.rows[0][1] else 1.0
 
     def points(self, coordinate: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Radius and height (...) above the apex, at arc lengths (...) along the outline from the apex [tip radii]."""
+        """Radius, and height above the apex, at arc lengths (...) along the outline from the apex [tip radii]."""
         along = np.asarray(coordinate, dtype=np.float64)
         piece = np.clip(np.searchsorted(self.starts, along, side="right") - 1, 0, len(self.table) - 1)
         start_r, start_h, _, _, centre_r, centre_h, radius = np.moveaxis(self.table[piece], -1, 0)
@@ -100,7 +100,7 @@ class TipOutline:
         )
 
     def tangent_angle(self, coordinate: float) -> float:
-        """Tangent angle to the radial direction [rad] at an arc length from the apex; at a kink, before the kink."""
+        """Angle of tangent to radial direction [rad] at an arc length from the apex; at a kink, the angle before it."""
         piece = max(int(np.searchsorted(self.starts, coordinate, side="left")) - 1, 0)
         first, last = self.angles[piece]
         share = (coordinate - self.starts[piece]) / self.lengths[piece]
@@ -117,11 +117,11 @@ class TipOutline:
         return np.asarray(np.where(arc > 0.0, centre_h - dip, line), dtype=np.float64)
 
     def nearest(self, radius: FloatArray, height: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Distance (...) to the nearest point of the outline, and that point's arc length (...) from the apex.
+        """Distance (...) to the nearest point of the outline, and arc length (...) from the apex to this point.
 
         Parameters
         ----------
-        radius, height : (...) positions [tip radii], height above the apex
+        radius, height : (...) positions [tip radii]; heights are above the apex
         """
         r, h = (np.asarray(values, dtype=np.float64)[..., None] for values in (radius, height))
         start_r, start_h, _, _, centre_r, centre_h, arc = self.table.T
@@ -141,7 +141,7 @@ class TipOutline:
 
 
 HEMISPHERE = TipOutline(((0.0, 0.0, 1.0, 1.0, 0.0, 1.0, 1.0),))
-"""A quarter of a circle; arc length along it is the angle from the apex [rad]."""
+"""Outline of a hemispherical tip: a quarter of a circle, along which arc length is the angle from the apex [rad]."""
 
 
 def tip_of(indenter: Indenter) -> TipOutline:
@@ -152,7 +152,7 @@ def tip_of(indenter: Indenter) -> TipOutline:
 
 
 def _scaled(row: Sequence[float], scale: float) -> Row:
-    """A row of an outline in tip radii, rounded so that designs in different units give equal rows."""
+    """One of an outline's `rows` in tip radii, rounded so that designs in different units give equal rows."""
     a, b, c, d, e, f, g = (round(value / scale, 12) for value in row)
     return a, b, c, d, e, f, g
 
@@ -160,7 +160,7 @@ def _scaled(row: Sequence[float], scale: float) -> Row:
 def tip_gap(radius: FloatArray, height: FloatArray, depth: float, tip: TipOutline = HEMISPHERE) -> FloatArray:
     """Distance (...) of points from the tip's surface, negative inside; all in tip radii.
 
-    `depth` is the tip apex's depth below the undeformed top, at height 0.
+    `depth` is the depth of the tip's apex below the undeformed top, which is at height 0.
     """
     if tip == HEMISPHERE:
         below_equator = np.minimum(height - (1.0 - depth), 0.0)
@@ -174,7 +174,7 @@ def tip_gap(radius: FloatArray, height: FloatArray, depth: float, tip: TipOutlin
 def tip_coordinate(
     radius: FloatArray, height: FloatArray, depth: float, tip: TipOutline = HEMISPHERE
 ) -> FloatArray:
-    """Arc length (...) along the outline from the apex, at the point nearest to each position; all in tip radii."""
+    """Arc length (...) along the outline from the apex to the point nearest to each position; all in tip radii."""
     if tip == HEMISPHERE:
         above_equator = height - (1.0 - depth)
         angle = np.arctan2(radius, np.maximum(-above_equator, 0.0))
@@ -185,7 +185,7 @@ def tip_coordinate(
 def tip_outline(
     coordinate: FloatArray, depth: float, tip: TipOutline = HEMISPHERE
 ) -> tuple[FloatArray, FloatArray]:
-    """Radius and height (...) of the outline at arc lengths (...) from the apex of a tip at `depth`; in tip radii."""
+    """Radius and height (...) of the outline of a tip at `depth`, at arc lengths (...) from its apex; in tip radii."""
     if tip == HEMISPHERE:
         angle = np.minimum(coordinate, 0.5 * np.pi)
         above_equator = np.maximum(coordinate - 0.5 * np.pi, 0.0)

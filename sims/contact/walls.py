@@ -1,45 +1,46 @@
-"""How the walls of a rectangular pad change a press that was solved in a round pad: linear elasticity.
+"""How the walls of a rectangular pad change a press that was solved in a round pad, by linear elasticity.
 
-Lengths in tip radii. Displacements are in units of load over shear modulus, which is 1 here.
+Lengths are in tip radii. Displacements are in units of load over shear modulus, which is 1 here.
 
 Quadratic finite elements along one axis (`QuadraticAxis`)
 ----------------------------------------------------------
-On a grid that is a product of axes, every integral of products of shape functions is a Kronecker product of
-one-dimensional integrals. Displacements have quadratic shape functions (nodes at the ends and in the middle of every
-element), pressures linear ones. Together they are the Taylor-Hood element, which is stable for incompressible solids
-(Elman, Silvester and Wathen, Finite Elements and Fast Iterative Solvers, 2014, section 3.3).
+On a grid that is a product of axes, every integral over products of shape functions is a Kronecker product of
+one-dimensional integrals. Displacements have quadratic shape functions (with nodes at the ends and in the middle of
+every element), pressures have linear ones. Together they form the Taylor-Hood element, which is stable for
+incompressible solids (Elman, Silvester and Wathen, Finite Elements and Fast Iterative Solvers, 2014, section 3.3).
 
 A rectangular incompressible layer whose four walls are moved (`BlockLayer`)
 ----------------------------------------------------------------------------
-Stress -p 1 + 2 μ ε, div u = 0, u = 0 on the bottom, u given on the walls, the top free. The grid's steps are small near
-the walls; elsewhere the field is smooth on the scale of the layer's thickness. The two middle planes split every field
-into four parts, even or odd across each plane, so a quarter of the block is enough. The matrix from the motion of the
-walls' nodes to the top's is stored, so every further press is one matrix product.
+The stress is -p 1 + 2 μ ε, and div u = 0. The displacement u is 0 on the bottom and given on the walls, and the top is
+free. The grid's steps are small near the walls; elsewhere the field is smooth on the scale of the layer's thickness.
+Every field is the sum of four parts, each even or odd across each of the two middle planes, so a quarter of the block
+is enough. The matrix that gives the motion of the top's nodes from that of the walls' nodes is stored, so every further
+press takes one matrix product.
 
-A press in a wide layer moves the points where the walls are. Moving the walls back by this motion, and adding the
-result to the press in the wide layer, gives the press between fixed walls.
+A press into a wide layer moves the points at which the pad has its walls. Moving the walls back by this motion, and
+adding the result to the press into the wide layer, gives the press between fixed walls.
 
 A round incompressible layer under axisymmetric loads (`RoundLayer`)
 --------------------------------------------------------------------
-Stress -p 1 + 2 μ ε, div u = 0, u = 0 on bottom and wall, the top free except for the load. The Taylor-Hood elements are
-factorised once.
+The stress is -p 1 + 2 μ ε, and div u = 0. The displacement u is 0 on bottom and wall, and the top is free except for
+the load. The matrix of the Taylor-Hood elements is factorised once.
 
 Loads that replace a press far from the tip (`FarPress`)
 --------------------------------------------------------
-Outside the dimple strains are small, so the top there is that of a `RoundLayer` under loads near the axis. Two loads,
-p(r) = 5 / (2 π w²) (1 - r²/w²)^(3/2) with the widths w of `LOAD_RADII`, give any force and spread. Their amplitudes are
-fitted by least squares to the solved round pad's top, from `START` beyond the contact to its wall. Nothing is fitted to
-results in three dimensions. Amplitudes have the unit of a force over the shear modulus.
+Outside the dimple, strains are small, so the top there is that of a `RoundLayer` under loads near the axis. Two loads,
+p(r) = 5 / (2 π w²) (1 - r²/w²)^(3/2) with the widths w in `LOAD_RADII`, can represent any force and spread. Their
+amplitudes are fitted by least squares to the solved round pad's top, from `START` beyond the contact to the wall.
+Nothing is fitted to three-dimensional results. Amplitudes are forces over the shear modulus.
 
 Change of a press at one location by the walls (`Surroundings`)
 ---------------------------------------------------------------
-With the loads q of the press, the top G of a layer under unit loads, and ρ the round pad in which the press was solved,
-the change of the top is
+Let q be the loads of the press, G the top of a layer under unit loads, and ρ the round pad in which the press was
+solved. The change of the top is
 
     D = Σ q (G_block - G_ρ) = Σ q (G_wide + C - G_ρ),
 
-where C is the block's response when its walls undo the motion by the loads in a wide layer. C is smooth in the whole
-pad, though every G is steep at the axis.
+where C is the block's response when its walls undo the motion that the loads cause in a wide layer. C is smooth in the
+whole pad, although every G is steep at the axis.
 """
 
 from __future__ import annotations
@@ -66,7 +67,7 @@ class QuadraticAxis:
 
     Attributes
     ----------
-    ticks : (n + 1,) increasing coordinates of the elements' ends
+    ticks : (n + 1,) increasing coordinates of the element boundaries
     nodes : (2 n + 1,) coordinates of the nodes: ends and middles of the elements
     """
 
@@ -93,9 +94,10 @@ class QuadraticAxis:
         return step * np.arange(len(self.ticks) - 1)[:, None] + np.arange(count)
 
     def matrix(self, left: Shape, right: Shape, weight: Weight | None = None) -> csr_matrix:
-        """Integrals (left, right) of products of two kinds of shape functions; `weight` is a function of position.
+        """Matrix of the integrals of products of a `left` and a `right` shape function, times a weight if given.
 
-        A kind is "value" (quadratic functions), "slope" (their derivatives) or "pressure" (linear functions).
+        `left` and `right` are "value" (quadratic functions), "slope" (their derivatives) or "pressure" (linear
+        functions). The weight is a function of position.
         """
         weights = self._weights if weight is None else self._weights * weight(self._points)
         found = np.einsum("ngk,nhk,nk->ngh", self._shapes[left], self._shapes[right], weights)
@@ -105,7 +107,7 @@ class QuadraticAxis:
         return csr_matrix((found.ravel(), (each[0].ravel(), each[1].ravel())), shape=size)
 
     def load(self, density: Weight) -> FloatArray:
-        """Integrals (node,) of the quadratic shape functions times a density, which is a function of the position."""
+        """Integrals (node,) of the quadratic shape functions times a density, which is a function of position."""
         found = np.einsum("ngk,nk->ng", self._shapes["value"], self._weights * density(self._points))
         out = np.zeros(len(self.nodes))
         np.add.at(out, self._places("value"), found)
@@ -121,7 +123,7 @@ def product(*factors: csr_matrix) -> csr_matrix:
 
 
 def graded_ticks(length: float, first: float, growth: float, largest: float) -> FloatArray:
-    """Ends (n + 1,) of elements from 0 to `length`; their steps grow from about `first` to at most `largest`."""
+    """Boundaries (n + 1,) of elements from 0 to `length`; their sizes grow from about `first` to at most `largest`."""
     steps = [first]
     while sum(steps) < length - 1e-9:
         steps.append(min(steps[-1] * growth, largest))
@@ -132,27 +134,26 @@ def graded_ticks(length: float, first: float, growth: float, largest: float) -> 
 Size = tuple[float, float]
 
 STEP, STEP_SHARE, GROWTH = 0.7, 0.23, 1.4
-"""First step at a wall [tip radii], the same over the layer's thickness [-], and growth ratio of the steps [-]. Steps
-of half the size move the surface by 0.5 µm rms (3 mm tip, pressed by its radius, 6 mm from a wall).
+"""Limits of the first step at a wall, in tip radii and over the layer's thickness [-], and growth ratio of the steps
+[-]. Steps of half the size move the surface by 0.5 µm rms (3 mm tip, pressed 3 mm deep, 6 mm from a wall).
 """
 HEIGHT_SHARES = 1.0 - np.linspace(1.0, 0.0, 4) ** 1.6
-"""Heights of the elements' ends over the layer's thickness [-], closer together towards the top."""
+"""Heights of the element boundaries over the layer's thickness [-], closer together towards the top."""
 PARITIES = ((1, 1), (1, -1), (-1, 1), (-1, -1))
 """Symmetry of a field across the middle plane of x and of y: 1 is even, -1 is odd."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class BlockLayer:
-    """The response of a rectangular layer's top to motion of its four walls; lengths in tip radii.
+    """The response of a rectangular layer's top to a motion of its four walls; lengths in tip radii.
 
     Attributes
     ----------
     size : length (x) and width (y)
-    x, y : (nx,), (ny,) node coordinates of the top, from one wall to the other
-    wall_nodes : (wall node, 3) x, y and height above the bottom of the nodes on the walls, in the quarter next to (0,
-        0)
-    answers : (parity, nx / 2, ny / 2, 3 wall nodes) upward displacement of the quarter's top nodes (middle planes
-        included) per displacement of a wall node, for each symmetry in `PARITIES`
+    x, y : (nx,), (ny,) coordinates of the top's nodes, from one wall to the other
+    wall_nodes : (wall node, 3) x, y and height above the bottom, of the wall nodes in the quarter next to (0, 0)
+    answers : (parity, nx / 2, ny / 2, 3 wall nodes) upward displacement of the quarter's top nodes, those on the middle
+        planes included, per displacement of a wall node in x, y or z, for each symmetry in `PARITIES`
     """
 
     size: Size
@@ -166,8 +167,9 @@ class BlockLayer:
 
         Parameters
         ----------
-        moved : (2, 2, 3, wall node) displacement (x, y, z) of the quarter's wall nodes by the press itself [0, 0], and
-            by its mirror image in the middle plane of x [1, 0], of y [0, 1] and of both [1, 1]
+        moved : (2, 2, 3, wall node) displacements (x, y, z) of the quarter's wall nodes. Those at [0, 0] are due to the
+            press itself, the others to its mirror images across the middle plane of x [1, 0], of y [0, 1] and of both
+            [1, 1]
         """
         total = np.zeros((len(self.x), len(self.y)))
         half = self.answers.shape[1:3]
@@ -181,7 +183,7 @@ class BlockLayer:
 
 @lru_cache(maxsize=4)
 def block_layer(layer: float, size: Size) -> BlockLayer:
-    """The `BlockLayer` of a thickness and a size (length, width); computed in half a second or less, then cached."""
+    """The `BlockLayer` of a thickness and a size (length, width). It is computed within half a second, then cached."""
     first = min(STEP, STEP_SHARE * layer)
     x, y = (QuadraticAxis(graded_ticks(0.5 * side, first, GROWTH, layer)) for side in size)
     quarter = _Quarter(x, y, QuadraticAxis(layer * HEIGHT_SHARES))
@@ -242,9 +244,9 @@ class _Quarter:
         return np.concatenate([*(~one for one in held), pressed])
 
     def answer(self, parity: tuple[int, int]) -> FloatArray:
-        """Upward displacement (nx, ny, 3 wall nodes) of the quarter's top per displacement of a wall node.
+        """Upward displacement (nx, ny, 3 wall nodes) of the quarter's top per displacement of a wall node in x, y or z.
 
-        By reciprocity it is computed from unit forces on the top instead.
+        Thanks to reciprocity, it is computed from unit forces on the top instead.
         """
         nodes = len(self.places)
         free = np.flatnonzero(self._free(parity))
@@ -267,10 +269,10 @@ def _with(factors: list[csr_matrix], changed: dict[int, csr_matrix]) -> list[csr
 
 
 FINE_RADIUS, FINE_STEP, LARGEST_STEP = 1.6, 0.1, 0.5
-"""Radial grid [tip radii]: even steps of the second value up to the first, then growing up to the third."""
+"""Radial grid [tip radii]: up to `FINE_RADIUS`, even steps of `FINE_STEP`; then steps that grow to `LARGEST_STEP`."""
 RING_GROWTH = 1.15
 TOP_STEP, DEPTH_STEPS = 0.12, 10
-"""Step of the grid at the top [tip radii]; for thin layers, the layer's thickness over the second value instead."""
+"""First step of the grid at the top: `TOP_STEP` [tip radii], or the layer thickness over `DEPTH_STEPS` if smaller."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -280,8 +282,8 @@ class LayerField:
     Attributes
     ----------
     wall : radius where the layer is bonded
-    outward, upward : splines of the displacement components over radius and height above the bottom
-    top : spline of the upward displacement of the top over the radius
+    outward, upward : splines for the displacement components, over radius and height above the bottom
+    top : spline for the upward displacement of the top, over the radius
     """
 
     wall: float
@@ -290,11 +292,11 @@ class LayerField:
     top: CubicSpline
 
     def top_at(self, radius: FloatArray) -> FloatArray:
-        """Upward displacement of the top at radii of any shape."""
+        """Upward displacement (...) of the top at radii (...)."""
         return np.where(radius < self.wall, self.top(np.minimum(radius, self.wall)), 0.0)
 
     def at(self, radius: FloatArray, height: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Outward and upward displacement, (n,) each, at (n,) radii and heights above the bottom."""
+        """Outward and upward displacement, each (n,), at radii (n,) and heights (n,) above the bottom."""
         inside = radius < self.wall
         within = np.minimum(radius, self.wall)
         return (
@@ -304,7 +306,7 @@ class LayerField:
 
 
 class RoundLayer:
-    """Factorised finite elements of a round layer, bonded at its bottom and wall."""
+    """Finite elements of a round layer that is bonded at its bottom and wall, with a factorised matrix."""
 
     def __init__(self, layer: float, wall: float) -> None:
         """Assemble and factorise a layer of thickness `layer` with its wall at radius `wall` [tip radii]."""
@@ -342,7 +344,7 @@ class RoundLayer:
         self._solve = splu(matrix[self._free][:, self._free]).solve
 
     def field(self, pressure: Weight) -> LayerField:
-        """Displacement field under a downward pressure on the top; `pressure` is over the shear modulus."""
+        """Displacement field under a downward pressure on the top, given over the shear modulus."""
         count = len(self._r.nodes), len(self._z.nodes)
         nodes = count[0] * count[1]
         load = np.zeros(self._size)
@@ -363,12 +365,12 @@ def _radius(x: FloatArray) -> FloatArray:
 
 
 def _height_steps(layer: float) -> tuple[float, float, float]:
-    """First step, growth ratio and largest step of the grid along the height, from the top down."""
+    """First step, growth ratio and largest step of the grid in height, from the top down."""
     return min(TOP_STEP, layer / DEPTH_STEPS), 1.25, layer / 5.0
 
 
 MOST_PLACES = 4096
-"""Most locations per pad size whose wall response is cached, 10 kB each."""
+"""Largest number of locations per pad size for which the walls' response is cached; each takes 10 kB."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -379,8 +381,8 @@ class Surroundings:
     ----------
     at : (x, y) of the press axis from the pad's corner
     block : the rectangular pad
-    added : (load, nx, ny) C, the effect of holding the walls fixed, on the block's top nodes
-    wide, round_pad : displacement field of each load in a layer without walls, and in the round pad
+    added : (load, nx, ny) C at the block's top nodes: the effect of holding the walls fixed
+    wide, round_pad : displacement fields of the loads in a layer without walls, and in the round pad
     """
 
     at: tuple[float, float]
@@ -391,7 +393,7 @@ class Surroundings:
 
     @cached_property
     def on_axis(self) -> FloatArray:
-        """Lift (load,) of the top on the press axis by the walls, for a unit of each load."""
+        """Height (load,) by which the walls lift the top on the press axis, for one unit of each load."""
         zero = np.zeros(1)
         splines = [RectBivariateSpline(self.block.x, self.block.y, one) for one in self.added]
         return np.array(
@@ -402,7 +404,7 @@ class Surroundings:
         )
 
     def change(self, amplitudes: FloatArray, x: FloatArray, y: FloatArray) -> FloatArray:
-        """Lift (nx, ny) of the top by the walls for loads (load,), at x (nx,) and y (ny,) from the pad's corner."""
+        """Lift D (nx, ny) of the top by the walls under loads (load,), at x (nx,) and y (ny,) from the pad's corner."""
         spline = RectBivariateSpline(self.block.x, self.block.y, np.tensordot(amplitudes, self.added, axes=1))
         radius = np.hypot(x[:, None] - self.at[0], y[None, :] - self.at[1])
         change = np.asarray(spline(x, y), dtype=np.float64)
@@ -412,7 +414,7 @@ class Surroundings:
 
 
 def surroundings(layer: float, wall: float, size: Size, at: tuple[float, float]) -> Surroundings:
-    """Responses of a pad to unit loads at a location; the results of the last pads are cached.
+    """Responses of a pad to unit loads at a location; those of the most recently used pads are cached.
 
     Parameters
     ----------
@@ -430,7 +432,7 @@ def surroundings(layer: float, wall: float, size: Size, at: tuple[float, float])
 
 @lru_cache(maxsize=4)
 def _places(layer: float, wall: float, size: Size) -> dict[tuple[float, float], Surroundings]:  # noqa: ARG001
-    """Cache of one pad's responses by location; all locations of the least recently used pad are dropped together."""
+    """Cache of one pad's responses, by location. The least recently used pad is dropped with all its locations."""
     return {}
 
 
@@ -453,23 +455,23 @@ def _from(nodes: FloatArray, at: tuple[float, float]) -> tuple[FloatArray, Float
 
 
 def _moved(field: LayerField, radius: FloatArray, direction: FloatArray, height: FloatArray) -> FloatArray:
-    """Displacement (3, n) in x, y, z of nodes at given radii, directions and heights."""
+    """Displacement (3, n) in x, y, z of nodes at the given radii, directions and heights."""
     outward, upward = field.at(radius, height)
     return np.stack([*(outward * direction), upward])
 
 
 Top = Callable[[float], tuple[FloatArray, FloatArray, float]]
-"""Function from press depth to (radius, height) of the top from the axis to the wall, and the contact radius."""
+"""Function from press depth to the radii and heights of the top, from the axis to the wall, and the contact radius."""
 
 LOAD_RADII = (0.75, 1.5)
-"""Widths w of the loads [tip radii]. Two or more widths from 0.4 to 2.0 agree within 1 µm rms (3 mm tip)."""
+"""Widths w of the loads [tip radii]. Any two or more widths between 0.4 and 2.0 agree within 1 µm rms (3 mm tip)."""
 START = 0.6
-"""The linear layer's top is fitted from this distance beyond the contact or the tip's radius, if larger [tip radii]."""
+"""Distance beyond the contact or the tip, whichever is wider, from which loads are fitted to the top [tip radii]."""
 SAMPLES = 60
 DEPTHS = 32
 """Number of depths with fitted amplitudes, evenly spaced in √depth, because amplitudes rise steeply near 0."""
 WIDE = 4.0
-"""Radius over thickness of a layer whose wall has no effect [-]; motion by a load decays as exp(-2 r / thickness)."""
+"""Radius over thickness of a layer whose wall has no effect [-]; a load's motion decays as exp(-2 r / thickness)."""
 
 
 @lru_cache(maxsize=32)
@@ -480,7 +482,7 @@ def load_fields(layer: float, wall: float) -> tuple[LayerField, ...]:
 
 
 def wide_fields(layer: float) -> tuple[LayerField, ...]:
-    """Displacement field of each unit load in a layer without walls (numerically: with a far wall)."""
+    """Displacement field of each unit load in a layer without walls; numerically, the wall is far away."""
     return load_fields(layer, max(WIDE * layer, 3.0 * LOAD_RADII[-1]))
 
 
@@ -490,13 +492,14 @@ def _load(width: float) -> Callable[[FloatArray], FloatArray]:
 
 @dataclass(frozen=True, kw_only=True)
 class FarPress:
-    """Amplitudes, at every depth, of the loads that replace a press far from the tip; lengths in tip radii.
+    """Amplitudes of the loads that replace a press far from the tip, at every depth; lengths in tip radii.
 
     Attributes
     ----------
-    layer, wall : layer thickness, radius of the round pad's wall
-    deepest : deepest fitted press; beyond it amplitudes are extrapolated linearly
-    residual : (depth,) root mean square difference of the linear layer's top from the solved one, in the fitted part
+    layer, wall : layer thickness, and radius of the round pad's wall
+    deepest : deepest fitted press; beyond it, amplitudes are extrapolated linearly
+    residual : (depth,) root mean square difference between the linear layer's top and the solved top, in the fitted
+        part
     """
 
     layer: float
@@ -506,7 +509,7 @@ class FarPress:
     _by_root: CubicSpline
 
     def amplitudes(self, depth: float) -> FloatArray:
-        """Amplitudes (load,) at a depth; 0 at a depth of 0 or less."""
+        """Amplitudes (load,) of the loads at a depth; 0 for depths of 0 or less."""
         if depth <= 0.0:
             return np.zeros(len(LOAD_RADII))
         root = np.sqrt(min(depth, self.deepest))
@@ -517,7 +520,7 @@ class FarPress:
 
 
 def far_press(layer: float, wall: float, deepest: float, top: Top) -> FarPress:
-    """Fit the loads that replace presses of every depth into a round pad, far from the tip.
+    """Fit the loads that, far from the tip, replace presses of every depth into a round pad.
 
     Parameters
     ----------
@@ -540,7 +543,7 @@ def far_press(layer: float, wall: float, deepest: float, top: Top) -> FarPress:
 def _matched(
     fields: tuple[LayerField, ...], radius: FloatArray, height: FloatArray, contact: float
 ) -> tuple[FloatArray, float]:
-    """Amplitudes (load,) fitted to a solved top outside its contact, and the root mean square of the residual."""
+    """Amplitudes (load,) fitted to a solved top outside its contact, and the fit's root mean square residual."""
     places = np.linspace(max(contact, 1.0) + START, fields[0].wall, SAMPLES)
     wanted = PchipInterpolator(radius, height)(places)
     columns = np.stack([field.top_at(places) for field in fields], axis=1)

@@ -2,26 +2,26 @@
 
 Model
 -----
-* Lengths are in tip radii R, forces in E·R² (E is Young's modulus), so that the problem has two numbers: layer
-  thickness and press depth. The layer's shape does not depend on its modulus because the tip is frictionless.
-* The layer is a wedge of 0.1 rad around the press axis, made of the r-z triangles of `mesh`, each swept into a prism of
-  three tetrahedra. Every vertex has three world-axis slide joints; motion out of its radial plane is forbidden by a
-  stiff fixed tendon. (Radial slide joints together with contact make the Newton solver return garbage without a
-  warning, hence world axes.)
-* Bottom and wall are bonded. The top is free, flat or a sphere about the axis (`crown`), and touched by a tip with a
-  straight shank: a capsule for a hemisphere, otherwise the convex bodies of `tip_hulls`. A facet of the layer has one
-  contact with each body. Under a flat tip the contact point moves over the facet. So flat tips end in narrow cycles
-  more often, and take ten times the steps.
-* Stable Neo-Hookean material, integrator `discrete` at time step 1: every step is one damped static Newton iteration;
-  velocities are zeroed after it. A depth is settled when a step moves no vertex by more than 1e-4 tip radii (0.3 µm for
-  a 3 mm tip) nor by 0.04 % of the depth (0.02 % at first touch).
-* Contact is a stiff penalty, proportional to the vertex mass: with too small a mass the tip sinks in, with too large a
-  mass the contact chatters. Where one facet still chatters, the mean of its cycle is used (see below).
+* Lengths are in tip radii R, forces in E·R² (E is Young's modulus), so only two numbers describe the problem: layer
+  thickness and press depth. The layer's shape does not depend on its modulus, because the tip is frictionless.
+* The layer is a wedge of 0.1 rad around the press axis. It is made of the r-z triangles of `mesh`, each swept into a
+  prism of three tetrahedra. Every vertex has three slide joints along the world axes; a stiff fixed tendon prevents
+  motion out of its radial plane. (With radial slide joints, the Newton solver would return garbage under contact,
+  without a warning.)
+* Bottom and wall are bonded. The top is free, and flat or a sphere about the axis (`crown`). The tip has a straight
+  shank: it is a capsule for a hemisphere, otherwise the convex bodies of `tip_hulls`. A facet of the layer has one
+  contact with each body. Under a flat tip, the contact point moves over the facet, so flat tips end in narrow cycles
+  more often and take ten times as many steps.
+* The material is stable neo-Hookean. The integrator is `discrete` at time step 1: every step is one damped static
+  Newton iteration, after which velocities are set to zero. A depth is settled when a step moves no vertex by more than
+  1e-4 tip radii (0.3 µm for a 3 mm tip) or 0.04 % of the depth (0.02 % at first touch).
+* Contact is a stiff penalty, proportional to the vertex mass. If the mass is too small, the tip sinks in; if it is too
+  large, the contact chatters. Where one facet still chatters, the mean of its cycle is used (see below).
 
-Left out: friction, adhesion, viscosity, inertia, walls nearer than the round one, the layer's own weight. Linear
-tetrahedra lock beyond a Poisson's ratio of 0.49; `library.smooth_press` extrapolates. Seen from above, the full circle
-of wedges is a 63-sided polygon, so radii are uncertain by 0.1 %. All prisms are split in the same sense, so the two
-faces of the wedge differ a little (9 µm at 3 mm depth on a 0.45 mm mesh); their mean is used.
+Left out: friction, adhesion, viscosity, inertia, walls nearer than the round one, and the layer's own weight. Linear
+tetrahedra lock at a Poisson's ratio beyond 0.49, so `library.smooth_press` extrapolates. Seen from above, the full
+circle of wedges is a 63-sided polygon, so radii are uncertain by 0.1 %. All prisms are split in the same sense, so the
+two faces of the wedge differ slightly (9 µm at 3 mm depth on a 0.45 mm mesh); their mean is used.
 
 Sources: feasibility study of this project, section "Contact"; MuJoCo 4.0 documentation, `flex` and the `discrete`
 integrator.
@@ -29,36 +29,35 @@ integrator.
 Checks of a solved press
 ------------------------
 
-The checks use the deformed shape alone, independent of MuJoCo.
-
-A state passes if it is at rest and finite, no element is inverted, the top has not sunk into the tip, and the force on
-the tip equals the reaction of the bonded bottom and wall. That reaction is computed from the deformed shape by
-`mesh.nodal_forces`. A state that fails raises an error; nothing is repaired.
+A state passes if it is at rest and finite, no element is inverted, the tip has not sunk into the top, and the force on
+the tip equals the reaction of the bonded bottom and wall. `mesh.nodal_forces` computes this reaction from the deformed
+shape alone, independently of MuJoCo. A state that fails raises an error; nothing is repaired.
 
 Shape of the tip
 ----------------
 
 MuJoCo replaces a mesh by its convex hull, so the tip is made of convex bodies.
 
-An outline whose slope only grows outwards is one convex body of revolution. Other outlines are cut where the slope
-falls, and each part is a separate body. A part that starts away from the axis is a ring, whose hull closes the hole
-with a disc. Heights never fall outwards, so this disc is inside the tip. A part is extended straight beyond its end
-while it stays inside the tip. Otherwise the solver could push an overlapping facet out through the side of the part.
+An outline whose slope only increases outwards gives one convex body of revolution. Other outlines are cut where the
+slope decreases, and each part becomes a separate body. A part that starts away from the axis is a ring, and its hull
+closes the hole with a disc. The outline never falls outwards, so this disc is inside the tip. Each part is extended
+straight beyond its end as far as it stays inside the tip. Otherwise the solver could push an overlapping facet out
+through the side of the part.
 
-Arcs become polylines with a sagitta of 1e-6 tip radii; a coarser one of 1e-4 made the contact chatter. Around the axis,
-points are dense over the wedge and sparse elsewhere.
+Arcs become polylines with a sagitta of 1e-6 tip radii, because 1e-4 made the contact chatter. Around the axis, points
+are dense within the wedge and sparse elsewhere.
 
 Convergence
 -----------
 
 An iteration is at rest when its steps have become negligible, or when it cycles closely around a fixed point.
 
-At a few deep presses one facet at the contact edge repeatedly enters and leaves the contact. The iteration then ends in
-a cycle of a few micrometres that no damping removes. The mean of the cycle is used as the state, if two successive
-windows of iterates have the same mean and no iterate is far from it. Its `chatter` is then not 0, and it must pass the
-same force balance as any other state.
+In a few deep presses, one facet at the contact edge repeatedly enters and leaves the contact. The iteration then ends
+in a cycle of a few micrometres that no damping removes. The mean of the cycle is used as the solved state if two
+successive windows of iterates have the same mean and no iterate is far from it. Such a state has a `chatter` above 0
+and must pass the same force balance as any other.
 
-MuJoCo's own part, a deformable body ("flex") under a tip, is in `PressedFlex`.
+`PressedFlex` wraps MuJoCo's own part, a deformable body ("flex") under a tip.
 """
 
 from __future__ import annotations
@@ -80,19 +79,20 @@ from sims.contact.tip import HEMISPHERE, TipOutline, tip_gap
 SETTLED_LIMIT = 1e-4
 """Largest motion of any vertex in the last step of a state at rest [tip radii]."""
 SHALLOW = 0.05
-"""Depth below which a press counts as shallow [tip radii]: few nodes touch, so a step moves the force more."""
+"""Largest depth of a press that counts as shallow [tip radii]. Few nodes then touch, so a step changes the force more.
+"""
 SHALLOW_SHARE, DEEP_SHARE = 2e-4, 4e-4
-"""Largest last step of any vertex over the depth [-], for shallow presses and for deeper ones."""
+"""Largest allowed motion of a vertex in the last step, over the depth [-]: for shallow presses, and for deeper ones."""
 PENETRATION_LIMIT = 0.02
 """Deepest allowed overlap of a surface facet with the tip [tip radii]: 60 µm for a 3 mm tip."""
 BALANCE_LIMIT = 0.01
-"""Largest difference between contact force and reaction of the bonded surfaces, over the force [-]."""
+"""Largest allowed difference between contact force and reaction of the bonded surfaces, over the force [-]."""
 BALANCE_FLOOR = 1e-4
-"""For forces below this, the force difference is compared with this force [E R²]: 0.9 mN for 3 mm and 1 MPa."""
+"""Smallest force by which `BALANCE_LIMIT` is multiplied [E R²]: 0.9 mN for a 3 mm tip and a modulus of 1 MPa."""
 
 
 class ContactSolveError(RuntimeError):
-    """The contact solver returned a state that fails its own checks."""
+    """The contact solver returned a state that fails the checks."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -103,11 +103,11 @@ class PressState:
     ----------
     depth : press depth
     rest, deformed : (vertex, 3) positions without and with the press
-    elements : (tetrahedron, 4) vertex indices
+    elements : (tetrahedron, 4) indices of each tetrahedron's vertices
     is_bonded : (vertex,) True where the layer is bonded
     poisson_ratio : Poisson's ratio of the layer [-]
     copies : number of wedges in the full circle [-]
-    contact_force : force of the full circle of wedges on the tip
+    contact_force : force on the tip, for the full circle
     overlap : deepest overlap of a surface facet with the tip, as the solver sees it
     last_step : largest motion of a vertex in the last solver step
     chatter : if the state is the mean of a cycle of iterates, the largest distance of a vertex from that mean;
@@ -139,13 +139,13 @@ class StepCheck:
     ----------
     depth, force : press depth and force
     reaction : vertical reaction of the bonded surfaces
-    penetration : deepest overlap of the layer with the tip, by facets and by vertices
+    penetration : deepest overlap of a facet or vertex of the layer with the tip
     last_step : largest motion of a vertex in the last solver step
     chatter : if the state is the mean of a cycle of iterates, the largest distance of a vertex from that mean;
         otherwise 0
     smallest_stretch : smallest volume ratio of an element [-]
-    volume_loss : volume lost by compression, full circle [R³]
-    energy : elastic energy of the layer, full circle [E R³]
+    volume_loss : volume lost by compression, for the full circle [R³]
+    energy : elastic energy of the layer, for the full circle [E R³]
     steps : number of solver steps taken
     """
 
@@ -174,7 +174,7 @@ def _reaction(state: PressState) -> float:
 
 
 def _balances(force: float, reaction: float) -> bool:
-    """Whether force on the tip and reaction agree within tolerance; False if either is not a number."""
+    """Whether the force on the tip and the reaction agree within tolerance; False if either is not a number."""
     return abs(force - reaction) <= BALANCE_LIMIT * max(force, BALANCE_FLOOR)
 
 
@@ -184,9 +184,9 @@ def is_balanced(state: PressState) -> bool:
 
 
 def _penetration(state: PressState) -> float:
-    """Deepest overlap with the tip [tip radii].
+    """Deepest overlap of the layer with the tip [tip radii].
 
-    Vertices are checked too, because the solver does not report contacts that it missed.
+    Vertices are checked as well as the solver's contacts, because the solver may miss contacts.
     """
     radius = np.hypot(state.deformed[:, 0], state.deformed[:, 1])
     return max(
@@ -195,7 +195,7 @@ def _penetration(state: PressState) -> float:
 
 
 def measure_press(state: PressState) -> StepCheck:
-    """Compute the quantities by which a solved state is checked, without checking them."""
+    """Compute the quantities with which a solved state is checked, but do not check them."""
     rest_volumes = volumes(state.rest, state.elements)
     present_volumes = volumes(state.deformed, state.elements)
     energy = elastic_energy(state.rest, state.deformed, state.elements, 1.0, state.poisson_ratio)
@@ -243,13 +243,13 @@ def check_press(state: PressState) -> StepCheck:
 
 
 SAGITTA = 1e-6
-"""Largest distance between an arc and its chords, when arcs become polylines [tip radii]."""
+"""Largest distance between an arc and the polyline that replaces it [tip radii]."""
 TOP_HEIGHT = 6.0
 """Height of the shank above the outline [tip radii]; more than the deepest press."""
 DENSE_HALF_ANGLE = 0.06
-"""Half of the sector in which meridians are dense [rad]; the wedge has 0.05."""
+"""Half the angle of the sector in which meridians are dense [rad]; half the wedge's angle is 0.05."""
 DENSE_COUNT, SPARSE_COUNT = 5, 12
-"""Number of meridians in the dense sector, and in the rest of the circle; one is at the middle of each facet."""
+"""Number of meridians in the dense sector, and in the rest of the circle. One is at the middle of each facet."""
 _SLOPE_NOISE = 1e-9
 
 
@@ -261,7 +261,7 @@ def tip_hulls(tip: TipOutline) -> list[FloatArray]:
 
 
 def outline_points(tip: TipOutline) -> FloatArray:
-    """Radius and height (n, 2) of the corners of the outline as a polyline, from the apex to the shank."""
+    """The outline as a polyline: radius and height (n, 2) of its corners, from the apex to the shank."""
     found = [np.zeros((1, 2))]
     for start, length, (first, last), row in zip(
         tip.starts[:-1], tip.lengths[:-1], tip.angles[:-1], tip.rows, strict=True
@@ -275,7 +275,7 @@ def outline_points(tip: TipOutline) -> FloatArray:
 
 
 def convex_chains(outline: FloatArray) -> list[FloatArray]:
-    """Cut an outline where its slope falls, into polylines (n, 2) that share their ends."""
+    """Cut an outline where its slope decreases, into polylines (n, 2) that share their end points."""
     step = np.diff(outline, axis=0)
     angle = np.arctan2(step[:, 1], step[:, 0])
     cuts = np.flatnonzero(np.diff(angle) < -_SLOPE_NOISE) + 1
@@ -284,7 +284,7 @@ def convex_chains(outline: FloatArray) -> list[FloatArray]:
 
 
 def _prolonged(chain: FloatArray, outline: FloatArray) -> FloatArray:
-    """Extend the last line of a part of the outline, as far as the line stays above the outline."""
+    """Extend the last line of a part of the outline as far as this line stays above the outline."""
     (r0, h0), (r1, h1) = chain[-2], chain[-1]
     beyond = outline[outline[:, 0] > r1 + 1e-12]
     if len(beyond) == 0 or r1 - r0 < 1e-12:
@@ -298,7 +298,7 @@ def _prolonged(chain: FloatArray, outline: FloatArray) -> FloatArray:
 
 
 def _revolved(chain: FloatArray, top: float) -> FloatArray:
-    """Vertices (vertex, 3) of a part of the outline revolved about the axis, and closed upwards at height `top`."""
+    """Vertices (vertex, 3) of the body made by revolving a part of the outline and closing it at height `top`."""
     sparse = np.linspace(DENSE_HALF_ANGLE, 2.0 * np.pi - DENSE_HALF_ANGLE, SPARSE_COUNT + 2)[1:-1]
     angle = np.concatenate([np.linspace(-DENSE_HALF_ANGLE, DENSE_HALF_ANGLE, DENSE_COUNT), sparse])
     rim = np.array([[chain[-1, 0], max(top, float(chain[-1, 1]) + 1.0)]])
@@ -313,13 +313,13 @@ def _revolved(chain: FloatArray, top: float) -> FloatArray:
 
 
 WINDOW = 40
-"""Number of iterates in a window, in which cycles are sought."""
+"""Number of successive iterates over which a cycle is averaged."""
 CHATTER_LIMIT = 2e-3
-"""Largest distance of a vertex from the mean of its cycle [tip radii]: 6 µm for a 3 mm tip, a fifth of the default
-mesh's error at the depths where cycles occur.
+"""Largest allowed distance of a vertex from the mean of its cycle [tip radii]: 6 µm for a 3 mm tip, a fifth of the
+default mesh's error at the depths where cycles occur.
 """
 DRIFT_LIMIT = 3e-4
-"""Largest difference between the means of two successive windows [tip radii]: 0.9 µm for a 3 mm tip."""
+"""Largest allowed difference between the means of two successive windows [tip radii]: 0.9 µm for a 3 mm tip."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -351,7 +351,7 @@ class History:
         self._forces.append(force)
 
     def cycle(self) -> Cycle | None:
-        """The cycle that the iterates have ended in; None if there is none, or fewer than two windows of iterates."""
+        """The cycle in which the iterates have ended; None if there is none, or fewer than two windows of iterates."""
         if len(self._states) < 2 * WINDOW:
             return None
         states = np.array(self._states)
@@ -364,14 +364,15 @@ class History:
 
 
 CONTACT_TIME = 0.1
-"""Time constant of the contact over the time step [-]; smaller ones chatter, with larger ones the tip sinks in."""
+"""Time constant of the contact over the time step [-]. If it is smaller, contact chatters; if larger, the tip sinks in.
+"""
 CONTACT = {"solref": [CONTACT_TIME, 1.0], "solimp": [0.9999, 0.9999, 0.001, 0.5, 2.0], "condim": 1}
 _TIP_HALF_LENGTH = 4.0
 _FLEX_RADIUS = 3e-5
 
 
 def set_options(spec: mujoco.MjSpec, iterations: int, memory: int) -> None:
-    """Set up static Newton iterations: unit time step, no gravity, no lower bound on the contact's time constant."""
+    """Set up static Newton iterations: unit time step, no gravity, no lower limit to the contact's time constant."""
     option = spec.option
     option.integrator = mujoco.mjtIntegrator.mjINT_DISCRETE
     option.solver = mujoco.mjtSolver.mjSOL_NEWTON
@@ -398,7 +399,15 @@ def add_flex(
     elements: IntArray,
     **material: float,
 ) -> None:
-    """Add the layer as a deformable body, with its vertices on bodies or the world; `material`: poisson, damping."""
+    """Add the layer as a deformable body.
+
+    Parameters
+    ----------
+    owners : for each vertex, name of the body to which it is fixed, which may be the world
+    offsets : x, y, z of each vertex relative to its body, in one list
+    elements : (tetrahedron, 4) indices of each tetrahedron's vertices
+    material : keyword arguments `poisson` and `damping` of the material
+    """
     flex = spec.add_flex(name="layer", dim=3, young=1.0, **material)
     flex.elastic3d = 1
     flex.radius, flex.contype, flex.conaffinity = _FLEX_RADIUS, 1, 1
@@ -408,17 +417,17 @@ def add_flex(
 
 
 class _Quiet:
-    """Number of running solves that silence MuJoCo's warnings, and the handler to restore after the last solve."""
+    """Number of running solves that silence MuJoCo's warnings, and the handler to restore after the last of them."""
 
     lock, solves, previous = Lock(), 0, None
 
 
 @contextmanager
 def quiet_mujoco() -> Iterator[None]:
-    """Keep MuJoCo's warnings from creating a log file in the working folder; may be nested, also across threads.
+    """`with` block that keeps MuJoCo's warnings from creating a log file in the working folder; it may be nested.
 
-    MuJoCo warns that the unconstrained start of a step is solved to 1e-4 only. That start has no effect on a state at
-    rest, and `check_press` judges the state from its shape.
+    MuJoCo warns that the unconstrained start of a step is solved only to 1e-4. This start has no effect on a state at
+    rest, and `check_press` judges the state by its shape. Blocks in several threads may overlap.
     """
     with _Quiet.lock:
         if _Quiet.solves == 0:
@@ -435,7 +444,7 @@ def quiet_mujoco() -> Iterator[None]:
 
 
 class PressedFlex:
-    """A MuJoCo model of a part of the layer that is pressed deeper and deeper; `copies` parts make the whole layer."""
+    """MuJoCo model of a part of the layer that is pressed deeper and deeper; `copies` parts make up the whole layer."""
 
     def __init__(self, model: mujoco.MjModel, copies: float) -> None:
         self.model, self.copies = model, copies
@@ -449,7 +458,7 @@ class PressedFlex:
         self.data.qpos[:] = guess
 
     def step(self) -> float:
-        """Do one damped static iteration; return the largest motion of a vertex [tip radii]."""
+        """Perform one damped static iteration, and return the largest motion of a vertex [tip radii]."""
         before = self.data.qpos.copy()
         mujoco.mj_step(self.model, self.data)
         self.data.qvel[:] = 0.0
@@ -460,7 +469,7 @@ class PressedFlex:
         return -self.copies * float(self.data.qfrc_constraint[self.vertical_dofs].sum())
 
     def deformed(self) -> FloatArray:
-        """Present positions (vertex, 3) of the vertices."""
+        """Current positions (vertex, 3) of the vertices."""
         mujoco.mj_kinematics(self.model, self.data)
         mujoco.mj_flex(self.model, self.data)
         return np.array(self.data.flexvert_xpos)
@@ -469,15 +478,16 @@ class PressedFlex:
 WEDGE_ANGLE = 0.1
 """Opening angle of the wedge [rad]."""
 DAMPING = 4.0
-"""Stiffness-proportional damping over the time step [-]: a step makes 1/(1 + damping) of a full Newton step."""
+"""Stiffness-proportional damping over the time step [-]; a step is 1/(1 + damping) of a full Newton step."""
 MASS_PER_RADIUS = 0.004
 """Vertex mass over (spacing · angle · radius) [E R]; sets the contact stiffness."""
 SMALLEST_MASS_RADIUS = 0.7
-"""Vertices nearer to the axis than this radius have the mass of vertices at it [tip radii]."""
+"""Vertices nearer to the axis than this radius have the mass of vertices at this radius [tip radii]."""
 HOOP_STIFFNESS = 3300.0
 """Stiffness that prevents motion out of the radial plane [E R]."""
 DAMPING_FACTORS = (1.0, 4.0, 16.0)
-"""Factors of the damping, tried in turn where contact chatters; the limit of the motion per step falls with each."""
+"""Factors on the damping that are tried in turn if contact chatters. The limit of the motion per step falls with each.
+"""
 FEWEST_STEPS, MOST_STEPS = 4, 160
 """Fewest and most solver steps per depth; very deep presses converge slowly and need up to 130."""
 
@@ -490,9 +500,9 @@ class WedgeSolution:
     ----------
     depths : (depth,) press depths
     radii, heights : (depth, top node) deformed top from the axis to the wall, mean of the two faces
-    normal_force : (depth, top node) force of the tip on the node, positive where it presses the layer
+    normal_force : (depth, top node) force of the tip on each top node, positive where the tip presses
     force : (depth,) press force
-    checks : results of the checks, one record per depth
+    checks : results of the checks, one for each depth
     """
 
     depths: FloatArray
@@ -505,7 +515,7 @@ class WedgeSolution:
 
 @dataclass(frozen=True, kw_only=True)
 class Tetrahedra:
-    """The wedge in space: positions and elements, and for every vertex its r-z node and its angle about the axis."""
+    """The wedge in space: vertices and elements, and for every vertex its node in the r-z mesh and its angle."""
 
     points: FloatArray
     elements: IntArray
@@ -513,13 +523,13 @@ class Tetrahedra:
     angle: FloatArray
 
     def face_mean(self, values: FloatArray, nodes: IntArray) -> FloatArray:
-        """Mean over the wedge's two faces of a value (vertex,), at given r-z nodes."""
+        """Mean of values (vertex,) over the wedge's two faces, at the given nodes of the r-z mesh."""
         total = np.bincount(self.node, weights=values)
         return np.asarray((total / np.bincount(self.node))[nodes], dtype=np.float64)
 
 
 def sweep(mesh: RadialMesh) -> Tetrahedra:
-    """Sweep the r-z triangles into tetrahedra; vertices on the axis are shared by both faces."""
+    """Sweep the r-z triangles into tetrahedra; the two faces of the wedge share the vertices on the axis."""
     count = len(mesh.nodes)
     on_axis = mesh.nodes[:, 0] < 1e-9
     off_axis = np.flatnonzero(~on_axis)
@@ -558,7 +568,7 @@ def _add_tip(spec: mujoco.MjSpec, shape: TipOutline) -> None:
 
 
 def _add_vertex(spec: mujoco.MjSpec, name: str, point: FloatArray, angle: float, mass: float) -> None:
-    """Add a point mass that moves only in its radial plane, or only up and down on the axis (angle 0)."""
+    """Add a point mass that can move only in its radial plane, or if it is on the axis, only up and down."""
     body = spec.worldbody.add_body(name=name, pos=point)
     body.mass, body.inertia, body.explicitinertial = mass, [mass] * 3, True
     on_axis = np.hypot(point[0], point[1]) < 1e-9
@@ -574,7 +584,7 @@ def _add_vertex(spec: mujoco.MjSpec, name: str, point: FloatArray, angle: float,
 
 
 def _add_layer(spec: mujoco.MjSpec, mesh: RadialMesh, wedge: Tetrahedra, poisson_ratio: float) -> None:
-    """Add the layer as a deformable body: bonded vertices belong to the world, the others to bodies of their own."""
+    """Add the layer as a deformable body. Bonded vertices belong to the world, all others to bodies of their own."""
     spacing = mesh.nodes[mesh.top[1], 0] - mesh.nodes[mesh.top[0], 0]
     owners: list[str] = []
     offsets: list[float] = []
@@ -602,7 +612,7 @@ def compile_wedge(
 
 
 class _Press(PressedFlex):
-    """A wedge of the layer that is pressed deeper and deeper by a tip."""
+    """MuJoCo model of a wedge of the layer that a tip presses deeper and deeper."""
 
     def __init__(self, mesh: RadialMesh, poisson_ratio: float, tip: TipOutline) -> None:
         self.mesh, self.poisson_ratio, self.tip = mesh, poisson_ratio, tip
@@ -620,7 +630,7 @@ class _Press(PressedFlex):
         return shared_out(at, self.copies * force, np.stack([radius, height], axis=1))
 
     def settle(self, depth: float, guess: FloatArray) -> PressState:
-        """Move the tip to `depth` and iterate from `guess` until at rest; if contact chatters, damp it more."""
+        """Move the tip to `depth` and iterate from `guess` until at rest; if the contact chatters, increase damping."""
         self.place(depth, guess)
         for factor in DAMPING_FACTORS:
             self.model.flex_damping[:] = factor * DAMPING
@@ -631,9 +641,9 @@ class _Press(PressedFlex):
         return state
 
     def _iterated(self, depth: float, limit: float) -> PressState:
-        """Iterate until no vertex of a balanced state moves by `limit` in a step, or until a narrow cycle is found.
+        """Iterate until the state is balanced and no vertex moves by `limit` in a step, or a narrow cycle is found.
 
-        After `MOST_STEPS` steps the last state is returned.
+        If neither happens within `MOST_STEPS` steps, return the last state.
         """
         history = History()
         loads: deque[FloatArray] = deque(maxlen=WINDOW)
@@ -660,7 +670,7 @@ class _Press(PressedFlex):
         return self._state(depth, self.force(), last_step, 0.0, count)
 
     def _state(self, depth: float, force: float, last_step: float, chatter: float, steps: int) -> PressState:
-        """The present state of the wedge, with the given force and convergence figures."""
+        """The current state of the wedge, with the given force and convergence figures."""
         overlap = max(0.0, -float(self.data.contact.dist.min())) if self.data.ncon else 0.0
         return PressState(
             depth=depth,
@@ -686,7 +696,7 @@ def solve_wedge(
     on_step: Callable[[float], None] | None = None,
     tip: TipOutline = HEMISPHERE,
 ) -> WedgeSolution:
-    """Press the tip to each depth in turn, and check every state at rest.
+    """Press the tip to each depth in turn until the layer is at rest, and check every solved state.
 
     Parameters
     ----------
@@ -728,7 +738,7 @@ class _Settled:
 
 
 def _settled(press: _Press, depths: Sequence[float]) -> Iterator[_Settled]:
-    """Move the tip to each depth in turn, extrapolating the vertices from the last states; yield each checked state."""
+    """Move the tip to each depth in turn, starting from the extrapolated last states, and yield the checked states."""
     past = present = press.data.qpos.copy()
     past_depth = present_depth = 0.0
     for index, depth in enumerate(depths):

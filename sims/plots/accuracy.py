@@ -1,7 +1,7 @@
-"""Plots of an estimator's evaluation: touches and errors against depth, arrows of location errors, depth estimates.
+"""Plots that evaluate an estimator: touches and errors against depth, arrows of location errors, depth estimates.
 
-The errors of several models share one logarithmic scale, as they differ by factors. The Cramér-Rao bound is dashed. An
-arrow runs from the true to the estimated location of the tip.
+The errors of several models share one logarithmic scale, because they differ by large factors. The Cramér-Rao bound is
+dashed. An arrow runs from the true to the estimated location of the tip.
 """
 
 from __future__ import annotations
@@ -19,13 +19,13 @@ from sims.learning.tables import ErrorRow, JudgedPresses, PublishedTouch, TouchR
 from sims.plots.style import BLUE, GREEN, GREY, GRID, INK, MUTED, VERMILLION, WIDTH_IN
 
 LOOKS = ((BLUE, "-", "o"), (VERMILLION, "-", "s"), (GREEN, "-", "^"), (INK, ":", "D"), (GREY, "-.", "v"))
-"""Colour, line style and marker of each model in turn; no two models differ by colour alone."""
+"""Colours, line styles and markers of the models, in this order; no two models differ by colour alone."""
 
 
 def plot_touch(rows: Mapping[str, Sequence[TouchRow]], published: PublishedTouch | None = None) -> Figure:
-    """Share of correctly classified samples (touch or no touch) against depth, with published values if given.
+    """Share of samples correctly classified as touch or no touch, against depth, and published values if given.
 
-    `rows` has one line per model or data set.
+    `rows` gives one line of the plot for each model or data set, by name.
     """
     figure = Figure(figsize=(WIDTH_IN, 3.0), layout="constrained")
     ax = figure.add_subplot()
@@ -52,12 +52,12 @@ def plot_touch(rows: Mapping[str, Sequence[TouchRow]], published: PublishedTouch
 def plot_errors(
     rows: Mapping[str, Sequence[ErrorRow]], bound: Mapping[float, tuple[float, float]] | None = None
 ) -> Figure:
-    """Median error of location and of depth against depth, one line per model; bars end at the 95th percentile.
+    """Median errors of location and depth against depth, one line per model; error bars end at the 95th percentile.
 
     Parameters
     ----------
-    rows : errors by depth for each model
-    bound : by depth [mm], the Cramér-Rao bounds of location and of depth [mm]
+    rows : for each model by name, its errors at every depth
+    bound : for each depth [mm], the Cramér-Rao bounds of location and of depth [mm]
     """
     figure = Figure(figsize=(WIDTH_IN * 1.35, 3.2), layout="constrained")
     panels = figure.subplots(1, 2)
@@ -95,7 +95,7 @@ def _error_line(
 
 
 def plot_arrows(presses: JudgedPresses, depths_mm: Sequence[float], workspace: Outline) -> Figure:
-    """Arrows from true to estimated location, one panel per depth.
+    """Arrows from the true to the estimated location, one panel per depth.
 
     A hollow mark is a press that the model does not detect.
     """
@@ -144,7 +144,7 @@ def plot_depths(presses: JudgedPresses, places_mm: FloatArray) -> Figure:
 
     Parameters
     ----------
-    places_mm : (panel, 2) locations [mm]; each panel shows the press nearest to its location
+    places_mm : (panel, 2) x and y of locations [mm]; each panel shows the presses nearest to its location
     """
     figure = Figure(figsize=(2.2 * len(places_mm) + 0.4, 2.6), layout="constrained")
     panels = figure.subplots(1, len(places_mm), squeeze=False, sharex=True, sharey=True)[0]
@@ -174,7 +174,7 @@ def _nearest_press(presses: JudgedPresses, place_mm: FloatArray) -> JudgedPresse
 
 
 def shown_places_mm(workspace: Outline) -> FloatArray:
-    """(3, 2) locations for the depth plots: the workspace's centre, and near the middles of two edges [mm]."""
+    """(3, 2) locations for the depth plots [mm]: the workspace's centre, and near the middles of two of its edges."""
     x_mm, y_mm = 0.5 * (workspace.x0_mm + workspace.x1_mm), 0.5 * (workspace.y0_mm + workspace.y1_mm)
     return np.array([(x_mm, y_mm), (workspace.x0_mm, y_mm), (x_mm, workspace.y0_mm)])
 

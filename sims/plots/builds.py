@@ -1,8 +1,8 @@
 """Sensitivity of the verdict to manufacturing tolerances: a tornado plot next to rank correlations.
 
-Each row is one toleranced value, the strongest rank correlation first. The left panel has the margin with this value
-alone at its low and its high end; an end with a deadband is labelled with the deadband's length. The right panel has
-the rank correlation over units with all values drawn at once, with its 95 % interval.
+Each row of the plot is one toleranced value, that with the strongest rank correlation first. The left panel shows the
+margin with only this value at its low or high end; an end with a deadband is labelled with the deadband's length. The
+right panel shows the rank correlation over units in which all values are drawn at once, with its 95 % interval.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ WIDTH_IN = 7.4
 
 
 def plot_builds(study: BuildStudy, band: ToleranceBand) -> Figure:
-    """Tornado plot of both ends, and rank correlations, one row per toleranced value."""
+    """Tornado plot of the margin at both ends, and rank correlations, one row per toleranced value."""
     order = study.ranking
     figure = Figure(figsize=(WIDTH_IN, FRAME_IN + ROW_IN * len(order)), layout="constrained")
     ends, ranks = figure.subplots(1, 2, sharey=True, width_ratios=(3, 2))
@@ -42,7 +42,7 @@ def plot_builds(study: BuildStudy, band: ToleranceBand) -> Figure:
 
 
 def plot_ends(study: BuildStudy, band: ToleranceBand, ax: Axes) -> Axes:
-    """Margin with each value alone at its low and high end [noise units]; deadbands are given as labels."""
+    """Margin when one value at a time is at its low or high end [noise units]; labels give the deadbands."""
     rows = {row.path: row for row in band.rows}
     for place, number in enumerate(study.ranking):
         row = rows.get(study.tolerances[number].path)
@@ -72,7 +72,7 @@ def plot_ends(study: BuildStudy, band: ToleranceBand, ax: Axes) -> Axes:
 
 
 def plot_ranks(study: BuildStudy, ax: Axes) -> Axes:
-    """Rank correlation of each value with the margin of the units [-], with its 95 % interval."""
+    """Rank correlation between each value and the margin over all units [-], with its 95 % interval."""
     found = study.rank_correlations()
     for place, number in enumerate(study.ranking):
         value, low, high = found[number]

@@ -1,12 +1,12 @@
-"""Plots of a press: surface under the tip, load, contact radius, pressure, and the load over a protocol.
+"""Plots of a press: surface under the tip, load, contact radius, pressure, and the load during a protocol.
 
-The module also computes the top of a pad under a press, in space and in a vertical section.
+The module also computes the top of a pad under a press, in space and in a vertical cross-section.
 
-A press is along the normal of the untouched top, which is the third axis of its frame (`design.shape.top`). In this
-frame, the height of the pressed top is a curve rotated about the axis, less the fall of the crown below the tangent
-plane. Where the curve overhangs near the shank its lowest height is used, as in `sims.contact.pad_surface`. The tip is
-its outline rotated about the axis. On a crown a vertical section need not contain the axis, so it is found as the zero
-line of a field of points.
+A press moves along the normal of the untouched top, which is the third axis of its coordinate system
+(`design.shape.top`). There, the height of the pressed top is a curve rotated about the axis, minus the drop of the
+crown below the tangent plane. Where the curve overhangs near the shank, its lowest height is used, as in
+`sims.contact.pad_surface`. The tip is its outline rotated about the axis. On a crown, a vertical plane need not contain
+the axis, so a cross-section is found as the line along which a function of position is zero.
 """
 
 from __future__ import annotations
@@ -45,20 +45,20 @@ from sims.press import Indentation
 Place = tuple[float, float]
 
 CUT_POINTS = 500
-"""Number of points in each direction of the grid on which a section's line is found."""
+"""Number of points in each direction of the grid on which the line of a cross-section is found."""
 TIP_POINTS, TIP_LENGTH = 400, 6.0
-"""Number of points of the tip's outline, and its length [tip radii]."""
+"""Number of points on the tip's outline, and the outline's length [tip radii]."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class PressFrame:
-    """Coordinate frame of a press: its third axis is the axis of the press.
+    """Coordinate system of a press: its third axis is the axis of the press.
 
     Attributes
     ----------
-    origin_mm : (3,) origin on the untouched top [mm]
-    axes : (3, 3) unit vectors, one per row; the third is along the press and points upward [-]
-    top : the untouched top in the frame
+    origin_mm : (3,) origin on the untouched top, in cavity coordinates [mm]
+    axes : (3, 3) unit vectors of the three axes, in this order; the third runs along the press and points upward [-]
+    top : the untouched top in this coordinate system
     """
 
     origin_mm: FloatArray
@@ -66,27 +66,27 @@ class PressFrame:
     top: Top
 
     def places_mm(self, across_mm: FloatArray, aside_mm: FloatArray, over_mm: FloatArray) -> FloatArray:
-        """(..., 3) points in the cavity frame, from their (...,) coordinates along the three axes of the press [mm]."""
+        """Convert coordinates (...) along the three axes of the press to points (..., 3) in cavity coordinates [mm]."""
         return np.asarray(self.origin_mm + np.stack([across_mm, aside_mm, over_mm], axis=-1) @ self.axes)
 
     def seen_from_it(self, places_mm: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Coordinates along the three axes of the press, each (...,), of (..., 3) points in the cavity frame [mm]."""
+        """Convert points (..., 3) in cavity coordinates to coordinates (...) along the three axes of the press [mm]."""
         along = (places_mm - self.origin_mm) @ self.axes.T
         return along[..., 0], along[..., 1], along[..., 2]
 
     def fall_mm(self, across_mm: FloatArray, aside_mm: FloatArray) -> FloatArray:
-        """(...,) distance of the untouched top below the tangent plane at the frame's origin [mm]."""
+        """(...) distance of the untouched top below its tangent plane at the origin [mm]."""
         fall = self.top.sag_mm(across_mm, aside_mm)
         return np.asarray(np.where(np.isnan(fall), self.top.radius_mm, fall))
 
     def top_mm(self, press: Indentation | None, across_mm: FloatArray, aside_mm: FloatArray) -> FloatArray:
-        """(...,) height of the pressed top along the third axis [mm]; if `press` is None, of the untouched top."""
+        """(...) height of the pressed top along the third axis [mm]; if `press` is None, that of the untouched top."""
         fall = self.fall_mm(across_mm, aside_mm)
         return -fall if press is None else curve_height_mm(press, np.hypot(across_mm, aside_mm)) - fall
 
 
 def press_frame(design: SensorDesign, at_mm: Place) -> PressFrame:
-    """The frame of a press at a location; its axis is vertical on a flat top."""
+    """The coordinate system of a press at a location; on a flat top, the axis of the press is vertical."""
     top = plan_of(design).top
     origin, axes = top.press_frame(*at_mm)
     return PressFrame(origin_mm=origin, axes=axes, top=top.in_frame)
@@ -94,12 +94,12 @@ def press_frame(design: SensorDesign, at_mm: Place) -> PressFrame:
 
 @dataclass(frozen=True, kw_only=True)
 class CutPlane:
-    """A vertical section plane through a pad; its coordinates are a horizontal distance and a height.
+    """A vertical plane that cuts through a pad; its coordinates are a horizontal distance and a height.
 
     Attributes
     ----------
     start_mm : (x, y) where the horizontal distance is 0 [mm]
-    direction : (x, y) unit vector along the plane [-]
+    direction : (x, y) horizontal unit vector along the plane [-]
     reach_mm : smallest and largest distance that is drawn [mm]
     ceiling_mm : height up to which the plane is drawn [mm]
     """
@@ -110,24 +110,24 @@ class CutPlane:
     ceiling_mm: float
 
     def places_mm(self, along_mm: FloatArray, height_mm: FloatArray) -> FloatArray:
-        """(..., 3) points in the cavity frame, from their distance and height in the plane [mm]."""
+        """Convert distances and heights (...) in the plane to points (..., 3) in cavity coordinates [mm]."""
         (x, y), (dx, dy) = self.start_mm, self.direction
         return np.stack([x + along_mm * dx, y + along_mm * dy, height_mm], axis=-1)
 
     def untouched_mm(self, plan: Plan) -> FloatArray:
-        """(n, 2) distance and height of the untouched top in the plane [mm]."""
+        """Distance and height (n, 2) of points on the untouched top in the plane [mm]."""
         along = np.linspace(*self.reach_mm, CUT_POINTS)
         places = self.places_mm(along, np.zeros_like(along))
         return np.column_stack([along, [plan.top_mm(float(x), float(y)) for x, y, _ in places]])
 
     def line_mm(self, beyond_mm: Callable[[FloatArray], FloatArray], through_mm: FloatArray) -> FloatArray:
-        """(n, 2) distance and height of the longest line in the plane along which a scalar field is zero [mm].
+        """Distance and height (n, 2) of the longest line in the plane along which a function of position is zero [mm].
 
-        It is empty (0, 2) if there is no such line.
+        It is empty, with shape (0, 2), if there is no such line.
 
         Parameters
         ----------
-        beyond_mm : field: (..., 3) points in the cavity frame [mm] to (...,) values
+        beyond_mm : the function, from points (..., 3) in cavity coordinates [mm] to values (...)
         through_mm : (3,) point near which the line is found exactly, such as the foot of a press's axis [mm]
         """
         foot = (through_mm[:2] - np.array(self.start_mm)) @ np.array(self.direction)
@@ -142,7 +142,7 @@ class CutPlane:
 
 
 def cut_top_mm(frame: PressFrame, press: Indentation, plane: CutPlane) -> FloatArray:
-    """(n, 2) distance and height of the pressed top in a vertical section plane [mm]."""
+    """Distance and height (n, 2) of points on the pressed top where a vertical plane cuts it [mm]."""
 
     def beyond(places: FloatArray) -> FloatArray:
         across, aside, over = frame.seen_from_it(places)
@@ -152,7 +152,7 @@ def cut_top_mm(frame: PressFrame, press: Indentation, plane: CutPlane) -> FloatA
 
 
 def seen_tip_mm(design: SensorDesign, frame: PressFrame, depth_mm: float, plane: CutPlane) -> FloatArray:
-    """(n, 2) distance and height of the tip's outline, projected onto a vertical section plane [mm]."""
+    """Distance and height (n, 2) of points on the tip's outline, projected onto a vertical plane [mm]."""
     radius, tall = tip_points_mm(design.indenter, TIP_LENGTH, TIP_POINTS).T
     (right, up), upward = plane.direction, frame.axes[2]
     sideways = np.cross(np.array([-up, right, 0.0]), upward)
@@ -165,7 +165,7 @@ def seen_tip_mm(design: SensorDesign, frame: PressFrame, depth_mm: float, plane:
 
 
 def cut_tip_mm(design: SensorDesign, frame: PressFrame, depth_mm: float, plane: CutPlane) -> FloatArray:
-    """(n, 2) distance and height of the tip's section by a vertical plane [mm]; empty if the plane misses the tip."""
+    """Distance and height (n, 2) of the line along which a vertical plane cuts the tip [mm]; empty if there is none."""
     radius, tall = tip_points_mm(design.indenter, TIP_LENGTH, TIP_POINTS).T
 
     def beyond(places: FloatArray) -> FloatArray:
@@ -198,12 +198,12 @@ def plot_profile(
     *,
     crown_radius_mm: float | None = None,
 ) -> Axes:
-    """Section through tip and pad: height [mm] against distance from the axis [mm], at equal scales.
+    """Cross-section of tip and pad: height [mm] against distance from the axis [mm], at equal scales.
 
     Parameters
     ----------
     press : the deformed surface
-    tip_mm : radius and height above the apex of points on the tip's outline, from the apex up the shank [mm]
+    tip_mm : radii of points on the tip's outline from the apex to the shank, and their heights above the apex [mm]
     crown_radius_mm : radius of the sphere with the mean curvature of a crowned top [mm]; None for a flat top
     """
     untouched = np.zeros_like(press.radius_mm)
@@ -248,7 +248,7 @@ def plot_profile(
 
 
 def _mirrored(radius: FloatArray, height: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Radius and height of a whole section from left to right, from its right half, which starts on the axis."""
+    """Mirror the right half of a cross-section, given from the axis outward; return the whole, from left to right."""
     return np.concatenate([-radius[::-1], radius]), np.concatenate([height[::-1], height])
 
 
@@ -290,12 +290,12 @@ def plot_force(
     *,
     measured: Sequence[tuple[float, float, str]] = (),
 ) -> Axes:
-    """Load [N] against depth [mm], with the band of the modulus.
+    """Load [N] against depth [mm], with the band due to the uncertainty of the modulus.
 
     Parameters
     ----------
     modulus : Young's modulus for which the loads are computed [MPa]
-    measured : (depth [mm], force [N], label) of measurements for comparison
+    measured : measurements for comparison, each as (depth [mm], force [N], label)
     """
     ax = axes_or_new(ax, HEIGHT_IN)
     if force.has_band:
@@ -316,7 +316,7 @@ def plot_force(
 
 
 def plot_force_near(force: ForceCurve, modulus: Quantity, measured: tuple[float, float, str]) -> Axes:
-    """Load [N] against depth [mm] around one measured point, from contact to twice its depth."""
+    """Load [N] against depth [mm] around one measured point, from first contact to twice the point's depth."""
     ax = plot_force(force, modulus, measured=[measured])
     deepest = min(2.0 * measured[0], float(force.depth_mm[-1]))
     ax.set_xlim(0.0, deepest)
@@ -325,7 +325,7 @@ def plot_force_near(force: ForceCurve, modulus: Quantity, measured: tuple[float,
 
 
 def plot_contact_radius(force: ForceCurve, ax: Axes | None = None) -> Axes:
-    """Radius of the circle of contact [mm] against depth [mm]."""
+    """Radius of the contact circle [mm] against depth [mm]."""
     ax = axes_or_new(ax, HEIGHT_IN)
     ax.plot(force.depth_mm, force.contact_radius_mm, color=GREEN, linewidth=2)
     _frame(ax, force.depth_mm, "contact radius [mm]")
@@ -333,7 +333,7 @@ def plot_contact_radius(force: ForceCurve, ax: Axes | None = None) -> Axes:
 
 
 def plot_load_protocol(history: LoadHistory, ax: Axes | None = None) -> Axes:
-    """Load [N] against depth [mm] over a load protocol; points mark the load at the end of each pause."""
+    """Load [N] against depth [mm] during a load protocol; points mark the load at the end of each pause."""
     ax = axes_or_new(ax, HEIGHT_IN)
     turn = history.turn
     inward = "pressing" if history.has_relaxation else "pressing and retracting: the same, elastic"
@@ -354,7 +354,7 @@ def plot_load_protocol(history: LoadHistory, ax: Axes | None = None) -> Axes:
 
 
 def plot_load_over_time(history: LoadHistory, ax: Axes | None = None) -> Axes:
-    """Load [N] against time [s] over a load protocol, with the load of a purely elastic pad."""
+    """Load [N] against time [s] during a load protocol, compared with the load of a purely elastic pad."""
     ax = axes_or_new(ax, HEIGHT_IN)
     ax.plot(history.time_s, history.load_n, color=BLUE, linewidth=1.6, label="load")
     if history.has_relaxation:

@@ -1,7 +1,7 @@
 """Plots of a search: the Pareto front, parallel coordinates, and the importance of fields.
 
-Front, other designs and base differ in shape and line as well as in colour. Designs whose evaluation was stopped early
-are not shown.
+The front, other designs and the base design differ in marker and line style as well as in colour. Designs whose
+evaluation was stopped early are not shown.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from sims.plots.style import BLUE, GREY, GRID, INK, MUTED, VERMILLION, axes_or_n
 
 PANEL_IN = (4.6, 3.4)
 AXIS_IN = 1.05
-"""Width per axis of a parallel-coordinates plot, with space for its name and two ends [inch]."""
+"""Width per axis of a parallel-coordinates plot [inch], with space for the axis's name and the values at its ends."""
 
 
 def front_svg(space: SearchSpace, base: Judged, tried: Sequence[Tried], front: Sequence[Tried]) -> str:
@@ -48,9 +48,9 @@ def front_svg(space: SearchSpace, base: Judged, tried: Sequence[Tried], front: S
 def front_panels(
     space: SearchSpace, base: Judged, tried: Sequence[Tried], front: Sequence[Tried]
 ) -> tuple[str, ...]:
-    """The Pareto front in every pair of objectives, each as SVG text.
+    """The Pareto front for every pair of objectives, each as SVG text.
 
-    For a single objective it is the course of the search.
+    If there is a single objective, its course over the search is plotted instead.
     """
     drawn = []
     with plain_style():
@@ -74,7 +74,7 @@ def _svg_of(ax: Axes, salt: str) -> str:
 def plot_front(
     x: str, y: str, base: Judged, tried: Sequence[Tried], front: Sequence[Tried], ax: Axes | None = None
 ) -> Axes:
-    """Fully judged designs by two figures `x` and `y`; the front and the base design are highlighted."""
+    """Fully judged designs, with the results `x` and `y` on the axes; the front and the base design are highlighted."""
     ax = axes_or_new(ax, PANEL_IN[1], PANEL_IN[0])
     on_front = {one.number for one in front}
     rest = [one.judged for one in tried if one.number not in on_front]
@@ -92,7 +92,7 @@ def plot_front(
 
 
 def plot_course(space: SearchSpace, base: Judged, tried: Sequence[Tried], ax: Axes | None = None) -> Axes:
-    """One objective over the search: every feasible design, and the best so far."""
+    """Value of one objective over the search: every feasible design, and the best one so far."""
     ax = axes_or_new(ax, PANEL_IN[1], PANEL_IN[0])
     objective = space.objectives[0]
     pick = np.minimum if objective.sense == "minimize" else np.maximum
@@ -120,7 +120,7 @@ def parallel_svg(space: SearchSpace, tried: Sequence[Tried], front: Sequence[Tri
 def plot_parallel(
     space: SearchSpace, tried: Sequence[Tried], front: Sequence[Tried], ax: Axes | None = None
 ) -> Axes:
-    """Parallel coordinates of fields and objectives, one line per fully judged design; values increase upwards."""
+    """Parallel coordinates of fields and objectives, one line per fully judged design. Values increase upwards."""
     names = [field.path for field in space.fields] + [objective.figure for objective in space.objectives]
     ax = axes_or_new(ax, 3.6, max(4.6, AXIS_IN * len(names)))
     on_front = {one.number for one in front}
@@ -155,7 +155,7 @@ def plot_parallel(
 
 
 def importance_svg(space: SearchSpace, importance: dict[str, dict[str, float]]) -> str:
-    """Importance of every field for every objective, as SVG text."""
+    """Bars of the importance of every field for every objective, as SVG text."""
     with plain_style():
         return _svg_of(plot_importance(space, importance), "importance")
 
@@ -163,7 +163,7 @@ def importance_svg(space: SearchSpace, importance: dict[str, dict[str, float]]) 
 def plot_importance(
     space: SearchSpace, importance: dict[str, dict[str, float]], ax: Axes | None = None
 ) -> Axes:
-    """Bars of the importance of every field for every objective [-]."""
+    """Bars of the importance [-] of every field for every objective."""
     fields = [field.path for field in space.fields]
     ax = axes_or_new(ax, 1.0 + 0.22 * len(fields) * max(1, len(importance)))
     looks = ((VERMILLION, ""), (BLUE, "//"), (GREY, ".."), (INK, "xx"), (MUTED, "--"), (GRID, "\\\\"))
@@ -191,18 +191,18 @@ def plot_importance(
 
 
 def axis_label(figure: str) -> str:
-    """A figure's name with its unit in brackets."""
+    """Name of a result, followed by its unit in brackets."""
     unit = FIGURES[figure].unit
     return f"{words(figure)} [{'-' if unit == '1' else unit}]"
 
 
 def words(name: str) -> str:
-    """Name of a figure or field as words, without unit suffix and underscores."""
+    """Name of a result or field in plain words, without the unit suffix and underscores."""
     return name.removesuffix("_mm").replace("_", " ")
 
 
 def short_name(path: str) -> str:
-    """Last word of a dotted path, and the name of its section on a second line."""
+    """Last part of a dotted path, and the section of the design that contains it on a second line."""
     head, _, leaf = path.rpartition(".")
     return f"{words(leaf)}\n{head.split('.')[0]}" if head else words(leaf)
 

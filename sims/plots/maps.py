@@ -1,8 +1,8 @@
 """Maps over the pad: deadband, margin and usable depth, bounds of location and depth, and detection threshold.
 
-A cell represents the press at its centre; nothing is interpolated between locations. Cells at the border
-reach half a pitch beyond the workspace, which is drawn dashed; there is no cell outside the workspace.
-Locations without a finite value are hatched. Maps of several depths share one scale for comparison.
+A cell represents the press at its centre; nothing is interpolated between locations. Cells at the border extend half a
+pitch beyond the workspace, whose outline is dashed. No cell has its centre outside the workspace. Locations without a
+finite value are hatched. Maps for several depths share one scale for comparison.
 
 The module also draws a pad, its workspace and its components from above.
 """
@@ -47,7 +47,7 @@ def clip_to_pad(artist: Any, ax: Any, cavity: CavityGeometry) -> None:
 
 
 def draw_part(ax: Axes, part: PlacedPart, colour: str, *, size: float, is_named: bool) -> None:
-    """A component from above: an emitter is a dot, a receiver an open square, with the name further outward.
+    """Draw a component from above: an emitter as a dot, a receiver as an open square, with its name outside the pad.
 
     Parameters
     ----------
@@ -90,14 +90,14 @@ LABELS = {
 MOST_NUMBERED = 13
 """Largest number of locations along a side for which cells show numbers."""
 FEW, LETTERS = 7, ((7.0, 4.6), (8.0, 5.5))
-"""Number of locations along a side up to which numbers are large, and the number sizes (large, small) in a panel of a
-sheet and in a large map [points]."""
+"""Number of locations along a side up to which numbers are large, and the font sizes of large and small numbers, first
+in a panel of a sheet and then in a large map [points]."""
 MOST_NAMED = 32
 """Largest number of components whose names are shown."""
 
 
 def plot_deadband_map(pad_map: PadMap, cavity: CavityGeometry, ax: Axes | None = None) -> Axes:
-    """Summed deadband at each location [mm]; the worst location is framed if there is any deadband."""
+    """Total length of the deadbands at each location [mm]; the worst location is framed if there is any deadband."""
     dead_mm = pad_map.deadband_grid_mm()
     norm = Normalize(0.0, max(float(np.nanmax(dead_mm)), 1e-9))
     framed = pad_map.worst if pad_map.worst.deadbands_mm else None
@@ -109,11 +109,13 @@ def plot_deadband_map(pad_map: PadMap, cavity: CavityGeometry, ax: Axes | None =
 def plot_margin_map(
     pad_map: PadMap, cavity: CavityGeometry, ax: Axes | None = None, *, most: float | None = None
 ) -> Axes:
-    """Distance of frames over the least resolved 0.3 mm of depth [noise units]; the least margin is framed.
+    """Margin at each location: change of the frame over the least resolved 0.3 mm of depth [noise units].
+
+    The location with the smallest margin is framed.
 
     Parameters
     ----------
-    most : upper end of the colour scale [noise units]; None for the largest margin
+    most : upper end of the colour scale [noise units]; None is the largest margin
     """
     margin = pad_map.grid([place.margin for place in pad_map.places])
     norm = Normalize(0.0, most or float(np.nanmax(margin)) or 1.0)
@@ -122,7 +124,7 @@ def plot_margin_map(
 
 
 def plot_usable_map(pad_map: PadMap, cavity: CavityGeometry, ax: Axes | None = None) -> Axes:
-    """Usable depth, down to which depth is resolved, at each location [mm]; the worst location is framed."""
+    """Usable depth [mm]: down to which depth presses are resolved at each location; the worst location is framed."""
     usable = pad_map.usable_grid_mm()
     norm = Normalize(0.0, float(np.nanmax(usable)) or 1.0)
     return _plot_map(ax, pad_map, cavity, usable, norm, "usable depth [mm]", pad_map.weakest)
@@ -139,7 +141,7 @@ def plot_felt_map(detection: DetectionThreshold, cavity: CavityGeometry, ax: Axe
 
 
 def plot_bound_sheet(bounds: PadBounds, cavity: CavityGeometry, quantity: Quantity) -> Figure:
-    """Least standard deviation of location or depth [µm], one map per depth, side by side."""
+    """Cramér-Rao bound of location or depth as a standard deviation [µm], in one map per depth, side by side."""
     values = UM_PER_MM * (bounds.location_mm if quantity == "location" else bounds.depth_bound_mm)
     figure, panels = map_sheet(cavity, [f"{depth:g} mm deep" for depth in bounds.depth_mm], PANEL_IN)
     norm, lines = _log_scale(values), (bounds.x_mm, bounds.y_mm)
@@ -150,7 +152,7 @@ def plot_bound_sheet(bounds: PadBounds, cavity: CavityGeometry, quantity: Quanti
 
 
 def map_sheet(cavity: CavityGeometry, titles: Sequence[str], panel_in: float) -> tuple[Figure, list[Axes]]:
-    """A figure with titled axes for maps side by side, three in a row.
+    """A figure and its titled axes, for maps side by side with three in a row.
 
     Parameters
     ----------
@@ -182,15 +184,15 @@ def draw_map(
     is_numbered: bool = True,
     is_large: bool = False,
 ) -> None:
-    """Cells of a map, with the pad's outline and components.
+    """Draw the cells of a map, with the pad's outline and components.
 
     Parameters
     ----------
     lines : x and y coordinates of the locations [mm]
     values : (ny, nx) values; NaN where there is no cell
-    hatched : (ny, nx) cells to hatch; None hatches cells with infinite values
-    is_numbered : whether to write numbers into the cells if they are legible
-    is_large : whether there is space for the names of components and for the workspace
+    hatched : (ny, nx) cells to hatch; if None, those with infinite values
+    is_numbered : whether to write the values into the cells, if they are few enough to be legible
+    is_large : whether there is space to draw the components' names and the workspace
     """
     x, y = _edges_mm(lines, cavity)
     known = np.ma.masked_invalid(values)
@@ -222,7 +224,7 @@ def draw_map(
 def add_scale(
     figure: Figure | None, panels: Sequence[Axes], label: str, colours: Colormap, norm: Normalize
 ) -> None:
-    """A colour bar next to the panels; logarithmic scales have ticks at 1, 2 and 5 times powers of ten."""
+    """Add a colour bar next to the panels; a logarithmic one has ticks at 1, 2 and 5 times powers of ten."""
     assert figure is not None
     assert norm.vmin is not None
     assert norm.vmax is not None
@@ -247,7 +249,7 @@ def _plot_map(
     framed: Place | None,
     colours: Colormap = CHANGE_COLOURS,
 ) -> Axes:
-    """A large map with its colour bar; the frame around a location's cell has the group identifier ``marked``."""
+    """Draw a large map with its colour bar. The frame around the cell `framed` has the group identifier ``marked``."""
     ax = axes_or_new(ax, _height_in(cavity))
     lines = pad_map.x_mm, pad_map.y_mm
     draw_map(ax, cavity, lines, values, colours, norm, is_large=True)
@@ -271,9 +273,9 @@ def _log_scale(values: FloatArray) -> LogNorm:
 
 
 def _edges_mm(lines: Lines, cavity: CavityGeometry) -> tuple[FloatArray, FloatArray]:
-    """x and y of cell borders half-way between locations, within the cavity [mm].
+    """x and y coordinates of the cells' borders, half-way between locations and within the cavity [mm].
 
-    A direction with a single location has the pitch of the other direction.
+    If there is a single location in one direction, its cell is as wide as the pitch of the other direction.
     """
     space = cavity.workspace
     side = max(space.x1_mm - space.x0_mm, space.y1_mm - space.y0_mm, 1.0)
@@ -286,7 +288,7 @@ def _edges_mm(lines: Lines, cavity: CavityGeometry) -> tuple[FloatArray, FloatAr
 
 
 def _cell(x: FloatArray, y: FloatArray, row: int, column: int, **look: Any) -> Rectangle:
-    """The cell in this row and column, from the x and y of the cell borders [mm]."""
+    """Rectangle of the cell in this row and column of the grid, from the x and y of all cell borders [mm]."""
     wide, tall = float(x[column + 1] - x[column]), float(y[row + 1] - y[row])
     return Rectangle((float(x[column]), float(y[row])), wide, tall, **look)
 

@@ -1,4 +1,4 @@
-"""A sheet of light paths under several presses, one row per press with its section and its plan view."""
+"""A sheet of light paths under several presses: one row of plots per press, with cross-section and plan view."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ SECTION_IN = (6.0, 2.9)
 PLAN_IN = (3.0, 2.7)
 LEFT_IN, GAP_IN, HEAD_IN, TICKS_IN, FOOT_IN, LINE_IN = 0.55, 0.75, 0.55, 0.25, 0.3, 0.15
 CAPTION_SIGNS = 16
-"""Characters per inch in the caption."""
+"""Number of characters per inch in the caption."""
 
 
 def ray_sheet(
@@ -39,13 +39,14 @@ def ray_sheet(
     caption: str,
     is_of_untouched: bool,
 ) -> Figure:
-    """Sheet with one row per press, each with section and plan view, at equal scales; the untouched pad is first.
+    """Sheet with one row of plots per press: cross-section and plan view. All rows have the same scale.
 
     Parameters
     ----------
     states : the presses with their light paths, the untouched pad first
-    cut : line of the section in every row
-    is_of_untouched : whether powers are shares of the untouched total; otherwise of the emitters' power
+    cut : line of the cross-section, the same in every row
+    is_of_untouched : whether powers are shares of the total received in the untouched pad; if False, of the emitters'
+        power
     """
     section, plan = _sizes_in(design, cut)
     width = max(LEAST_WIDTH_IN, LEFT_IN + section[0] + GAP_IN + plan[0] + 0.2)
@@ -73,7 +74,7 @@ def _unit(states: Sequence[RayState], is_of_untouched: bool) -> float | None:
 
 
 def _sizes_in(design: SensorDesign, cut: Cut) -> tuple[tuple[float, float], tuple[float, float]]:
-    """(width, height) of section and of plan view [inch], each as large as its space allows."""
+    """(width, height) of the cross-section and of the plan view [inch], each as large as its space allows."""
     cavity = cavity_of(design)
     start, end = cut.reach_mm(cavity)
     length = (1.0 + 2 * SECTION_ROOM) * (end - start)

@@ -1,13 +1,11 @@
-"""Sample paths of light in a vertical section and in plan view, with the power of each kind of path.
+"""Sample paths of light in a vertical cross-section and in plan view, with the power of each kind of light.
 
-The section is along a line between two walls: the chord of a pair, the line straight across from a component, or a line
-through a point. Paths are projected onto the section's plane. A path outside the plane may therefore seem to end at a
-wall that it does not touch; the plan view shows its true course. Tip and pressed top are drawn where the plane cuts
-them (`sims.plots.contact`). If the tip's axis is not in the plane, its projected outline is dotted.
+The cross-section is along a line between two walls: the chord of a pair, the line straight across from a component, or
+a line through a point. Paths are projected onto its plane. A path outside the plane may therefore seem to end at a wall
+that it does not touch; the plan view shows its true course. Tip and pressed top are drawn where the plane cuts them
+(`sims.plots.contact`). If the tip's axis is not in the plane, the tip's projected outline is added as a dotted line.
 
-The lines are samples (`sims.rays`). The powers in the legend come from the light model.
-
-The line of a section: a pair's chord, straight across from a part, or through a point.
+The drawn paths are samples (`sims.rays`). The powers in the legend come from the light model.
 """
 
 from __future__ import annotations
@@ -44,7 +42,7 @@ SILHOUETTE_POINTS = 60
 
 @dataclass(frozen=True, kw_only=True)
 class Cut:
-    """The line of a vertical section from wall to wall, viewed from the left side of its direction.
+    """The horizontal line of a vertical cross-section from wall to wall; its start is drawn on the left.
 
     Attributes
     ----------
@@ -63,7 +61,7 @@ class Cut:
 
     @property
     def direction(self) -> FloatArray:
-        """(2,) unit vector from start to end [-]."""
+        """Unit vector (2,) from start to end [-]."""
         return np.subtract(self.end_mm, self.start_mm) / self.length_mm
 
     def plane(self, ceiling_mm: float) -> CutPlane:
@@ -73,16 +71,16 @@ class Cut:
         return CutPlane(start_mm=self.start_mm, direction=(right, up), reach_mm=reach, ceiling_mm=ceiling_mm)
 
     def reach_mm(self, cavity: CavityGeometry) -> tuple[float, float]:
-        """Smallest and largest distance along the line of the whole block, projected onto the section [mm]."""
+        """Smallest and largest distance along the line for the whole pad, projected onto the cross-section [mm]."""
         along = self.along_mm(outline_mm(cavity.plan))
         return float(along.min()), float(along.max())
 
     def along_mm(self, places_mm: FloatArray) -> FloatArray:
-        """(...,) distance along the line from its start [mm], for (..., 2 or 3) points in the cavity frame."""
+        """Distance (...) along the line from its start [mm], for points (..., 2) or (..., 3) in cavity coordinates."""
         return np.asarray((places_mm[..., :2] - np.array(self.start_mm)) @ self.direction)
 
     def silhouette_mm(self, cavity: CavityGeometry, reach: tuple[float, float]) -> FloatArray:
-        """(n, 2) distance and height of the clear layer's outline, projected onto the section [mm]."""
+        """Distance and height (n, 2) of the clear layer's outline, projected onto the cross-section [mm]."""
         along = np.linspace(*reach, SILHOUETTE_POINTS)
         size = cavity.plan.radius_mm
         aside = np.linspace(-2.0 * size, 2.0 * size, 4 * SILHOUETTE_POINTS)
@@ -95,20 +93,20 @@ class Cut:
         return np.column_stack([[reach[0], *along, reach[1]], [0.0, *tops, 0.0]])
 
     def beside_mm(self, place_mm: tuple[float, float]) -> float:
-        """Distance of an (x, y) point from the line [mm]."""
+        """Distance of a point (x, y) from the line [mm]."""
         ahead, aside = np.subtract(place_mm, self.start_mm), self.direction[::-1] * [-1.0, 1.0]
         return float(abs(ahead @ aside))
 
 
 def cut_of_pair(cavity: CavityGeometry, pair: tuple[int, int]) -> Cut:
-    """The section along a pair's chord, from emitter to receiver."""
+    """The cross-section along a pair's chord, from emitter to receiver."""
     ends = cavity.emitters[pair[0]], cavity.receivers[pair[1]]
     start, end = (part.position_mm[:2] for part in ends)
     return Cut(start_mm=start, end_mm=end, name=f"along the chord from {ends[0].name} to {ends[1].name}")
 
 
 def cut_across(cavity: CavityGeometry, part: PlacedPart) -> Cut:
-    """The section from a component straight across to the opposite wall."""
+    """The cross-section from a component straight across to the opposite wall."""
     x, y, _ = part.position_mm
     right, up = part.line.outward
     far = cavity.plan.outline.way_out_mm((x, y), (-right, -up))
@@ -117,7 +115,7 @@ def cut_across(cavity: CavityGeometry, part: PlacedPart) -> Cut:
 
 
 def cut_through(cavity: CavityGeometry, x_mm: float, y_mm: float) -> Cut:
-    """The section through a point from wall to wall along the longer side; for a disc along x."""
+    """The cross-section through a point, from wall to wall along the pad's longer side; along x if they are equal."""
     outline, place = cavity.plan.outline, (x_mm, y_mm)
     if cavity.length_mm >= cavity.width_mm:
         back, far = (outline.way_out_mm(place, (way, 0.0)) for way in (-1.0, 1.0))
@@ -134,16 +132,16 @@ BLACK = "#33383f"
 """Colour of the black layer, slightly lighter than black so that marks on it are visible."""
 RAY_WIDTH, LOST_WIDTH = 0.55, 0.8
 HEAD_ROOM = 0.95
-"""Height above the undisturbed surface up to which a section is drawn [tip radii]."""
+"""Height above the undisturbed surface up to which a cross-section is drawn [tip radii]."""
 SECTION_ROOM, PLAN_ROOM = 0.07, 0.11
-"""Margin around the block in section and in plan view, as a share of its length [-]."""
+"""Margins around the pad in cross-section and in plan view, as a share of its drawn length [-]."""
 ON_AXIS_MM = 0.05
-"""Distance of the press's axis from the section's plane below which the axis counts as in the plane [mm]."""
+"""Distance from the plane of the cross-section below which a press axis or a component counts as in the plane [mm]."""
 CUT_FACE_MM = 0.15
-"""Half the drawn thickness of a component's face that the section cuts [mm]."""
+"""Half the drawn thickness of a component's face where the plane of the cross-section cuts it [mm]."""
 RING_POINTS = 72
 MOST_LABELS, MOST_LABELS_IN_SECTION = 32, 2
-"""Largest number of components with names, in plan view and in section."""
+"""Largest number of components for which all names are shown, in plan view and in cross-section."""
 
 
 def plot_ray_section(
@@ -154,13 +152,13 @@ def plot_ray_section(
     cut: Cut,
     untouched: float | None = None,
 ) -> Axes:
-    """Vertical section: height above the clear layer's bottom [mm] against distance along a line [mm].
+    """Light paths in vertical cross-section: height above the clear layer's bottom against distance along a line [mm].
 
     Parameters
     ----------
     state : the press, the paths and their powers
-    cut : line of the section
-    untouched : reference for the shares in the legend, as a share of the emitters' power [-]; None for the emitters'
+    cut : line of the cross-section
+    untouched : power that counts as 100 % in the legend, as a share of the emitters' power [-]; None is the emitters'
         power itself
     """
     ax = axes_or_new(ax, SECTION_IN[1], SECTION_IN[0])
@@ -188,12 +186,12 @@ def draw_cut_pad(
     place_mm: tuple[float, float],
     press: Indentation | None,
 ) -> None:
-    """Draw layers, pressed top and tip where a section cuts them, and set the limits of the axes.
+    """Draw layers, pressed top and tip where the plane of a cross-section cuts them, and set the limits of the axes.
 
     Parameters
     ----------
-    reach_mm : smallest and largest distance along the section that is drawn [mm]; the block beyond the section's ends
-        is pale
+    reach_mm : smallest and largest drawn distance along the line of the cross-section [mm]. Beyond the ends of this
+        line, the pad is drawn pale
     place_mm : (x, y) of the press [mm]
     press : the deformed top; None for the untouched pad
     """
@@ -217,14 +215,14 @@ def draw_cut_pad(
 
 
 def ceiling_mm(design: SensorDesign) -> float:
-    """Height up to which a section is drawn [mm]."""
+    """Height above the clear layer's bottom up to which a cross-section is drawn [mm]."""
     return design.cavity.clear_thickness_mm + HEAD_ROOM * design.indenter.tip_radius_mm
 
 
 def plot_ray_plan(
     state: RayState, design: SensorDesign, ax: Axes | None = None, *, cut: Cut | None = None
 ) -> Axes:
-    """Plan view of the light paths: y [mm] against x [mm], with contact circle and dashed section line."""
+    """Plan view of the light paths: y [mm] against x [mm], with contact circle; the line `cut`, if given, is dashed."""
     ax = axes_or_new(ax, PLAN_IN[1], PLAN_IN[0])
     cavity = cavity_of(design)
     size = cavity.length_mm, cavity.width_mm
@@ -253,7 +251,7 @@ def plot_ray_plan(
 
 
 def _draw_block(ax: Axes, cavity: CavityGeometry, cut: Cut, reach: tuple[float, float]) -> None:
-    """Clear layer and black layer: pale beyond the section's ends, darker where the section cuts them."""
+    """Draw the clear and the black layer: darker where the cross-section cuts them, and pale beyond its ends."""
     for (start, end), alpha in ((reach, 0.25), ((0.0, cut.length_mm), 0.45)):
         corner = (start, -cavity.black_mm)
         ax.add_patch(Rectangle(corner, end - start, cavity.black_mm, color=BLACK, alpha=alpha + 0.4, lw=0))
@@ -277,7 +275,7 @@ def _draw_block(ax: Axes, cavity: CavityGeometry, cut: Cut, reach: tuple[float, 
 
 
 def _draw_tip(ax: Axes, design: SensorDesign, cut: Cut, frame: PressFrame, depth_mm: float) -> None:
-    """The tip's section; if its axis is not in the plane, also its projected outline, dotted."""
+    """Draw the tip where the plane cuts it, and if its axis is not in the plane, also its projected outline, dotted."""
     plane = cut.plane(ceiling_mm(design))
     outline = cut_tip_mm(design, frame, depth_mm, plane)
     if len(outline):
@@ -292,7 +290,7 @@ def _draw_tip(ax: Axes, design: SensorDesign, cut: Cut, frame: PressFrame, depth
 
 
 def _draw_paths(ax: Axes, state: RayState, projected: Any) -> None:
-    """Paths and marks of every kind of light, with lost light below the others."""
+    """Draw paths and marks of every kind of light, with lost light below the others."""
     _draw_kind(ax, LOST, state.lost, projected, zorder=2.0)
     for kind, paths in paths_by_kind(state.paths):
         _draw_kind(ax, kind, paths, projected, zorder=2.2)
@@ -344,7 +342,7 @@ def legend_handles(state: RayState, untouched: float | None) -> list[Line2D]:
 
     Parameters
     ----------
-    untouched : reference for the shares, as a share of the emitters' power [-]; None for the emitters' power itself
+    untouched : power that counts as 100 %, as a share of the emitters' power [-]; None is the emitters' power itself
     """
     unit, power = untouched or 1.0, state.power_by_kind
     drawn = {kind.key: kind for kind, _ in paths_by_kind(state.paths)}
@@ -366,14 +364,14 @@ def _handle(kind: LightKind, label: str) -> Line2D:
 
 
 def percent(share: float) -> str:
-    """A share in per cent; small shares keep enough digits that they are not shown as zero."""
+    """A share as text in per cent; a share that would round to zero becomes "under 0.05 %"."""
     if 0.0 < share < 0.0005:
         return "under 0.05 %"
     return f"{100 * share:.1f} %"
 
 
 def _shown_parts(state: RayState, cavity: CavityGeometry) -> set[str]:
-    """Names of the components at which the drawn paths begin or end."""
+    """Names of the emitters at which drawn paths begin, and of the receivers that they reach."""
     paths = (*state.paths, *state.lost)
     return {cavity.emitters[path.emitter].name for path in paths} | {
         cavity.receivers[path.receiver].name for path in state.paths
@@ -381,7 +379,7 @@ def _shown_parts(state: RayState, cavity: CavityGeometry) -> set[str]:
 
 
 def draw_cut_faces(ax: Axes, cavity: CavityGeometry, cut: Cut, names: Collection[str]) -> None:
-    """Active faces of the named components: filled where the section cuts them, otherwise as outlines."""
+    """Draw the active faces of the named components: filled if the cross-section cuts them, otherwise as outlines."""
     for part in cavity.parts:
         if part.name not in names:
             continue
@@ -434,7 +432,7 @@ def _draw_dimple(ax: Axes, state: RayState, design: SensorDesign) -> None:
 
 
 def _ring(frame: PressFrame, radius_mm: float, over_mm: float, **look: Any) -> Patch:
-    """A circle about the press's axis, seen from above; on a crown it is tilted, hence an ellipse."""
+    """A circle about the press's axis, seen from above; on a crown it may be tilted, so it is drawn as an ellipse."""
     turn = np.linspace(0.0, 2.0 * np.pi, RING_POINTS)
     across, aside = radius_mm * np.cos(turn), radius_mm * np.sin(turn)
     return Polygon(frame.places_mm(across, aside, np.full_like(turn, over_mm))[:, :2], **look)

@@ -1,9 +1,10 @@
-"""Signal of one pair against depth: light by path, the two modes, and deadbands.
+"""Signal of one pair against depth: light by type of path, the two modes, and deadbands.
 
-All curves are shares of the untouched total, before noise, gain and clipping. Deadbands and modes are taken from the
-pair's score. "Other" is light that is neither direct nor mirrored by the top, but scattered by walls, bottom or tip.
+All curves are shares of the total light in the untouched pad, before noise, gain and clipping. Deadbands and modes are
+taken from the pair's score. "Other" is light that is neither direct nor mirrored by the top, such as light scattered by
+walls, bottom or tip.
 
-A second plot compares a measured press with the simulated curve, one panel per pair; the modes and deadbands of the
+A second plot compares a measured press with the simulated curve, one panel per pair. The modes and deadbands of the
 simulation are shaded.
 """
 
@@ -23,7 +24,7 @@ from sims.score.result import JudgedPair
 
 HEIGHT_IN = 3.9
 SPANS = ("mode", "deadband")
-"""Beginnings of the legend labels for shaded areas, which are listed after the curves."""
+"""Beginnings of the legend labels of shaded areas, which are listed after the curves."""
 
 TOTAL: dict[str, Any] = {"color": INK, "linewidth": 2.2, "linestyle": "-"}
 DIRECT: dict[str, Any] = {"color": BLUE, "linewidth": 1.6, "linestyle": (0, (6, 2))}
@@ -32,7 +33,7 @@ OTHER: dict[str, Any] = {"color": GREEN, "linewidth": 1.6, "linestyle": (0, (5, 
 
 
 def plot_signal(pair: JudgedPair, ax: Axes | None = None) -> Axes:
-    """Light of a pair over its untouched total [-] against depth [mm].
+    """Light of a pair, over its total in the untouched pad [-], against depth [mm].
 
     Shaded areas have the group identifiers ``mode1``, ``mode2`` and ``deadband``.
     """
@@ -112,7 +113,7 @@ def _hatch_deadbands(ax: Axes, pair: JudgedPair) -> None:
 
 
 def _mark_boundaries(ax: Axes, pair: JudgedPair) -> None:
-    """Vertical lines with labels at the end of mode 1 and at the onset of mode 2."""
+    """Draw labelled vertical lines at the end of mode 1 and at the onset of mode 2."""
     modes = pair.score.modes
     marks = [(modes.mode1_mm[1], "mode 1 ends", VERMILLION)]
     if modes.mode2_mm[0] is not None:
@@ -152,7 +153,7 @@ FRAME_IN = 0.7
 
 
 def plot_recorded(press: RecordedPress) -> Figure:
-    """Signal over untouched signal [-] against depth [mm], measured and simulated, one panel per pair."""
+    """Measured and simulated signal, over the untouched signal [-], against depth [mm]; one panel per pair."""
     columns = min(MOST_COLUMNS, len(press.pairs))
     lines = ceil(len(press.pairs) / columns)
     size = (max(PANEL_IN[0] * columns, 4.4), PANEL_IN[1] * lines + FRAME_IN)
@@ -183,7 +184,7 @@ def plot_recorded(press: RecordedPress) -> Figure:
 
 
 def plot_recorded_pair(pair: RecordedPair, ax: Axes) -> Axes:
-    """One pair's panel: measured and simulated signal over untouched signal [-] against depth [mm]."""
+    """One pair's panel: measured and simulated signal, over the untouched signal [-], against depth [mm]."""
     curves, score = pair.simulated.curves, pair.simulated.score
     deepest = float(curves.depth_mm[-1])
     ax.axvspan(*score.modes.mode1_mm, facecolor=PALE_ORANGE, linewidth=0)

@@ -1,11 +1,11 @@
 """Colours and sizes of the plots, and their reproducible export as SVG text.
 
-Figures are objects without window or global state. Within `plain_style` a plot does not depend on the user's matplotlib
-settings. Colours are those of Okabe and Ito (2008), which remain distinct with the common colour blindnesses. Every
-colour has its own line style, hatch or shape, so that nothing depends on colour alone. Text remains text in the SVG and
-is shown in the reader's own fonts.
+Figures are objects without a window or global state. Within `plain_style`, a plot does not depend on the user's
+matplotlib settings. Colours are those of Okabe and Ito (2008), which people with the common types of colour blindness
+can distinguish. Every colour has its own line style, hatch or shape, so that nothing depends on colour alone. Text
+remains text in the SVG and is shown in the reader's own fonts.
 
-The module also has one plot of the modes and deadbands of all judged pairs (`plot_spans`).
+The module also plots the modes and deadbands of all judged pairs (`plot_spans`).
 """
 
 from __future__ import annotations
@@ -33,14 +33,14 @@ PALE_BLUE: Final = "#cfe6f5"
 PALE_ORANGE: Final = "#fbe0cc"
 
 WIDTH_IN: Final = 5.2
-"""Width of a plot [inch], chosen so that text is legible on a phone, where the page scales plots to 0.75."""
+"""Width of a plot [inch], chosen so that text is legible on a phone, where the page scales plots by 0.75."""
 
 _METADATA = {"Creator": None, "Date": None, "Format": None, "Type": None}
 
 
 @contextmanager
 def plain_style() -> Iterator[None]:
-    """Draw and export with matplotlib's defaults and optopad's sizes; it restores the user's settings."""
+    """`with` block that uses matplotlib's defaults and optopad's sizes; the user's settings are restored at its end."""
     with matplotlib.rc_context():
         matplotlib.rcdefaults()
         matplotlib.rcParams.update(
@@ -76,7 +76,7 @@ def axes_or_new(ax: Axes | None, height_in: float, width_in: float = WIDTH_IN) -
 
 
 def svg_text(figure: Figure, salt: str) -> str:
-    """A figure as SVG text without time or version; equal figures and salts give equal bytes.
+    """A figure as SVG text without time or version, so that equal figures and salts give equal bytes.
 
     Parameters
     ----------
@@ -93,9 +93,9 @@ FRAME_IN = 1.1
 
 
 def plot_spans(pairs: Sequence[JudgedPair], ax: Axes | None = None) -> Axes:
-    """Modes and deadbands of all pairs over depth [mm], one row per pair.
+    """Modes and deadbands of all pairs over depth [mm], one row of the plot per pair.
 
-    Mode 1 is the upper bar, mode 2 the lower; deadbands are framed and hatched.
+    Mode 1 is the upper bar, mode 2 the lower one. Deadbands are framed and hatched.
     """
     ax = axes_or_new(ax, FRAME_IN + ROW_IN * len(pairs))
     for row, pair in enumerate(pairs):

@@ -1,9 +1,9 @@
 """Plot of a sweep: signal against depth, one panel per value of the field, with modes and deadbands shaded.
 
-All panels share one scale, so that effects on signal and on modes can be compared; 1 is the brightest untouched signal
-of the sweep. A panel shows the middle facing pair, or the governing pair of a pad. Its title has the verdict and the
-deadband, and says if the deadband is that of another pair. A line marks the usable depth where it is less than the
-design requires. A value outside the models' scope has an empty panel with the reason.
+All panels share one scale, on which 1 is the brightest untouched signal of the sweep, so that effects on signal and
+modes can be compared. A panel shows the middle facing pair, or the governing pair of a pad. Its title gives the verdict
+and the deadband, and says if another pair has this deadband. A line marks the usable depth if it is less than the
+design requires. For a value outside the models' scope, the panel shows only the reason.
 """
 
 from __future__ import annotations
@@ -29,13 +29,13 @@ MOST_COLUMNS = 4
 FRAME_IN = 0.75
 REASON_CHARACTERS = 30
 SHORT_VALUE, LONGEST_LINE = 10, 27
-"""Longest value that shares its title line with other text, and longest title line that fits in a panel
+"""Longest value that shares a line of the title with other text, and longest line of a title that fits in a panel
 [characters]."""
 TITLE_LINE_IN = 0.14
 
 
 def plot_sweep(path: str, rows: Sequence[SweepRow]) -> Figure:
-    """Light over the brightest untouched signal of the sweep [-] against depth [mm], one panel per value."""
+    """Light, over the brightest untouched signal of the sweep [-], against depth [mm]; one panel per value."""
     columns = min(MOST_COLUMNS, len(rows))
     lines = ceil(len(rows) / columns)
     more = max(_title(row).count("\n") for row in rows)
@@ -64,11 +64,11 @@ def plot_sweep(path: str, rows: Sequence[SweepRow]) -> Figure:
 
 
 def plot_swept_value(row: SweepRow, brightest: float, ax: Axes) -> Axes:
-    """One value's panel: light over the brightest untouched signal [-] against depth [mm].
+    """One value's panel: light, over the brightest untouched signal of the sweep [-], against depth [mm].
 
     Parameters
     ----------
-    brightest : received over emitted power that is shown as 1 [-]
+    brightest : that brightest signal, as received over emitted power [-]; it is shown as 1
     """
     ax.set_title(_title(row), fontsize=8, loc="left")
     ax.grid(color=GRID, linewidth=0.5)

@@ -1,4 +1,4 @@
-"""Plots of confidence and sensitivity: effects of unmeasured parameters' bands, and of a step of each field."""
+"""Plots of confidence and sensitivity: effects of the bands of unmeasured parameters, and of a step in each field."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ ROW_IN = 0.42
 FRAME_IN = 1.0
 NOTHING = "mode 2 not reached"
 WIDE = 1.35
-"""Width of five panels next to each other, as a multiple of the width of one plot [-]."""
+"""Width of a figure with up to five panels next to each other, over the width of one plot [-]."""
 BAR = 0.36
 """Height of a bar as a share of the height of a row [-]."""
 EFFECTS = (
@@ -27,11 +27,11 @@ EFFECTS = (
     ("location_mm", "location bound\n[mm]"),
     ("depth_mm", "depth bound\n[mm]"),
 )
-"""Figures that a step of a field changes, and the label of each panel."""
+"""Names of the results that a step in a field may change, with the label of each result's panel."""
 
 
 def plot_tolerance(band: ToleranceBand, ax: Axes | None = None) -> Axes:
-    """Summed deadband [mm] at the low and high end of each parameter; a star marks rows that change the verdict."""
+    """Summed deadband [mm] at both ends of each parameter; a star marks parameters that change the verdict."""
     ax = axes_or_new(ax, FRAME_IN + ROW_IN * len(band.rows))
     _draw_bars(ax, [row.deadband_mm for row in band.rows], band.deadband_mm)
     most = max([band.deadband_range_mm[1], 0.1])
@@ -43,7 +43,7 @@ def plot_tolerance(band: ToleranceBand, ax: Axes | None = None) -> Axes:
 
 
 def plot_gap_tolerance(band: ToleranceBand, ax: Axes | None = None) -> Axes:
-    """Mode gap [mm] at the low and high end of each parameter; an end without mode 2 is given as text."""
+    """Mode gap [mm] at the low and high end of each parameter; for an end without mode 2, text says so."""
     ax = axes_or_new(ax, FRAME_IN + ROW_IN * len(band.rows))
     _draw_bars(ax, [row.gap_mm for row in band.rows], band.gap_mm)
     for number, row in enumerate(band.rows):
@@ -71,9 +71,9 @@ def plot_gap_tolerance(band: ToleranceBand, ax: Axes | None = None) -> Axes:
 
 
 def plot_margin_tolerance(band: ToleranceBand, ax: Axes | None = None) -> Axes:
-    """Signal change over the least responsive 0.3 mm of depth [noise units] at both ends of each parameter.
+    """Margin at both ends of each parameter: signal change over the least responsive 0.3 mm of depth [noise units].
 
-    Values to the left of the line mean a deadband.
+    Values to the left of the dotted line mean a deadband.
     """
     ax = axes_or_new(ax, FRAME_IN + ROW_IN * len(band.rows))
     _draw_bars(ax, [row.margin for row in band.rows], band.margin)
@@ -86,9 +86,9 @@ def plot_margin_tolerance(band: ToleranceBand, ax: Axes | None = None) -> Axes:
 
 
 def plot_field_steps(steps: FieldSteps, unit_of: Callable[[str], str]) -> Figure:
-    """Change of each figure by a step down and a step up of each field, one panel per figure.
+    """Change of each result when each field is stepped down and up, one panel per result.
 
-    A figure that no step changes is left out.
+    Results that no step changes are left out.
 
     Parameters
     ----------
@@ -132,7 +132,7 @@ def plot_field_steps(steps: FieldSteps, unit_of: Callable[[str], str]) -> Figure
 
 
 def _changes(steps: FieldSteps, name: str) -> list[float]:
-    """Known changes of a figure by all steps, without zeros."""
+    """Changes of a result by all steps, without unknown ones and zeros."""
     known = (
         _change(steps.as_designed, effect, name) for row in steps.rows for effect in (row.lower, row.higher)
     )
@@ -140,13 +140,13 @@ def _changes(steps: FieldSteps, name: str) -> list[float]:
 
 
 def _change(design: Effect, stepped: Effect | None, name: str) -> float | None:
-    """Change of a figure by a step; None where either value is unknown."""
+    """Change of a result by a step; None if its value before or after the step is unknown."""
     before, after = getattr(design, name), None if stepped is None else getattr(stepped, name)
     return None if before is None or after is None else after - before
 
 
 def row_label(row: ToleranceRow) -> str:
-    """Path of the parameter without the section of measurements, a star if it changes the verdict, and both ends."""
+    """Label of a parameter: a star if it changes the verdict, its path without `part_measurements.`, and end values."""
     name = row.path.removeprefix("part_measurements.")
     return f"{'* ' if row.flips else ''}{name}\n{row.values[0]:.3g} / {row.values[1]:.3g}"
 

@@ -1,16 +1,17 @@
-"""Compute the library of solved presses, fit them over depth, and solve a design's press live.
+"""Compute the library of solved presses, fit splines to presses over depth, and solve a design's press live.
 
-Building the library takes two solves (at two Poisson's ratios) for every layer thickness, wall radius and crown. Every
-finished solve is cached at once, so an interrupted run continues where it stopped. Workers are separate processes, one
-thread each. A solve depends on its inputs only, so the number of workers does not change the result.
+Building the library takes two solves, at two Poisson's ratios, for every combination of layer thickness, wall radius
+and crown. Every finished solve is cached at once, so an interrupted run continues where it stopped. Workers are
+separate processes with one thread each. A solve depends on its inputs only, so the number of workers does not change
+the result.
 
-`fit_press` reduces a solved press to smooth functions of depth (`SmoothPress`). The splines are least squares fits with
-one interval for every `DEPTHS_PER_INTERVAL` solved depths. The fit must smooth, because on a mesh one facet after the
-other comes into contact, so edges and forces jitter as the contact grows. At a spacing of a fifteenth of the tip radius
-they jitter by up to 10 µm and 0.4 % (3 mm tip, near 1 mm depth), and light is differentiated with respect to depth.
-`FitResidual` has the distance of the solved states from the fit.
+`fit_press` reduces a solved press to smooth functions of depth (`SmoothPress`). They are splines, fitted by least
+squares, with one interval for every `DEPTHS_PER_INTERVAL` solved depths. The fit has to smooth, because light is
+differentiated with respect to depth, while the facets of a mesh come into contact one after another. So the contact
+edge and the force jitter as the contact grows, by up to 10 µm and 0.4 % at a spacing of a fifteenth of the tip radius
+(3 mm tip, near 1 mm depth). `FitResidual` records the distance of the solved states from the fit.
 
-`live_press` solves a design's press, with both Poisson's ratios at once, one thread each.
+`live_press` solves a design's press at both Poisson's ratios in parallel, one thread each.
 """
 
 from __future__ import annotations
@@ -69,11 +70,11 @@ from sims.contact.scope import (
 from sims.contact.tip import tip_coordinate, tip_of, tip_outline
 
 DEPTHS_PER_INTERVAL = 3
-"""Number of solved depths for one interval of the splines."""
+"""Number of solved depths per interval of the splines."""
 
 
 def _resampled(points: FloatArray, wall_radius: float) -> FloatArray:
-    """Resample a dense curve (n, 2) of radius and height to the arc lengths of `sample_arcs` (sample, 2)."""
+    """Resample a curve (n, 2) of radius and height at the arc lengths of `sample_arcs`; the result is (sample, 2)."""
     length = np.append(0.0, np.cumsum(np.hypot(*np.diff(points, axis=0).T)))
     return np.asarray(
         CubicSpline(length, points)(sample_arcs(float(length[-1]), wall_radius)), dtype=np.float64
@@ -81,10 +82,10 @@ def _resampled(points: FloatArray, wall_radius: float) -> FloatArray:
 
 
 def tributary_areas(radius: FloatArray, height: FloatArray) -> FloatArray:
-    """Area (node,) whose load each node of a surface of revolution takes: ∫ N 2πr ds with hat function N.
+    """Area (node,) whose load each node of a surface of revolution takes: ∫ N 2πr ds with the node's hat function N.
 
-    The surface is given by its radii and heights (node,). A node on the axis gets a third of the disc that reaches its
-    neighbour, not the quarter up to the middle between them.
+    The surface is given by the radii and heights (node,) of its nodes. A node on the axis gets a third of the disc that
+    reaches to its neighbour, instead of the quarter that reaches half-way.
     """
     length = np.hypot(np.diff(radius), np.diff(height))
     areas = np.zeros_like(radius)
@@ -96,13 +97,13 @@ def tributary_areas(radius: FloatArray, height: FloatArray) -> FloatArray:
 def _load_inside(
     force: FloatArray, radius: FloatArray, height: FloatArray, along: FloatArray, edge: float
 ) -> FloatArray:
-    """Share (share,) of the load within each of `LOAD_SHARES` of the tip outline up to the contact edge.
+    """Share (share,) of the load inside each of the fractions `LOAD_SHARES` of the contact's arc length.
 
     Parameters
     ----------
     force, radius, height : (node,) force on each top node, and its position
-    along : (node,) arc length along the tip's outline at each node
-    edge : arc length at the contact edge
+    along : (node,) arc length along the tip's outline from its apex to each node
+    edge : the same arc length to the contact edge
     """
     count = int(np.flatnonzero(force > 0.0)[-1]) + 1
     inside = np.cumsum(force[:count]) / force[:count].sum()
@@ -120,7 +121,7 @@ def _load_inside(
 
 
 def _state(unit: UnitPress, index: int) -> StateValues:
-    """The numbers by which the splines describe one solved state, which is that of one depth."""
+    """The numbers that describe the solved press at one of its depths, to be fitted by splines."""
     depth = float(unit.depths[index])
     radius, height = unit.radii[index], unit.heights[index]
     tolerance = contact_tolerance(unit.mesh_size, unit.wedge_angle)
@@ -140,7 +141,7 @@ def _state(unit: UnitPress, index: int) -> StateValues:
 
 
 def _residual(states: FloatArray, fitted: FloatArray) -> FitResidual:
-    """Distance of solved states from their spline fit; both arrays are (depth, VALUES)."""
+    """Distances between solved states and their spline fit; both arrays are (depth, VALUES)."""
     force = np.expm1(fitted[:, 0] - states[:, 0])
     edge = np.exp(fitted[:, 1]) - np.exp(states[:, 1])
     pairs = zip(map(StateValues.unpacked, states), map(StateValues.unpacked, fitted), strict=True)
@@ -150,17 +151,17 @@ def _residual(states: FloatArray, fitted: FloatArray) -> FitResidual:
 
 
 def interval_knots(places: FloatArray) -> FloatArray:
-    """Knots of the cubic splines for increasing sample positions; the end knots are repeated four times."""
+    """Knots of cubic splines for increasing sample positions; the first and last knot occur four times each."""
     inner = places[DEPTHS_PER_INTERVAL:-DEPTHS_PER_INTERVAL:DEPTHS_PER_INTERVAL]
     return np.concatenate([np.repeat(places[0], 4), inner, np.repeat(places[-1], 4)])
 
 
 def fit_press(unit: UnitPress) -> SmoothPress:
-    """Fit splines in ln(depth / deepest depth) to the solved states of a press.
+    """Fit splines over ln(depth / deepest depth) to the solved states of a press.
 
     Parameters
     ----------
-    unit : the solved states, four depths or more
+    unit : the solved states, at four depths or more
     """
     states = np.array([_state(unit, index).packed() for index in range(unit.depths.size)])
     places = np.log(unit.depths / unit.deepest)
@@ -187,15 +188,15 @@ MESH_RANGE = (0.04, 0.15)
 finer ones may chatter in deep presses, which raises an error.
 """
 LEAST_DEPTH = 0.4 / 3
-"""Least depth to which a live solve goes [tip radii], so that the spline fit has enough depths."""
+"""Depth that every live solve reaches at least [tip radii], so that the spline fit has enough depths."""
 
 
 _SMOOTH: dict[tuple[int, int], tuple[UnitPress, UnitPress, SmoothPress]] = {}
-"""Fitted presses of this process, by the `id` of their two solutions; the stored solutions keep these ids valid."""
+"""Fitted presses of this process, by the `id` of their two solutions, which are stored too so that ids stay valid."""
 
 
 def mesh_size(design: SensorDesign, mesh_mm: float | None) -> float:
-    """Node spacing under the tip [tip radii]; for None, `DEFAULT_MESH`.
+    """Convert a node spacing under the tip from mm to tip radii; None becomes `DEFAULT_MESH`.
 
     Raises
     ------
@@ -213,12 +214,12 @@ def mesh_size(design: SensorDesign, mesh_mm: float | None) -> float:
 def live_press(
     design: SensorDesign, spacing: float, deepest: float, on_step: OnShare | None
 ) -> tuple[UnitPress, SmoothPress, tuple[str, ...]]:
-    """The press of a design's tip, solved live, or from the cache of earlier live solves.
+    """The press of a design's tip, solved now or taken from the cache of earlier solves.
 
     Parameters
     ----------
     design : the sensor
-    spacing, deepest : node spacing under the tip, deepest press [tip radii]
+    spacing, deepest : node spacing under the tip, and deepest press [tip radii]
     on_step : called with the fraction done (0 to 1)
 
     Returns
@@ -246,7 +247,7 @@ def live_press(
 def both_ratios(
     inputs: PressInputs, on_step: OnShare | None
 ) -> tuple[UnitPress, SmoothPress, tuple[str, ...]]:
-    """Solve a press at Poisson's ratios 0.48 and 0.49, and extrapolate; returns and errors are those of `live_press`.
+    """Solve a press at both `POISSON_RATIOS`, and extrapolate; return values and errors are those of `live_press`.
 
     Parameters
     ----------
@@ -265,7 +266,7 @@ def both_ratios(
 
 
 def live_note(design: SensorDesign, mesh_mm: float | None) -> str:
-    """A note for the user: why a press was solved live, with which mesh, and that its error is not validated."""
+    """A note for the user that a press was solved live, with which mesh, and without a comparison to a reference."""
     tip = tip_radius_mm(design)
     spacing = DEFAULT_MESH * tip if mesh_mm is None else mesh_mm
     return (
@@ -275,7 +276,7 @@ def live_note(design: SensorDesign, mesh_mm: float | None) -> str:
 
 
 class _Progress:
-    """Mean progress of two solves that run in parallel threads."""
+    """Reports the mean progress of two solves that run in parallel threads."""
 
     def __init__(self, on_step: OnShare | None) -> None:
         self.on_step, self.shares = on_step, dict.fromkeys(POISSON_RATIOS, 0.0)
@@ -287,7 +288,7 @@ class _Progress:
 
 
 def _smooth(soft: UnitPress, stiff: UnitPress) -> SmoothPress:
-    """The nearly incompressible press extrapolated from two solutions; cached for this pair in this process."""
+    """The nearly incompressible press extrapolated from two solutions; this process caches it for this pair."""
     key = (id(soft), id(stiff))
     if key not in _SMOOTH:
         _SMOOTH[key] = (soft, stiff, nearly_incompressible(fit_press(soft), fit_press(stiff)))
@@ -327,12 +328,12 @@ def entry_inputs(
 def solve_entry(
     layer: float, poisson_ratio: float, wall_radius: float = WALL_RADIUS, crown: float = 0.0
 ) -> UnitPress:
-    """Solved states for the shipped library, from the cache or solved now and cached; lengths in tip radii."""
+    """Solved states for the shipped library, from the cache, or solved now and cached; lengths in tip radii."""
     return stored_press(entry_inputs(layer, poisson_ratio, wall_radius, crown))[0]
 
 
 def entry_press(layer: float, wall_radius: float = WALL_RADIUS, crown: float = 0.0) -> SmoothPress:
-    """One nearly incompressible press of the shipped library, from its solves at both Poisson's ratios."""
+    """One nearly incompressible press of the shipped library, from solves at both Poisson's ratios."""
     soft, stiff = (fit_press(solve_entry(layer, ratio, wall_radius, crown)) for ratio in POISSON_RATIOS)
     return nearly_incompressible(soft, stiff)
 
@@ -351,16 +352,16 @@ def slope_and_bow(flat: SmoothPress, crowned: Sequence[SmoothPress]) -> tuple[Fl
 def crown_changes(
     flat: Mapping[Pad, SmoothPress], crowned: Mapping[Pad, Sequence[SmoothPress]], centre: Pad = CROWN_CENTRE
 ) -> CrownChanges:
-    """Changes of a flat pad's spline coefficients by crowns, for every combination of layer and wall radius.
+    """How crowns change a flat pad's spline coefficients, for every combination of layer thickness and wall radius.
 
-    Only some combinations are solved. For the others, changes of the linear factor by layer and by wall are added.
+    Only some combinations are solved. For the others, the changes of the linear factor by layer and by wall are added.
 
     Parameters
     ----------
-    flat : (layer thickness, wall radius) [tip radii] -> press of the flat pad
-    crowned : the same keys -> presses under crowns, largest crown last. `centre` has two crowns. Other keys share its
-        layer or its wall radius, and have one crown
-    centre : layer thickness and wall radius of the pad that the others are compared with [tip radii]
+    flat : presses into flat pads, by (layer thickness, wall radius) [tip radii]
+    crowned : presses into crowned pads with the same keys, largest crown last. The pad `centre` has two crowns. The
+        others share its layer thickness or its wall radius, and have one crown
+    centre : layer thickness and wall radius of the pad with which the others are compared [tip radii]
     """
     _, bow = slope_and_bow(flat[centre], crowned[centre])
     largest = {pad: presses[-1] for pad, presses in crowned.items()}
@@ -387,13 +388,13 @@ def assembled(
     pads: Sequence[Sequence[SmoothPress]],
     crowned: CrownChanges,
 ) -> Library:
-    """Put a `Library` together from its solved presses.
+    """Assemble a `Library` from solved presses.
 
     Parameters
     ----------
-    presses : presses in the pad of default wall radius, thinnest layer first
-    pads : for each of `WALL_LAYERS` its presses at the other wall radii, smallest first
-    crowned : changes of the flat pads' coefficients by crowns
+    presses : presses into pads of the default wall radius, thinnest layer first
+    pads : for each layer thickness in `WALL_LAYERS`, its presses at the other wall radii, smallest first
+    crowned : how crowns change the flat pads' coefficients
     """
     entries = {press.layer_depth: press.coefficients for press in presses}
     return Library(
@@ -416,14 +417,14 @@ def assembled(
 
 
 def crowned_pads() -> list[Pad]:
-    """Layer thicknesses and wall radii of the pads that are solved under crowns [tip radii]."""
+    """Layer thicknesses and wall radii of the pads that are solved with crowns [tip radii]."""
     layer, radius = CROWN_CENTRE
     pads = [(other, radius) for other in CROWN_LAYERS] + [(layer, other) for other in CROWN_RADII]
     return list(dict.fromkeys(pads))
 
 
 def all_pads() -> list[tuple[float, float, float]]:
-    """Layer thickness, wall radius and crown of every press to solve [tip radii, crown -], the costliest first."""
+    """Layer thickness, wall radius [tip radii] and crown [-] of every press to solve, the costliest first."""
     pads = [(layer, WALL_RADIUS, 0.0) for layer in LAYERS]
     pads += [(layer, radius, 0.0) for layer in WALL_LAYERS for radius in PAD_RADII]
     pads += [(*pad, crown) for pad in crowned_pads() for crown in solved_crowns(*pad)]
@@ -431,7 +432,7 @@ def all_pads() -> list[tuple[float, float, float]]:
 
 
 def build_library(workers: int, on_step: Callable[[int, int], None] | None = None) -> Library:
-    """Build the library: solve every press that is not cached, and fit them all.
+    """Build the library: solve every press that is not cached, and fit all presses.
 
     Parameters
     ----------
@@ -465,7 +466,7 @@ def build_library(workers: int, on_step: Callable[[int, int], None] | None = Non
 
 
 def require_writable(path: Path) -> None:
-    """Check that a file can be written, before hours are spent on computing its content.
+    """Check that a file can be written, before hours are spent computing its content.
 
     Raises
     ------

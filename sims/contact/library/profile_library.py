@@ -1,23 +1,24 @@
 """The shipped library of solved presses: interpolates a press for any layer thickness and round pad in a millisecond.
 
 An entry is a `SmoothPress`: cubic splines over depth, for one layer thickness in a round pad with its wall at
-`WALL_RADIUS`, for tip radius 1 and Young's modulus 1. There is one entry for each thickness in `LAYERS`. All use the
-same fractions of their deepest press, which is 0.8 of the layer thickness or 1.7 tip radii, whichever is less. Between
-the entries every spline coefficient is a cubic spline in 1/thickness. Where the two limits meet (2.125 tip radii) the
-deepest press has a kink. So thin and thick layers have separate splines, which share that entry.
+`WALL_RADIUS`, for tip radius 1 and Young's modulus 1. There is one entry for each thickness in `LAYERS`. All entries
+use the same fractions of their deepest press, which is 0.8 of the layer thickness or 1.7 tip radii, whichever is less.
+Between the entries, every spline coefficient is a cubic spline over 1/thickness. The deepest press has a kink where the
+two limits meet (2.125 tip radii). So thin and thick layers have separate splines, which share the entry at the kink.
 
-Other walls: their effect is solved at the fewer thicknesses `WALL_LAYERS`, at each of `PAD_RADII`, and added. The
-change of every coefficient is a cubic spline in 1/radius (zero at `WALL_RADIUS`). Between thicknesses it is linear in
-1/thickness for thin layers and a parabola for thick ones. Nothing is extrapolated outside the entries.
+Other wall radii: their effect is solved at the thicknesses `WALL_LAYERS`, which are fewer, with each of `PAD_RADII`,
+and added. The change of every coefficient is a cubic spline over 1/radius, zero at `WALL_RADIUS`. Between thicknesses
+it is linear in 1/thickness for thin layers and a parabola for thick ones. Nothing is extrapolated outside the entries.
 
 Crowns (spherical tops, pressed at the apex): their effect is added too. The change of every coefficient is a·crown +
 b·crown², where crown is tip radius over crown radius. Surface heights are then above the undeformed top. Both factors
-are solved from two crowns in one pad, `CROWN_CENTRE`, and b is used everywhere. The slope a follows from the largest
-crown of the other `CROWN_LAYERS` at that wall radius, and of that layer at the other `CROWN_RADII`. The change of a by
-another wall is assumed to be the same in every layer. It is a parabola in 1/thickness and linear in 1/radius, continued
-to the largest pad (contact-interpolation.md measures a press there).
+are solved for the pad `CROWN_CENTRE`, from two crowns, and its b is used for all pads. The slope a is also solved, from
+the largest crown, for the other `CROWN_LAYERS` at the same wall radius and the other `CROWN_RADII` at the same layer
+thickness. Another wall radius is assumed to change a by the same amount in every layer. The slope a is a parabola in
+1/thickness and linear in 1/radius, and is extrapolated to the largest pad (contact-interpolation.md measures a press
+there).
 
-`optopad contact build` computes the file again; docs/validation/contact.md has the error of the solver,
+`optopad contact build` computes the file again. docs/validation/contact.md describes the error of the solver,
 contact-interpolation.md that of the interpolation.
 """
 
@@ -45,32 +46,32 @@ FILE = "profiles.npz"
 FORMAT = 3
 """Version of the library file's layout."""
 MOST_BYTES = 50_000_000
-"""Largest accepted size of the library file's unpacked arrays [bytes]; the shipped ones have 0.6 MB."""
+"""Largest accepted size of the library file's unpacked arrays [bytes]; the shipped ones take 0.6 MB."""
 CORNER = DEEPEST_PRESS / LARGEST_SHARE_OF_LAYER
 """Layer thickness at which the two limits of the press depth meet [tip radii]: 2.125."""
 LAYERS = (1.3, 1.45, 1.63, 1.85, CORNER, 2.4, 2.7, 3.0, 3.5, 4.2, 5.0, 6.0)
 """Layer thicknesses in the library [tip radii], about evenly spaced in 1/thickness; 3.0 is the published pad's."""
 WALL_LAYERS = (1.3, CORNER, 3.0, 6.0)
-"""Layer thicknesses at which other wall radii are solved [tip radii]; each is also in `LAYERS`."""
+"""Layer thicknesses for which other wall radii are solved [tip radii]; each is also in `LAYERS`."""
 PAD_RADII = (
     WALL_RADIUS_RANGE[0],
     *(round(round_radius(2.0 * half, 2.0 * half), 9) for half in (4.0, HALF_WIDTH)),
     WALL_RADIUS_RANGE[1],
 )
-"""Other solved wall radii [tip radii]: round pads with the area of a preset's pad, and the largest."""
+"""Other wall radii that are solved [tip radii]: those of round pads with the areas of presets, and the largest."""
 CROWN_LAYERS = (CORNER, 3.0, 6.0)
-"""Layer thicknesses at which crowns (spherical tops) are solved [tip radii]; each is also in `LAYERS`."""
+"""Layer thicknesses for which crowns (spherical tops) are solved [tip radii]; each is also in `LAYERS`."""
 CROWN_RADII = (WALL_RADIUS_RANGE[0], WALL_RADIUS)
-"""Wall radii at which crowns (spherical tops) are solved [tip radii]; flat pads are solved there too."""
+"""Wall radii for which crowns (spherical tops) are solved [tip radii]; flat pads are solved with them too."""
 CROWN_CENTRE = (3.0, WALL_RADIUS)
-"""Layer thickness and wall radius [tip radii]; every other solve under a crown has one of the two in common with it."""
+"""Layer thickness and wall radius [tip radii]; every crowned pad that is solved has at least one of these values."""
 LARGEST_REACH = 0.8
-"""Largest wall radius over the crown's radius [-]: the top then slopes by 53 degrees at the wall."""
+"""Largest wall radius over the crown's radius [-], at which the top slopes by 53 degrees at the wall."""
 _JOIN = 1e-9
 
 
 def deepest_press(layer: float) -> float:
-    """Deepest press of a layer in the library, for its thickness; both in tip radii."""
+    """Deepest press in the library for a layer thickness; both in tip radii."""
     return min(LARGEST_SHARE_OF_LAYER * layer, DEEPEST_PRESS)
 
 
@@ -79,7 +80,7 @@ def largest_crown(layer: float, wall_radius: float) -> float:
 
     Parameters
     ----------
-    layer, wall_radius : layer thickness at the apex, wall radius [tip radii]
+    layer, wall_radius : layer thickness at the apex, and wall radius [tip radii]
     """
     fall = min((1.0 - LEAST_RIM_SHARE) * layer, wall_radius)
     at_the_rim = 2.0 * fall / (fall**2 + wall_radius**2)
@@ -87,24 +88,24 @@ def largest_crown(layer: float, wall_radius: float) -> float:
 
 
 def solved_crowns(layer: float, wall_radius: float) -> tuple[float, ...]:
-    """Solved crowns of a pad, increasing: the largest; at `CROWN_CENTRE` also half of it.
+    """The crowns that are solved for a pad, increasing: the largest one; for `CROWN_CENTRE`, also half of it.
 
-    A crown is tip radius over the crown's radius [-].
+    A crown is given as tip radius over the crown's radius [-].
 
     Parameters
     ----------
-    layer, wall_radius : layer thickness at the apex, wall radius [tip radii]
+    layer, wall_radius : layer thickness at the apex, and wall radius [tip radii]
     """
     largest = largest_crown(layer, wall_radius)
     return (round(0.5 * largest, 9), largest) if (layer, wall_radius) == CROWN_CENTRE else (largest,)
 
 
 def require_crown(layer: float, wall_radius: float, crown: float) -> None:
-    """Refuse crowns that the library does not cover.
+    """Refuse a crown that the library does not cover.
 
     Parameters
     ----------
-    layer, wall_radius : layer thickness at the apex, wall radius [tip radii]
+    layer, wall_radius : layer thickness at the apex, and wall radius [tip radii]
     crown : tip radius over the crown's radius [-]
 
     Raises
@@ -141,7 +142,7 @@ Chart = tuple[slice, CubicSpline]
 
 
 def _charts(layers: FloatArray) -> tuple[Chart, Chart]:
-    """Split entries at `CORNER` into thin and thick layers; each part's range, and a spline of its weights."""
+    """For thin and for thick layers, split at `CORNER`: slice of the entries, and splines for their weights."""
     corner = int(np.argmin(np.abs(layers - CORNER)))
     thin, thick = slice(0, corner + 1), slice(corner, len(layers))
     # abscissae of a spline must increase, so 1/layer is taken in reverse order
@@ -159,8 +160,8 @@ class CrownChanges:
     ----------
     layers : (layer,) increasing layer thicknesses
     radii : (pad,) increasing wall radii
-    slopes : (layer, pad, coefficient, VALUES) factors of the crown, which is tip radius over crown radius
-    bow : (coefficient, VALUES) factors of the crown's square
+    slopes : (layer, pad, coefficient, VALUES) factors of the crown, which is the tip's radius over the crown's
+    bow : (coefficient, VALUES) factors of the square of the crown
     """
 
     layers: FloatArray
@@ -170,18 +171,18 @@ class CrownChanges:
 
     @cached_property
     def _charts(self) -> tuple[CubicSpline, CubicSpline]:
-        """Splines that give the weights of `layers` at 1/layer, and of `radii` at 1/radius."""
+        """Splines for the weights of the `layers`, over 1/layer, and of the `radii`, over 1/radius."""
         layers, pads = (
             CubicSpline(1.0 / places[::-1], np.eye(len(places))[::-1]) for places in (self.layers, self.radii)
         )
         return layers, pads
 
     def at(self, layer: float, wall_radius: float, crown: float) -> FloatArray:
-        """Change (coefficient, VALUES) of a flat pad's spline coefficients by a crown.
+        """Change (coefficient, VALUES) that a crown makes to a flat pad's spline coefficients.
 
         Parameters
         ----------
-        layer, wall_radius : layer thickness within the solved range, wall radius [tip radii]
+        layer, wall_radius : layer thickness within the solved range, and wall radius [tip radii]
         crown : tip radius over the crown's radius [-]
         """
         of_layer, of_pad = self._charts
@@ -192,20 +193,20 @@ class CrownChanges:
 
 @dataclass(frozen=True, kw_only=True)
 class Library:
-    """Solved presses for several layer thicknesses ("entries"), as splines over depth, in tip radii and E R².
+    """Solved presses for several layer thicknesses ("entries"), as splines over depth; lengths in tip radii.
 
     Attributes
     ----------
     layers : (layer,) increasing layer thicknesses, `CORNER` among them
     first : (layer,) depth of the shallowest solved press
-    wall_radius, mesh_size : radius of the entries' bonded wall, node spacing under the tip in the mesh
-    knots : (knot,) knots of the splines in ln(depth / deepest) [-]
+    wall_radius, mesh_size : radius of the entries' bonded wall, and node spacing under the tip in the mesh
+    knots : (knot,) knots of the splines over ln(depth / deepest) [-]
     coefficients : (layer, coefficient, VALUES) spline coefficients of the numbers that describe a press
-    wall_layers : (wall layer,) increasing layer thicknesses at which other walls are solved, `CORNER` among them
-    pad_radii : (pad,) increasing radii of these other walls
-    wall_changes : (wall layer, pad, coefficient, VALUES) coefficients in these other pads minus the coefficients of the
+    wall_layers : (wall layer,) increasing layer thicknesses solved with other wall radii too, `CORNER` among them
+    pad_radii : (pad,) increasing values of these other wall radii
+    wall_changes : (wall layer, pad, coefficient, VALUES) coefficients for these other wall radii minus those of the
         entry
-    crowned : changes of the coefficients by crowns
+    crowned : how crowns change the coefficients
     residual : (layer, 6) residuals of the spline fits, in the order of `FitResidual`
     recipe : version of the solver that computed the library
     versions : names and versions of the programs that computed the library
@@ -226,7 +227,7 @@ class Library:
     versions: tuple[str, ...]
 
     def covers(self, layer: float) -> bool:
-        """Whether a layer thickness [tip radii] is between the thinnest and the thickest entry."""
+        """Whether a layer thickness [tip radii] lies between the thinnest and the thickest entry."""
         return bool(self.layers[0] - _JOIN <= layer <= self.layers[-1] + _JOIN)
 
     @cached_property
@@ -239,20 +240,20 @@ class Library:
 
     @cached_property
     def _pad_weights(self) -> CubicSpline:
-        """Spline that gives the weights of `pad_radii` at 1/radius; all are 0 at the default wall radius."""
+        """Spline for the weights of the `pad_radii` over 1/radius; all are 0 at the entries' own wall radius."""
         before = int(np.searchsorted(self.pad_radii, self.wall_radius))
         radii = np.insert(self.pad_radii, before, self.wall_radius)
         weights = np.insert(np.eye(len(self.pad_radii)), before, 0.0, axis=0)
         return CubicSpline(1.0 / radii[::-1], weights[::-1])
 
     def press(self, layer: float, wall_radius: float | None = None, crown: float = 0.0) -> SmoothPress:
-        """Interpolate the presses of a layer, in a round pad.
+        """Interpolate the presses into a round pad.
 
         Parameters
         ----------
-        layer : layer thickness (at the apex of a crown) that `covers` accepts [tip radii]
+        layer : layer thickness that `covers` accepts [tip radii]; under a crown, the thickness at the apex
         wall_radius : radius of the bonded wall, clipped to the solved range [tip radii]; None is that of the entries
-        crown : tip radius over the radius of the top, pressed at its apex; 0 is flat [-]
+        crown : tip radius over the radius of a spherical top that is pressed at its apex; 0 is flat [-]
 
         Raises
         ------
@@ -282,7 +283,7 @@ class Library:
         )
 
     def _change(self, layer: float, radius: float) -> FloatArray | float:
-        """Change (coefficient, VALUES) of the spline coefficients by another wall radius; 0 at the entries' own."""
+        """Change (coefficient, VALUES) of the coefficients due to another wall radius; 0 for the entries' own."""
         if radius == self.wall_radius:
             return 0.0
         part, weights = self._wall_charts[int(layer > CORNER)]
@@ -291,7 +292,7 @@ class Library:
 
 
 def pack(library: Library) -> dict[str, NDArray[np.generic]]:
-    """Arrays of the library file; coefficients are in single precision, which rounds by 2 nm for a 3 mm tip."""
+    """Arrays of the library file. Coefficients are in single precision, which rounds by 2 nm for a 3 mm tip."""
     return {
         "format": np.array(FORMAT),
         "recipe": np.array(library.recipe),
@@ -315,7 +316,7 @@ def pack(library: Library) -> dict[str, NDArray[np.generic]]:
 
 @cache
 def shipped_library() -> Library:
-    """The library shipped with the package, read from its file once."""
+    """The library shipped with the package; its file is read only once."""
     with resources.as_file(resources.files("sims.contact.library").joinpath("data", FILE)) as file:
         held = plain_arrays(file, most_bytes=MOST_BYTES)
     if int(held["format"]) != FORMAT or held["coefficients"].shape[2] != VALUES:
@@ -347,8 +348,8 @@ def library_differences(left: Library, right: Library) -> tuple[float, float]:
 
     Returns
     -------
-    force : largest relative difference of a force, over that of `right` [-]
-    surface : largest difference of a free surface point [tip radii]
+    force : largest difference of a force, over the force in `right` [-]
+    surface : largest difference of a coordinate of the free surface [tip radii]
     """
     force = surface = 0.0
     pads = [(layer, right.wall_radius, 0.0) for layer in right.layers]

@@ -1,4 +1,4 @@
-"""The solver's states of one layer as stored, before any fit: surfaces, forces and checks at solved depths.
+"""The solver's results for one layer as stored, before any fit: surfaces, forces and checks at the solved depths.
 
 Lengths are in tip radii, forces in E R². `build.fit_press` fits smooth functions of depth to them.
 """
@@ -18,23 +18,24 @@ class UnitPress:
 
     Attributes
     ----------
-    layer_depth, wall_radius : layer thickness on the axis, radius of the bonded wall
+    layer_depth, wall_radius : layer thickness on the axis, and radius of the bonded wall
     mesh_size : node spacing under the tip
-    wedge_angle : opening angle of the wedge about the axis that was solved [rad]
+    wedge_angle : opening angle of the solved wedge about the axis [rad]
     poisson_ratio : Poisson's ratio of the layer [-]
-    tip_rows : (piece, 7) outline of the tip, one row per line or arc; see `TipOutline`
+    tip_rows : (piece, 7) outline of the tip, one array row per line or arc; see `TipOutline`
     depths : (depth,) solved press depths, increasing, without 0
     rest_radii : (node,) radii of the top nodes at rest, from the axis to the wall
-    radii, heights : (depth, node) deformed top; heights are above the undeformed apex
+    radii, heights : (depth, node) points of the deformed top; heights are above the undeformed apex
     normal_force : (depth, node) force of the tip on each top node, for the full circle; positive where the tip presses
-    force, contact_radius : (depth,) force on the tip; radius of the contact's edge
+    force, contact_radius : (depth,) force on the tip, and radius of the contact edge
     reaction : (depth,) vertical reaction of the bonded surfaces, computed from the deformed shape alone
-    penetration, last_step : (depth,) deepest overlap with the tip; largest motion of a vertex in the last solver step
-    chatter : (depth,) spread of the iterates where the solver ended in a cycle; 0 where it came to rest
+    penetration, last_step : (depth,) deepest overlap with the tip, and largest motion of a vertex in the last solver
+        step
+    chatter : (depth,) spread of the iterates if the solver ended in a cycle; 0 if it came to rest
     smallest_stretch : (depth,) smallest volume ratio of an element [-]
     volume_loss : (depth,) volume lost by compression [R³]
     energy : (depth,) elastic energy of the layer [E R³]
-    versions : names and versions of the programs that computed it
+    versions : names and versions of the programs that computed the states
     crown : tip radius over the radius of the top's sphere; 0 is flat [-]
     """
 

@@ -1,61 +1,62 @@
-"""One layer's presses as smooth functions of depth. Lengths in tip radii, forces in E R².
+"""Presses into one layer as smooth functions of depth. Lengths are in tip radii, forces in E R².
 
 A press is described by `VALUES` numbers that change smoothly with depth:
 
 - ln of the force,
 - ln of t, the arc length along the tip's outline from its apex to the contact edge,
-- the free surface from the contact edge to the wall, at fixed points along its arc (`sample_arcs`), relative to the
-  edge,
+- points of the free surface between the contact edge and the wall, at fixed positions along its arc (`sample_arcs`),
+  relative to the edge,
 - the share of the load inside fixed fractions of t (`LOAD_SHARES`).
 
-On a crown (spherical top) heights and arc are those of the surface above the undeformed top, so that crowns can be
-interpolated. Each number is a cubic spline in ln(depth / deepest). In that variable the logarithms of force and edge
-are nearly straight lines (powers of the depth: Hertz' 3/2 and 1/2). All numbers are linear in the coefficients, so that
-layers can be interpolated.
+On a crown (spherical top), heights and the arc are measured from the undeformed top, so that crowns can be
+interpolated. Each number is a cubic spline over ln(depth / deepest). Over this variable, the logarithms of force and
+edge are nearly straight lines, because both grow as powers of the depth (Hertz: 3/2 and 1/2). All numbers are linear in
+the coefficients, so that layers can be interpolated.
 
-Below the first solved depth (0.02 mm for a 3 mm tip) the contact is smaller than a mesh cell. There contact radius and
-force follow the powers that theory gives at first touch (1/2 and 3/2 under a round tip), and surface heights are scaled
-with the depth. Nothing is extrapolated beyond the deepest solved depth.
+Below the first solved depth (0.02 mm for a 3 mm tip), the contact is smaller than a mesh cell. There the contact radius
+and the force follow the powers that theory gives for first touch (1/2 and 3/2 under a round tip), and surface heights
+are proportional to the depth. Nothing is extrapolated beyond the deepest solved depth.
 
 Surface nodes become a curve for the light model: the exact tip inside the contact, smooth outside
 --------------------------------------------------------------------------------------------------
-The nodes of the finite-element top touch the tip only to within a few micrometres (facets are chords of a round tip,
-and contact is a stiff penalty). So inside the contact the curve is the tip itself. The contact edge, of radius a, is
-where the gap vanishes. The first free node, at distance s from the edge, is assumed to have Hertz' gap (Johnson,
-Contact Mechanics, 1985, eq. 3.42):
+The nodes of the finite-element top follow the tip only to within a few micrometres, because facets are chords of a
+round tip and contact is a stiff penalty. So inside the contact, the curve is the tip itself. At the contact edge, of
+radius a, the gap between top and tip vanishes. The first free node, at distance s from the edge, is assumed to have
+Hertz' gap (Johnson, Contact Mechanics, 1985, eq. 3.42):
 
     gap = a²/R G(1 + s/a),  G(x) = x²/2 - 1 + ((2 - x²) arcsin(1/x) + sqrt(x² - 1)) / π
 
-On a crown of radius Rc = R/κ the relative curvature 1/R + 1/Rc = (1 + κ)/R replaces 1/R. G has the power 3/2 at the
-edge, as any frictionless contact has, so the edge is found to a fraction of the node spacing at every depth. In a deep
-press the constant a²/R is not exact, with little effect. On tips other than a hemisphere the constant is not known and
-comes from the second free node.
+On a crown of radius Rc = R/κ, the relative curvature 1/R + 1/Rc = (1 + κ)/R replaces 1/R. At the edge, the gap grows
+with the power 3/2 of the distance, as in any frictionless contact. So the edge is found to a fraction of the node
+spacing at every depth. In a deep press the constant a²/R is not exact, with little effect. For tips other than a
+hemisphere the constant is not known, and is found from the second free node.
 
-From the edge a cubic spline runs through the free nodes. It starts tangent to the tip, ends at the bonded wall, is
+From the edge, a cubic spline runs through the free nodes. It starts tangent to the tip, ends at the bonded wall, is
 resampled densely and never enters the tip.
 
 Two slightly compressible solves are extrapolated to the nearly incompressible layer
 ------------------------------------------------------------------------------------
-Silicone is nearly incompressible, but linear tetrahedra lock as Poisson's ratio ν nears 1/2. At ν = 0.49 they are
-accurate but compressible: for a press 3 mm deep in 9 mm, compression takes 16 % of the dimple's volume, and the free
-surface is 17 µm too low. The press depends smoothly on the compressibility 1/K = 3 (1 - 2ν) / E. So two solves, at ν =
-0.48 and 0.49, are extrapolated linearly in 1 - 2ν to ν = 0.499,
+Silicone is nearly incompressible, but linear tetrahedra lock as Poisson's ratio ν approaches 1/2. At ν = 0.49 they are
+accurate but compressible: in a press 3 mm deep into a layer of 9 mm, compression takes up 16 % of the dimple's volume,
+so the free surface is 17 µm too low. The press depends smoothly on the compressibility 1/K = 3 (1 - 2ν) / E. So two
+solves, at ν = 0.48 and 0.49, are extrapolated linearly in 1 - 2ν to ν = 0.499,
 
     f(0.499) = f(0.49) + 0.9 (f(0.49) - f(0.48)),
 
 for every number that describes a press. docs/validation/contact.md compares the result with an independent
 finite-element solution at ν = 0.499.
 
-Left out: the second order in 1 - 2ν, and the remaining locking, which grows by about a half.
+Left out: the second order in 1 - 2ν, and the remaining locking, which the extrapolation increases by about a half.
 
 A round pad's surface stands in for a square pad's
 --------------------------------------------------
-A round pad of the same area has its wall outside the square's walls, 1.13 half widths from the axis, so its surface is
-still raised at half the width. The curve is followed up to there. Only the corners are beyond: towards them the curve
-fades to the undeformed height in a cubic that never crosses that height. docs/validation/walls.md has the error from an
-independent solution in three dimensions. It is largest in the strip next to the walls, where the square pad is bonded.
+A round pad of the same area has its wall at 1.13 half widths of the square, so its surface is still raised at one half
+width. The curve is followed up to there. Farther out are only the square's corners. Towards them, the curve fades to
+the undeformed height along a cubic that never crosses this height. docs/validation/walls.md gives the error, found with
+an independent solution in three dimensions. It is largest in the strip next to the walls, where the square pad is
+bonded.
 
-In a pad with round walls the curve is followed to the nearest wall, and fades out to the farthest one.
+In a pad with round walls, the curve is followed to the nearest wall and then fades out to the farthest one.
 """
 
 from __future__ import annotations
@@ -81,30 +82,31 @@ NEAR_SPACING = 0.02
 FAR_SPACING = 0.08
 """Spacing of the curve's points towards the wall [tip radii]."""
 _LEAST_CLEARANCE = 0.3
-"""Least distance of a free node from the contact edge over the node spacing [-]; the spline skips nearer nodes."""
+"""Distance from the contact edge, over the node spacing, within which the spline skips a free node [-]."""
 
 
 def contact_tolerance(spacing: float, wedge_angle: float) -> float:
-    """Gap between node and tip below which the node counts as touching [tip radii].
+    """Gap between a node and the tip below which the node counts as touching [tip radii].
 
-    Facets touch the tip in their middle. Their nodes are then off the tip by the sagitta spacing²/8 along the curve and
-    by 1 - cos(angle/2) around the axis. Half of the sum is added for slip along the facet.
+    Facets touch the tip in their middle. Their nodes are then off the tip by the sagitta spacing²/8 along the curve,
+    plus 1 - cos(angle/2) around the axis. Half of this sum is added for slip along the facet.
     """
     return 1.5 * (spacing**2 / 8.0 + 1.0 - float(np.cos(0.5 * wedge_angle)))
 
 
 def hertz_gap(ratio: FloatArray) -> FloatArray:
-    """Gap outside a Hertz contact, in contact radius²/tip radius, at `ratio` = radius/contact radius >= 1."""
+    """Gap outside a Hertz contact [contact radius²/tip radius]; `ratio` is radius over contact radius, at least 1."""
     free = (2.0 - ratio**2) * np.arcsin(1.0 / ratio) + np.sqrt(ratio**2 - 1.0)
     return np.asarray(ratio**2 / 2.0 - 1.0 + free / np.pi, dtype=np.float64)
 
 
 def _hertz_coordinate(depth: float, tip: TipOutline) -> float:
-    """First guess of the contact edge, as arc length along the tip's outline [tip radii].
+    """Estimate of the contact edge as arc length along the tip's outline, for contacts within one mesh cell.
 
-    The edge is taken where the tip's outline is half the depth above its apex, which is exact for a parabola. For a
-    cone the height is 2/π of the depth (Sneddon), so the guess is good to a quarter. It is used for contacts within one
-    mesh cell. On a crown κ the depth is divided by 1 + κ.
+    It is the point where the outline is half the press depth above its apex, which is exact for a parabola. For a cone
+    the exact height is 2/π of the depth (Sneddon), so the estimate is good to about a quarter.
+
+    depth : press depth [tip radii]; on a crown κ, the depth over 1 + κ
     """
     places = np.linspace(0.0, tip.starts[-1] + depth, 400)
     return float(np.interp(0.5 * depth, tip.points(places)[1], places))
@@ -118,13 +120,13 @@ def contact_coordinate(
     tip: TipOutline = HEMISPHERE,
     crown: float = 0.0,
 ) -> tuple[float, int]:
-    """Arc length along the tip's outline to the contact edge [tip radii], and index of the first free node.
+    """Arc length along the tip's outline from apex to contact edge [tip radii], and index of the first free node.
 
     Parameters
     ----------
-    radius, height : (node,) surface nodes from the axis outward [tip radii]
+    radius, height : (node,) positions of the surface nodes, from the axis outward [tip radii]
     depth : press depth [tip radii]
-    tolerance : gap below which a node touches [tip radii]
+    tolerance : gap below which a node counts as touching [tip radii]
     tip : outline of the pressing tip
     crown : tip radius over the radius of the undeformed top; 0 is flat [-]
     """
@@ -155,7 +157,7 @@ def contact_coordinate(
 def _free_curve(
     radius: FloatArray, height: FloatArray, edge: float, depth: float, tip: TipOutline
 ) -> FloatArray:
-    """Spline points (n, 2), radius and height, through the free nodes; tangent to the tip at the contact edge."""
+    """Radius and height (n, 2) of points on a spline from the contact edge, tangent to the tip, through free nodes."""
     start = np.stack(tip_outline(np.array(edge), depth, tip))
     angle = min(edge, 0.5 * np.pi) if tip == HEMISPHERE else tip.tangent_angle(edge)
     tangent = np.array([np.cos(angle), np.sin(angle)])
@@ -183,17 +185,18 @@ def free_surface(
 
     Parameters
     ----------
-    radius, height : (node,) surface nodes from the axis to the wall [tip radii]
+    radius, height : (node,) positions of the surface nodes, from the axis to the wall [tip radii]
     depth : press depth > 0 [tip radii]
     spacing : node spacing at rest under the tip [tip radii]
-    tolerance : gap below which a node touches [tip radii]
+    tolerance : gap below which a node counts as touching [tip radii]
     tip : outline of the pressing tip
     crown : tip radius over the radius of the undeformed top; 0 is flat [-]
 
     Returns
     -------
-    edge : arc length along the tip's outline to the contact edge [tip radii]
-    points : (n, 2) radius and height of dense points on the free surface, beyond the edge to the wall [tip radii]
+    edge : arc length along the tip's outline from apex to contact edge [tip radii]
+    points : (n, 2) radius and height of closely spaced points on the free surface, from just beyond the edge to the
+        wall [tip radii]
     """
     edge, first = contact_coordinate(radius, height, depth, tolerance, tip, crown)
     along = tip_coordinate(radius[first : first + 1], height[first : first + 1], depth, tip)
@@ -203,12 +206,12 @@ def free_surface(
 
 
 def contact_radius_at(edge: float, tip: TipOutline = HEMISPHERE) -> float:
-    """Contact radius [tip radii], for the arc length along the tip's outline to the contact edge."""
+    """Contact radius for an arc length along the tip's outline from apex to contact edge; both in tip radii."""
     return float(tip_outline(np.array(edge), 0.0, tip)[0])
 
 
 def _inside_contact(edge: float, tip: TipOutline) -> FloatArray:
-    """Arc lengths (n,) along the tip's outline up to the contact edge, dense enough to draw the tip; kinks included."""
+    """Arc lengths (n,) along the tip's outline up to the contact edge, close enough to draw the tip, kinks included."""
     even = np.linspace(0.0, edge, max(2, int(np.ceil(edge / NEAR_SPACING)) + 1))
     kinks = tip.kinks[tip.kinks < edge]
     return even if kinks.size == 0 else np.unique(np.concatenate([even, kinks]))
@@ -232,14 +235,14 @@ class TopCurve:
 
 
 def _tangent_angles(along: FloatArray, tip: TipOutline) -> FloatArray:
-    """Angle (n,) of the tip's tangent to the radial direction [rad], at arc lengths along its outline."""
+    """Angle (n,) of the tip's tangent to the radial direction [rad], at arc lengths (n,) along its outline."""
     if tip == HEMISPHERE:
         return np.minimum(along, 0.5 * np.pi)
     return np.array([tip.tangent_angle(float(place)) for place in along])
 
 
 def _free_angles(radius: FloatArray, height: FloatArray, first: float) -> FloatArray:
-    """Tangent angle (n,) to the radial direction [rad] of a spline through points; it begins with `first`."""
+    """Angle (n,) of a spline's tangent to the radial direction [rad] at its points (n,); the first angle is `first`."""
     points = np.stack([radius, height], axis=1)
     chord = np.append(0.0, np.cumsum(np.hypot(*np.diff(points, axis=0).T)))
     start = np.array([np.cos(first), np.sin(first)])
@@ -248,12 +251,12 @@ def _free_angles(radius: FloatArray, height: FloatArray, first: float) -> FloatA
 
 
 def whole_curve(edge: float, free: FloatArray, depth: float, tip: TipOutline = HEMISPHERE) -> TopCurve:
-    """Join the tip's outline up to the contact edge and the free surface; points inside the tip are moved onto it.
+    """Join the tip's outline up to the contact edge with the free surface; points inside the tip are moved onto it.
 
     Parameters
     ----------
-    edge : arc length along the tip's outline to the contact edge [tip radii]
-    free : (n, 2) radius and height of the free surface, beyond the edge to the wall [tip radii]
+    edge : arc length along the tip's outline from apex to contact edge [tip radii]
+    free : (n, 2) radius and height of points on the free surface, from just beyond the edge to the wall [tip radii]
     depth : press depth > 0 [tip radii]
     tip : outline of the pressing tip
     """
@@ -282,7 +285,7 @@ def surface_curve(
     tip: TipOutline = HEMISPHERE,
     crown: float = 0.0,
 ) -> TopCurve:
-    """The deformed top as a dense curve, from surface nodes; parameters are those of `free_surface`."""
+    """The deformed top as a curve of closely spaced points, from surface nodes; parameters as for `free_surface`."""
     edge, free = free_surface(
         radius, height, depth, spacing=spacing, tolerance=tolerance, tip=tip, crown=crown
     )
@@ -296,32 +299,35 @@ NEARLY_INCOMPRESSIBLE = 0.499
 
 
 def extrapolation_weight() -> float:
-    """Factor by which the change from Poisson's ratio 0.48 to 0.49 is continued to reach 0.499 [-]: 0.9."""
+    """Weight with which the change from Poisson's ratio 0.48 to 0.49 is added to extrapolate to 0.499 [-]: 0.9."""
     soft, stiff = POISSON_RATIOS
     return (NEARLY_INCOMPRESSIBLE - stiff) / (stiff - soft)
 
 
 def nearly_incompressible(soft: SmoothPress, stiff: SmoothPress) -> SmoothPress:
-    """Extrapolate presses solved at the two `POISSON_RATIOS`, at the same depths on the same mesh, to ν = 0.499."""
+    """Extrapolate presses to Poisson's ratio 0.499 from two solves, at the lower and higher of `POISSON_RATIOS`.
+
+    Both must have the same depths and mesh.
+    """
     difference = stiff.coefficients - soft.coefficients
     return replace(stiff, coefficients=stiff.coefficients + extrapolation_weight() * difference)
 
 
 LONGEST = math.sqrt(2.0) - 1.0
-"""Longest distance over which the curve fades out, over the half width [-]: to the corner of the square."""
+"""Longest distance over which the curve fades out, over the pad's half width [-]: as far as the square's corner."""
 POINTS = 16
 """Number of points on the part of the curve that fades out."""
 
 
 def run_out(curve: TopCurve, half_width: float, length: float | None = None) -> TopCurve:
-    """Follow a curve to half the width of a square pad, then let it fade to the undeformed height.
+    """Follow a round pad's surface to the real pad's nearest wall, then let it fade to the undeformed height.
 
     Parameters
     ----------
     curve : the top of a round pad; returned unchanged if it ends before `half_width`
-    half_width : radius at which the curve starts to fade: half the square pad's width, or the distance to the nearest
-        wall
-    length : longest distance over which the curve fades; None: to the corner of the square
+    half_width : radius at which the curve starts to fade: half the width of a square pad, or the distance to the
+        nearest wall
+    length : longest distance over which the curve fades; None is as far as the corner of the square
     """
     beyond = np.flatnonzero(curve.radius >= half_width)
     if beyond.size == 0:
@@ -344,10 +350,10 @@ def run_out(curve: TopCurve, half_width: float, length: float | None = None) -> 
 
 
 FIRST_SPACING, SPACING_GROWTH, LARGEST_SPACING = 0.003, 1.04, 0.015
-"""First spacing, growth ratio and largest spacing of the free surface's samples [share of its arc length]."""
+"""First spacing, growth ratio and largest spacing of the free surface's samples; spacings over its arc length [-]."""
 _RUN_BACK = 1e-6
 LOAD_SHARES = np.linspace(0.0, 1.0, 17)
-"""Fractions of the arc length from the tip's apex to the contact edge at which the load inside is stored [-]."""
+"""Fractions of the arc length from tip apex to contact edge; the share of the load within each is stored [-]."""
 
 
 @cache
@@ -360,15 +366,15 @@ def _arc_shares() -> FloatArray:
 
 
 def arc_shares() -> FloatArray:
-    """Samples (sample,) on the free surface as shares of its arc length, 0 at the contact edge, 1 at the wall."""
+    """Positions (sample,) on the free surface as shares of its arc length, 0 at the contact edge and 1 at the wall."""
     return _arc_shares().copy()
 
 
 def sample_arcs(length: float, wall_radius: float) -> FloatArray:
     """Arc lengths (sample,) of the free surface's samples, from 0 at the contact edge to `length` [tip radii].
 
-    Near the contact the samples hardly depend on the wall's position, so presses in pads of different sizes can be
-    interpolated. With a wall at `WALL_RADIUS` they are `arc_shares` times the length.
+    Near the contact, they hardly depend on the wall's position, so presses into pads of different sizes can be
+    interpolated. With a wall at `WALL_RADIUS`, they are `arc_shares` times the length.
 
     Parameters
     ----------
@@ -382,7 +388,7 @@ def sample_arcs(length: float, wall_radius: float) -> FloatArray:
 
 SAMPLES = _arc_shares().size
 VALUES = 2 + 2 * SAMPLES + LOAD_SHARES.size
-"""How many numbers describe a state: ln force, ln edge, sample radii, sample heights, shares of the load."""
+"""How many numbers describe a press at one depth: ln force, ln edge, sample radii and heights, shares of the load."""
 
 
 def runs_back(curve: TopCurve) -> BoolArray:
@@ -391,13 +397,13 @@ def runs_back(curve: TopCurve) -> BoolArray:
 
 
 def outward(curve: TopCurve) -> tuple[FloatArray, FloatArray]:
-    """Radius (increasing) and height of a curve as a function; where the curve overhangs, its lowest point is kept."""
+    """Radius and height of a curve's points at which the radius increases; overhanging parts are left out."""
     kept = np.append(True, np.diff(np.maximum.accumulate(curve.radius)) > _RUN_BACK)
     return curve.radius[kept], curve.height[kept]
 
 
 def above_crown(curve: TopCurve, crown: float) -> TopCurve:
-    """Convert a curve's heights and angles from the apex's plane to the undeformed crown as reference.
+    """Convert a curve's heights and tangent angles so that they refer to the undeformed crown, not the apex's plane.
 
     Parameters
     ----------
@@ -420,11 +426,11 @@ def on_crown(curve: TopCurve, crown: float) -> TopCurve:
 
 
 def off_crown(points: FloatArray, wall_radius: float, crown: float) -> FloatArray:
-    """Convert heights of points (n, 2) above the crown's apex to heights above the undeformed crown.
+    """Convert the heights of points from above the crown's apex to above the undeformed crown.
 
     Parameters
     ----------
-    points : (n, 2) radius and height; a fitted radius may be a little beyond the wall [tip radii]
+    points : (n, 2) radius and height [tip radii]; a fitted radius may be slightly beyond the wall
     wall_radius : radius at which the crown ends [tip radii]
     crown : tip radius over the radius of the undeformed top; a negative value gives the inverse conversion [-]
     """
@@ -436,14 +442,14 @@ def off_crown(points: FloatArray, wall_radius: float, crown: float) -> FloatArra
 
 @dataclass(frozen=True, kw_only=True)
 class StateValues:
-    """The numbers that describe a press at one depth, and are fitted by splines over depth.
+    """The numbers that describe a press at one depth; splines fit each of them over depth.
 
     Attributes
     ----------
-    log_force, log_edge : ln of the force [E R²], ln of the arc length along the tip's outline to the contact edge [tip
-        radii]
-    free : (SAMPLES, 2) radius and height of the free surface relative to its first point, the contact edge; heights are
-        above the undeformed top (`off_crown`) [tip radii]
+    log_force : ln of the force [E R²]
+    log_edge : ln of the arc length along the tip's outline from apex to contact edge [tip radii]
+    free : (SAMPLES, 2) radius and height of the free surface relative to its first point, the contact edge [tip radii];
+        heights are above the undeformed top (`off_crown`)
     load : (share,) share of the load inside each of `LOAD_SHARES` of the contact [-]
     """
 
@@ -458,19 +464,19 @@ class StateValues:
 
     @classmethod
     def unpacked(cls, row: FloatArray) -> StateValues:
-        """From one array (VALUES,): the inverse of `packed`."""
+        """Read the numbers from one array (VALUES,): the inverse of `packed`."""
         free, load = row[2 : 2 + 2 * SAMPLES], row[2 + 2 * SAMPLES :]
         return cls(log_force=float(row[0]), log_edge=float(row[1]), free=free.reshape(2, -1).T, load=load)
 
 
 @dataclass(frozen=True, kw_only=True)
 class FitResidual:
-    """Distance of the solved states from the splines over all depths: root mean square, and largest.
+    """Errors of the spline fit to the solved states over all depths: root mean square, and largest.
 
     Attributes
     ----------
     force_rms, force_largest : relative error of the force [-]
-    edge_rms, edge_largest : error of the arc length along the tip's outline to the contact edge [tip radii]
+    edge_rms, edge_largest : error of the arc length along the tip's outline from apex to contact edge [tip radii]
     surface_rms, surface_largest : error of the free surface's samples [tip radii]
     """
 
@@ -483,29 +489,29 @@ class FitResidual:
 
     @classmethod
     def from_array(cls, figures: FloatArray) -> FitResidual:
-        """From an array (6,) in the order of the attributes."""
+        """Read the errors from an array (6,) in the order of the attributes."""
         return cls(**{field.name: float(figure) for field, figure in zip(fields(cls), figures, strict=True)})
 
     def as_array(self) -> FloatArray:
-        """As an array (6,) in the order of the attributes."""
+        """The errors as an array (6,) in the order of the attributes."""
         return np.array([getattr(self, field.name) for field in fields(self)])
 
 
 @dataclass(frozen=True, kw_only=True)
 class SmoothPress:
-    """Presses of one layer under one tip, at every depth; lengths in tip radii, forces in E R².
+    """Presses of one tip into one layer, at every depth; lengths in tip radii, forces in E R².
 
     Attributes
     ----------
-    layer_depth, wall_radius : layer thickness, radius of the bonded wall
+    layer_depth, wall_radius : layer thickness, and radius of the bonded wall
     mesh_size : node spacing under the tip in the solved mesh
     first, deepest : depths of the shallowest and of the deepest solved press
-    knots : (knot,) knots of the cubic splines in ln(depth / deepest), with repeated ends [-]
+    knots : (knot,) knots of the cubic splines over ln(depth / deepest), with repeated ends [-]
     coefficients : (coefficient, VALUES) spline coefficients of the numbers in `StateValues`
     residual : distance of the fit from the solved states
     tip : outline of the pressing tip
-    versions : names and versions of the programs that computed it
-    crown : tip radius over the radius of the undeformed top, pressed at its apex; 0 is flat [-]
+    versions : names and versions of the programs that computed the presses
+    crown : tip radius over the radius of a spherical top that is pressed at its apex; 0 is flat [-]
     """
 
     layer_depth: float
@@ -526,7 +532,7 @@ class SmoothPress:
 
     @cached_property
     def far(self) -> FarPress:
-        """Loads on a linear elastic layer that raise its top as these presses do outside the dimple.
+        """Loads on a linear elastic layer that raise its top outside the dimple just as these presses do.
 
         Raises
         ------
@@ -550,11 +556,11 @@ class SmoothPress:
         return min(max(place, float(self.knots[0])), float(self.knots[-1]))
 
     def values_at(self, depth: float) -> StateValues:
-        """The numbers that describe the press at a depth; depths below the first solved one are clipped to it."""
+        """The numbers that describe the press at a depth, which is clipped to the solved range."""
         return StateValues.unpacked(np.asarray(self._values(self._place(depth)), dtype=np.float64))
 
     def force_at(self, depth: float) -> float:
-        """Force at a depth between 0 and the deepest one [E R²]."""
+        """Force at a depth up to the deepest solved one [E R²]; 0 without contact."""
         if depth <= 0.0:
             return 0.0
         shallower = min(0.0, float(np.log(depth / self.first)))
@@ -562,7 +568,7 @@ class SmoothPress:
         return float(np.exp(log_force + (1.0 + self.tip.contact_power) * shallower))
 
     def edge_at(self, depth: float) -> float:
-        """Arc length along the tip's outline to the contact edge [tip radii], at a depth from 0 to the deepest one."""
+        """Arc length along the tip's outline from apex to contact edge [tip radii] at a depth; 0 without contact."""
         if depth <= 0.0:
             return 0.0
         shallower = min(0.0, float(np.log(depth / self.first)))
@@ -570,7 +576,7 @@ class SmoothPress:
         return float(np.exp(log_edge + self.tip.contact_power * shallower))
 
     def curve_at(self, depth: float) -> TopCurve:
-        """The top from axis to wall at a depth between 0 and the deepest one; heights above the undeformed apex."""
+        """The top from axis to wall at a depth up to the deepest solved one; heights are above the undeformed apex."""
         if depth <= 0.0:
             flat = sample_arcs(self.wall_radius, self.wall_radius)
             nothing = np.zeros_like(flat)
@@ -592,9 +598,9 @@ class SmoothPress:
         return on_crown(shallower, self.crown)
 
     def _free(self, relative: FloatArray, edge: float, depth: float) -> FloatArray:
-        """Free surface (SAMPLES, 2) from the contact edge on the tip to where the layer is bonded.
+        """Points (n, 2) of the free surface, from just beyond the contact edge to where the layer is bonded.
 
-        The separate fits of edge and surface miss the bonded end by about a micrometre; this error is distributed along
+        The separate fits of edge and surface miss the bonded end by about a micrometre. This error is distributed along
         the arc.
         """
         start = np.stack(tip_outline(np.array(edge), depth, self.tip))

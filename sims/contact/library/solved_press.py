@@ -4,20 +4,20 @@ The library holds presses into a round pad. `PlacedPress` corrects them for the 
 
 Model
 -----
-The walls lift the top by a small and smooth D(x, y) (`sims.contact.walls`). Near the tip D is nearly constant, D₀. So
-the tip meets a top that is D₀ higher: the press is that of the round pad at the depth d' = d + D₀(d'), lifted by D₀.
-Force and contact are those at d'. The top is
+Compared with the round pad, the rectangular pad's walls lift the top by a small and smooth amount D(x, y)
+(`sims.contact.walls`). Near the tip D is nearly constant, D₀, so the tip meets a top that is D₀ higher. The press is
+then that of the round pad at the depth d' = d + D₀(d'), lifted by D₀. Force and contact are those at d'. The top is
 
     S(x, y) = w h(r) + (1 - w) G(r) + D(x, y)
 
-with distance r from the press axis, the round pad's top h at d', the top G of a linear elastic round pad under loads
-that replace the press, and a weight w that falls from 1 at r = `NEAR` to 0 at `FAR`. So S is the solved press near the
-tip, the linear layer beyond, and zero at the walls. If d' exceeds the deepest solved depth, the free surface continues
-to sink as over the last `STEP`.
+Here r is the distance from the press axis, h the round pad's top at d', and G the top of a linear elastic round pad
+under loads that replace the press. The weight w falls from 1 at r = `NEAR` to 0 at `FAR`. So S is the solved press near
+the tip, the linear layer farther out, and zero at the walls. If d' exceeds the deepest solved depth, the free surface
+continues to sink at the rate of the last `STEP`.
 
-Left out: the tilt of the contact by D (inside it D - D₀ is 50 µm at most on the published pad). Refused are walls
-nearer than `NEAREST_WALL`, or that change the depth by more than `LARGEST_CHANGE`. Lengths in tip radii, forces in E
-R².
+Left out: the tilt of the contact by D (inside it, D - D₀ is 50 µm at most on the published pad). Presses with walls
+nearer than `NEAREST_WALL`, or walls that change the depth by more than `LARGEST_CHANGE`, are refused. Lengths are in
+tip radii, forces in E R².
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ from sims.press import Indentation
 
 NEAR, FAR = 2.0, 3.5
 LARGEST_CHANGE = 0.25
-"""Largest accepted change of the depth by walls, over the depth [-]; at 0.14 the change has an error of a twentieth."""
+"""Largest accepted change of the depth by walls, over the depth [-]. At 0.14, the change has an error of 5 %."""
 STEP = 0.03
 ROUNDS, SETTLED = 30, 1e-10
 SIDES = ("west", "east", "south", "north")
@@ -53,13 +53,13 @@ class PlacedPress:
 
     Attributes
     ----------
-    smooth : the presses in the round pad of the same area
-    size, at : length and width of the pad; (x, y) of the press axis from its corner
+    smooth : the presses into the round pad of the same area
+    size, at : length and width of the pad, and (x, y) of the press axis from its corner
 
     Raises
     ------
     InputError : the location is not finite
-    ModelScopeError : the location is too near to a wall
+    ModelScopeError : the location is too near a wall
     """
 
     smooth: SmoothPress
@@ -67,7 +67,7 @@ class PlacedPress:
     at: tuple[float, float]
 
     def __post_init__(self) -> None:
-        """Refuse locations that are not finite, or too near to a wall for the wall model."""
+        """Refuse locations that are not finite, or are too near a wall for the wall model."""
         (x, y), (length, width) = self.at, self.size
         for side, distance in zip(SIDES, (x, length - x, y, width - y), strict=True):
             if not math.isfinite(distance):
@@ -84,7 +84,7 @@ class PlacedPress:
         return surroundings(self.smooth.layer_depth, self.smooth.wall_radius, self.size, self.at)
 
     def round_depth(self, depth: float) -> float:
-        """Depth in the round pad that gives the same force and contact as a depth here (d' in the module's model).
+        """Depth in the round pad with the same force and contact as at a depth here (d' in the module's model).
 
         Raises
         ------
@@ -115,7 +115,7 @@ class PlacedPress:
         return last + (inner - deepest) * (last - before) / STEP
 
     def curve_at(self, depth: float) -> TopCurve:
-        """The round pad's top at the equivalent depth, out to its wall; near the tip lifted by the walls' effect D₀."""
+        """The round pad's top at the equivalent depth, as far as its wall; near the tip it is lifted by D₀."""
         if depth <= 0.0:
             return self.smooth.curve_at(0.0)
         inner = self.round_depth(depth)
@@ -124,9 +124,9 @@ class PlacedPress:
         return _raised(curve, (inner - depth) * kept, (inner - depth) * slope)
 
     def near_at(self, depth: float) -> TopCurve:
-        """The part of the top that is symmetric about the press axis, w (h + D₀) in the module's model.
+        """The part of the top that is symmetric about the press axis: w (h + D₀) in the module's model.
 
-        It ends with height 0 at radius `FAR`, and overhangs are removed. `beside` gives the rest of the top.
+        It ends at height 0 at radius `FAR`, and overhangs are removed. `beside` gives the rest of the top.
         """
         if depth <= 0.0:
             return self.smooth.curve_at(0.0)
@@ -144,7 +144,7 @@ class PlacedPress:
         )
 
     def beside(self, depth: float, x: FloatArray, y: FloatArray) -> FloatArray:
-        """Height (nx, ny) of the top minus that of `near_at`, at x (nx,) and y (ny,) from the pad's corner."""
+        """Height (nx, ny) of the top minus the part `near_at`, at x (nx,) and y (ny,) from the pad's corner."""
         if depth <= 0.0:
             return np.zeros((len(x), len(y)))
         inner = self.round_depth(depth)
@@ -159,7 +159,7 @@ class PlacedPress:
 
 
 def _fading(radius: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Weight w of the solved press at radii, and its slope dw/dr: 1 up to `NEAR`, 0 from `FAR`, smooth between."""
+    """Weight w of the solved press at radii, and its slope dw/dr. It is 1 up to `NEAR`, and 0 from `FAR` on."""
     t = np.clip((radius - NEAR) / (FAR - NEAR), 0.0, 1.0)
     return 1.0 - t**3 * (10.0 - 15.0 * t + 6.0 * t * t), -30.0 * (t * (1.0 - t)) ** 2 / (FAR - NEAR)
 
@@ -167,7 +167,7 @@ def _fading(radius: FloatArray) -> tuple[FloatArray, FloatArray]:
 def _raised(
     curve: TopCurve, height: FloatArray, slope: FloatArray, scale: FloatArray | float = 1.0
 ) -> TopCurve:
-    """Add heights to a curve, and change its tangents: their slopes are multiplied by `scale`, then `slope` added."""
+    """Add heights to a curve; multiply the slopes of its tangents by `scale`, and then add `slope`."""
     changed = (slope != 0.0) | (np.broadcast_to(scale, slope.shape) != 1.0)
     steeper = np.arctan(np.tan(curve.inclination) * scale + slope)
     return replace(
@@ -176,7 +176,7 @@ def _raised(
 
 
 def _solved(smooth: SmoothPress, depth: float) -> TopCurve:
-    """The round pad's top; beyond the deepest solved press, the free surface continues to sink at its last rate."""
+    """The round pad's top at a depth; beyond the deepest solved press, the free surface sinks on at its last rate."""
     further = depth - smooth.deepest
     if further <= 0.0:
         return smooth.curve_at(depth)
@@ -190,7 +190,7 @@ def _solved(smooth: SmoothPress, depth: float) -> TopCurve:
 
 
 LEAST_RUN_OUT = 0.02
-"""Relative excess of the farthest wall's distance over the nearest's, up to which the curve ends at the wall [-]."""
+"""Relative difference of the nearest and the farthest wall's distance up to which the curve is not faded out [-]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -199,12 +199,12 @@ class SolvedPress:
 
     Attributes
     ----------
-    smooth : the presses in the round pad, in tip radii and E R²
+    smooth : the presses into the round pad, in tip radii and E R²
     tip_radius_mm : radius of the tip [mm]
-    youngs_modulus_mpa : modulus of the layer [MPa]; it scales the force only
-    placed : the presses at a location between the walls of a rectangular pad; None: `smooth` applies as it is
-    walls_mm : distances of the nearest and the farthest wall from the press axis, in a pad with round walls [mm]; None:
-        all walls are straight
+    youngs_modulus_mpa : Young's modulus of the layer [MPa]; it scales the force only
+    placed : the presses corrected for the walls of a rectangular pad at a location; if None, `smooth` is not corrected
+    walls_mm : distances of the nearest and the farthest wall from the press axis in a pad with round walls [mm]; None
+        if all walls are straight
     unit : the solver's states if the press was solved live; None if it is from the library
     notes : notes for the user about this solution
     """
@@ -243,7 +243,7 @@ class SolvedPress:
         return min(depth, self.smooth.deepest)
 
     def round_depth(self, depth_mm: float) -> float:
-        """Depth in the round pad [tip radii] that gives the same force as a depth [mm] here; errors are as in `at`."""
+        """Depth in the round pad [tip radii] with the same force as at a depth [mm] here; errors are those of `at`."""
         depth = self.scaled_depth(depth_mm)
         return depth if self.placed is None else self.placed.round_depth(depth)
 
@@ -253,10 +253,10 @@ class SolvedPress:
         return unit_n * (self.placed or self.smooth).force_at(depth)
 
     def at(self, depth_mm: float) -> Indentation:
-        """The press at a depth [mm], its surface continued to the farthest walls; at 0 or less there is no contact.
+        """The press at a depth [mm], its surface continued to the farthest walls; 0 or less means no contact.
 
-        Heights are above the undeformed top, along its normal. So on a crowned pad the curve is not spherical, even in
-        the contact.
+        Heights are above the undeformed top, along its normal. So on a crowned pad, the curve is not spherical even
+        inside the contact.
 
         Raises
         ------
@@ -286,13 +286,13 @@ class SolvedPress:
         return self._indentation(self.placed.near_at(self.scaled_depth(depth_mm)), depth_mm)
 
     def round_pad_at(self, depth_mm: float) -> Indentation:
-        """The press at a depth [mm] in the round pad of the same area: surface and force; errors are those of `at`."""
+        """The press at a depth [mm] in the round pad of the same area, with its force; errors are those of `at`."""
         plain = replace(self, placed=None)
         curve = self.smooth.curve_at(self.scaled_depth(depth_mm))
         return plain._indentation(above_crown(curve, self.smooth.crown), depth_mm)
 
     def _indentation(self, curve: TopCurve, depth_mm: float) -> Indentation:
-        """Convert a curve from tip radii to mm, and add the force at its depth."""
+        """Convert a curve from tip radii to mm, and add the force at this depth."""
         return Indentation(
             depth_mm=depth_mm,
             tip_radius_mm=self.tip_radius_mm,

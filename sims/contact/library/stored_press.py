@@ -1,8 +1,8 @@
-"""Solved states of one layer: cached in memory and on disk, and solved if they are in neither cache.
+"""Solved presses into one layer: cached in memory and on disk, and solved if they are in neither cache.
 
-On disk there is one .npz file per entry, named by a hash of all inputs of the solution. A file has plain arrays only,
-so reading it executes nothing. It is written completely or not at all, also with concurrent writers. A file that cannot
-be read, or does not match its name, counts as absent and is replaced.
+On disk there is one .npz file per entry, named by a hash of all inputs of the solution. A file contains only plain
+arrays, so reading it runs no code. It is written completely or not at all, even if several processes write it at once.
+A file that cannot be read, or does not match its name, counts as missing and is replaced.
 """
 
 from __future__ import annotations
@@ -31,12 +31,12 @@ RECIPE = 13
 """Version of the solver that computes stored solutions. Raise it when results change."""
 
 _SOLVED: dict[str, UnitPress] = {}
-"""Solutions of this process by key (hash of their inputs); each depends on its key only."""
+"""Solutions known to this process, by the hash of their inputs, on which alone they depend."""
 
 
 @cache
 def _mujoco_version() -> str:
-    """Version of MuJoCo, looked up once, because the package's metadata is read from disk."""
+    """Version of MuJoCo; looked up only once, because this reads the package's metadata from disk."""
     return version("mujoco")
 
 
@@ -64,7 +64,7 @@ class PressInputs:
     crown: float = 0.0
 
     def key(self) -> str:
-        """Name of the stored solution: a hash of all inputs, without `crown` if it is 0."""
+        """Name of the stored solution: a hash of all inputs, leaving out a `crown` of 0."""
         return entry_key(
             {
                 "layer": round(self.layer, 9),
@@ -81,7 +81,7 @@ class PressInputs:
 
 
 def _solve(inputs: PressInputs, on_step: Callable[[float], None] | None) -> UnitPress:
-    """Run MuJoCo, imported only here, so that reading stored solutions does not need it."""
+    """Solve the press with MuJoCo, which is imported only here, so that reading stored solutions does not need it."""
     from sims.contact.library.unit_press import solve_unit_press
 
     return solve_unit_press(
@@ -99,7 +99,7 @@ def _solve(inputs: PressInputs, on_step: Callable[[float], None] | None) -> Unit
 def stored_press(
     inputs: PressInputs, on_step: Callable[[float], None] | None = None
 ) -> tuple[UnitPress, tuple[str, ...]]:
-    """The solved states from a cache, or else solved and stored now; with notes for the user.
+    """A press's solved states, from a cache or else solved and stored now, and notes for the user.
 
     Parameters
     ----------
@@ -125,10 +125,10 @@ def stored_press(
 FORMAT = 1
 """Version of the entry file's layout."""
 MOST_BYTES = 50_000_000
-"""Largest accepted size of an entry file [bytes]; the largest in use have some hundred kB."""
+"""Largest accepted size of an entry file [bytes]; the largest in use take a few hundred kB."""
 _SCALARS = ("layer_depth", "wall_radius", "crown", "mesh_size", "wedge_angle", "poisson_ratio")
 _MAY_LACK = {"crown": 0.0}
-"""Fields that the entry of a flat layer may lack, and their values then."""
+"""Fields that may be missing from the entry of a flat layer, and the values that they then have."""
 _PER_STATE = ("radii", "heights", "normal_force")
 
 
@@ -144,7 +144,7 @@ def entry_key(inputs: Mapping[str, object]) -> str:
 
 
 def entry_path(key: str) -> Path:
-    """Path of the file of a stored press with a key."""
+    """Path of the file in which the press with a key is stored."""
     return cache_folder() / f"{key}.npz"
 
 
@@ -163,7 +163,7 @@ def _is_whole(press: UnitPress) -> bool:
 
 
 def read_entry(key: str) -> UnitPress | None:
-    """The stored press with a key, or None if there is none or its file cannot be used."""
+    """The press stored under a key; None if there is none, or if its file cannot be used."""
     try:
         entry = plain_arrays(entry_path(key), most_bytes=MOST_BYTES)
         if str(entry["key"]) != key:
@@ -186,7 +186,7 @@ def _arrays(press: UnitPress) -> dict[str, np.ndarray[Any, Any]]:
 
 
 def write_entry(key: str, press: UnitPress) -> str | None:
-    """Store a press; returns None, or a note why it could not be stored."""
+    """Store a press under a key; return None, or a note for the user that says why it could not be stored."""
     path = entry_path(key)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)

@@ -1,4 +1,4 @@
-"""Solve one layer with MuJoCo and pack the result as a `UnitPress`."""
+"""Solve presses into one layer with MuJoCo, and pack the results as a `UnitPress`."""
 
 from __future__ import annotations
 
@@ -29,13 +29,13 @@ def solve_unit_press(
 
     Parameters
     ----------
-    layer_depth, mesh_size : layer thickness on the axis, node spacing under the tip [tip radii]
+    layer_depth, mesh_size : layer thickness on the axis, and node spacing under the tip [tip radii]
     depths : increasing press depths [tip radii]
     poisson_ratio : Poisson's ratio of the layer [-]
     on_step : called with the fraction done (0 to 1)
     tip : outline of the pressing tip
     wall_radius : radius of the bonded wall [tip radii]
-    crown : tip radius over the radius of the top's sphere, pressed at its apex; 0 is flat [-]
+    crown : tip radius over the radius of a spherical top that is pressed at its apex; 0 is flat [-]
 
     Raises
     ------
