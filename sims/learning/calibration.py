@@ -284,7 +284,9 @@ def fitted(
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Told:
-    """Fisher information in the data on the parameters along independent directions, in prior standard deviations.
+    """Fisher information that the data hold on the parameters, along independent directions.
+
+    Parameters are in prior standard deviations.
 
     Attributes
     ----------

@@ -66,7 +66,7 @@ class SharedError:
     group: IntArray
 
     def sums(self, values: FloatArray) -> FloatArray:
-        """Sums (group, ...) of values (reading, ...) over the readings of each group."""
+        """Sums (group, ...) over the readings of each group, of values (reading, ...)."""
         return np.asarray(np.add.reduceat(values[self.order], self.starts, axis=0))
 
     def whitened(self, values: FloatArray, shared: FloatArray) -> FloatArray:
@@ -74,7 +74,7 @@ class SharedError:
 
         Parameters
         ----------
-        values : (reading, column) residuals or slopes over the standard deviation of each reading's own noise
+        values : (reading, column) residuals or slopes, divided by the standard deviation of each reading's own noise
         shared : (reading,) standard deviation of the shared error, in the same unit
         """
         square = self.sums(shared**2)

@@ -1,14 +1,15 @@
 """The learner "signal-map": a model from a traced map of signals and a sensor's own untouched readings.
 
-    signal of a pair over its untouched one   from the light model (`sims.learning.traced_map`)
-    untouched signal                          mean of the sensor's untouched frames; for a pair at full scale, from
-                                              gains of emitters and receivers that are fitted to the other pairs,
-                                              corrected by the touched frames in which the pair does not clip
-    noise                                     that of the design's signal chain, raised to that of untouched frames,
-                                              and the map's measured error
-    threshold of touch                        the score that `FALSE_ALARMS` of the untouched frames exceed in the worst
-                                              set, each set compared with the untouched signals of the others, because
-                                              a new set has its own gains, ambient light and phase of flicker
+    ratio of signals     a pair's signal divided by its untouched signal: from the light model
+                         (`sims.learning.traced_map`)
+    untouched signal     mean of the sensor's untouched frames. For a pair at full scale it follows from gains of
+                         emitters and receivers that are fitted to the other pairs, and is corrected by the touched
+                         frames in which the pair does not clip
+    noise                from the design's signal chain, or from the untouched frames if they scatter more; plus the
+                         map's measured error
+    threshold of touch   the score that `FALSE_ALARMS` of the untouched frames exceed in the worst set. Each set is
+                         compared with the untouched signals of the others, because a new set has its own gains,
+                         ambient light and phase of flicker
 
 Few presses are needed, or even none: untouched frames alone are enough. Left out: a bias of the reference depth in the
 data, which this model does not learn (`sims.learning.calibration` fits it).
@@ -69,10 +70,10 @@ TRUST_BINS = 5
 a factor is known to 16 % in x and y and to 22 % in depth.
 """
 MOST_FOR_THRESHOLD = 1500
-"""Largest number of untouched frames used for the threshold, over all sets together."""
+"""Largest number of untouched frames used for the threshold, all sets together."""
 MOST_FOR_CLIPPED = 3000
 BRIGHT = 0.05
-"""Least untouched signal of a pair used in the fit of gains, divided by the median over pairs [-]."""
+"""Pairs whose untouched signal is below this share of the median over pairs are not used to fit gains [-]."""
 CLIP_SHARE = 0.99
 """Untouched readings above this share of the converter's largest reading count as clipped [-]."""
 
@@ -83,8 +84,8 @@ class Untouched:
 
     Attributes
     ----------
-    mean_counts, spread_counts : (pair,) mean signal, and its standard deviation from frame to frame within a set
-        [counts]
+    mean_counts, spread_counts : (pair,) mean signal, and standard deviation of the signal from frame to frame within a
+        set [counts]
     clip_counts : (pair,) signal at which the converter clips [counts]; infinite if unknown
     """
 
@@ -278,7 +279,7 @@ def fit_signal_map(
 
     Parameters
     ----------
-    found : map of the design, or of the design after calibration
+    found : signal map of the design, before or after calibration
     header : header for the model; its kind and untouched counts are replaced
     data : readings, which must include untouched frames; touched frames improve the untouched signals of pairs that
         clip

@@ -34,11 +34,11 @@ from sims.readings.press_data import PressData
 
 
 def needed_samples(data: PressData, places_mm: FloatArray) -> PressData:
-    """Select the samples at the depths of the tables, and all samples of the presses nearest to given locations.
+    """Select all samples at the depths of the tables, and all samples of the presses nearest to given locations.
 
     Parameters
     ----------
-    places_mm : (place, 2) (x, y) of locations at which a picture shows depth sample by sample [mm]
+    places_mm : (place, 2) x, y of locations for which a picture shows depth sample by sample [mm]
     """
     depth_mm = data.press_mm[:, 2]
     wanted = np.zeros(len(data), dtype=np.bool_)
@@ -56,12 +56,12 @@ def _all_depths() -> Sequence[float]:
 
 
 DEPTH_TOLERANCE_MM = 0.04
-"""Largest difference between a sample's depth and a table row's depth [mm]; schedules step by 0.1 mm."""
+"""A sample belongs to a table row if their depths differ by at most this [mm]; schedules have steps of 0.1 mm."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class JudgedPresses:
-    """Samples, and the prediction of one model for each.
+    """Samples, with one model's prediction for each.
 
     Attributes
     ----------
@@ -328,7 +328,7 @@ def _resampled(
 
 
 def _drawn(groups: NDArray[np.intp], rng: np.random.Generator) -> FloatArray:
-    """How often each sample's group is drawn (n,) if as many groups are drawn at random as there are."""
+    """How often each sample's group is drawn (n,) in one bootstrap draw of the groups, with replacement."""
     count = int(groups.max()) + 1
     drawn = np.bincount(rng.integers(count, size=count), minlength=count)
     return np.asarray(drawn[groups], dtype=np.float64)

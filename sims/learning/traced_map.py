@@ -206,7 +206,7 @@ def traced_map(
     Parameters
     ----------
     pitch_mm : largest distance between neighbouring locations [mm]
-    depth_nodes : number of depths, including that of the untouched pad
+    depth_nodes : number of depths, including depth 0 (the untouched pad)
     accuracy, seed : accuracy setting and random seed of the light model
     on_step : called with ``map`` and the fraction done (0 to 1)
 
@@ -253,8 +253,8 @@ class MapError:
     Attributes
     ----------
     press_mm : (n, 3) x, y, depth of the presses [mm]
-    found, truth : (n, emitter, receiver) light by the map and by the separate trace, as a share of the emitted power
-        [-]
+    found, truth : (n, emitter, receiver) light from the map and from the separate trace, as a share of the emitted
+        power [-]
     """
 
     press_mm: FloatArray

@@ -337,7 +337,7 @@ def _write_whole(file: Path, header: PressData, parts: Iterator[NDArray[np.void]
 def _write_netcdf(file: Path, header: PressData, parts: Iterator[NDArray[np.void]]) -> None:
     """Write presses one after another into one netCDF file; memory holds one press at a time.
 
-    The time axis is unlimited.
+    The length of the time axis is unlimited.
     """
     import h5netcdf
 

@@ -83,8 +83,7 @@ def in_unit(found: xr.Dataset, names: list[str], known: Mapping[str, float]) -> 
 
 
 def counts_factor(found: xr.Dataset, design: SensorDesign | None) -> float:
-    """Factor from a file's readings to ADC counts: 1 for counts; for volts, the counts per volt of the design's
-    converter.
+    """Factor from a file's readings to ADC counts: 1 for counts, or the counts per volt of the design's converter.
 
     Raises
     ------
@@ -116,9 +115,9 @@ def counts_factor(found: xr.Dataset, design: SensorDesign | None) -> float:
 
 
 def known_design(design: SensorDesign | None, digest: str | None) -> SensorDesign | None:
-    """The design with the digest that data state; None if unknown.
+    """The design that data belong to, according to the digest in them; None if unknown.
 
-    It is `design` if its digest agrees or the data state none, otherwise the preset with this digest.
+    It is `design` if its digest agrees or the data have no digest, otherwise the preset with this digest.
     """
     from design.preset import PRESETS, preset
 

@@ -180,7 +180,7 @@ def data_notes(data: PressData) -> tuple[str, ...]:
 def clipped_note(data: PressData) -> str | None:
     """A sentence that names the channels with clipped readings; None if there are none.
 
-    A reading of the off state has a name like ``off-R1``. A clipped pair carries less information on a press, or none.
+    A reading of the off state has a name such as ``off-R1``. A clipped pair has little or no information on a press.
     """
     share = data.clipped_share()
     at = np.argwhere(share > 0)
@@ -237,7 +237,7 @@ In the comparison in the module docstring, they give errors of 0.73 counts rms f
 "standard".
 """
 KNOTS_TIP_MM = 3.0
-"""Tip radius to which `KNOTS_MM` belong [mm]; for other tips they are scaled, as contact and dimple scale."""
+"""Tip radius for which `KNOTS_MM` are given [mm]; for other tips they are scaled in proportion, like the dimple."""
 SPARE_MM = 0.1
 """Least distance by which traced depths go beyond a design's deepest press [mm], to allow for errors of depth 0."""
 BEYOND_MM = 0.25

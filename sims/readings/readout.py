@@ -179,7 +179,7 @@ def signals_dataset(
 
 
 def save_dataset(dataset: xr.Dataset, file: Path) -> None:
-    """Write a data set as netCDF, completely or not at all; errors are those of `design.files.whole_file`."""
+    """Write a data set as netCDF, completely or not at all; raises the errors of `design.files.whole_file`."""
     encoding = {name: COMPRESSION for name, values in dataset.data_vars.items() if values.ndim > 1}
     with whole_file(file) as hidden:
         dataset.to_netcdf(hidden, engine="h5netcdf", encoding=encoding)

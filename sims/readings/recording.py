@@ -150,8 +150,7 @@ def _read_csv(file: Path) -> Recording:
 
 
 def _length_mm(table: CsvTable, axis: str) -> FloatArray | None:
-    """Values (time,) of the column of an axis, converted to mm from the unit in its name (``depth_um``); None if
-    absent.
+    """Column (time,) of an axis, converted to mm from the unit in its name (``depth_um``); None if there is none.
 
     Raises
     ------

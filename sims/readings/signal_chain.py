@@ -259,8 +259,8 @@ class SignalChain:
     full_scale_counts : largest reading of the converter [counts]
     noise : the design's noise parameters
     shot_variance_per_count : (receiver,) variance of the shot noise, divided by the reading [counts]
-    read_at_s : (state, receiver) time of each reading, from the frame's start, in the states of `lit_emitters` [s]
-    dark : ``frame`` or ``each``, see `lit_emitters`
+    read_at_s : (state, receiver) time of each reading from the frame's start [s]; `lit_emitters` lists the states
+    dark : ``frame`` if all emitters are off once per frame, ``each`` if before and after each emitter
     """
 
     gains: FloatArray
@@ -296,7 +296,7 @@ class SignalChain:
         is_ambient: bool = False,
         drawn: SetDraw | None = None,
     ) -> NDArray[np.float32]:
-        """Readings of frames, with all drift, ambient light and noise.
+        """Readings of frames, including drift, ambient light and noise.
 
         Parameters
         ----------
@@ -387,7 +387,7 @@ def chain_of(design: SensorDesign, readout: Readout) -> SignalChain:
 
 
 def reading_times_s(design: SensorDesign) -> FloatArray:
-    """Time (state, receiver) from the frame's start to each value's first reading, in the states of `lit_emitters` [s].
+    """Time (state, receiver) from the frame's start to the first reading of each value [s]; see `lit_emitters`.
 
     The times include the multiplexers' settling before the first reading at an address, and the transfer of data to LED
     drivers before they light.

@@ -103,7 +103,8 @@ def flat_forest(trees: list[Any], scale_mm: FloatArray) -> Forest:
     -----
 
     scikit-learn compares single-precision features with double-precision thresholds. Thresholds rounded down to single
-    precision give the same decisions. A left child follows its parent directly, as trees are grown depth first.
+    precision give the same decisions. The left child of a node is stored directly after it, as trees are grown depth
+    first.
     """
     feature, threshold, other, leaf_mm, roots = [], [], [], [], []
     nodes = leaves = 0

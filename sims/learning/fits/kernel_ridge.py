@@ -256,7 +256,7 @@ def solve_kernel(
 def kernel_matrix(
     features: FloatArray, gamma: float, kind: type[Any], on_share: OnShare = lambda _share: None
 ) -> NDArray[Any]:
-    """Kernel matrix (sample, sample), lower triangle only; the zeros above use no memory until they are accessed."""
+    """Lower triangle of the kernel matrix (sample, sample); the zeros above take no memory until accessed."""
     samples = len(features)
     matrix = np.zeros((samples, samples), kind)
 

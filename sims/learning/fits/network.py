@@ -78,7 +78,7 @@ def fit_network(
 
 
 def _network(features: FloatArray, targets: FloatArray, epochs: int, seed: int, on_share: OnShare) -> Network:
-    """Train a network; returns its weights after `epochs` passes over the samples."""
+    """Train a network by `epochs` passes over the samples, and return its weights."""
     machine = MLPRegressor(
         hidden_layer_sizes=HIDDEN,
         alpha=WEIGHT_DECAY,
@@ -101,7 +101,7 @@ def _network(features: FloatArray, targets: FloatArray, epochs: int, seed: int, 
 
 
 def _fit(machine: MLPRegressor, features: FloatArray, targets: FloatArray) -> None:
-    """Run all passes of a stage. On Ctrl-C raise, where scikit-learn would warn and return a half-trained network."""
+    """Run all passes of a stage; on Ctrl-C, raise `KeyboardInterrupt` instead of returning a half-trained network."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", ConvergenceWarning)  # the fixed number of passes is intended
         warnings.filterwarnings("error", "Training interrupted", UserWarning)

@@ -5,10 +5,10 @@ Touch classifier
 It separates samples above the surface from samples at depth 0 or more, which count as touched. It is scikit-learn's
 LinearSVC: min ½ |w|² + C Σ max(0, 1 - y (w · s + b))², with the offset b counted as part of w. There are two settings:
 
-    plain   the paper's: it tunes its regression only, so C is scikit-learn's default of 1, and the readings
-            have one scale for all pairs, their median untouched signal
-    tuned   for trees and network: readings standardised pair by pair, C from a grid by the share of correct results
-            at held-out locations
+    plain   as in the paper, which tunes only the regression: C is scikit-learn's default of 1, and the readings of
+            all pairs are divided by one number, the median untouched signal
+    tuned   for trees and network: readings are standardised pair by pair, and C is the value of a grid with the
+            largest share of correct results at held-out locations
 
 The tuned setting detects lighter touches (docs/how-to/train-learner.md has tables for both). Neither setting is tuned
 for particular depths.
@@ -170,7 +170,7 @@ def _plane(machine: LinearSVC, scaling: FeatureScaling) -> TouchSvm:
 
 
 def _fitted(features: FloatArray, labels: BoolArray, cost: float) -> tuple[LinearSVC, bool]:
-    """A fitted support vector machine, and whether its solver converged."""
+    """Fit a support vector machine; return it, and whether its solver converged."""
     machine = LinearSVC(C=cost, dual=False, max_iter=MOST_ITERATIONS)
     with warnings.catch_warnings():
         warnings.simplefilter("error", ConvergenceWarning)
@@ -189,7 +189,7 @@ LEAST_FACTOR = 1e-3
 
 
 class KnowsSpread(Protocol):
-    """A model that estimates presses and reports a raw deviation (the spread of its members)."""
+    """A model that estimates presses and a raw deviation for each, such as the spread over the trees of a forest."""
 
     def press_and_spread_mm(self, signals: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Presses (n, 3) and their raw deviations (n, 3) for signals (n, pair) [mm]."""

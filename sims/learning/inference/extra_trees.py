@@ -99,7 +99,7 @@ class ExtraTreesModel(TrustedModel):
 
 
 def extra_trees_of_arrays(header: ModelHeader, arrays: Arrays) -> ExtraTreesModel:
-    """The model from arrays of `ExtraTreesModel.arrays`; raises `InputError` if they are inconsistent."""
+    """Make the model from its header and arrays in a file; raises `InputError` if the arrays are inconsistent."""
     pairs = len(header.untouched_counts)
     scaling = scaling_of_arrays(arrays, "trees", pairs)
     return ExtraTreesModel(

@@ -52,7 +52,7 @@ class FeatureScaling:
 
 
 def scaling_of_arrays(arrays: Arrays, prefix: str, pairs: int) -> FeatureScaling:
-    """The scaling from the arrays that `FeatureScaling.arrays` returned.
+    """Make the scaling from its arrays in a model file.
 
     Parameters
     ----------

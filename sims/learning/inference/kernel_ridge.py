@@ -90,7 +90,7 @@ def l1_distances(samples: Float32Array, feature: Float32Array) -> Float32Array:
 
 
 def kernel_ridge_of_arrays(header: ModelHeader, arrays: Arrays) -> KernelRidgeModel:
-    """The model from arrays of `KernelRidgeModel.arrays`; raises `InputError` if they are inconsistent."""
+    """Make the model from its header and arrays in a file; raises `InputError` if the arrays are inconsistent."""
     pairs = len(header.untouched_counts)
     scaling = scaling_of_arrays(arrays, "ridge", pairs)
     samples = taken(arrays, "ridge_samples", (None, len(scaling.kept)))

@@ -94,7 +94,7 @@ class NetworkModel(TrustedModel):
 
 
 def network_of_arrays(header: ModelHeader, arrays: Arrays) -> NetworkModel:
-    """The model from arrays of `NetworkModel.arrays`; raises `InputError` if they are inconsistent."""
+    """Make the model from its header and arrays in a file; raises `InputError` if the arrays are inconsistent."""
     pairs = len(header.untouched_counts)
     scaling = scaling_of_arrays(arrays, "network", pairs)
     count, layers = (int(number) for number in taken(arrays, "network_shape", (2,)))

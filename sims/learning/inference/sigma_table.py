@@ -48,7 +48,7 @@ UNIT_SIGMA = SigmaTable(depth_mm=np.zeros(1), factor=np.ones((1, 3)))
 
 
 def sigma_table_of_arrays(arrays: Arrays) -> SigmaTable:
-    """The table from the arrays that `SigmaTable.arrays` returned; raises `InputError` if they are inconsistent."""
+    """Make the table from its arrays in a model file; raises `InputError` if they are inconsistent."""
     depth_mm = taken(arrays, "sigma_depth_mm", (None,))
     factor = taken(arrays, "sigma_factor", (len(depth_mm), 3))
     if not len(depth_mm) or (np.diff(depth_mm) <= 0.0).any() or factor.min() < 0.0:

@@ -332,7 +332,7 @@ ELSEWHERE_MM = 3.0
 """Least distance in x and y between two starts of the search [mm]."""
 STEPS = 9
 AFTER_STEPS = 4
-"""Most further steps of the search with Huber's weights, after at most `STEPS` from each start."""
+"""Largest number of search steps with Huber's weights, which follow at most `STEPS` steps from each start."""
 MOST_PRODUCTS, MOST_ROWS = 250_000, 40
 """Blocks of the table of starts are small enough that multiplying one by `MOST_ROWS` rows takes at most `MOST_PRODUCTS`
 products. From 262,144 products on, OpenBLAS splits a product of matrices among threads, which gains nothing for one
@@ -468,11 +468,11 @@ class _Place:
     matrix: FloatArray
 
     def of(self, rows: NDArray[np.intp]) -> _Place:
-        """The state of some of the frames."""
+        """The state of the search for some of the frames."""
         return _Place(self.press[rows], self.square[rows], self.matrix[rows])
 
     def replaced(self, rows: NDArray[np.intp], other: _Place) -> _Place:
-        """The state with the presses of some frames replaced by those of `other`."""
+        """The state of the search, with the presses of some frames taken from `other`."""
         merged = [one.copy() for one in (self.press, self.square, self.matrix)]
         for one, new in zip(merged, (other.press, other.square, other.matrix), strict=True):
             one[rows] = new
@@ -550,11 +550,11 @@ TABLE_DEPTHS = 10
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SignalMapModel:
-    """Estimates presses by least squares, from a map of simulated signals over location and depth.
+    """A model that estimates presses by least squares, from a map of simulated signals over location and depth.
 
     Attributes
     ----------
-    header : description of the model; its `untouched_counts` are the sensor's readings, including clipped ones
+    header : description of the model; its `untouched_counts` include clipped readings
     ratio_root : √(signal / untouched signal) of every pair, as a spline over location and depth
     full_counts : (pair,) untouched signals as they would be without clipping [counts]
     noise : noise of the readings, including the map's own error
@@ -645,7 +645,7 @@ def table_presses_mm(box: Box) -> FloatArray:
 
 
 def signal_map_of_arrays(header: ModelHeader, arrays: Arrays) -> SignalMapModel:
-    """The model from the arrays that `SignalMapModel.arrays` returned.
+    """Make the model from its header and arrays in a file.
 
     Raises
     ------
