@@ -253,7 +253,7 @@ class ErrorRow:
 
 
 def touch_rows(presses: JudgedPresses, depths_mm: Sequence[float] = TOUCH_DEPTHS_MM) -> tuple[TouchRow, ...]:
-    """Rows of the touch table: share of samples classified correctly, by depth [mm]."""
+    """Rows of the touch table: share of samples classified correctly at each depth [mm]."""
     return tuple(_touch_row(presses.at_depth(depth), depth) for depth in depths_mm)
 
 

@@ -647,7 +647,7 @@ class Judge:
         return causes_of_pad(self.design, self.pad_map, self.pad_signals, self.readout)
 
     def _pairs_are_open(self) -> bool:
-        """Whether a second trace leaves a deadband of the facing pairs undecided.
+        """Whether it is still undecided after a second trace if the facing pairs have a deadband.
 
         The errors of the two traces are independent, so a result on which both agree is not due to them.
         """

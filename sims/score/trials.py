@@ -303,7 +303,7 @@ def _sides(cause: Cause) -> tuple[int, ...]:
 
 
 def _lines(design: SensorDesign, side: int) -> tuple[Line, Line, Line, Line]:
-    """Four lines: both heights, the receivers' height, the emitters' height, the thickness. Some may be empty."""
+    """Lines to try: both heights, the receivers', the emitters', the thickness. A line is empty if impossible."""
     fields = {part.height_field for part in cavity_of(design).parts}
     emitters, receivers = (((path, side),) if path in fields else () for path in HEIGHTS)
     both = emitters + receivers if emitters and receivers else ()

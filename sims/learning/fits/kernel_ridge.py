@@ -1,13 +1,13 @@
 """The paper's learner: a touch classifier, then kernel ridge regression with a Laplacian kernel for (x, y, depth).
 
 The regression is trained on depths of 0 and more. Features are the readings minus the off state, in counts, unscaled.
-The noise is about equal in all of them; dividing each pair by its own spread would raise weak pairs' noise to strong
-pairs' signal. As in the paper, γ and λ are tuned on half of the training data, here half of the presses. The model is
-fitted on four fifths of their locations and tested on the last fifth (`mean_error_mm`). With fewer locations in this
-fit, its grid of presses would be coarser than that of the final fit. The values of γ that are tried scale with the
-data: γ times the median L1 distance between two training samples has fixed values, as the paper's own numbers depend on
-its units. The final fit uses samples of all presses. The mean of the targets is subtracted, so that far from every
-sample the estimate is the mean press, not the origin.
+The noise is about equal in all of them; dividing each pair by its own spread would raise the noise of weak pairs to the
+size of strong pairs' signals. As in the paper, γ and λ are tuned on half of the training data, here half of the
+presses. The model is fitted on four fifths of their locations and tested on the last fifth (`mean_error_mm`). With
+fewer locations in this fit, its grid of presses would be coarser than that of the final fit. The values of γ that are
+tried scale with the data: γ times the median L1 distance between two training samples has fixed values, as the paper's
+own numbers depend on its units. The final fit uses samples of all presses. The mean of the targets is subtracted, so
+that far from every sample the estimate is the mean press, not the origin.
 
 `touch_told` and `begun` are the first steps of all fits: data check, touch classifier, choice of samples in contact.
 
@@ -27,7 +27,7 @@ The linear system of kernel ridge regression, solved in the available memory
 `exact`     double precision, Cholesky in place: 8 n² bytes. 24,000 samples take 4.6 GB.
 `single`    if that does not fit: single precision, 4 n² bytes, and one step of iterative refinement. Its residual is
             computed in double precision from the samples: r = y - (K + λ I) a, then a += (K + λ I)⁻¹ r.
-`nystroem`  if that does not fit either: all samples, but the kernels of only m of them (landmarks z),
+`nystroem`  if that does not fit either: all samples are fitted, with kernels of only m of them (landmarks z),
             min |y - K_nm a|² + λ aᵀ K_mm a, by its normal equations accumulated in blocks: 8 m² bytes. Source: Williams
             and Seeger, Using the Nystroem method to speed up kernel machines, NIPS 13 (2001); Rudi, Camoriano and
             Rosasco, Less is more, NIPS 28 (2015).
@@ -75,7 +75,7 @@ FitTouch = Callable[[TrainingData, np.random.Generator, int], tuple[TouchSvm, di
 
 @dataclass(frozen=True, kw_only=True)
 class ToldTouch:
-    """State of a fit once the touch classifier is fitted.
+    """State of a model's fit once the touch classifier is fitted.
 
     Attributes
     ----------
@@ -93,7 +93,7 @@ class ToldTouch:
 
 @dataclass(frozen=True, kw_only=True)
 class Begun(ToldTouch):
-    """State of a fit once samples in contact are chosen. Some are held out to scale the model's deviations."""
+    """State of a model's fit once samples in contact are chosen. Some are held out to scale the model's deviations."""
 
     samples: PressSamples
 
