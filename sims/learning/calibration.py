@@ -4,14 +4,15 @@ Gains of the components and offsets of the tip are fitted along with them.
 
 Model
 -----
-Signals of sample s and pair (i, j) under unknown parameters u (in prior standard deviations about the prior mean) are
+The signal of sample s and pair (i, j), given the unknown parameters u in prior standard deviations about the prior
+mean, is
 
     y_s,ij = gᵢ hⱼ F_s,ij(u, press_s + δ) + n,     F the light model, g, h the gains of emitter and receiver
 
 with normal priors. u has mean 0 and spread 1. The offset δ of the tip from the stage's position has the spread
-`stage_mm` in x, y and depth. `set_depth_mm` is added in depth, common to all presses of a set. The logarithms of the
-gains have the spread `GAIN_SPREAD` about estimates from the untouched signals. The untouched signals count as one more
-sample, without δ. The noise n is the sum of
+`stage_mm` in x, y and depth. A further depth offset of spread `set_depth_mm` is common to all presses of a set. The
+logarithms of the gains have the spread `GAIN_SPREAD` about estimates from the untouched signals. The untouched signals
+count as one more sample, without δ. The noise n is the sum of
 
     the chain's noise, drift and fluctuation of gains, independent for each reading
     a model error of `MODEL_SHARE` of the untouched signal: the trace's own, and walls near the tip; readings that are
@@ -36,30 +37,32 @@ minimum along poorly determined directions. So from there on costs are not compa
 
 Last steps: significant information only
 ----------------------------------------
-Slopes U are computed twice by fresh differences to both sides, with light of two seeds, whose noise is independent.
+The slopes U are computed twice by fresh two-sided differences, with light of two seeds, whose noise is independent.
 Then
 
-    I = Uᵀ(1 - N(NᵀN + P)⁻¹Nᵀ)U        information on u with gains and offsets free; N the slopes by these
+    I = Uᵀ(1 - N(NᵀN + P)⁻¹Nᵀ)U        information on u with gains and offsets free; N their slopes
 
 is the symmetrised product of the two (`sims.bounds.fisher`). Each of its eigenvectors v has an eigenvalue t, with a
 standard error e from the light. The share s = max(t - 2 e, 0) / t of the information is significant, and the data count
-by that share. `POLISH` steps with the mean light of `LIGHTS` seeds solve s vᵀUᵀr = vᵀu, with U the mean of both, by
+by that share. `POLISH` steps with the mean light of `LIGHTS` seeds solve s vᵀUᵀr = vᵀu, with U the mean of the two
+estimates, by
 
     vᵀΔ = (s vᵀUᵀr - vᵀu) / (s (t + e) + 1)
 
 whose limit does not depend on the divisor. Where no information is significant, s is 0, and the value is the prior
-mean. Without s, noise in the slopes moved the index of the paper's pad, which the data do not determine, to the low
-limit of its prior in ten units of ten. The light of these steps has other seeds than the slopes, since the noise of one
-seed in both has a product that does not average to 0. One-sided differences err by the light's curvature, equally with
-every seed. Along poorly determined directions, where slopes cancel, that error would count as information. On the
-paper's pad it gave 190 instead of 33 for both heights and the thickness together, and the fit erred by 0.7 spreads with
-a stated error of 0.05.
+mean. Without s, noise in the slopes moved the refractive index of the paper's pad, which the data do not determine, to
+the low limit of its prior in all of ten simulated units. The light of these steps has seeds other than those of the
+slopes: with a common seed, the product of the two noises would not average to 0. One-sided differences err by the
+light's curvature, equally with every seed. Along poorly determined directions, where slopes cancel, that error would
+count as information. On the paper's pad it gave 190 instead of 33 for the combination of both heights and the
+thickness, and the fit erred by 0.7 spreads with a stated error of 0.05.
 
-The covariance of u is (s t + 1)⁻¹ along each v. Its ratio to that of the prior, 1, shows what the data determine.
+The covariance of u is (s t + 1)⁻¹ along each v. The prior's is 1, so this shows how much the data determine.
 
 Left out: scatter from component to component, several minima, gains that differ from set to set (their drift counts as
-noise), model errors common to neighbouring locations and depths, and larger ones. docs/validation/calibration.md has
-the errors of fitted values on simulated units whose parameters the fit does not know.
+noise), model errors common to neighbouring locations and depths, and model errors above `MODEL_SHARE`.
+docs/validation/calibration.md has the errors of fitted values on simulated units whose parameters the fit does not
+know.
 
 A report lists the fitted parameters, and the combinations of parameters that the data do not determine.
 """
@@ -94,11 +97,11 @@ from sims.optics.tracing import trace
 from sims.readings.dataset import PressData
 
 LIGHT_SEED = 15_485_863
-"""Number added to the seed for the fit's light: simulated data use the seed itself, and the fit must not share their
+"""Number added to the seed for the fit's light. Simulated data use the seed itself, and the fit must not share their
 numerical errors.
 """
 SMALLEST_STAGE_MM = 0.005
-"""Smallest assumed standard deviation of a press's position [mm]: even a stage without positioning errors rounds."""
+"""Smallest assumed standard deviation of a press's position [mm]: even a perfect stage rounds its position."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -109,7 +112,7 @@ class Calibration:
     ----------
     design : the design with the fitted values set
     unknowns : the fitted parameters and their priors
-    fitted : the fit in prior standard deviations, with gains and offsets
+    fitted : the result of the fit in prior standard deviations, with gains and tip offsets
     samples : the readings used in the fit
     seed : random seed of the fit
     """
@@ -189,7 +192,7 @@ def calibrated(
 
 
 def _noise(design: SensorDesign, samples: CalibrationSamples) -> ReadingNoise:
-    """Noise of the signal chain, raised to that of untouched frames where these scatter more (flickering lamps)."""
+    """Noise of the signal chain, or the scatter of the untouched frames where that is larger (flickering lamps)."""
     chain = chain_noise(design, samples.emitters, samples.signals.shape[1])
     untouched = samples.untouched
     fluctuation = design.noise.led_fluctuation * untouched.mean_counts
@@ -203,7 +206,7 @@ POLISH = 4
 STEPS = 4
 """Number of first steps, with slopes that follow Broyden's rule."""
 DONE = 0.05
-"""Smallest step of the descent, in prior standard deviations; the noise of the light hides smaller ones."""
+"""The descent ends at steps smaller than this, in prior standard deviations; the light's noise hides smaller ones."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -216,8 +219,8 @@ class Fitted:
     covariance : (unknown, unknown) covariance of `values` [-]
     gains : (pair,) counts per flux, the product of an emitter's and a receiver's gain [counts]
     gain_spread : (pair,) relative standard deviation of the gains [-]
-    offset_mm : (press, 3) offset of the tip from the stage's position, x, y and depth [mm]
-    rms : (2,) root mean square residual before and after the fit, in standard deviations of the noise [-]
+    offset_mm : (press, 3) offset of the tip from the stage's position in x, y and depth [mm]
+    rms : root mean square residuals before and after the fit, in standard deviations of the noise [-]
     traces : how often the light of all samples was traced
     """
 
@@ -242,13 +245,13 @@ def fitted(
     set_depth_mm: float = 0.0,
     on_step: OnStep | None = None,
 ) -> Fitted:
-    """Fit the parameters, gains and tip offsets to samples.
+    """Fit the parameters, gains and tip offsets to the samples.
 
     Parameters
     ----------
-    light : the light model, as a function of parameters, presses and seed
+    light : the light model, as a function of parameters, presses and seed number
     noise : noise of one reading by the signal chain
-    start, low, high : (unknown,) start and limits of the fit, in prior standard deviations
+    start, low, high : (unknown,) start values and limits of the parameters, in prior standard deviations
     stage_mm : (3,) standard deviations of a press's true position about the stage's x, y and depth [mm]
     set_depth_mm : standard deviation of a depth offset that all presses of a set share [mm]
     on_step : called with ``calibration`` and the approximate fraction done (0 to 1)
@@ -281,13 +284,15 @@ def fitted(
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Told:
-    """Information of the data on the parameters along independent directions, in prior standard deviations.
+    """Fisher information that the data hold on the parameters, along independent directions.
+
+    Parameters are in prior standard deviations.
 
     Attributes
     ----------
-    vectors : (unknown, direction) eigenvectors of the information matrix
-    information : (direction,) information along each, its eigenvalue [-]
-    error : (direction,) standard error of this information by the light's noise [-]
+    vectors : (unknown, direction) eigenvectors of the Fisher information matrix
+    information : (direction,) eigenvalues: the information along each direction [-]
+    error : (direction,) standard error of this information due to the light's noise [-]
     """
 
     vectors: FloatArray
@@ -296,13 +301,13 @@ class Told:
 
     @property
     def share(self) -> FloatArray:
-        """Significant share (direction,) of the information, 0 to 1: what exceeds two standard errors [-]."""
+        """Significant share (direction,) of the information, 0 to 1: the part that exceeds two standard errors [-]."""
         shown = np.maximum(self.information - TOLD_FROM_ZERO * self.error, 0.0)
         return np.asarray(shown / np.where(shown > 0.0, self.information, 1.0))
 
     @property
     def covariance(self) -> FloatArray:
-        """Covariance (unknown, unknown) of the parameters after the fit; the unit matrix without any information."""
+        """Covariance (unknown, unknown) of the parameters after the fit; the unit matrix if there is no information."""
         return self.combined(1.0 / (self.share * self.information + 1.0))
 
     def combined(self, values: FloatArray) -> FloatArray:
@@ -326,7 +331,7 @@ class _State:
         self.offset_mm = np.zeros(3 * samples.presses)
 
     def look_around(self) -> None:
-        """Update the slopes by press position, the weights of the readings, and the best gains and offsets."""
+        """Update the slopes of light by x, y and depth, the weights of the readings, and the best gains and offsets."""
         self.by_press, left = self.problem.press_slopes(self.values, self.flux)
         self.problem.weigh(self.flux, np.exp(self.problem.parts @ self.log_gains) * left)
         self.log_gains, self.offset_mm = self.inner(self.flux)
@@ -339,7 +344,7 @@ class _State:
         return float(np.sqrt((residual[counted] ** 2).mean()))
 
     def descend(self, steps: int) -> None:
-        """Take at most `steps` Gauss-Newton steps, with slopes by Broyden's rule."""
+        """Take at most `steps` Gauss-Newton steps, with slopes updated by Broyden's rule."""
         for _ in range(steps):
             step = self._step()[: len(self.values)]
             trial = np.clip(self.values + step, self.problem.low, self.problem.high)
@@ -350,7 +355,7 @@ class _State:
                 return
 
     def _take(self, trial: FloatArray, step: FloatArray) -> bool:
-        """Take a step if it lowers the cost, otherwise half or a quarter of it; return whether any was taken."""
+        """Take a step if it lowers the cost, otherwise try 0.4 and then 0.16 of it; return whether any was taken."""
         before = self._cost(self.values, self.flux, self.log_gains, self.offset_mm)
         for _ in range(3):
             flux = self.problem.flux(trial)
@@ -389,7 +394,7 @@ class _State:
     def _columns(
         self, flux: FloatArray, log_gains: FloatArray, offset_mm: FloatArray
     ) -> tuple[FloatArray, int]:
-        """Slopes (reading, gains + offsets) of the mean signals by gains and offsets, and the number of gains.
+        """Slopes (reading, gains + offsets) of the mean signals by gains and tip offsets, and the number of gains.
 
         Slopes are in standard deviations of the noise, transformed to be independent.
         """
@@ -403,7 +408,7 @@ class _State:
         return problem.whitened(both), problem.parts.shape[1]
 
     def inner(self, flux: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Gains and tip offsets that fit best, for a given light."""
+        """Gains and tip offsets that fit best for the given light."""
         log_gains, offset_mm = self.log_gains, self.offset_mm
         for _ in range(4):
             columns, gains = self._columns(flux, log_gains, offset_mm)
@@ -420,7 +425,7 @@ class _State:
     def _normal(self) -> tuple[FloatArray, FloatArray]:
         """Matrix AᵀA + P of the normal equations, and their right-hand side.
 
-        Unknowns are in the order parameters, gains, offsets.
+        The unknowns are in the order parameters, gains, offsets.
         """
         problem = self.problem
         nuisance, gains = self._columns(self.flux, self.log_gains, self.offset_mm)
@@ -454,7 +459,7 @@ class _State:
         return step
 
     def polish(self, told: Told) -> None:
-        """Take the last steps: fixed slopes, mean light of several seeds, only the significant share of information."""
+        """Take the last steps, with fixed slopes, the mean light of several seeds, and significant information only."""
         problem = self.problem
         for _ in range(POLISH):
             self._settle()
@@ -477,7 +482,7 @@ class _State:
         return np.asarray(np.linalg.inv(self._normal()[0])[names : names + gains, names : names + gains])
 
     def told(self, halves: list[FloatArray]) -> Told:
-        """Information on the parameters, from two independent estimates of the slopes (unknown, sample, pair)."""
+        """Fisher information on the parameters, from two independent slope estimates (unknown, sample, pair)."""
         nuisance, gains = self._columns(self.flux, self.log_gains, self.offset_mm)
         level = np.exp(self.problem.parts @ self.log_gains) * self.problem.weight
         first, second = (self.problem.whitened(np.moveaxis(half * level, 0, 2)) for half in halves)
@@ -494,17 +499,17 @@ def _information_error(
 ) -> FloatArray:
     """Standard error (direction,) of the sum of first x second over the readings; both are (reading, direction).
 
-    With the mean t and the difference d of the two it is √Σ((t d)² + (d²/2)²), see `sims.bounds.fisher`. Readings that
-    are compared with the same light have the same noise, so `sums` adds them up before squaring.
+    With the mean t and the difference d of first and second, it is √Σ((t d)² + (d²/2)²); see `sims.bounds.fisher`.
+    Readings that are compared with the same light have the same noise, so `sums` adds them up before squaring.
     """
     mean, off = 0.5 * (first + second), first - second
     return np.asarray(np.sqrt((sums(mean * off) ** 2 + sums(0.5 * off**2) ** 2).sum(axis=0)))
 
 
 DETERMINED = 0.5
-"""A parameter or combination counts as determined if the fit reduces its spread to this share or less [-]."""
+"""A parameter or combination is determined if its spread after the fit is at most this share of the prior's [-]."""
 NAMED = 0.3
-"""Least weight of a parameter in a combination, at which the report names it [-]."""
+"""Least weight at which the report names a parameter of a combination [-]."""
 GOOD_RMS = 2.0
 """Residual above which the model does not explain the pad, in standard deviations of the noise [-]."""
 
@@ -516,8 +521,8 @@ class FittedValue:
     Attributes
     ----------
     path, unit : dotted path of the parameter in the design, and its unit
-    before, before_spread : the design's value and its prior standard deviation
-    after, after_spread : fitted value and its standard deviation
+    before, before_spread : the design's value and the standard deviation of the prior
+    after, after_spread : the fitted value and its standard deviation
     at_end : whether the fit stopped at a limit of the prior
     """
 
@@ -531,12 +536,12 @@ class FittedValue:
 
     @property
     def share_left(self) -> float:
-        """Standard deviation after the fit over the standard deviation before [-]."""
+        """Standard deviation after the fit, divided by the standard deviation before [-]."""
         return self.after_spread / self.before_spread
 
     @property
     def is_determined(self) -> bool:
-        """Whether the fit reduced the prior's standard deviation to half of it or less (`DETERMINED`)."""
+        """Whether the standard deviation after the fit is at most half of the prior's (`DETERMINED`)."""
         return self.share_left <= DETERMINED
 
 
@@ -610,8 +615,8 @@ def undetermined(unknowns: Sequence[Unknown], covariance: FloatArray) -> tuple[s
 
     Parameters
     ----------
-    covariance : (unknown, unknown) covariance after the fit, in prior standard deviations; the unit matrix without
-        information
+    covariance : (unknown, unknown) covariance after the fit, in prior standard deviations; the unit matrix if the data
+        hold no information
     """
     variance, vectors = np.linalg.eigh(covariance)
     said = []

@@ -2,22 +2,22 @@
 
 Unknown parameters
 ------------------
-They are the optical ones of the design's tolerances (`design.spec.tolerances`): heights of emitters and receivers, the
+They are the optical tolerances of the design (`design.spec.tolerances`): heights of emitters and receivers, the
 emitting area, the emitters' half angle, reflectances, refractive index and absorption, thickness of the clear layer.
-Each is one number for all components of a kind. A uniform prior enters the fit as a normal one of the same spread, and
-the fit stays within its limits. Left out: the cavity's length and width and the tip's radius, which a caliper measures;
-the black layer; scatter from component to component.
+Each is one number for all emitters or all receivers. A uniform prior enters the fit as a normal one of the same spread,
+and the fit stays within its limits. Left out: the cavity's length and width and the tip's radius, which a caliper
+measures; the black layer; scatter from component to component.
 
-Samples are readings at some depths of every press on its way in. Light is traced at locations rounded to `PLACE_MM`, so
-that symmetric locations remain symmetric.
+Samples are readings at some depths of every press, while the tip moves in. Light is traced at locations rounded to
+`PLACE_MM`, so that symmetric locations remain symmetric.
 
 Errors of the light model that readings share
 ---------------------------------------------
 Locations that are equal by symmetry are traced once. A pair whose light misses the dimple keeps its untouched light. So
-on a grid of presses several readings are compared with one number of the light model, and share its error. A parameter
-is the same for all components of a kind. Its slopes are therefore as symmetric as the errors, which add up instead of
-averaging out. If they were treated as independent, the standard deviation would be too small by up to the root of the
-number of readings that share one. So
+on a grid of presses, several readings are compared with the same number from the light model, and share its error. A
+parameter is the same for all emitters or all receivers. Its slopes are therefore as symmetric as the errors, which add
+up instead of averaging out. If they were treated as independent, the standard deviation would be too small by up to the
+root of the number of readings that share one. So
 
     residual rᵢ = own noise + cᵢ ε_g,   ε_g standard normal, one for a group g,   cᵢ in standard deviations of own noise
 
@@ -26,8 +26,8 @@ Morrison 1950),
 
     (1 + c cᵀ)^-½ = 1 - f c cᵀ,   f = (1 - (1 + |c|²)^-½) / |c|²
 
-which transforms residuals and slopes to independent ones of spread 1. Left out: errors of neighbouring depths and
-locations, which are similar but not equal.
+which makes residuals and slopes independent, with spread 1. Left out: errors of neighbouring depths and locations,
+which are similar but not equal.
 """
 
 from __future__ import annotations
@@ -47,12 +47,12 @@ from sims.learning.map_learner import Untouched, gain_parts, untouched_of
 from sims.readings.dataset import PressData
 
 DIGITS = 11
-"""Light values that agree to this many digits, relative to the brightest, count as one value of the model."""
+"""Light values that agree to this many digits, relative to the brightest, count as the same value of the model."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SharedError:
-    """Groups of readings that are compared with the same value of the light model, so that they share its error.
+    """Groups of readings that are compared with the same value of the light model and share its error.
 
     Attributes
     ----------
@@ -66,7 +66,7 @@ class SharedError:
     group: IntArray
 
     def sums(self, values: FloatArray) -> FloatArray:
-        """Sums (group, ...) of values (reading, ...) over the readings of each group."""
+        """Sums (group, ...) over the readings of each group, of values (reading, ...)."""
         return np.asarray(np.add.reduceat(values[self.order], self.starts, axis=0))
 
     def whitened(self, values: FloatArray, shared: FloatArray) -> FloatArray:
@@ -74,7 +74,7 @@ class SharedError:
 
         Parameters
         ----------
-        values : (reading, column) residuals or slopes over the standard deviation of each reading's own noise
+        values : (reading, column) residuals or slopes, divided by the standard deviation of each reading's own noise
         shared : (reading,) standard deviation of the shared error, in the same unit
         """
         square = self.sums(shared**2)
@@ -104,9 +104,9 @@ OPTICAL_ENDS = (
     "elastomer.absorption_db_per_cm",
     "cavity.clear_thickness_mm",
 )
-"""Ends of the dotted paths of the design's fields that are fitted."""
+"""A design field is fitted if its dotted path ends in one of these."""
 NORMAL_ENDS = 2.0
-"""Distance of a normal tolerance's limits from its middle, in standard deviations (`design.spec.tolerances`)."""
+"""Distance from the middle of a normal tolerance to its limits, in standard deviations (`design.spec.tolerances`)."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -144,7 +144,7 @@ class Unknown:
 
 
 def unknowns_of(design: SensorDesign) -> tuple[Unknown, ...]:
-    """The optical parameters of a design that were not measured, in a fixed order.
+    """The optical parameters of a design that were not measured, always in the same order.
 
     Raises
     ------
@@ -168,7 +168,7 @@ def _unknown(one: Tolerance) -> Unknown:
 
 
 def with_values(design: SensorDesign, unknowns: tuple[Unknown, ...], values: FloatArray) -> SensorDesign:
-    """The design with the values (unknown,) of the parameters set."""
+    """The design with its unknown parameters set to `values` (unknown,)."""
     return design.with_(**{one.path: float(value) for one, value in zip(unknowns, values, strict=True)})
 
 
@@ -177,9 +177,9 @@ STATES = 95
 """Approximate number of presses and depths that each step of the fit traces; this takes 1 s to 2 s on one core."""
 FEWEST_DEPTHS, MOST_DEPTHS = 3, 10
 SHALLOWEST_MM = 0.4
-"""Least depth of fitted presses [mm]: light presses depend more on the error of the depth's zero than on the optics."""
+"""Least depth of fitted presses [mm]: lighter ones depend more on the error of depth 0 than on the optics."""
 NEAR_MM = 0.15
-"""Largest difference of depth at which a frame counts as at a required depth [mm]."""
+"""Largest difference between a frame's depth and a required depth at which the frame is used [mm]."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -189,7 +189,7 @@ class CalibrationSamples:
     Attributes
     ----------
     press_mm : (n, 3) x, y, depth as the stage reports them [mm]
-    press : (n,) number of each reading's press
+    press : (n,) number of the press of each reading, from 0
     press_set : (press,) number of the set that each press belongs to
     signals : (n, pair) readings minus those of the off state [counts]
     untouched : readings of the sensor without contact
@@ -215,7 +215,7 @@ def calibration_samples(data: PressData, deepest_mm: float) -> CalibrationSample
     Parameters
     ----------
     data : presses with untouched frames
-    deepest_mm : deepest press of the design [mm]
+    deepest_mm : deepest press that the design allows [mm]
 
     Raises
     ------
@@ -248,7 +248,7 @@ def calibration_samples(data: PressData, deepest_mm: float) -> CalibrationSample
 
 
 def _rows_of(depth_mm: FloatArray, rows: IntArray, depths: int, deepest_mm: float) -> IntArray:
-    """Indices of the frames of one press, on its way in, that are nearest to the required depths."""
+    """Indices of the frames nearest to the required depths, while the tip of one press moves in."""
     way_in = rows[: int(np.argmax(depth_mm[rows])) + 1]
     end = min(float(depth_mm[way_in].max()), 0.9 * deepest_mm)
     wanted = np.linspace(np.sqrt(SHALLOWEST_MM), np.sqrt(end), depths) ** 2
@@ -261,23 +261,23 @@ def _rows_of(depth_mm: FloatArray, rows: IntArray, depths: int, deepest_mm: floa
 
 Light = Callable[[FloatArray, FloatArray, int], FloatArray]
 """Function from parameters (unknown,) [prior standard deviations], presses (n, 3) [mm] and a seed number to flux (n,
-pair); depth 0 is the untouched pad.
+pair). Depth 0 is the untouched pad.
 """
 
 MODEL_SHARE = 0.004
 SLOPE_STEP = 0.5
-"""Step of finite differences by a parameter, in prior standard deviations."""
+"""Step of a parameter for finite differences, in prior standard deviations."""
 PLACE_MM = 0.1
-"""Light is traced at locations rounded to this [mm], and extrapolated by its slopes. Presses that differ only by the
-stage's error become symmetric again, and are traced once. Over half of it a signal of 300 counts bends by about 0.1
-counts.
+"""Light is traced at locations rounded to this step [mm], and extrapolated by its slopes. Presses that differ only by
+the stage's error become symmetric again, and are traced once. Over half a step, a signal of 300 counts deviates from a
+straight line by about 0.1 counts.
 """
 PRESS_STEP = 3.0**0.5
-"""Step of finite differences by x, y and depth to either side, in standard deviations of the tip's position."""
+"""Step in x, y and depth to either side for finite differences, in standard deviations of the tip's position."""
 HALVES = 2
 """Number of seeds with which slopes are computed independently."""
 LIGHTS = 3
-"""Number of seeds of the mean light of the last steps; none of them is a seed of the slopes."""
+"""Number of seeds over which the light of the last steps is averaged; none of them is a seed of the slopes."""
 SMALL_FLUX = 1e-12
 
 
@@ -312,7 +312,7 @@ class Problem:
         self.rounded_mm[:, :2] = np.round(self.press_mm[:, :2] / PLACE_MM) * PLACE_MM
 
     def _offset_information(self) -> FloatArray:
-        """Inverse covariance of the tips' offsets from the stage [1/mm²], in the order x, y, depth press by press."""
+        """Inverse covariance of the tip's offsets from the stage [1/mm²], in the order x, y, depth for each press."""
         found = np.diag(np.tile(self.stage_mm**-2.0, self.samples.presses))
         is_same_set = self.samples.press_set[:, None] == self.samples.press_set
         own = self.stage_mm[2] ** 2 * np.eye(self.samples.presses)
@@ -326,7 +326,7 @@ class Problem:
         return np.asarray(np.hypot(np.hypot(self.stage_mm, [0.0, 0.0, self.set_depth_mm]), rounding))
 
     def weigh(self, flux: FloatArray, bend_counts: FloatArray) -> None:
-        """Set the weights of the readings and the errors that they share.
+        """Set the weights of the readings, and the errors that readings share.
 
         `bend_counts` is the residual of a linear fit of light over tip positions. Clipped readings get the weight 0.
         """
@@ -342,7 +342,7 @@ class Problem:
         return self.shared.whitened(values.reshape(self.signals.size, -1), self.shared_spread)
 
     def flux(self, values: FloatArray, *, moved_mm: FloatArray | None = None, half: int = 0) -> FloatArray:
-        """Light (sample, pair) for parameters, at the rounded presses plus `moved_mm`; the last row is untouched."""
+        """Light (sample, pair) at the rounded presses, moved by `moved_mm` if given; the last sample is untouched."""
         press_mm = self.rounded_mm.copy()
         if moved_mm is not None:
             press_mm[:-1] += moved_mm
@@ -370,7 +370,7 @@ class Problem:
         return np.array(found)
 
     def press_slopes(self, values: FloatArray, flux: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Slopes (3, sample, pair) of light by x, y, depth [1/mm], and rms residual (sample, pair) of this fit."""
+        """Slopes (3, sample, pair) of light by x, y, depth [1/mm], and rms residual (sample, pair) of a linear fit."""
         found, left = [], np.zeros(flux.shape)
         for step in PRESS_STEP * np.diag(self.spread_mm):
             above, below = (self.flux(values, moved_mm=side * step) for side in (1.0, -1.0))
@@ -379,13 +379,13 @@ class Problem:
         return np.array(found), np.sqrt(left)
 
     def mean_flux(self, values: FloatArray) -> FloatArray:
-        """Mean light (sample, pair) of several seeds, other than the seeds of the slopes."""
+        """Mean light (sample, pair) of several seeds, none of which is a seed of the slopes."""
         lights = [self.flux(values, half=HALVES + light) for light in range(LIGHTS)]
         return np.asarray(np.mean(lights, axis=0))
 
 
 def _moved(values: FloatArray, axis: int, by: float) -> FloatArray:
-    """A copy of the values, with one of them changed by `by`."""
+    """A copy of the values, with `by` added to the one at index `axis`."""
     moved = values.copy()
     moved[axis] += by
     return moved

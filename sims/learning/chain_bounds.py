@@ -1,4 +1,4 @@
-"""The Cramér-Rao bound of a press's location and depth, with unknown drift, reference depth and stage position.
+"""The Cramér-Rao bound on a press's location and depth, with unknown drift, reference depth and stage position.
 
 Model
 -----
@@ -12,22 +12,22 @@ One frame of signals y (lit minus off, all pairs) at the stage's position θ = (
     δ     offset of the tip from the stage's position: error of positioning in x and y, of the reference depth (set and
           location), half the backlash; normal, mean 0, covariance Δ
 
-e, r and δ have priors, so the bound is a hybrid one (Van Trees 1968, section 2.4; Messer 2006). The priors' information
-is added to that of the data, and e, r and δ are eliminated by a Schur complement. For e and r that leaves
+e, r and δ have priors, so the bound is a hybrid one (Van Trees 1968, section 2.4; Messer 2006). The information in the
+priors is added to that in the data, and e, r and δ are eliminated by a Schur complement. For e and r that leaves
 
     F = Jᵀ C⁻¹ J,   C = V + G Gᵀ      (`sims.learning.inference.signal_map`; J = ∂m/∂θ)
 
 and for δ, which enters only as θ + δ,
 
-    F⁻¹ for the tip's position,     F⁻¹ + Δ for the stage's position of it
+    F⁻¹ for the tip's position,     F⁻¹ + Δ for the stage's reported position
 
 J is computed twice, by finite differences of independently seeded light. F is the symmetrised product of the two, so
 that the trace's noise does not count as information (`sims.bounds.fisher`). Both are multiplied by L⁻¹, with C = L Lᵀ,
 and passed to `bounds_of` with weights of 1. Pairs that are at full scale at any press of the differences are left out.
 
-Left out: what `sims.bounds.fisher` leaves out; flicker of ambient light (frames are dark); several frames of a set,
-which would determine its drift and its reference depth together. The gains' part of C is taken at the mean signals. The
-two values of the backlash count as a normal distribution of the same spread.
+Left out: everything that `sims.bounds.fisher` leaves out; flicker of ambient light (the surroundings are assumed dark);
+several frames of a set, which would determine its drift and its reference depth together. The gains' part of C is taken
+at the mean signals. The two values of the backlash count as a normal distribution of the same spread.
 """
 
 from __future__ import annotations
@@ -55,14 +55,14 @@ from sims.optics.accuracy import Accuracy
 from sims.optics.tracing import trace
 
 EVENLY = np.array([0.7548776662466927, 0.5698402909980532])
-"""Steps of an evenly spread sequence of locations in the unit square, 1/p and 1/p² with p³ = p + 1 (M. Roberts, "The
-unreasonable effectiveness of quasirandom sequences", 2018).
+"""Steps in x and y of an evenly spread sequence of locations in the unit square: 1/p and 1/p² with p³ = p + 1 (M.
+Roberts, "The unreasonable effectiveness of quasirandom sequences", 2018).
 """
 
 
 @dataclass(frozen=True, kw_only=True)
 class StageErrors:
-    """Standard deviations of the tip's position about the stage's: of x and y each, and of depth [mm]."""
+    """Standard deviations of the tip's position about the stage's: one for each of x and y, and one for depth [mm]."""
 
     position_mm: float
     depth_mm: float
@@ -83,8 +83,8 @@ class ChainBounds:
 
     Attributes
     ----------
-    tip : bounds for the tip's position, with unknown gains
-    stage : errors of the stage, which are added in quadrature for the stage's position
+    tip : bounds on the tip's position, with unknown gains
+    stage : errors of the stage; added in quadrature to `tip`, they give the bounds on the stage's reported position
     """
 
     tip: Bounds
@@ -92,12 +92,12 @@ class ChainBounds:
 
     @property
     def location_mm(self) -> FloatArray:
-        """Bound (n,) for the stage's location, √(var x + var y) [mm]."""
+        """Bound (n,) on the stage's reported location, √(var x + var y) [mm]."""
         return np.asarray(np.hypot(self.tip.location_mm, np.sqrt(2.0) * self.stage.position_mm))
 
     @property
     def depth_mm(self) -> FloatArray:
-        """Bound (n,) for the stage's depth [mm]."""
+        """Bound (n,) on the stage's reported depth [mm]."""
         return np.asarray(np.hypot(self.tip.depth_mm, self.stage.depth_mm))
 
 
@@ -108,7 +108,7 @@ def bounds_under(
 
     Parameters
     ----------
-    first, second : (n, pair, 3) slopes of the signals by x, y, depth, two independent estimates [counts/mm]
+    first, second : (n, pair, 3) two independent estimates of the signals' slopes by x, y, depth [counts/mm]
     signals : (n, pair) mean signals [counts]; pairs at or above `noise.clip_counts` are left out
     """
     is_lost = signals >= noise.clip_counts
@@ -135,15 +135,16 @@ def chain_bounds(
     steps: Steps | None = None,
     on_step: OnShare | None = None,
 ) -> ChainBounds:
-    """Bounds at n presses of a design; each takes 12 traced states.
+    """Bounds at n presses of a design; light is traced 12 times for each press.
 
     Parameters
     ----------
     press_mm : (n, 3) x, y, depth [mm]
     gains : counts per flux, (receiver,) or (emitter, receiver) [counts]
-    noise : noise of a frame; its `clip_counts` is full scale
-    stage : errors of the stage; None takes those of the design
-    accuracy, seed : accuracy setting and random seed of the light model; the second half has ``seed + SEED_GAP``
+    noise : noise of a frame; pairs at or above its `clip_counts` are left out
+    stage : errors of the stage; if None, those of the design
+    accuracy, seed : accuracy setting and random seed of the light model; the second estimate of the slopes has ``seed +
+        SEED_GAP``
     on_step : called with the fraction done (0 to 1)
 
     Raises
@@ -184,15 +185,15 @@ def bounds_by_depth(
     seed: int = 0,
     on_step: OnShare | None = None,
 ) -> dict[float, tuple[float, float]]:
-    """Bounds of location and of depth [mm] for each depth [mm], as medians over locations of the workspace.
+    """Bounds on location and on depth [mm] by depth [mm], as medians over locations in the workspace.
 
-    A depth is left out if a median is infinite, that is, if half of the locations or more are not resolved.
+    A depth is left out if one of its medians is infinite, that is, if half of the locations or more are not resolved.
 
     Parameters
     ----------
     gains, noise, accuracy, seed, on_step : see `chain_bounds`
     depths_mm : depths of the presses, above 0 [mm]
-    places : number of evenly spread locations; each takes 12 traced states at each depth
+    places : number of evenly spread locations; light is traced 12 times for each location and depth
     """
     space = workspace_of(design)
     share = np.outer(np.arange(1, places + 1), EVENLY) % 1.0

@@ -1,4 +1,4 @@
-"""The learners by name; each trains a model from data."""
+"""The learners by name; each trains a model on data."""
 
 from __future__ import annotations
 
@@ -28,4 +28,4 @@ LEARNERS: dict[str, Learner] = {
     "extra-trees": fit_extra_trees,
     "network": fit_network,
 }
-"""Training functions by name, which is also the kind of the trained model."""
+"""Training functions by name. The name is also stored as the trained model's `kind`."""

@@ -1,17 +1,18 @@
-"""The learner "signal-map": a model from a traced map and a sensor's own untouched readings.
+"""The learner "signal-map": a model from a traced map of signals and a sensor's own untouched readings.
 
-    signal of a pair over its untouched one   from the light model (`sims.learning.traced_map`)
-    untouched signal                          mean of the sensor's untouched frames; for a pair at full scale, from
-                                              gains of emitters and receivers that are fitted to the other pairs,
-                                              corrected by the touched frames in which the pair does not clip
-    noise                                     that of the design's signal chain, raised to that of untouched frames,
-                                              and the map's measured error
-    threshold of touch                        the score that `FALSE_ALARMS` of the untouched frames exceed in the worst
-                                              set, each set compared with the untouched signals of the others, because
-                                              a new set has its own gains, ambient light and phase of flicker
+    ratio of signals     a pair's signal divided by its untouched signal: from the light model
+                         (`sims.learning.traced_map`)
+    untouched signal     mean of the sensor's untouched frames. For a pair at full scale it follows from gains of
+                         emitters and receivers that are fitted to the other pairs, and is corrected by the touched
+                         frames in which the pair does not clip
+    noise                from the design's signal chain, or from the untouched frames if they scatter more; plus the
+                         map's measured error
+    threshold of touch   the score that `FALSE_ALARMS` of the untouched frames exceed in the worst set. Each set is
+                         compared with the untouched signals of the others, because a new set has its own gains,
+                         ambient light and phase of flicker
 
-So few presses are needed, or none: untouched frames alone are enough. Left out: a bias of the reference depth in the
-data, which the model does not learn (`sims.learning.calibration` does).
+Few presses are needed, or even none: untouched frames alone are enough. Left out: a bias of the reference depth in the
+data, which this model does not learn (`sims.learning.calibration` fits it).
 """
 
 from __future__ import annotations
@@ -50,29 +51,29 @@ if TYPE_CHECKING:
     from sims.learning.learners import Learner
 
 MAP_SEED = 104_729
-"""Number added to the seed for the map's light: simulated data use the seed itself, and the map must not share their
+"""Number added to the seed for the map's light. Simulated data use the seed itself, and the map must not share their
 numerical errors.
 """
 FALSE_ALARMS = 0.01
 """Share of the untouched training frames that may count as touched [-]."""
 LEAST_THRESHOLD = 3.0
-"""Least threshold of the touch score, for few untouched frames; half of χ² with 3 degrees of freedom exceeds it once in
-nine.
+"""Least threshold of the touch score, which matters if there are few untouched frames. Half of χ² with 3 degrees of
+freedom exceeds it in one case of nine.
 """
 FEWEST_UNTOUCHED = 10
 FORCE_DEPTHS = 51
 LOCATED_MM = 0.2
-"""Least depth of the presses by which deviations are scaled [mm]: a lighter press is detected but not located."""
+"""Least depth of the presses that scale the deviations [mm]: a lighter press may be detected, but not located."""
 CHECK_FRAMES = 4
 TRUST_BINS = 5
-"""Number of frames of each press that scales deviations, and number of depth bins. With ten presses in a bin, a factor
-is known to 16 % in x and y and to 22 % in depth.
+"""Number of depth bins for scaling deviations; each press counts with `CHECK_FRAMES` frames. With ten presses in a bin,
+a factor is known to 16 % in x and y and to 22 % in depth.
 """
 MOST_FOR_THRESHOLD = 1500
-"""Largest number of untouched frames that set the threshold, of all sets together."""
+"""Largest number of untouched frames used for the threshold, all sets together."""
 MOST_FOR_CLIPPED = 3000
 BRIGHT = 0.05
-"""Least untouched signal of a pair for the fit of gains, over the median pair's [-]."""
+"""Pairs whose untouched signal is below this share of the median over pairs are not used to fit gains [-]."""
 CLIP_SHARE = 0.99
 """Untouched readings above this share of the converter's largest reading count as clipped [-]."""
 
@@ -83,8 +84,8 @@ class Untouched:
 
     Attributes
     ----------
-    mean_counts, spread_counts : (pair,) mean signal, and its standard deviation from frame to frame within a set
-        [counts]
+    mean_counts, spread_counts : (pair,) mean signal, and standard deviation of the signal from frame to frame within a
+        set [counts]
     clip_counts : (pair,) signal at which the converter clips [counts]; infinite if unknown
     """
 
@@ -94,12 +95,12 @@ class Untouched:
 
     @property
     def is_clipped(self) -> BoolArray:
-        """Whether each pair's mean (pair,) is at least `CLIP_SHARE` of full scale, so that it counts as saturated."""
+        """Whether each pair (pair,) counts as clipped: its mean is at least `CLIP_SHARE` of full scale."""
         return np.asarray(self.mean_counts >= CLIP_SHARE * self.clip_counts)
 
 
 def untouched_rows(data: PressData) -> BoolArray:
-    """Mask (sample,) of the frames that certainly have no contact, at any error of the depth's zero.
+    """Mask (sample,) of the frames that certainly have no contact, whatever the error of the reference depth.
 
     Raises
     ------
@@ -131,7 +132,7 @@ def untouched_of(data: PressData) -> Untouched:
 
 
 def gain_parts(emitters: int, pairs: int) -> FloatArray:
-    """Matrix (pair, emitters + receivers), 1 where a component's gain applies to a pair; order E1-R1, E1-R2, ..."""
+    """Matrix (pair, emitters + receivers): 1 where a component belongs to a pair; pairs are E1-R1, E1-R2, ..."""
     receivers = pairs // emitters
     emitter, receiver = np.divmod(np.arange(pairs), receivers)
     return np.concatenate([np.eye(emitters)[emitter], np.eye(receivers)[receiver]], axis=1)
@@ -140,8 +141,8 @@ def gain_parts(emitters: int, pairs: int) -> FloatArray:
 def fitted_gains(untouched: Untouched, flux: FloatArray, emitters: int) -> FloatArray:
     """Gains (pair,) in counts per flux, each the product of an emitter's and a receiver's gain.
 
-    They are fitted by least squares of the logarithms, over bright pairs that do not clip. A component without such a
-    pair gets the mean gain.
+    They are fitted by least squares of the logarithms, over bright pairs that do not clip. A component that is in none
+    of these pairs gets the mean gain.
 
     Raises
     ------
@@ -160,7 +161,7 @@ def fitted_gains(untouched: Untouched, flux: FloatArray, emitters: int) -> Float
 
 
 def chain_noise(design: SensorDesign, emitters: int, pairs: int) -> ReadingNoise:
-    """Noise of a frame by the design's signal chain, without ambient light; clipping is set to infinity."""
+    """Noise of a frame from the design's signal chain, without ambient light; its `clip_counts` are infinite."""
     noise = design.noise
     rounding = 1.0 / 12.0 if noise.quantised else 0.0
     floor = np.sqrt(2.0 * (rounding + noise.read_noise_counts**2))
@@ -187,8 +188,9 @@ def mapped(
 
     Parameters
     ----------
-    quick : whether to use a coarser grid, in a third of the time (docs/validation/calibration.md has both errors)
-    seed : seed of the data with which the model will be compared; the map's light uses another one
+    quick : whether to trace a coarser grid, in a third of the time (docs/validation/calibration.md has the errors of
+        both grids)
+    seed : seed of the data with which the model will be compared; the map's light uses a different one
     """
     found = traced_map(
         design,
@@ -230,8 +232,8 @@ def signal_map_learner(design: SensorDesign, *, quick: bool = False, seed: int =
 def map_header(design: SensorDesign, data: PressData, found: SignalMap, seed: int) -> ModelHeader:
     """Header of a model that uses a traced map.
 
-    The digest of the design and the names of emitters and receivers are from the data, the settings from the map. The
-    force curve is that of a press in the middle of the design's pad.
+    The digest of the design and the names of emitters and receivers come from the data, the settings from the map. The
+    force curve is for a press in the middle of the design's pad.
     """
     deepest = design.operating.max_depth_mm
     press = solved_press(design, max_depth_mm=deepest)
@@ -277,10 +279,11 @@ def fit_signal_map(
 
     Parameters
     ----------
-    found : map of the design, or of the design after calibration
-    header : header of the model; its kind and untouched counts are replaced
-    data : readings, which must include untouched frames; touched ones improve pairs that clip
-    seed : seed for the choice of the untouched frames that set the threshold
+    found : signal map of the design, before or after calibration
+    header : header for the model; its kind and untouched counts are replaced
+    data : readings, which must include untouched frames; touched frames improve the untouched signals of pairs that
+        clip
+    seed : random seed for the choice of untouched frames used for the threshold
 
     Raises
     ------
@@ -317,7 +320,7 @@ def fit_signal_map(
 
 
 def _trust(model: SignalMapModel, found: SignalMap, noise: ReadingNoise, seed: int) -> SigmaTable:
-    """Factors from stated deviations to errors, by depth, at the map's test presses with the sensor's noise."""
+    """Factors by depth from raw deviations to errors, from the map's test presses with the sensor's noise added."""
     if found.checked is None:
         return UNIT_SIGMA
     located = found.checked.press_mm[:, 2] >= LOCATED_MM
@@ -348,7 +351,7 @@ def _box(found: SignalMap) -> Box:
 def _sensor_noise(
     chain: ReadingNoise, fluctuation: float, untouched: Untouched, full: FloatArray, error: FloatArray | None
 ) -> ReadingNoise:
-    """Noise of the signal chain, raised to that of the untouched frames, plus the map's own error."""
+    """Noise of the signal chain, or of the untouched frames where that is larger, plus the map's own error."""
     seen = np.where(
         untouched.is_clipped, 0.0, untouched.spread_counts**2 - (fluctuation * full) ** 2 - chain.shot * full
     )
@@ -358,9 +361,9 @@ def _sensor_noise(
 
 
 def _moved_by_touches(model: SignalMapModel, untouched: Untouched, data: PressData, seed: int) -> FloatArray:
-    """Untouched signals (pair,) as if nothing clipped; for clipped pairs they are estimated from touched frames.
+    """Untouched signals (pair,) as they would be without clipping; for clipped pairs, estimated from touched frames.
 
-    The estimate is the median of reading over simulated ratio, in touched frames whose reading is below full scale.
+    The estimate is the median of the reading divided by the simulated ratio, over touched frames that do not clip.
     """
     touched = np.flatnonzero(data.press_mm[:, 2] > 0.3)
     full = model.full_counts.copy()
@@ -379,7 +382,7 @@ def _moved_by_touches(model: SignalMapModel, untouched: Untouched, data: PressDa
 
 
 def _threshold(model: SignalMapModel, data: PressData, seed: int, on_step: OnStep | None) -> float:
-    """Score that only a share `FALSE_ALARMS` of the untouched frames exceeds, in the worst set.
+    """Score that only `FALSE_ALARMS` of the untouched frames exceed in the worst set.
 
     Each set is compared with the untouched signals of the other sets, if there are any.
     """
@@ -403,7 +406,7 @@ def _threshold(model: SignalMapModel, data: PressData, seed: int, on_step: OnSte
 
 
 def _without(model: SignalMapModel, quiet: PressData, own: BoolArray) -> SignalMapModel:
-    """The model with the untouched signals of all frames that are not `own`, except for pairs at full scale."""
+    """The model with its untouched signals rescaled to the frames outside `own`, except for pairs at full scale."""
     signals = quiet.features().astype(np.float64)
     whole, rest = signals.mean(axis=0), signals[~own].mean(axis=0)
     is_clipped = whole >= CLIP_SHARE * model.noise.clip_counts

@@ -1,10 +1,10 @@
-"""Compare a measured press with the simulated one at a location, pair by pair, both relative to the untouched signal.
+"""Compare a measured press with the simulated press at a location, pair by pair, both relative to the untouched signal.
 
     recording ──► readings at one location ► over the mean of its untouched readings ─┐
     design ─────► light under a press there ──► over the untouched total ─────────────┴──► curves, difference
 
 Only these ratios are compared, so gain and absolute signal have no effect. Nothing is fitted, neither the zero of depth
-nor the shape. The difference is computed on the way in; retraction is only drawn.
+nor the shape. The difference is computed while the tip moves in; the retraction is only plotted.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from sims.verdict.builds import score_curves
 from sims.verdict.presses import PAIR_ACCURACY, Pair, curves_of, states_of
 
 SAME_PLACE_MM = 0.25
-"""Distance from the press's location within which readings belong to it [mm]; a stage's step is a tenth of it."""
+"""Readings within this distance of a press's location belong to the press [mm]; a stage's step is a tenth of it."""
 FEWEST_READINGS = 5
 MOST_PAIRS = 6
 
@@ -38,11 +38,11 @@ class RecordedPair:
 
     Attributes
     ----------
-    simulated : simulated light of the pair, and its verdict, under a press at the recording's location
-    depth_mm, ratio : (n,) depths of the readings [mm], and readings over their untouched mean [-]
+    simulated : simulated light and verdict of the pair under a press at the recording's location
+    depth_mm, ratio : (n,) depths of the readings [mm], and readings divided by their untouched mean [-]
     deepest : index of the deepest reading; later readings belong to the retraction
     untouched_counts : mean reading without contact [counts]
-    rms, worst : root mean square and largest difference from the simulated ratio, on the way in [-]
+    rms, worst : root mean square and largest difference from the simulated ratio, while the tip moves in [-]
     """
 
     simulated: JudgedPair
@@ -56,7 +56,7 @@ class RecordedPair:
 
 @dataclass(frozen=True, kw_only=True)
 class RecordedPress:
-    """A measured press and the simulated one at a location; `notes` list the processing and the assumptions."""
+    """A measured and a simulated press at one location; `notes` are sentences on the processing and the assumptions."""
 
     place_mm: tuple[float, float]
     pairs: tuple[RecordedPair, ...]
@@ -75,10 +75,10 @@ def recorded_press(
 
     Parameters
     ----------
-    pairs : names of the pairs to compare; empty takes the pairs of the verdict whose readings change most. A recording
-        with one unnamed signal is compared with one pair
-    at_mm : (x, y) of the press in the cavity frame [mm]; None takes that of the recording, or the middle of the pair if
-        the recording has none
+    pairs : names of the pairs to compare. If empty, these are the pairs of the verdict whose readings change most. A
+        recording with one unnamed signal is compared with one pair
+    at_mm : (x, y) of the press in the cavity's coordinate system [mm]. If None, it is the recording's location, or the
+        middle of the first pair's chord if the recording has none
 
     Raises
     ------
@@ -126,7 +126,7 @@ def _of_this_design(design: SensorDesign, recording: Recording) -> list[str]:
 
 
 def _chosen(design: SensorDesign, recording: Recording, names: tuple[str, ...]) -> dict[str, Pair]:
-    """The pairs to compare, by their column in the recording, in the order to show."""
+    """The pairs to compare by the names of their columns in the recording, in the order of display."""
     cavity = cavity_of(design)
     judged = {pair_name(cavity, pair): pair for pair in judged_pairs(cavity)}
     if list(recording.counts) == [SIGNAL]:

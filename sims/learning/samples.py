@@ -1,9 +1,9 @@
-"""Training data for learners: checks, selection and splits of samples, scaling, error measures, model header.
+"""Training data for learners: checks, selection and splitting of samples, scaling, error measures, model header.
 
-Data are checked, pairs that clip are left out, and samples are numbered by location. A *location* is all positions
-within 0.15 mm of each other, over all sets. Samples are split for tuning by location, never by sample. The paper
-presses the same grid four times, so a held-out press whose location is also in the training half would not test new
-locations.
+Data are checked, pairs that clip are left out, and samples are numbered by location. A *location* comprises all
+positions within 0.15 mm of each other, over all sets. Samples are split for tuning by location, never by sample. The
+paper presses the same grid four times, so a held-out press whose location is also in the training half would not test
+new locations.
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ from sims.press import place_numbers
 from sims.readings.dataset import PressData
 
 FROM_DEPTH_MM = 1.0
-"""Least depth of presses at which errors are tested [mm]: lighter ones hardly have a signal, and would hide a learner's
-error.
+"""Least depth of the samples on which errors are measured [mm]: lighter touches hardly have a signal, and would hide a
+learner's error.
 """
 
 
@@ -36,7 +36,7 @@ def location_error_mm(told_mm: FloatArray, press_mm: FloatArray) -> FloatArray:
 
 
 def held_out_figures(told_mm: FloatArray, press_mm: FloatArray) -> dict[str, float]:
-    """Median errors of location and of depth [mm], for a model's header; samples below `FROM_DEPTH_MM` are left out."""
+    """Median errors of location and of depth [mm], for a model's header; only for depths from `FROM_DEPTH_MM` on."""
     deep = press_mm[:, 2] >= FROM_DEPTH_MM
     if not deep.any():
         return {}
@@ -48,19 +48,19 @@ def held_out_figures(told_mm: FloatArray, press_mm: FloatArray) -> dict[str, flo
 
 
 def mean_error_mm(told_mm: FloatArray, press_mm: FloatArray) -> float:
-    """Mean distance in x and y plus mean absolute error of depth [mm]: one number for a search to minimise."""
+    """Mean distance in x and y plus mean absolute error of depth [mm], a single number that a search can minimise."""
     depth = np.abs(told_mm[:, 2] - press_mm[:, 2])
     return float(location_error_mm(told_mm, press_mm).mean() + depth.mean())
 
 
 LEAST_SCALE_COUNTS = 1.0
-"""Least scale of a pair [counts]: about the noise of a reading minus the off state (0.5 count each, and rounding). So a
-pair whose signal varies less is not amplified.
+"""Least scale of a pair [counts]: about the noise of a reading minus the off state (0.5 counts each, and rounding). It
+prevents a pair whose signal varies less from being amplified.
 """
 
 
 def counts_scaling(kept: NDArray[np.intp]) -> FeatureScaling:
-    """Scaling that leaves the counts of the used pairs `kept` unchanged."""
+    """Scaling that selects the pairs `kept` (feature,), and leaves their counts unchanged."""
     return FeatureScaling(kept=kept, centre=np.zeros(len(kept)), scale=np.ones(len(kept)))
 
 
@@ -78,7 +78,7 @@ def standard_scaling(kept: NDArray[np.intp], signals: NDArray[np.float32]) -> Fe
 
 
 HELD_OUT_SHARE = 0.2
-"""Share of the locations that are held out to measure the factors of a model's deviations."""
+"""Share of the locations that are held out to measure the factors of a model's deviations [-]."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -101,7 +101,7 @@ class PressSamples:
 
 
 def press_samples(data: TrainingData, most: int, rng: np.random.Generator) -> PressSamples:
-    """At most `most` samples of depth 0 and more, spread over presses and depths."""
+    """At most `most` samples at depths of 0 and more, spread over presses and depths."""
     touched = np.flatnonzero(data.is_touched)
     chosen = touched[spread_samples(data.press[touched], data.press_mm[touched, 2], most, rng)]
     return PressSamples(
@@ -116,8 +116,8 @@ def held_out(location: IntArray, share: float, rng: np.random.Generator) -> Bool
 
     Parameters
     ----------
-    location : (sample,) number of each sample's location; or of its press, to hold out whole presses
-    share : share of the locations to hold out; at least one is held out, and one is not
+    location : (sample,) number of each sample's location; give the numbers of presses to hold out whole presses
+    share : share of the locations to hold out; at least one location is held out, and at least one is kept
     """
     numbers = np.unique(location)
     count = int(np.clip(round(share * len(numbers)), 1, len(numbers) - 1))
@@ -127,8 +127,8 @@ def held_out(location: IntArray, share: float, rng: np.random.Generator) -> Bool
 def spread_samples(press: IntArray, depth_mm: FloatArray, count: int, rng: np.random.Generator) -> IntArray:
     """Indices of at most ``count`` samples, spread over presses and depths, in increasing order.
 
-    Every press gives its share of samples, at even steps along its depths. Steps start at random, so that presses do
-    not all have the same depths.
+    The number from each press is in proportion to its size. They are taken at even steps along its depths, with a
+    random start, so that presses do not all have the same depths.
     """
     samples = len(press)
     if samples <= count:
@@ -145,7 +145,7 @@ def spread_samples(press: IntArray, depth_mm: FloatArray, count: int, rng: np.ra
 
 
 def _shares(sizes: IntArray, count: int, rng: np.random.Generator) -> IntArray:
-    """Number of samples to take from each press, in proportion to its size; leftovers go to random presses."""
+    """Number of samples to take from each press, in proportion to its size; the remainder goes to random presses."""
     exact = sizes * (count / sizes.sum())
     shares: IntArray = np.floor(exact).astype(np.int64)
     order = rng.permutation(len(sizes))
@@ -158,11 +158,11 @@ def _shares(sizes: IntArray, count: int, rng: np.random.Generator) -> IntArray:
 LIBRARIES = ("optopad", "numpy", "scipy", "scikit-learn")
 SIGMA_OF_STAGE = "what the stage says, its errors included"
 SIGMA_OF_TIP = "where the tip is, without the stage's errors"
-"""What the deviations `sigma_mm` refer to, for a model's header. Trained learners know only the stage's position."""
+"""Entry of a model's header on what `sigma_mm` refers to. Learners trained on data know only the stage's position."""
 
 
 def trained_header(kind: str, data: TrainingData, settings: Mapping[str, Any], seed: int) -> ModelHeader:
-    """Header with facts on the data and the fit's settings; a force curve is added later, if a design is known."""
+    """Header with facts about the data and the fit's settings; a force curve is added later if the design is known."""
     source = data.source
     return ModelHeader(
         kind=kind,
@@ -177,15 +177,15 @@ def trained_header(kind: str, data: TrainingData, settings: Mapping[str, Any], s
 
 
 CLEARLY_UNTOUCHED_MM = -0.25
-"""A frame at this depth [mm] or higher above the pad has no contact, at any error of the reference depth."""
+"""A frame at this depth [mm], or higher above the pad, has no contact whatever the error of the reference depth."""
 FEWEST_LOCATIONS = 9
-"""Least number of locations, three a side: with fewer, a slope of the signal and a curve are not distinguished."""
+"""Least number of locations, three a side: fewer cannot show whether the signal's change is linear or curved."""
 FEWEST_TOUCHED = 200
 FEWEST_UNTOUCHED = 50
-"""Least number of untouched samples; with fewer, the result of the held-out half is left to chance."""
+"""Least number of untouched samples; with fewer, the result on the held-out half would be a matter of chance."""
 MOST_CLIPPED = 0.01
-"""Largest share of untouched frames at full scale for a pair to be used [-]. A pair above it does not detect light
-touches, and its difference to the off state depends on the brightness of the room.
+"""A pair is used if at most this share of its untouched frames is at full scale [-]. Beyond it, a pair does not detect
+light touches, and its difference from the off state depends on the brightness of the room.
 """
 FEWEST_PAIRS = 3
 """Least number of usable pairs, as x, y and depth are three unknowns."""
@@ -202,8 +202,8 @@ class TrainingData:
     press_mm : (sample, 3) x, y, depth [mm]
     location : (sample,) number of each sample's location, from 0
     press : (sample,) number of each sample's press over all sets, from 0
-    kept : (feature,) indices of the pairs that learners use
-    left_out : sentences on data that were left out
+    kept : (feature,) indices of the pairs that learners are to use
+    left_out : sentences about data that were left out
     """
 
     source: PressData
@@ -225,7 +225,7 @@ class TrainingData:
         return np.asarray(self.signals[~self.is_touched].mean(axis=0, dtype=np.float64))
 
     def facts(self) -> dict[str, Any]:
-        """Facts on the data for a model's header; locations and presses are counted only where the depth exceeds 0."""
+        """Facts about the data for a model's header; only locations and presses with depths above 0 are counted."""
         pressed = self.press_mm[:, 2] > 0.0
         return {
             "is_simulated": self.source.true_press_mm is not None,
@@ -298,7 +298,7 @@ def _usable_pairs(train: PressData, signals: NDArray[np.float32]) -> tuple[NDArr
 
 
 def _plain(attributes: Mapping[str, Any]) -> dict[str, Any]:
-    """The data's attributes that a JSON header can contain."""
+    """Those of the data's attributes that can be stored in a JSON header."""
     return {
         name: value
         for name, value in attributes.items()

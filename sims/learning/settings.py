@@ -1,4 +1,4 @@
-"""Limits of the work of a fit: numbers of samples, memory, and the sizes of forest and network."""
+"""Limits on the size of a fit: numbers of samples, memory, and the sizes of forest and network."""
 
 from __future__ import annotations
 
@@ -7,16 +7,15 @@ from dataclasses import dataclass, replace
 
 @dataclass(frozen=True, kw_only=True)
 class FitSettings:
-    """Limits of the work of a fit; a learner ignores the limits of other learners.
+    """Limits on the size of a fit; a learner ignores the limits of other learners.
 
     Attributes
     ----------
-    search_samples : samples in contact for the grid search of the kernel ridge learner, fitted and held-out ones
-        together
+    search_samples : largest number of samples in contact for the kernel-ridge grid search, fitted and held-out together
     fit_samples : largest number of samples in contact for the final kernel-ridge fit
-    network_samples : largest number of samples in contact for trees and network
+    network_samples : largest number of samples in contact for the trees or the network
     memory_gb : largest size of the kernel matrix of the final fit [GB]
-    landmarks : samples that the model stores if the kernel matrix exceeds `memory_gb` and is approximated
+    landmarks : number of samples that the model stores if the kernel matrix exceeds `memory_gb` and is approximated
     trees : number of trees in the forest
     epochs : number of passes of the network over its samples
     """
@@ -32,9 +31,9 @@ class FitSettings:
 
 DEFAULT = FitSettings()
 QUICK = FitSettings(search_samples=2_000, fit_samples=4_000, network_samples=8_000, trees=40, epochs=40)
-"""For a first look: a fit takes seconds instead of minutes."""
+"""Limits for a first look: a fit takes seconds instead of minutes."""
 FULL = FitSettings(fit_samples=24_000, network_samples=60_000, trees=120, epochs=100)
-"""Half of the paper's training samples in contact, in one exact kernel matrix."""
+"""Limits that allow half of the paper's training samples in contact, in one exact kernel matrix."""
 WHOLE = replace(FULL, fit_samples=60_000, memory_gb=12.0)
-"""All 49,368 of the paper's training samples in contact, in one kernel matrix: single precision, 9.8 GB."""
+"""Limits that allow all 49,368 of the paper's samples in contact, in one single-precision kernel matrix of 9.8 GB."""
 EFFORTS = {"quick": QUICK, "default": DEFAULT, "full": FULL, "whole": WHOLE}

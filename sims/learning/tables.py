@@ -1,16 +1,16 @@
 """The paper's tables: share of touches detected, and errors of location and of depth, each by depth.
 
-Touch is the share of samples at a depth that are classified correctly: untouched below 0 mm, touched from 0 mm on.
-Errors are median, mean and standard deviation of the distance in x and y, and of the absolute error of depth. They are
-stated for all samples in contact at a depth (the regressor alone), and for the samples that the model also detects.
-Standard errors come from resampling locations and sessions, not samples: press and retraction at one location have
-similar signals, and all presses of a session share drift and reference depth. With a single session the standard error
-leaves out differences between sessions.
+Touch is the share of samples at a depth that are classified correctly: as untouched below 0 mm, as touched from 0 mm
+on. Errors are the median, mean and standard deviation of the distance in x and y, and of the absolute error of depth.
+They are stated for all samples in contact at a depth (the regressor alone), and for the samples that the model also
+detects. Standard errors come from resampling locations and sessions, not samples: press and retraction at one location
+have similar signals, and all presses of a session share drift and reference depth. With a single session the standard
+error leaves out differences between sessions.
 
 `needed_samples` selects the samples that tables and pictures use. `JudgedPresses` are samples with a model's
-predictions. `published_touch` is a sensor's published touch detection, for comparison. Its untouched rows limited the
-assumed noise of the signal chain (`design.spec.sensor`), so they are not an independent test; nothing is fitted to the
-other rows.
+predictions. `published_touch` is a sensor's published touch detection, for comparison. Its table rows for untouched
+samples set a limit to the assumed noise of the signal chain (`design.spec.sensor`), so they are not an independent
+test; nothing is fitted to the other table rows.
 """
 
 from __future__ import annotations
@@ -34,11 +34,11 @@ from sims.readings.press_data import PressData
 
 
 def needed_samples(data: PressData, places_mm: FloatArray) -> PressData:
-    """Select the samples at the depths of the tables, and all samples of the presses nearest to given locations.
+    """Select all samples at the depths of the tables, and all samples of the presses nearest to given locations.
 
     Parameters
     ----------
-    places_mm : (place, 2) (x, y) of locations at which a picture shows depth sample by sample [mm]
+    places_mm : (place, 2) x, y of locations for which a picture shows depth sample by sample [mm]
     """
     depth_mm = data.press_mm[:, 2]
     wanted = np.zeros(len(data), dtype=np.bool_)
@@ -56,21 +56,21 @@ def _all_depths() -> Sequence[float]:
 
 
 DEPTH_TOLERANCE_MM = 0.04
-"""Largest difference between a sample's depth and a table row's depth [mm]; schedules step by 0.1 mm."""
+"""A sample belongs to a table row if their depths differ by at most this [mm]; schedules have steps of 0.1 mm."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class JudgedPresses:
-    """Samples, and one model's prediction for each.
+    """Samples, with one model's prediction for each.
 
     Attributes
     ----------
     press_mm : (n, 3) x, y, depth as the stage reported them [mm]; depths of 0 and more count as touched
     said_mm : (n, 3) x, y, depth that the model predicts, whether it detects a touch or not [mm]
     is_found : (n,) whether the model detects a touch
-    place_number : (n,) number of each sample's location; samples of one location share errors
-    session_number : (n,) number of each sample's session (a set of one draw); samples of one session share drift and
-        reference depth
+    place_number : (n,) number of each sample's location; samples at one location share errors
+    session_number : (n,) number of each sample's session (one set of one simulated draw); samples of one session share
+        drift and reference depth
     """
 
     press_mm: FloatArray
@@ -86,18 +86,18 @@ class JudgedPresses:
 
     @property
     def false_alarms(self) -> float | None:
-        """Share of the untouched samples that the model classifies as touched [-]; None without untouched samples."""
+        """Share of the untouched samples that the model classifies as touched [-]; None if there are none."""
         quiet = self.is_found[~self.is_touched]
         return float(quiet.mean()) if len(quiet) else None
 
     @property
     def location_error_mm(self) -> FloatArray:
-        """Distances (n,) in x and y between predicted and reported location [mm]."""
+        """Distances (n,) in x and y between the predicted location and the one that the stage reported [mm]."""
         return np.asarray(np.hypot(*(self.said_mm - self.press_mm)[:, :2].T))
 
     @property
     def depth_error_mm(self) -> FloatArray:
-        """Absolute differences (n,) between predicted and reported depth [mm]."""
+        """Absolute differences (n,) between the predicted depth and the one that the stage reported [mm]."""
         return np.asarray(np.abs(self.said_mm[:, 2] - self.press_mm[:, 2]))
 
     def at_depth(self, depth_mm: float) -> JudgedPresses:
@@ -133,7 +133,7 @@ def judged(data: PressData, said: Prediction) -> JudgedPresses:
 
 
 def joined(parts: Sequence[JudgedPresses]) -> JudgedPresses:
-    """Join the samples of several data sets or draws: sessions remain separate, equal locations get one number."""
+    """Join the samples of several data sets or draws. Sessions remain separate; equal locations get the same number."""
     press_mm = np.concatenate([part.press_mm for part in parts])
     shifts = np.cumsum([0, *(int(part.session_number.max(initial=-1)) + 1 for part in parts[:-1])])
     return JudgedPresses(
@@ -154,8 +154,8 @@ class PublishedTouch:
     Attributes
     ----------
     source : citation of the table
-    depth_mm : depths of its rows [mm]
-    ambient, dark : shares of samples classified correctly, in ambient light and in the dark [-]
+    depth_mm : depths of its table rows [mm]
+    ambient, dark : shares of samples classified correctly at these depths, in ambient light and in the dark [-]
     """
 
     source: str
@@ -164,7 +164,7 @@ class PublishedTouch:
     dark: tuple[float, ...]
 
     def right(self, depth_mm: float, *, is_ambient: bool) -> float | None:
-        """Share classified correctly at one depth [-]; None if the table has no such row."""
+        """Share of samples classified correctly at one depth [-]; None if the table does not have this depth."""
         rows = self.ambient if is_ambient else self.dark
         return next(
             (share for at, share in zip(self.depth_mm, rows, strict=True) if abs(at - depth_mm) < 1e-9), None
@@ -172,7 +172,7 @@ class PublishedTouch:
 
 
 def published_touch(design: SensorDesign) -> PublishedTouch | None:
-    """The published table of a packaged design's sensor; None for all other designs, changed ones included."""
+    """The published table for the sensor of a packaged design; None for any other design, including a changed one."""
     text = (files("sims.learning") / "touch_success.toml").read_text(encoding="utf-8")
     found = tomllib.loads(text).get(design.name)
     if found is None or design.digest != preset(design.name).digest:
@@ -190,10 +190,10 @@ ERROR_DEPTHS_MM = (0.1, 0.5, 1.0, 2.0, 3.0, 5.0)
 """Depths of the rows of the paper's error tables [mm]."""
 
 RESAMPLES = 200
-"""Number of bootstrap draws: the standard error is then itself known to 5 %."""
+"""Number of bootstrap draws: with 200, the standard error itself is known to 5 %."""
 
 WITHIN_MM = 0.5
-"""Error of depth below which a sample counts in `ErrorRow.within` [mm]; the paper's own measure."""
+"""Depth error below which a sample counts in `ErrorRow.within` [mm], as in the paper."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -204,8 +204,8 @@ class TouchRow:
     ----------
     depth_mm : depth of the tip [mm]
     right : share of the samples classified correctly [-]; None if there are no samples
-    right_error : standard error of `right` [-]; None if there is a single location
-    samples, presses : number of samples, and of different locations
+    right_error : standard error of `right` [-]; None if there is only one location
+    samples, presses : number of samples, and number of different locations
     """
 
     depth_mm: float
@@ -234,10 +234,11 @@ class ErrorRow:
     ----------
     depth_mm : depth of the tip [mm]
     found : share of the samples that the model classifies as touched [-]
-    within : share of depths estimated within `WITHIN_MM` [-]
+    within : share of the samples whose depth is estimated to within `WITHIN_MM` [-]
     location, depth : errors of all samples in contact [mm]; None if there are none
-    found_location, found_depth : errors of the samples in contact that the model detects [mm]; None if it detects none
-    samples, presses : number of samples, and of different locations
+    found_location, found_depth : errors of those samples in contact that the model detects [mm]; None if it detects
+        none
+    samples, presses : number of samples, and number of different locations
     """
 
     depth_mm: float
@@ -252,7 +253,7 @@ class ErrorRow:
 
 
 def touch_rows(presses: JudgedPresses, depths_mm: Sequence[float] = TOUCH_DEPTHS_MM) -> tuple[TouchRow, ...]:
-    """Rows of the touch table: share of samples classified correctly, by depth [mm]."""
+    """Rows of the touch table: share of samples classified correctly at each depth [mm]."""
     return tuple(_touch_row(presses.at_depth(depth), depth) for depth in depths_mm)
 
 
@@ -327,7 +328,7 @@ def _resampled(
 
 
 def _drawn(groups: NDArray[np.intp], rng: np.random.Generator) -> FloatArray:
-    """How often each sample's group is drawn (n,), with as many random draws as there are groups."""
+    """How often each sample's group is drawn (n,) in one bootstrap draw of the groups, with replacement."""
     count = int(groups.max()) + 1
     drawn = np.bincount(rng.integers(count, size=count), minlength=count)
     return np.asarray(drawn[groups], dtype=np.float64)

@@ -1,20 +1,21 @@
-"""A map of a design's light over location and depth, traced on a grid and interpolated; and its force curve.
+"""A map of a design's light over location and depth, traced on a grid and interpolated; and the design's force curve.
 
     places   a grid that reaches a little beyond the workspace, 1 mm apart at most. Nodes outside the workspace's round
              ends are mirrored at its border, f(outside) = 2 f(border) - f(inside), so that the spline is smooth there
     depths   equal steps of √depth, from 0 (the untouched pad) to the deepest press
     between  a tensor cubic spline of √(light / untouched light), pair by pair (`inference.signal_map`)
 
-The root of the ratio was chosen by measurement on the paper's pad, at 400 random presses that were traced finer and
-with another seed. A spline of the ratio itself errs as much to 3.5 mm and by a quarter more beyond, that of its
-logarithm by half more (docs/validation/calibration.md has the figures). A pitch of 2 mm errs four times as much.
+The root of the ratio was chosen after a comparison on the paper's pad, at 400 random presses that were traced more
+finely and with another seed. A spline of the ratio itself has the same error down to 3.5 mm and a quarter more beyond;
+a spline of its logarithm has half more (docs/validation/calibration.md has the figures). A pitch of 2 mm has four times
+the error.
 
-Symmetric locations are traced once (`sims.optics.scene.symmetry`): a quarter of them on a pad with four equal sides.
-`measured_error` compares with presses at random locations and depths, traced with another seed. It includes the
-interpolation and the numerical errors of both traces. Left out: two tips at once.
+Symmetric locations are traced only once (`sims.optics.scene.symmetry`): on a pad with four equal sides, that leaves a
+quarter of them. `measured_error` compares the map with presses at random locations and depths, traced with another
+seed. It includes the interpolation and the numerical errors of both traces. Left out: two tips at once.
 
-The force curve is the contact model's force for a press in the middle of the pad. Left out: nearer walls, which raise
-the force by up to a tenth at 1 mm (docs/understand/model.md); the uncertainty of the modulus; viscosity.
+The force curve is the contact model's force for a press in the middle of the pad. Left out: presses near walls, which
+raise the force by up to a tenth at 1 mm (docs/understand/model.md); the uncertainty of the modulus; viscosity.
 """
 
 from __future__ import annotations
@@ -59,16 +60,16 @@ PITCH_MM = 1.0
 QUICK_PITCH_MM = 1.5
 DEPTH_NODES = 11
 QUICK_DEPTH_NODES = 10
-"""Pitch and number of depths of a map's grid, in full and for a quick map; depths include that of the untouched pad."""
+"""Number of depths in the grid of a quick map, including depth 0; a full map has `DEPTH_NODES`."""
 MARGIN_MM = 1.0
-"""Largest distance by which a map reaches beyond the workspace [mm], so that the border's presses are inside a cell."""
+"""Largest distance by which a map reaches beyond the workspace [mm], so that its border is inside a cell."""
 BEYOND_MM = 0.1
 """Distance by which a map reaches beyond the deepest press, where the contact model covers it [mm]."""
 ERROR_PRESSES = 60
 ERROR_SEED_GAP = 15_485_863
-"""Number added to the seed for the presses that measure the error, and for their light."""
+"""Number added to the seed for the presses at which the error is measured, and for their light."""
 FAINTEST = 1e-3
-"""Least untouched light in a ratio, over the median pair's [-]; a fainter pair would only show its noise."""
+"""Least untouched light in a ratio, divided by the median over pairs [-]; a fainter pair would only show noise."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -80,10 +81,11 @@ class SignalMap:
     x_mm : (nx,), y_mm : (ny,), root_depth : (ns,) nodes of x, y and √depth at equal steps [mm, mm, √mm]; the first
         depth is 0
     flux : (nx, ny, ns, emitter, receiver) received share of the emitted power [-]
-    workspace : locations of the press axis that the map covers
-    digest, accuracy, seed : digest of the design, and accuracy setting and random seed of the light
-    error : (pair,) root mean square error of light over untouched light at random presses [-]; None if not measured
-    checked : these random presses and their light; None if not measured
+    workspace : outline of the locations of the press axis for which the map is made
+    digest, accuracy, seed : digest of the design, and accuracy setting and random seed of the light model
+    error : (pair,) root mean square error of the ratio of light to untouched light at random presses [-]; None if not
+        measured
+    checked : these random presses and their light; None if the error was not measured
     """
 
     x_mm: FloatArray
@@ -99,7 +101,7 @@ class SignalMap:
 
     @property
     def untouched(self) -> FloatArray:
-        """Light (pair,) of the untouched pad [-], raised to `FAINTEST` of the median pair's where fainter."""
+        """Light (pair,) of the untouched pad [-], raised to `FAINTEST` times the median over pairs where it is less."""
         flat = self.flux[0, 0, 0].ravel()
         return np.asarray(np.maximum(flat, FAINTEST * np.median(flat)))
 
@@ -151,13 +153,13 @@ def _line(low: float, high: float, pitch: float) -> FloatArray:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Nodes:
-    """Traced locations of a map, and how the light at its nodes follows from them.
+    """Traced locations of a map, and how the light at its nodes follows from the light there.
 
     Attributes
     ----------
     traced_mm : (place, 2) x, y of the traced locations [mm]
-    border, inner : (node,) indices of the traced locations that give a node's light, as 2 border - inner; both are the
-        same if the node itself was traced
+    border, inner : (node,) indices of the two traced locations that give a node's light as 2 border - inner. They are
+        equal if the node itself was traced
     """
 
     traced_mm: FloatArray
@@ -165,9 +167,9 @@ class _Nodes:
     inner: IntArray
 
     def filled(self, at_places: FloatArray, untouched: FloatArray) -> FloatArray:
-        """Light (node, ...) from light at the traced locations (place, ...).
+        """Light at the nodes (node, ...), from the light at the traced locations (place, ...).
 
-        For nodes outside the border, √(light / untouched light) is mirrored at the border.
+        For nodes outside the workspace, √(light / untouched light) is mirrored at its border.
         """
         root = np.sqrt(at_places / np.where(untouched > 0.0, untouched, 1.0))
         mirrored = np.maximum(2.0 * root[self.border] - root[self.inner], 0.0) ** 2 * untouched
@@ -203,8 +205,8 @@ def traced_map(
 
     Parameters
     ----------
-    pitch_mm : largest distance between locations [mm]
-    depth_nodes : number of depths, including that of the untouched pad
+    pitch_mm : largest distance between neighbouring locations [mm]
+    depth_nodes : number of depths, including depth 0 (the untouched pad)
     accuracy, seed : accuracy setting and random seed of the light model
     on_step : called with ``map`` and the fraction done (0 to 1)
 
@@ -251,7 +253,8 @@ class MapError:
     Attributes
     ----------
     press_mm : (n, 3) x, y, depth of the presses [mm]
-    found, truth : (n, emitter, receiver) light by the map and by the separate trace, as share of the emitted power [-]
+    found, truth : (n, emitter, receiver) light from the map and from the separate trace, as a share of the emitted
+        power [-]
     """
 
     press_mm: FloatArray
@@ -259,7 +262,7 @@ class MapError:
     truth: FloatArray
 
     def of_ratio(self, untouched: FloatArray) -> FloatArray:
-        """Root mean square error (pair,) of the map's light, over the untouched light (pair,) [-]."""
+        """Root mean square error (pair,) of the map's light, divided by the untouched light (pair,) [-]."""
         off = (self.found - self.truth).reshape(len(self.press_mm), -1) / untouched
         return np.asarray(np.sqrt((off**2).mean(axis=0)))
 
@@ -272,7 +275,7 @@ def measured_error(
     accuracy: str | Accuracy = "draft",
     on_step: OnStep | None = None,
 ) -> MapError:
-    """Compare a map with presses traced with another seed, at random locations and depths (uniform in √depth)."""
+    """Compare a map with light of another seed, at presses of random location and depth (uniform in √depth)."""
     seed = found.seed + ERROR_SEED_GAP
     chance = np.random.default_rng(seed).uniform(size=(presses, 3))
     press_mm = np.column_stack(

@@ -1,6 +1,6 @@
-"""Write a data set press by press: the writer survives a kill, and makes one netCDF file when the set is complete.
+"""Write a data set press by press: written presses survive a kill, and a complete set becomes one netCDF file.
 
-Until then the presses are in a journal next to the file. A journal is a line of JSON, then one record per press,
+Until then the presses are in a journal next to the file. A journal is a line of JSON, followed by one record per press,
 
     length of the content, CRC-32 of it (4 bytes each, little-endian), content (samples, as `_sample_type`)
 
@@ -11,7 +11,7 @@ that file may never open again.
 
 netCDF files are checked on reading. Sizes are checked before any data are loaded, and all damage becomes an
 `InputError` that names the file. This needs care, because the HDF5 library reads metadata only when they are needed.
-Damage then causes errors of many types, or arrays of the size given in a damaged header.
+Damage may then cause errors of many types, or arrays as large as a damaged header says.
 """
 
 from __future__ import annotations
@@ -44,11 +44,11 @@ ENGINES: dict[str, dict[str, Any]] = {
     "an HDF5 or netCDF-4 file": {"engine": "h5netcdf", "phony_dims": "access"},
     "a netCDF-3 file": {"engine": "scipy"},
 }
-"""Options of `xarray.open_dataset` for each kind of file, by the kind's name in messages."""
+"""Options of `xarray.open_dataset` by file format, which is named as in messages."""
 MOST_BYTES = 8_000_000_000
 """Largest accepted size of all unpacked arrays [bytes]: twice the largest file, as 2-byte counts become 4 bytes."""
 MOST_RATIO = 200
-"""Largest accepted unpacked size over the file's size: packing divides measured counts by 5, equal ones by 1000."""
+"""Largest accepted ratio of unpacked size to file size: packing divides measured counts by 5, constant ones by 1000."""
 FREE_BYTES = 500_000_000
 """Unpacked size below which any ratio is accepted [bytes]."""
 
@@ -58,13 +58,13 @@ def read_netcdf(file: Path, *, needed: str, most_bytes: int, **options: Any) -> 
 
     Parameters
     ----------
-    needed : what the file must be and the command that makes it, as text for error messages
+    needed : for error messages: what file is needed, and the command that makes it
     most_bytes : unpacked size above which the file is refused before it is read [bytes]
     options : options for `xarray.open_dataset`
 
     Raises
     ------
-    InputError : the file is missing, of another kind, damaged, or too large; the message names it.
+    InputError : the file is missing, in another format, damaged, or too large; the message names it.
     """
     import xarray as xr
 
@@ -93,11 +93,11 @@ def read_netcdf(file: Path, *, needed: str, most_bytes: int, **options: Any) -> 
 
 
 def require_numbers(found: xr.Dataset, file: Path, names: Sequence[str], axes: tuple[str, ...]) -> None:
-    """Refuse arrays that are not numeric, or whose dimensions are not `axes` in any order.
+    """Check that arrays are numeric, and that their dimensions are `axes` in any order.
 
     Raises
     ------
-    InputError : an array is refused; the message names the first such array.
+    InputError : an array fails the check; the message names the first one that does.
     """
     for name in names:
         array = found[name]
@@ -108,9 +108,9 @@ def require_numbers(found: xr.Dataset, file: Path, names: Sequence[str], axes: t
 
 
 def _unpacked_bytes(file: Path) -> int:
-    """Bytes of all arrays of a netCDF-4 file, unpacked, from their headers.
+    """Unpacked size of all arrays in a netCDF-4 file, according to their headers [bytes].
 
-    Reading the headers also makes damage known before h5netcdf opens the file and leaves it half open.
+    Reading the headers also reveals damage early; h5netcdf would leave a damaged file half open.
     """
     import h5py
 
@@ -128,19 +128,19 @@ def _unpacked_bytes(file: Path) -> int:
 
 RECORD = struct.Struct("<II")
 CHUNK_SAMPLES = 2048
-"""Number of samples per compressed chunk of the netCDF file: 0.6 MB for a pad of 8 + 8 parts."""
+"""Number of samples per compressed chunk of the netCDF file: 0.6 MB for 8 emitters and 8 receivers."""
 JOURNAL_VERSION = 1
 
 
 class DataWriter:
-    """Writes presses to a journal, and makes ``file`` from it at the end; presses in the journal survive a kill.
+    """Writes presses to a journal that survives a kill, and makes ``file`` from it at the end.
 
     Parameters
     ----------
-    file : the netCDF file to make; it does not exist before `finish` or `write`
-    header : data with the common part of all samples, and no samples (see `header_of`)
+    file : the netCDF file to make, by `finish` or `write`
+    header : data without samples, with the information that all samples share (see `header_of`)
     asked : plain data that identify the data set, such as protocol, seed and versions; a journal is continued only if
-        it has the same
+        its own are equal
     journal_folder : folder of the journal; by default that of the file
 
     Raises
@@ -182,7 +182,7 @@ class DataWriter:
 
         Raises
         ------
-        InputError : states, receivers or the presence of true positions differ from the header.
+        InputError : states or receivers differ from the header's, or only one of the two has true positions.
         OutputError : the disk cannot be written.
         """
         for name in ("state_names", "receiver_names", "sets"):
@@ -202,7 +202,7 @@ class DataWriter:
 
         Raises
         ------
-        OutputError : the disk cannot be written; the journal stays.
+        OutputError : the disk cannot be written; the journal is kept.
         """
         self.write()
         self._stream.close()
@@ -210,7 +210,7 @@ class DataWriter:
         return self.file
 
     def write(self) -> None:
-        """Make the netCDF file but keep the journal; used if the file is still to be moved to its final path.
+        """Make the netCDF file but keep the journal, for a file that is still to be moved to its final path.
 
         Raises
         ------
@@ -223,7 +223,7 @@ class DataWriter:
         self.journal.unlink(missing_ok=True)
 
     def _begun(self) -> set[tuple[int, int]]:
-        """Numbers (set, press) of presses that an earlier run wrote completely; the rest of the journal is cut off."""
+        """Numbers (set, press) of the presses that an earlier run wrote completely; cut off the rest of the journal."""
         presses: set[tuple[int, int]] = set()
         end = 0
         try:
@@ -261,7 +261,7 @@ class DataWriter:
         return stream
 
     def _records(self) -> Iterator[tuple[NDArray[np.void], int]]:
-        """Samples of each complete record of the journal, and the record's end [bytes from the start]."""
+        """For each complete record of the journal: its samples, and its end in bytes from the start of the file."""
         stream, size = self._stream, os.fstat(self._stream.fileno()).st_size
         stream.seek(len(self._line))
         while len(head := stream.read(RECORD.size)) == RECORD.size:
@@ -275,7 +275,7 @@ class DataWriter:
 
 
 def save_data(data: PressData, file: Path) -> Path:
-    """Write data to a netCDF file at once, completely or not at all.
+    """Write data to a netCDF file in one step, completely or not at all.
 
     Raises
     ------
@@ -337,7 +337,7 @@ def _write_whole(file: Path, header: PressData, parts: Iterator[NDArray[np.void]
 def _write_netcdf(file: Path, header: PressData, parts: Iterator[NDArray[np.void]]) -> None:
     """Write presses one after another into one netCDF file; memory holds one press at a time.
 
-    The time axis is unlimited.
+    The length of the time axis is unlimited.
     """
     import h5netcdf
 
@@ -366,7 +366,7 @@ def _write_netcdf(file: Path, header: PressData, parts: Iterator[NDArray[np.void
 
 
 def _columns(header: PressData) -> dict[str, tuple[str, int | None, str, dict[str, str]]]:
-    """Variables of the netCDF file: name -> (column of the journal, index in it, number type, attributes)."""
+    """Variables of the netCDF file by name: (column of the journal, index in it, number type, attributes)."""
     place = {"units": "mm", "long_name": "as the stage reports it"}
     columns: dict[str, tuple[str, int | None, str, dict[str, str]]] = {
         "counts": ("counts", None, "f4", {"units": "counts"}),

@@ -1,19 +1,19 @@
-"""Read data sets from netCDF files, which have one format for simulated and built sensors (docs/reference/files.md).
+"""Read data sets from netCDF files. Simulated and built sensors have the same format (docs/reference/files.md).
 
 Dimensions ``time`` (one frame), ``state``, ``receiver``:
 
     counts (time, state, receiver)        readings; the states are emitters' names and ``off`` [ADC counts]
-    press_x, press_y, press_depth (time)  position of the tip by the stage [mm]
-    time_s, set, place (time)             time within the set [s], number of the set, of the press within it
-    true_x, true_y, true_depth (time)     its true position; simulated sets only [mm]
+    press_x, press_y, press_depth (time)  position of the tip as the stage reports it [mm]
+    time_s, set, place (time)             time within the set [s], number of the set, number of the press in the set
+    true_x, true_y, true_depth (time)     true position of the tip; simulated sets only [mm]
     attributes                            design_digest, full_scale_counts, sets and attributes as JSON
 
-A variable's attribute `units` gives its unit, by default as above. Lengths and times are converted. Volts are converted
-with the data of a design's analogue-digital converter.
+A variable's attribute `units` gives its unit; without it, the units above apply. Lengths and times are converted. Volts
+are converted to counts with the data of a design's analogue-to-digital converter.
 
 Files of `optopad driver record` and `export` have no numbers of sets and presses. They are read as one set named
-``unnamed``. A new press then starts where the depth rises above 0 after the tip has left the pad, or where the location
-changes in contact.
+``unnamed``. In these files a new press starts where the depth rises above 0 after the tip has left the pad, or where
+the location changes during contact.
 """
 
 from __future__ import annotations
@@ -66,7 +66,7 @@ __all__ = [
 
 MAX_BYTES = 4_000_000_000
 RETREAT_MM = 0.1
-"""Height above the pad at which the tip counts as having left it [mm]; smaller heights are jitter of the stage."""
+"""Height above the pad from which the tip counts as having left it [mm]; smaller heights are jitter of the stage."""
 NEEDED_FILE = (
     "a data set in netCDF (.nc): `optopad driver export` makes one of a recording with its presses (--stage), "
     "`optopad simulate --protocol` one of a design"
@@ -82,8 +82,8 @@ def read_data(file: Path, design: SensorDesign | None = None) -> PressData:
 
     Parameters
     ----------
-    design : presumed design of the data, for the size of the pad and for readings in volts; it is not checked, see
-        `require_design`
+    design : presumed design of the data, used for the size of the pad and to convert volts. Whether the data are of
+        this design is checked by `require_design`, not here
 
     Raises
     ------
@@ -99,7 +99,7 @@ def read_data(file: Path, design: SensorDesign | None = None) -> PressData:
 
 
 def require_design(data: PressData, design: SensorDesign, *, what: str = "data") -> tuple[str, ...]:
-    """Refuse data of another design. Return one sentence for each piece of information that the data lack.
+    """Check that data are of a design. If they name no design, return a sentence that says so.
 
     Raises
     ------
@@ -196,7 +196,7 @@ def _digest(found: xr.Dataset, file: Path) -> str | None:
 
 
 def off_last(found: xr.Dataset) -> tuple[tuple[str, ...], NDArray[Any]]:
-    """Names of the states, and the file's readings (time, state, receiver), with the off state moved to the end."""
+    """Names of the states, and readings (time, state, receiver) of the file, with the off state moved to the end."""
     names = [str(name) for name in found["state"].values]
     counts = found["counts"].transpose(*AXES).values
     order = [k for k, name in enumerate(names) if name != OFF] + [
@@ -234,7 +234,7 @@ def _json(found: xr.Dataset, name: str, absent: Any, file: Path) -> Any:
 
 
 def _presses(press_mm: FloatArray) -> IntArray:
-    """Number (sample,) of each sample's press; samples without contact belong to the nearer press."""
+    """Number (sample,) of each sample's press; samples without contact belong to the nearer of two presses."""
     touched = np.flatnonzero(press_mm[:, 2] > 0.0)
     if not len(touched):
         return np.zeros(len(press_mm), dtype=np.int64)

@@ -1,9 +1,9 @@
-"""Checks of units and press labels: stated units are converted, presses that contradict the pad are refused.
+"""Checks of units and press labels: stated units are converted, and presses that contradict the pad are refused.
 
-Without them, data with wrong labels would train a model without any error message, and its errors would be as large as
-the pad. Examples are locations measured from the middle of the pad, or a depth that is positive upwards. The checks use
-the design if it is known, otherwise limits that hold for every design. They accept noise, drift, samples of a hovering
-tip, and data with few samples in contact.
+Without these checks, data with wrong labels would train a model without any error message, and its errors would be as
+large as the pad. Examples of wrong labels are locations measured from the middle of the pad, or a depth that is
+positive upwards. The checks use the design if it is known, otherwise limits that hold for every design. They accept
+noise, drift, samples of a hovering tip, and data with few samples in contact.
 """
 
 from __future__ import annotations
@@ -32,16 +32,16 @@ READINGS = {"count": 1.0, "1": 1.0, "adc": 1.0, "adc count": 1.0, "lsb": 1.0, "a
 VOLTS = {"v": 1.0, "volt": 1.0, "mv": 1e-3, "millivolt": 1e-3}
 
 SLACK_MM = 0.5
-"""Allowed error of a stage [mm]: presses beyond the pad's outline or thickness by less are accepted."""
+"""Allowed error of a stage [mm]: presses up to this far beyond the pad's outline or thickness are accepted."""
 LARGEST_MM, THICKEST_MM = 200.0, 50.0
 """Largest length and largest thickness that a design's pad can have [mm]."""
 METRES_MM = 0.012
-"""If the deepest press of a file is below this [mm], the depths must be in metres."""
+"""If no depth or height in a file is larger than this [mm], the depths must be in metres."""
 HIGHEST_V = 5.5
-"""Largest input of the boards' converters [V]."""
+"""Largest input voltage of the boards' converters [V]."""
 LEAST_CHANGE = 0.1
-"""Least change of a pair's signal above the surface, over its level, that makes the sign of the depth suspect [-].
-Reflections of a hovering tip, drift and noise change it less.
+"""Least change of a pair's signal above the surface, as a share of the signal, that makes the sign of the depth suspect
+[-]. Reflections from a hovering tip, drift and noise cause smaller changes.
 """
 TIMES_MORE = 4.0
 """Least ratio of the signals' change above the surface to that below it, for a suspect sign of the depth [-]."""
@@ -51,7 +51,7 @@ MOST_SAMPLES = 20_000
 
 
 def unit_factor(units: object, known: Mapping[str, float], name: str) -> float:
-    """Factor that converts values in a unit to the standard unit; 1 if no unit is given.
+    """Factor that converts values to the standard unit, from the value of the attribute `units`; 1 if it is absent.
 
     Raises
     ------
@@ -83,11 +83,11 @@ def in_unit(found: xr.Dataset, names: list[str], known: Mapping[str, float]) -> 
 
 
 def counts_factor(found: xr.Dataset, design: SensorDesign | None) -> float:
-    """Factor from a file's readings to ADC counts: 1, or for volts the counts per volt of the design's converter.
+    """Factor from a file's readings to ADC counts: 1 for counts, or the counts per volt of the design's converter.
 
     Raises
     ------
-    InputError : the unit is unknown, the readings are volts but there is no design, or they have no unit and cannot be
+    InputError : the unit is unknown, the readings are volts but no design is given, or they have no unit and cannot be
         counts.
     """
     array = found["counts"]
@@ -115,9 +115,9 @@ def counts_factor(found: xr.Dataset, design: SensorDesign | None) -> float:
 
 
 def known_design(design: SensorDesign | None, digest: str | None) -> SensorDesign | None:
-    """The design that belongs to data with a digest; None if unknown.
+    """The design that data belong to, according to the digest in them; None if unknown.
 
-    It is `design` if its digest agrees or the data have none, otherwise the preset with this digest.
+    It is `design` if its digest agrees or the data have no digest, otherwise the preset with this digest.
     """
     from design.preset import PRESETS, preset
 
@@ -127,16 +127,16 @@ def known_design(design: SensorDesign | None, digest: str | None) -> SensorDesig
 
 
 def require_finite(named: Mapping[str, NDArray[Any] | None], *, where: str, row: str) -> None:
-    """Refuse values that are not finite, so that a gap never counts as a signal.
+    """Check that values are finite, so that a gap in the data never counts as a signal.
 
     Parameters
     ----------
-    named : values (row, ...) by name; None is skipped
-    where, row : name of the file, and what a row is called ("sample", ...), for the error message
+    named : values (sample, ...) by name; names whose values are None are skipped
+    where, row : for the error message: name of the file, and what one entry of the first axis is called ("sample", ...)
 
     Raises
     ------
-    InputError : a value is not finite; the message has its name, the number of such rows, and the first of them.
+    InputError : a value is not finite; the message has its name, the number of such samples, and the first of them.
     """
     for name, values in named.items():
         if values is None or np.isfinite(values).all():
@@ -156,14 +156,14 @@ def require_true_labels(
     *,
     is_counts: bool = True,
 ) -> None:
-    """Refuse data whose press depths or locations contradict the pad or the signals.
+    """Check that press depths and locations do not contradict the pad or the signals.
 
     Parameters
     ----------
     depth_mm : (sample,) depth of the presses [mm]; 0 or less is no contact
-    location_mm : (sample, 2) x and y of the presses in the cavity frame [mm]; None if the data have none
-    signals : (sample, pair) readings minus those of the off state [one common unit]
-    design : design of the data; None uses limits that hold for every design
+    location_mm : (sample, 2) x and y of the presses in cavity coordinates [mm]; None if the data have none
+    signals : (sample, pair) readings minus those of the off state, all in the same unit
+    design : design of the data; if None, limits that hold for every design are used
     is_counts : whether the signals are ADC counts, so that the design's noise applies
 
     Raises
@@ -193,16 +193,16 @@ def _require_depth_into_the_pad(depth_mm: FloatArray, signals: NDArray[Any], noi
 
 
 def _change(distance_mm: FloatArray, signals: FloatArray, level: FloatArray) -> float:
-    """How much signals change with distance from the surface, over their level; the largest value of all pairs [-].
+    """How much signals change with distance from the surface, as a share of the signal; the largest over all pairs [-].
 
-    It is the spread in the outer third of the distances minus that in the inner third. Changes that depend on time
-    alone cancel in this difference. A fifth of the samples may be outliers.
+    It is the spread of the signals in the outer third of the distances minus their spread in the inner third. Changes
+    that depend on time alone cancel in this difference. A fifth of the samples may be outliers.
 
     Parameters
     ----------
     distance_mm : (sample,) distance from the surface [mm]
     signals : (sample, pair) readings minus those of the off state
-    level : (pair,) signal level of each pair, same unit
+    level : (pair,) typical signal of each pair, in the same unit
     """
     reach = float(distance_mm.max(initial=0.0))
     near, far = distance_mm <= reach / 3.0, distance_mm >= reach * 2.0 / 3.0

@@ -7,19 +7,20 @@ samples of one press are too similar to be on both sides. `sims.readings.dataset
 
 Light against depth (`PressCurves`)
 -----------------------------------
-A press moves through depth at one location. So light is traced at a few depths ("knots") per location and interpolated
-between them, and thousands of samples need only one curve per location. The interpolation is modified Akima (makima,
-Hermite pieces with local slopes) over the square root of depth, because the contact radius grows with that root.
+During a press the depth changes at one location. So light is traced at a few depths ("knots") per location and
+interpolated between them: thousands of samples need only one curve per location. The interpolation is modified Akima
+(makima, Hermite pieces with local slopes) over the square root of depth, because the contact radius grows with that
+root.
 
-It was chosen by measurement (`python -m tests.validation.learning.press_curve_table`: six locations of the paper's pad,
-73 depths, a median pair of 300 counts). With the knots below, makima, pchip and a cubic spline all differ from light
-traced at "standard" accuracy by 0.35 counts rms, below 1 mm by 0.16 to 0.18. From "draft" accuracy they differ by 0.46,
-half of it numerical error of the light. Makima overshoots less near a kink than the spline and bends less at knots than
-pchip. The largest errors, 15 counts, are at kinks beyond 2 mm, where the tip enters or leaves a direct light path.
-`interpolation_error` measures any design.
+It was chosen after a comparison (`python -m tests.validation.learning.press_curve_table`: six locations on the paper's
+pad, 73 depths, a median pair of 300 counts). With the knots below, makima, pchip and a cubic spline all differ from
+light traced at "standard" accuracy by 0.35 counts rms, and by 0.16 to 0.18 at depths of less than 1 mm. From "draft"
+accuracy they differ by 0.46, half of which is numerical error of the light. Makima overshoots less near a kink than the
+spline and bends less at knots than pchip. The largest errors, 15 counts, are at kinks beyond 2 mm, where the tip enters
+or leaves a direct light path. `interpolation_error` measures the error for any design.
 
 At depth 0 or less the pad is not touched. Beyond the last knot the curve continues with its last slope, for at most
-`BEYOND_MM`, because the offset of the depth's zero makes some presses deeper than the design's deepest.
+`BEYOND_MM`, because an error of the reference depth makes some presses deeper than the design's deepest.
 """
 
 from __future__ import annotations
@@ -40,7 +41,7 @@ from sims.optics.accuracy import Accuracy
 from sims.readings.label_checks import require_finite
 
 CONVERTED = "converted"
-"""Key in `PressData.attributes` of a sentence on how readings were converted from another unit."""
+"""Name of the entry in `PressData.attributes` that says how readings were converted from another unit."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,12 +54,12 @@ class PressData:
     press_mm : (sample, 3) x, y, depth of the tip as the stage reports them [mm]; depth 0 or less is no contact
     time_s : (sample,) time of each frame within its set [s]
     set_number : (sample,) index of each sample's set in `sets`
-    place_number : (sample,) number of the press in its set
+    place_number : (sample,) number of each sample's press within its set
     sets : name and role (train or test) of every set
     state_names, receiver_names : names along the axes `state` and `receiver` of `counts`
     full_scale_counts : reading at which the converter clips [counts]; None if unknown
     design_digest : digest of the design that was built or simulated; None if unknown
-    attributes : further information: protocol, parameters of the signal chain, seed
+    attributes : further information, such as protocol, parameters of the signal chain, seed
     true_press_mm : (sample, 3) true x, y, depth of the tip [mm]; only in simulated data, else None
     """
 
@@ -102,7 +103,7 @@ class PressData:
         return self.signals().reshape(len(self), -1)
 
     def only(self, mask: BoolArray | IntArray) -> PressData:
-        """Selected samples, by a mask (sample,) or by sample numbers (n,)."""
+        """The samples that a mask (sample,) or sample numbers (n,) select."""
         picked = {
             name: getattr(self, name)[mask]
             for name in ("counts", "press_mm", "time_s", "set_number", "place_number")
@@ -111,7 +112,7 @@ class PressData:
         return replace(self, **picked, true_press_mm=truth)
 
     def role(self, name: str) -> PressData:
-        """Samples of all sets that have a role, ``train`` or ``test``.
+        """Samples of all sets with the role `name`, ``train`` or ``test``.
 
         Raises
         ------
@@ -128,7 +129,7 @@ class PressData:
         return np.asarray(np.unique(presses, axis=0, return_inverse=True)[1], dtype=np.int64).reshape(-1)
 
     def clipped_share(self) -> FloatArray:
-        """Share (state, receiver) of the readings that are at full scale [-]; zeros if full scale is unknown."""
+        """Share (state, receiver) of the samples whose reading is at full scale [-]; zeros if full scale is unknown."""
         if self.full_scale_counts is None or len(self) == 0:
             return np.zeros(self.counts.shape[1:])
         return np.asarray((self.counts >= self.full_scale_counts).mean(axis=0), dtype=np.float64)
@@ -170,7 +171,7 @@ def joined(parts: Sequence[PressData]) -> PressData:
 
 
 def data_notes(data: PressData) -> tuple[str, ...]:
-    """Notes for the user about data, as sentences: whether they are simulated, unit-converted or clipped."""
+    """Sentences for the user about data: whether they are simulated, converted from another unit, or clipped."""
     simulated = "the data are simulated, not recorded" if data.true_press_mm is not None else None
     notes = (simulated, data.attributes.get(CONVERTED), clipped_note(data))
     return tuple(str(note) for note in notes if note is not None)
@@ -179,7 +180,7 @@ def data_notes(data: PressData) -> tuple[str, ...]:
 def clipped_note(data: PressData) -> str | None:
     """A sentence that names the channels with clipped readings; None if there are none.
 
-    A reading of the off state is named like ``off-R1``. A clipped pair has less or no information on a press.
+    A reading of the off state has a name such as ``off-R1``. A clipped pair has little or no information on a press.
     """
     share = data.clipped_share()
     at = np.argwhere(share > 0)
@@ -228,20 +229,21 @@ OnStep = Callable[[int, int], None]
 KNOTS_MM = (
     0.0, 0.06, 0.14, 0.26, 0.4, 0.6, 0.8, 1.0, 1.3, 1.6, 2.0, 2.4, 2.8, 3.2, 3.7, 4.1, 4.6, 5.1,
 )  # fmt: skip
-"""Depths at which light is traced [mm], for the paper's tip (radius 3 mm) and 5 mm depth; dense at shallow depths."""
+"""Depths at which light is traced [mm], for the paper's tip (radius 3 mm) and presses to 5 mm; dense near 0."""
 COARSE_KNOTS_MM = (0.0, 0.1, 0.26, 0.45, 0.7, 1.0, 1.5, 2.1, 2.8, 3.6, 4.3, 5.1)
 """Fewer depths, for two thirds of the tracing time [mm].
 
-In the comparison of the module docstring the error is 0.73 counts rms to "draft" accuracy, 0.62 to "standard".
+In the comparison in the module docstring, they give errors of 0.73 counts rms from "draft" accuracy and 0.62 from
+"standard".
 """
 KNOTS_TIP_MM = 3.0
-"""Tip radius to which `KNOTS_MM` belong [mm]; other tips scale them, as contact and dimple scale."""
+"""Tip radius for which `KNOTS_MM` are given [mm]; for other tips they are scaled in proportion, like the dimple."""
 SPARE_MM = 0.1
-"""How far the traced depths go beyond a design's deepest press [mm], to allow for offsets of the depth's zero."""
+"""Least distance by which traced depths go beyond a design's deepest press [mm], to allow for errors of depth 0."""
 BEYOND_MM = 0.25
 """How far a curve may be extrapolated beyond its last knot [mm]."""
 CHUNK = 4096
-"""Number of depths processed at a time: 2 MB for a pad of 8 + 8 parts."""
+"""Number of depths processed at a time: 2 MB for 8 emitters and 8 receivers."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -250,8 +252,8 @@ class PressCurves:
 
     Attributes
     ----------
-    places_mm : (place, 2) x, y of the press axes in the cavity frame [mm]
-    depth_mm : (knot,) depths with traced light, rising from 0 [mm]
+    places_mm : (place, 2) x, y of the press axes in cavity coordinates [mm]
+    depth_mm : (knot,) depths with traced light, increasing from 0 [mm]
     flux : (place, knot, emitter, receiver) received share of the emitted power [-]
     """
 
@@ -275,7 +277,7 @@ class PressCurves:
 
     @property
     def deepest_mm(self) -> float:
-        """Deepest press that `at` accepts, which includes a short extrapolation [mm]."""
+        """Depth of the deepest press that `at` accepts, including a short extrapolation [mm]."""
         return float(self.depth_mm[-1]) + BEYOND_MM
 
     def at(self, place_number: IntArray, depth_mm: FloatArray) -> FloatArray:
@@ -350,17 +352,17 @@ class PressCurves:
 def knots_mm(design: SensorDesign, *, is_coarse: bool = False, deepest_mm: float | None = None) -> FloatArray:
     """Depths at which light is traced for a design ("knots").
 
-    They are `KNOTS_MM` scaled with the tip radius. They end a little beyond the deepest press, if the contact model
+    They are `KNOTS_MM` scaled with the tip radius. They end slightly beyond the deepest press, if the contact model
     covers that.
 
     Parameters
     ----------
     is_coarse : whether to use `COARSE_KNOTS_MM` instead
-    deepest_mm : deepest press required [mm]; by default the design's deepest
+    deepest_mm : depth of the deepest press required [mm]; if None, the design's deepest
 
     Returns
     -------
-    (knot,) depths, rising from 0 [mm]
+    (knot,) depths, increasing from 0 [mm]
     """
     from sims.contact.scope import depth_limit_mm
 
@@ -375,7 +377,8 @@ def knots_mm(design: SensorDesign, *, is_coarse: bool = False, deepest_mm: float
 def _spare_mm(design: SensorDesign) -> float:
     """How far the traced depths must go beyond the deepest press [mm].
 
-    It is five standard deviations of the depth's offset, minus the extrapolation `BEYOND_MM`.
+    It is five standard deviations of the depth's offset plus the backlash, minus the extrapolation `BEYOND_MM`, but at
+    least `SPARE_MM`.
     """
     noise = design.noise
     offset = float(np.hypot(noise.zero_offset_set_mm, noise.zero_offset_place_mm))
@@ -391,18 +394,18 @@ def traced_curves(
     seed: int = 0,
     on_step: OnStep | None = None,
 ) -> PressCurves:
-    """Trace light against depth at given locations; locations equal by a symmetry of the layout are traced once.
+    """Trace light against depth at given locations; locations that are equal by symmetry of the layout are traced once.
 
     Parameters
     ----------
-    places_mm : (place, 2) x, y in the cavity frame [mm]
-    depth_mm : (knot,) depths to trace, rising from 0 [mm]; by default `knots_mm` of the design
+    places_mm : (place, 2) x, y in cavity coordinates [mm]
+    depth_mm : (knot,) depths to trace, increasing from 0 [mm]; if None, `knots_mm` of the design
     accuracy, seed : accuracy setting and random seed of the light model
-    on_step : called with the number of traced states and their total
+    on_step : called with the number of traced presses and their total number
 
     Raises
     ------
-    InputError : locations have another shape or are not finite, or depths do not rise from 0.
+    InputError : locations have the wrong shape or are not finite, or depths do not increase from 0.
     ModelScopeError : the contact or light model does not cover a depth or location.
     """
     from sims.optics.tracing import trace
@@ -424,7 +427,7 @@ class InterpolationError:
     Attributes
     ----------
     depth_mm : (between,) depths halfway between the knots [mm]
-    flux : (place, between, emitter, receiver) interpolated minus traced share of the emitted power, both with the
+    flux : (place, between, emitter, receiver) interpolated minus traced share of the emitted power, both including the
         numerical error of the light [-]
     """
 
@@ -452,7 +455,7 @@ def interpolation_error(
 
     Parameters
     ----------
-    accuracy, checked_with : accuracy settings of the curves, and of the light between
+    accuracy, checked_with : accuracy settings of the curves, and of the light halfway between their depths
     """
     curves = traced_curves(design, places_mm, accuracy=accuracy, seed=seed)
     between = (curves.depth_mm[1:] + curves.depth_mm[:-1]) / 2

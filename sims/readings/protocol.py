@@ -2,8 +2,8 @@
 
 `protocol_curves` traces the light at all locations of a protocol. `draw` applies the signal chain with a random seed,
 in seconds. Every press has its own random numbers, from the seed, the number of the set and the number of the press.
-They do not depend on earlier draws. So an interrupted run continues with the same data, and a press drawn alone equals
-the same press drawn among all.
+They do not depend on earlier draws. So a run that was interrupted continues with the same data, and a press is the same
+whether it is drawn alone or with all others.
 
 The seed of the draw sets the order of the locations, the offsets, drift, ambient light and noise. Locations and traced
 light do not depend on it.
@@ -40,7 +40,9 @@ from sims.readings.signal_chain import (
 )
 
 ORDER, SET, PRESS, FRAME = range(4)
-"""What a stream of random numbers is for; part of its seed."""
+"""Purposes of random numbers, as part of their seed: order of presses, a set's errors, a press's errors, frame
+noise.
+"""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -51,9 +53,9 @@ class ProtocolCurves:
     ----------
     design, protocol : the traced design and protocol
     curves : light against depth at all distinct locations
-    loose : the same with an air gap at the walls, for walls that come loose; None if the design's walls do not
-    place_of : for each set, (place,) index of each of its locations in `curves`
-    readout : gains, set from the light without contact
+    loose : the same curves with an air gap at the walls; None if the design's walls do not come loose
+    place_of : for each set, (place,) index in `curves` of each of its locations
+    readout : gains, determined from the light without contact
     """
 
     design: SensorDesign
@@ -78,13 +80,14 @@ def protocol_curves(
     Parameters
     ----------
     seed, accuracy : random seed and accuracy setting of the light model
-    is_coarse : whether to trace fewer depths, with a larger error (docs/how-to/simulate-data-set.md); None: as in the
-        protocol
+    is_coarse : whether to trace fewer depths, with a larger error (docs/how-to/simulate-data-set.md). If None, the
+        protocol decides
     on_step : called with the name of a stage and the fraction of it that is done (0 to 1)
 
     Raises
     ------
-    ModelScopeError : the protocol leaves the design's workspace or range, or the contact model's.
+    ModelScopeError : the protocol has presses outside the design's workspace, or too deep for the design or the contact
+        model.
     """
     places = protocol.places_mm(design)
     distinct, place_of = _distinct(places)
@@ -105,7 +108,7 @@ def protocol_curves(
 
 
 def untouched_readout(design: SensorDesign, untouched_flux: FloatArray) -> Readout:
-    """Gains by the design's rule, from the flux (emitter, receiver) without contact; the same as in the verdict."""
+    """Gains by the design's rule from the flux (emitter, receiver) without contact; the verdict uses the same gains."""
     cavity = cavity_of(design)
     return readout_of(design, untouched_flux, mask_of(judged_pairs(cavity), cavity))
 
@@ -117,13 +120,13 @@ def draw(
     seed: int = 0,
     on_step: OnStep | None = None,
 ) -> PressData:
-    """Draw all samples of a protocol: traced light with the errors and noise of one unit.
+    """Draw all samples of a protocol: traced light with the errors and noise of one sensor unit.
 
     Parameters
     ----------
-    chain : signal chain of the sensor unit, by default the design's; its `noise` also sets the errors of the stage and
+    chain : signal chain of the sensor unit; if None, the design's. Its `noise` also gives the errors of the stage, and
         how walls come loose
-    seed : seed of the order of presses, of offsets, drift and noise
+    seed : random seed for the order of presses, offsets, drift and noise
     """
     presses = []
     total = sum(map(len, curves.place_of))
@@ -178,7 +181,8 @@ def simulate_protocol(
 
     Parameters
     ----------
-    seed : seed of the drawn data; the seed of the light is always 0, so that data of several seeds have the same light
+    seed : seed of the drawn data. The seed of the light is always 0, so that data drawn with different seeds have the
+        same light
     accuracy, is_coarse, on_step : see `protocol_curves`
 
     Raises
@@ -190,7 +194,7 @@ def simulate_protocol(
 
 
 def data_header(curves: ProtocolCurves, chain: SignalChain, seed: int) -> PressData:
-    """Data without samples, with what all samples share: names, sets, digest, protocol, parameters of the chain."""
+    """Data without samples, with all information that samples share: names, sets, digest, protocol, signal chain."""
     cavity = cavity_of(curves.design)
     states = (*(one.name for one in cavity.emitters), OFF)
     receivers = tuple(one.name for one in cavity.receivers)
@@ -211,7 +215,7 @@ def data_header(curves: ProtocolCurves, chain: SignalChain, seed: int) -> PressD
 
 
 class _DrawnSet:
-    """Draws the presses of one set of a protocol; stores what they share, such as drift and order."""
+    """Draws the presses of one set of a protocol; stores the values that they share, such as drift and order."""
 
     def __init__(self, curves: ProtocolCurves, chain: SignalChain, number: int, seed: int) -> None:
         self.curves, self.chain, self.number, self.seed = curves, chain, number, seed
@@ -223,7 +227,7 @@ class _DrawnSet:
         self.loose_share = self._loose_share()
 
     def press(self, k: int, header: PressData) -> PressData:
-        """Samples of the k-th press of the set; `header` has the common part of all data."""
+        """Samples of the k-th press of the set; `header` has the information that all presses share."""
         protocol, noise = self.curves.protocol, self.chain.noise
         place = int(self.curves.place_of[self.number][self.order[k]])
         errors = drawn_press(noise, self.offset_mm, self._rng(PRESS, k))
@@ -247,7 +251,7 @@ class _DrawnSet:
     def _frame_s(self) -> float:
         """Period of the frames [s].
 
-        Frames run freely, so that one starts within a period after the stage arrives.
+        Frames are not synchronised with the stage: one starts at a random time within a period after the stage arrives.
         """
         return 1.0 / self.curves.design.board.frame_rate_hz
 
@@ -263,7 +267,7 @@ class _DrawnSet:
         return blended(bonded, self.curves.loose.at(places, depth_mm), self.loose_share[k])
 
     def _loose_share(self) -> FloatArray | None:
-        """Share (press, sample) of loose walls by the reported depths; None if the design's walls do not come loose."""
+        """Loose share of the walls (press, sample), from the reported depths; None if they do not come loose."""
         protocol, noise = self.curves.protocol, self.chain.noise
         if noise.wall_unbonded_share == 0.0:
             return None
@@ -291,7 +295,7 @@ def _presses(at_mm: FloatArray, depth_mm: FloatArray) -> FloatArray:
 
 
 def _distinct(places: tuple[FloatArray, ...]) -> tuple[FloatArray, tuple[IntArray, ...]]:
-    """All distinct locations, and for each set the numbers of its locations among these."""
+    """All distinct locations, and for each set the indices of its locations among these."""
     known: dict[tuple[float, float], int] = {}
     numbers = tuple(
         np.array([known.setdefault((float(x), float(y)), len(known)) for x, y in one], dtype=np.int64)

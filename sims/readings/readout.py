@@ -1,7 +1,7 @@
 """From light to counts: the receivers' transimpedance gains, then a converter that clips.
 
-counts = gain x flux, with flux as a fraction of the emitted power. "Judged" pairs are those that the verdict considers.
-`gain.feedback_ohm` selects the rule for the gains:
+counts = gain x flux, with flux as a fraction of the emitted power. "Judged" pairs are the pairs that the verdict
+considers. `gain.feedback_ohm` selects the rule for the gains:
 
     each     one gain per receiver: without contact, the median of its judged pairs reads `gain.target_counts`, or
              less, so that the brightest of them reads at most `HEADROOM` of full scale; the default
@@ -34,9 +34,9 @@ from design.spec import SensorDesign
 from sims.optics.light_signals import LightSignals
 
 HEADROOM = 0.75
-"""Largest untouched reading of a receiver's brightest pair in the verdict, over full scale, if gains are per receiver
-[-]. The rest is for dimples, which on the published layouts mirror up to a quarter more light onto the brightest
-pairs.
+"""Largest untouched reading of the brightest judged pair of each receiver, as a share of full scale [-]. It applies if
+each receiver has its own gain. The rest of the range is for dimples, which on the published layouts mirror up to a
+quarter more light onto the brightest pairs.
 """
 
 
@@ -46,10 +46,10 @@ class Readout:
 
     Attributes
     ----------
-    counts_per_flux : ADC counts if all of an emitter's power were on one receiver, as the median over the receivers
+    counts_per_flux : ADC counts if all of an emitter's power reached one receiver; the median over the receivers
         [counts]
     full_scale_counts : largest reading of the converter [counts]
-    by_receiver : the gain `counts_per_flux` of each receiver, in order; empty with one common gain
+    by_receiver : the same for each receiver, in order [counts]; empty if all have one common gain
     """
 
     counts_per_flux: float
@@ -58,7 +58,7 @@ class Readout:
 
     @property
     def gains(self) -> FloatArray:
-        """Gains by which to multiply flux whose last axis is the receiver [counts]: (receiver,), or () if common."""
+        """Gains for flux whose last axis is the receiver [counts]: (receiver,), or () for one common gain."""
         return np.array(self.by_receiver or self.counts_per_flux)
 
     def of_receiver(self, receiver: int) -> float:
@@ -74,7 +74,7 @@ class Readout:
         return np.array([self.of_receiver(receiver) for _, receiver in pairs])
 
     def of_mask(self, mask: BoolArray) -> FloatArray:
-        """Gains (pair,) of the pairs that a mask (emitter, receiver) selects, in its row-major order [counts]."""
+        """Gains (pair,) of the pairs that a mask (emitter, receiver) selects, emitter by emitter [counts]."""
         return np.broadcast_to(self.gains, mask.shape)[mask]
 
     def of_all_pairs(self, count: int) -> FloatArray:
@@ -88,7 +88,7 @@ class Readout:
 
 
 def readout_of(design: SensorDesign, untouched_flux: FloatArray, reference: BoolArray) -> Readout:
-    """The gains of a design, by its rule: set from the light without contact, or by the mounted resistors.
+    """The gains of a design by its rule: from the light without contact, or from the mounted resistors.
 
     Parameters
     ----------
@@ -97,7 +97,7 @@ def readout_of(design: SensorDesign, untouched_flux: FloatArray, reference: Bool
 
     Raises
     ------
-    ModelScopeError : the reference pairs receive no light, so there is no gain that works.
+    ModelScopeError : the reference pairs receive no light, so no gain gives a signal.
     """
     feedback, full_scale = design.gain.feedback_ohm, full_scale_counts(design)
     if feedback == "common":
@@ -109,7 +109,7 @@ def readout_of(design: SensorDesign, untouched_flux: FloatArray, reference: Bool
 
 
 def _each(design: SensorDesign, flux: FloatArray, reference: BoolArray) -> tuple[float, ...]:
-    """Gain of each receiver, from its pairs in the mask `reference`; without any, from all pairs in the mask."""
+    """Gain of each receiver, from its pairs in the mask `reference`; if none are, from all pairs in the mask."""
     found, most = [], HEADROOM * full_scale_counts(design)
     for receiver in range(flux.shape[1]):
         own = np.zeros_like(reference)
@@ -131,7 +131,7 @@ def _gain_to_target(design: SensorDesign, flux: FloatArray, subject: str) -> flo
 
 
 def full_scale_counts(design: SensorDesign) -> float:
-    """Largest reading: full scale of the converter, or less where the amplifiers' supply is below it [counts]."""
+    """Largest reading [counts]: the converter's full scale, or less if the amplifiers' supply voltage is below it."""
     steps = 2 ** adc_bits(design)
     return float(min(steps - 1, math.floor(steps * amplifier_v(design) / full_scale_v(design))))
 
@@ -151,7 +151,8 @@ def signals_dataset(
     Returns
     -------
     data set with ``flux`` (state, emitter, receiver), ``flux_by_class`` (path, state, emitter, receiver),
-    ``standard_error`` (state, emitter, receiver), and ``press_x``, ``press_y``, ``press_depth`` (state) [mm]
+    ``standard_error`` (state, emitter, receiver), and ``press_x``, ``press_y``, ``press_depth`` (state) [mm]. A state
+    is one traced press
     """
     axes = ("state", "emitter", "receiver")
     names = list(light.by_class)
@@ -178,7 +179,7 @@ def signals_dataset(
 
 
 def save_dataset(dataset: xr.Dataset, file: Path) -> None:
-    """Write a data set as netCDF, completely or not at all; errors are those of `design.files.whole_file`."""
+    """Write a data set as netCDF, completely or not at all; raises the errors of `design.files.whole_file`."""
     encoding = {name: COMPRESSION for name, values in dataset.data_vars.items() if values.ndim > 1}
     with whole_file(file) as hidden:
         dataset.to_netcdf(hidden, engine="h5netcdf", encoding=encoding)

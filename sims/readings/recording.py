@@ -4,15 +4,15 @@ netCDF (as written by the driver's recorder), dimensions ``time``, ``state``, ``
 
     counts (time, state, receiver)   readings [ADC counts]
     press_depth (time)               depth of the press, positive into the pad, 0 or less untouched [mm]
-    press_x, press_y (time)          its location in the cavity frame [mm]; optional
+    press_x, press_y (time)          location of the press in cavity coordinates [mm]; optional
     state, receiver                  names: the emitter that is lit (E1, ...) or ``off``; R1, ...
     attribute design_digest          SHA-256 of the design that was built
 
-Lengths in a unit other than mm have it in their attribute `units`, and are converted.
+Lengths in other units are converted; their attribute `units` names the unit.
 
-CSV: a heading line, then one row per reading. The columns are ``depth_mm``, optionally ``x_mm`` and ``y_mm`` (each also
-``_um``, ``_m``), and one column per pair (``E1-R1``) or one column ``signal``. Before the heading there may be a line
-``# design_digest: <64 digits>``, with at least the first 8 digits.
+CSV: a heading line, then one line per reading. The columns are ``depth_mm``, optionally ``x_mm`` and ``y_mm`` (or with
+``_um`` or ``_m``), and one column per pair (``E1-R1``) or one column ``signal``. Before the heading there may be a line
+``# design_digest: <digest>``, with at least the first 8 of the 64 digits.
 
 The readings of an ``off`` state are subtracted. Drift and lag are not corrected.
 """
@@ -57,9 +57,10 @@ class Recording:
     file : file of the readings
     design_digest : digest of the built design, or its first digits; None if the file has none
     depth_mm : (time,) depth of the press [mm]; 0 or less is no contact
-    place_mm : (time, 2) x and y of the press in the cavity frame [mm]; None if the file has none
-    counts : (time,) readings of each pair, by its name, or `signal` for a file with one unnamed pair [one common unit]
-    notes : sentences on how readings were processed, and on what the file lacks
+    place_mm : (time, 2) x and y of the press in cavity coordinates [mm]; None if the file has none
+    counts : (time,) readings of each pair by its name, all in the same unit; a single unnamed pair has the name
+        `signal`
+    notes : sentences on how readings were processed, and on information that the file lacks
     """
 
     file: Path
@@ -75,7 +76,7 @@ def read_recording(file: Path, design: SensorDesign | None = None) -> Recording:
 
     Parameters
     ----------
-    design : presumed design of the recording, for the size of the pad
+    design : presumed design of the recording, used for the size of the pad
 
     Raises
     ------
@@ -149,11 +150,11 @@ def _read_csv(file: Path) -> Recording:
 
 
 def _length_mm(table: CsvTable, axis: str) -> FloatArray | None:
-    """Column (row,) of an axis, converted to mm by the unit in its name, such as depth_um; None if there is none.
+    """Column (time,) of an axis, converted to mm from the unit in its name (``depth_um``); None if there is none.
 
     Raises
     ------
-    InputError : the axis occurs twice, or a row lacks its number.
+    InputError : the axis occurs twice, or a line lacks its number.
     """
     named = {f"{axis}_{unit}": LENGTHS_MM[unit] for unit in CSV_UNITS}
     has = [name for name in table.heading if name in named]
@@ -163,7 +164,7 @@ def _length_mm(table: CsvTable, axis: str) -> FloatArray | None:
 
 
 def _checked_digest(file: Path, stated: object) -> str | None:
-    """Check a stated digest of the design, or its first digits; returns it in lower case, or None if none is stated."""
+    """Check a stated design digest, or its first digits; return it in lower case, or None if none is stated."""
     if stated is None:
         return None
     digest = str(stated).strip().lower()
@@ -176,7 +177,7 @@ def _checked_digest(file: Path, stated: object) -> str | None:
 
 
 def _has_place(file: Path, names: Container[Any], x: str, y: str) -> bool:
-    """Whether the file has both coordinates of the press; raises if it has only one."""
+    """Whether the file has both coordinates of the press; raises `InputError` if it has only one."""
     if (x in names) != (y in names):
         one, other = (x, y) if x in names else (y, x)
         raise InputError(f"{file}: has {one} without {other}; give both, or neither and --at X,Y")

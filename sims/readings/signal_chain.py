@@ -12,25 +12,25 @@ For emitter e and receiver r, in a frame that begins at t, with flux F (share of
                                                          over the board's averages
     counts   = whole number within 0 and full scale
 
-States follow one another as on the board: every emitter alone, with all off at the end, or before and after each
-emitter, so that the mean of both is subtracted (`design.recordings.with_one_dark`). In each state the receivers are
-read one after another (`design.circuit.pins`). Readings of a pair and of its dark states have different
-times, so part of the ambient light's flicker remains when the dark state is subtracted.
+States follow one another as on the board. Each emitter is lit alone. All are off either once at the end, or before and
+after each emitter; then the mean of both is subtracted (`design.recordings.with_one_dark`). In each state the receivers
+are read one after another (`design.circuit.pins`). Readings of a pair and of its dark states have different times, so
+part of the ambient light's flicker remains when the dark state is subtracted.
 
-Left out: settling of amplifiers (the firmware waits for it), crosstalk of the converter's inputs, ambient light that
-the finger shadows, the converter's nonlinearity, temperature except for the drift.
+Left out: settling of amplifiers (the firmware waits for it), crosstalk between the converter's inputs, the finger's
+shadow in ambient light, the converter's nonlinearity, temperature except for the drift.
 
 Shot noise, and emitters of unequal power
 -----------------------------------------
 The current i of a photodiode has the spectral density 2 q i (Schottky). A transimpedance amplifier with feedback R and
-C has the noise bandwidth 1 / (4 R C). A step of the converter is V = supply / 2^bits, so n counts are i R = n V. In
-counts
+C has the noise bandwidth 1 / (4 R C). A step of the converter is V = supply / 2^bits, so a reading of n counts means i
+R = n V. In counts
 
     variance = 2 q i R^2 / (4 R C V^2) = n q / (2 C V)
 
 The variance per count depends only on the capacitor, neither on the light nor on the resistor. With 27 pF and 10 bits
 of 5 V it is 6e-7 per count. This is 0.01 counts at 300, far below the reading noise of any board here. Left out: the
-resistor's thermal noise, as the data sheets lack figures; `read_noise_counts` includes it.
+resistor's thermal noise, which `read_noise_counts` includes, as the data sheets lack figures.
 
 Position of the tip
 -------------------
@@ -39,25 +39,26 @@ The true position differs from the one that the stage reports:
     depth = reported + offset of the set + offset of the location, and on the way back + lag, never beyond the turn
     x, y  = reported + error of the press
 
-The offsets of depth model a zero that is set by hand, and a surface that is not level. The lag is backlash: after the
-turn the tip stays until the stage has taken up the lag. Light is traced at the protocol's locations and interpolated in
-depth. So the error in x and y is subtracted from the reported location instead, which has the same spread, and one
-trace serves all seeds. Left out: a stage that is not square or not level, errors that depend on the location.
+The depth offsets model a zero that is set by hand, and a surface that is not level. The lag is backlash: after the turn
+the tip stays until the stage has taken up the lag. Light is traced at the protocol's locations and interpolated in
+depth. So instead of moving the tip, the error in x and y is subtracted from the reported location: the spread is the
+same, and one trace serves all seeds. Left out: a stage that is not square or not level, errors that depend on the
+location.
 
 Loose walls
 -----------
-By the paper, elastomer and wall bond and unbond over 5 to 10 s. It shows this as hysteresis, without a magnitude. Here
-a press of depth d unbonds at least the share s d / d_max of all walls, and the loose share u heals:
+According to the paper, elastomer and wall bond and unbond over 5 to 10 s. It shows this as hysteresis, but gives no
+magnitude. Here a press of depth d unbonds at least the share s d / d_max of all walls, and the loose share u heals:
 
     du/dt = -u / T,   u >= s max(d, 0) / d_max
 
 with s = `noise.wall_unbonded_share` (0 by default) and T = `noise.wall_heal_s`. Signals are (1 - u) times those with
 bonded walls plus u times those with an air gap at all walls, both from the light model. This is exact for light that
-meets walls once, and a first order for the rest.
+meets walls once, and a first-order approximation for the rest.
 
-With a black layer the bottom is silicone cast on silicone and stays bonded. Without one the mold's floor may come loose
-too, but only the walls are modelled, as the light model has no smooth floor. Left out: the distribution of the loose
-share along the walls, and the change of force and shape.
+With a black layer, the bottom is silicone cast on silicone and stays bonded. Without a black layer, the elastomer may
+come off the mold's floor too, but only the walls are modelled, as the light model has no smooth floor. Left out: the
+distribution of the loose share along the walls, and the change of force and shape.
 """
 
 from __future__ import annotations
@@ -96,12 +97,12 @@ from sims.readings.readout import Readout
 def unbonded_share(
     depth_mm: FloatArray, time_s: FloatArray, *, deepest_mm: float, share: float, heal_s: float
 ) -> FloatArray:
-    """Share (n,) of the walls that has come loose, at each of a series of samples [-]; 0 before the first sample.
+    """Share (n,) of the walls that is loose at each of a series of samples [-]; it is 0 before the first sample.
 
     Parameters
     ----------
     depth_mm, time_s : (n,) depth [mm] and increasing time [s] of the samples
-    deepest_mm : depth of the press that unbonds the share `share` [mm]
+    deepest_mm : depth of the press that unbonds a share `share` of the walls [mm]
     heal_s : time constant with which walls bond again [s]
     """
     forced = share * np.clip(depth_mm / deepest_mm, 0.0, 1.0)
@@ -130,7 +131,7 @@ def with_loose_walls(design: SensorDesign) -> SensorDesign:
 
 
 def blended(bonded: FloatArray, loose: FloatArray, share: FloatArray) -> FloatArray:
-    """Flux (n, emitter, receiver) if a share (n,) of the walls is loose, from the flux for all bonded and all loose."""
+    """Flux (n, emitter, receiver) with a share (n,) of the walls loose, from flux with all bonded and all loose."""
     u = share[:, None, None]
     return np.asarray((1.0 - u) * bonded + u * loose)
 
@@ -141,7 +142,7 @@ class PressDraw:
 
     Attributes
     ----------
-    zero_offset_mm : true minus reported depth on the way in [mm]
+    zero_offset_mm : true minus reported depth while the tip moves in [mm]
     place_error_mm : (2,) true minus reported x, y [mm]
     """
 
@@ -150,7 +151,7 @@ class PressDraw:
 
 
 def drawn_set_offset_mm(noise: Noise, rng: np.random.Generator) -> float:
-    """Draw the offset of the depth's zero that all presses of a set share [mm]."""
+    """Draw the depth offset that all presses of a set share [mm]."""
     return float(noise.zero_offset_set_mm * rng.standard_normal())
 
 
@@ -165,7 +166,7 @@ def drawn_press(noise: Noise, set_offset_mm: float, rng: np.random.Generator) ->
 def true_depth_mm(
     reported_mm: FloatArray, is_retracting: BoolArray, drawn: PressDraw, retract_lag_mm: float
 ) -> FloatArray:
-    """True depth (n,) of the tip in one press, from the reported depth on the way in and back [mm]."""
+    """True depth (n,) of the tip in one press, from the reported depth while it moves in and back [mm]."""
     deepest = reported_mm.max() if len(reported_mm) else 0.0
     lagging = np.where(is_retracting, np.minimum(reported_mm + retract_lag_mm, deepest), reported_mm)
     return np.asarray(lagging + drawn.zero_offset_mm)
@@ -175,11 +176,11 @@ ELECTRON_C = 1.602176634e-19
 """Charge of the electron, exact in the SI [C]."""
 F_PER_PF = 1e-12
 UNKNOWN_FEEDBACK_PF = 22.0
-"""Feedback capacitor assumed if an emitter's power is unknown, so that none can be chosen [pF]."""
+"""Feedback capacitance assumed if an emitter's power is unknown, so that no capacitor can be chosen [pF]."""
 
 
 def shot_variance_per_count(design: SensorDesign, readout: Readout) -> FloatArray:
-    """Shot noise: variance (receiver,) of a reading over its counts [counts]; the design's value, if it sets one."""
+    """Variance of the shot noise divided by the reading (receiver,) [counts]; the design's value if it has one."""
     count = len(cavity_of(design).receivers)
     if design.noise.shot_variance_per_count is not None:
         return np.full(count, design.noise.shot_variance_per_count / design.board.averages)
@@ -195,8 +196,8 @@ def shot_variance_per_count(design: SensorDesign, readout: Readout) -> FloatArra
 def relative_power(design: SensorDesign) -> FloatArray:
     """Photocurrent (emitter, receiver) at equal flux, relative to the mean of the emitters [-].
 
-    It is 1 if all emitters are the same part, or if the power of one is unknown. A readout's gains are for the mean
-    emitter.
+    It is 1 if all emitters are the same part, or if the power of any emitter is unknown. A readout's gains are for the
+    mean emitter.
     """
     cavity = cavity_of(design)
     board, sink = board_of(design), current_sink(design)
@@ -228,8 +229,8 @@ class SetDraw:
     Attributes
     ----------
     emitter_drift, receiver_drift : (emitter,), (receiver,) relative change of gain at the start of the set [-]
-    emitter_rate, receiver_rate : change of this per hour [1/h]
-    flicker_phase : phase of the ambient light's flicker at time 0 [rad]
+    emitter_rate, receiver_rate : (emitter,), (receiver,) further relative change of gain per hour [1/h]
+    flicker_phase : phase at time 0 of the flicker in the ambient light [rad]
     ambient_counts : mean reading of ambient light, 0 in a dark set [counts]
     """
 
@@ -241,7 +242,7 @@ class SetDraw:
     ambient_counts: float
 
     def gain(self, time_s: FloatArray) -> FloatArray:
-        """Factor (n, emitter, receiver) of the signals by drift, at times (n,) within the set [-]."""
+        """Factor (n, emitter, receiver) by which drift multiplies the signals, at times (n,) within the set [-]."""
         hours = np.asarray(time_s, dtype=np.float64)[:, None] / S_PER_HOUR
         emitter = 1.0 + self.emitter_drift + hours * self.emitter_rate
         receiver = 1.0 + self.receiver_drift + hours * self.receiver_rate
@@ -250,16 +251,16 @@ class SetDraw:
 
 @dataclass(frozen=True, kw_only=True)
 class SignalChain:
-    """Signal chain of one sensor unit, from flux to counts. For another unit, copy it with other gains.
+    """Signal chain of one sensor unit, from flux to counts. For another unit, make a copy with other gains.
 
     Attributes
     ----------
-    gains : (emitter, receiver) reading if all of an emitter's power were on the receiver [counts]
+    gains : (emitter, receiver) reading if all of the emitter's power reached the receiver [counts]
     full_scale_counts : largest reading of the converter [counts]
     noise : the design's noise parameters
-    shot_variance_per_count : (receiver,) variance of the shot noise over the reading [counts]
-    read_at_s : (state, receiver) time of each reading, from the frame's start, in the states of `lit_emitters` [s]
-    dark : ``frame`` or ``each``, see `lit_emitters`
+    shot_variance_per_count : (receiver,) variance of the shot noise, divided by the reading [counts]
+    read_at_s : (state, receiver) time of each reading from the frame's start [s]; `lit_emitters` lists the states
+    dark : ``frame`` if all emitters are off once per frame, ``each`` if before and after each emitter
     """
 
     gains: FloatArray
@@ -295,15 +296,15 @@ class SignalChain:
         is_ambient: bool = False,
         drawn: SetDraw | None = None,
     ) -> NDArray[np.float32]:
-        """Readings of frames, with all drift, ambient light and noise.
+        """Readings of frames, including drift, ambient light and noise.
 
         Parameters
         ----------
         flux : (n, emitter, receiver) share of the emitted power [-]
         time_s : (n,) start of each frame within its set [s]
-        rng : generator of the noise from frame to frame
+        rng : random generator for the noise from frame to frame
         is_ambient : whether there is ambient light; ignored if `drawn` is given
-        drawn : drift and ambient light of the frames' set; None draws new ones from `rng`
+        drawn : drift and ambient light of the frames' set; if None, they are drawn with `rng`
 
         Returns
         -------
@@ -331,9 +332,9 @@ class SignalChain:
     def pair_sigma_counts(self, signal: FloatArray) -> FloatArray:
         """Standard deviation of pairs' signals from frame to frame, with the off state subtracted [counts].
 
-        Included are the noise and rounding of the pair's reading and of its dark readings, the rounding of the mean of
-        two dark readings to whole counts (variance 1/8), shot noise, and the emitter's fluctuation. Left out are drift,
-        and flicker (`flicker_sigma_counts`), which neighbouring pairs have in common.
+        It includes noise and rounding of the pair's reading and of its dark readings, the rounding of the mean of two
+        dark readings to whole counts (variance 1/8), shot noise, and the emitter's fluctuation. It leaves out drift and
+        flicker (`flicker_sigma_counts`), which neighbouring pairs have in common.
 
         Parameters
         ----------
@@ -347,10 +348,11 @@ class SignalChain:
         return np.sqrt(each + dark + shot + (self.noise.led_fluctuation * signal) ** 2)
 
     def flicker_sigma_counts(self) -> FloatArray:
-        """Flicker (emitter, receiver) of ambient light that remains after the off state is subtracted, rms [counts].
+        """Flicker of ambient light (emitter, receiver) that remains after the off state is subtracted, rms [counts].
 
-        It is A m sqrt(1 - cos(2 pi f dt)) for ambient light A, modulation m and frequency f, with one dark state at the
-        time dt from a pair's reading, and A m (1 - cos(2 pi f dt)) / sqrt(2) with one dt before and one dt after it.
+        It is A m sqrt(1 - cos(2 pi f dt)) for ambient light A, modulation m and frequency f, if there is one dark state
+        at the time dt from a pair's reading. It is A m (1 - cos(2 pi f dt)) / sqrt(2) if there are two, one dt before
+        the reading and one dt after.
         """
         states = lit_emitters(len(self.gains), self.dark)
         wave = np.exp(2j * np.pi * self.noise.flicker_hz * self.read_at_s)
@@ -369,8 +371,8 @@ class SignalChain:
 def chain_of(design: SensorDesign, readout: Readout) -> SignalChain:
     """The signal chain of a design, with the gains of a readout.
 
-    A readout's gains are for the mean emitter, so unequal emitters are weighted by their power, if all powers are
-    known.
+    A readout's gains are for the mean emitter, so the gains of unequal emitters are weighted by their power if all
+    powers are known.
     """
     cavity = cavity_of(design)
     gains = relative_power(design) * readout.of_each(len(cavity.receivers))
@@ -385,9 +387,10 @@ def chain_of(design: SensorDesign, readout: Readout) -> SignalChain:
 
 
 def reading_times_s(design: SensorDesign) -> FloatArray:
-    """Time (state, receiver) from the frame's start to each value's first reading, in the states of `lit_emitters` [s].
+    """Time (state, receiver) from the frame's start to the first reading of each value [s]; see `lit_emitters`.
 
-    The multiplexers settle before the first reading at an address. LED drivers take their data before they light.
+    The times include the multiplexers' settling before the first reading at an address, and the transfer of data to LED
+    drivers before they light.
     """
     emitters = len(cavity_of(design).emitters)
     states = state_count(emitters, design.board.dark)

@@ -1,4 +1,4 @@
-"""Robustness of a scored verdict against the tolerances of a manufactured unit, varied one by one and all at once."""
+"""Robustness of a score's verdict against the tolerances of a manufactured unit, varied one by one and all at once."""
 
 from __future__ import annotations
 
@@ -25,13 +25,15 @@ DEFAULT_BUILDS = 200
 def with_tolerance(
     design: SensorDesign, score: ContinuityScore, *, seed: int = 0, on_step: OnStep | None = None
 ) -> ContinuityScore:
-    """A score with the verdict recomputed at both ends of every unmeasured parameter's band.
+    """A score with its verdict judged again at both ends of every unmeasured parameter's uncertainty band.
 
-    Facing rows are judged by their governing pair, a pad by the pairs that respond at its location of least margin.
+    Facing rows are judged by their governing pair. A pad is judged at its location of least margin, by the pairs that
+    respond there.
 
     Parameters
     ----------
-    score : score of that design, with the map if the design is a pad; returned unchanged if out of the models' scope
+    score : score of that design, with the map if the design is a pad. If it is out of the models' scope, it is returned
+        unchanged
     on_step : called with the name of the running stage and the share of it that is done, 0 to 1
     """
     if score.readout is None:
@@ -44,7 +46,7 @@ def with_tolerance(
 def governing_judge(
     design: SensorDesign, score: ContinuityScore, seed: int
 ) -> tuple[str, BuildJudge, tuple[float, float]]:
-    """Name of what the verdict is based on, the function that judges a unit by it, and the press's location [mm]."""
+    """Name of the pair or location that decides the verdict, a judge of units by it, and its (x, y) [mm]."""
     pad_map, light, readout = score.pad_map, score.pad_signals, score.readout
     if pad_map is None or light is None or readout is None or score.is_facing_rows:
         pair = next(pair for pair in score.pairs if pair.name == score.governing)
@@ -54,7 +56,7 @@ def governing_judge(
 
 
 def _with_band(score: ContinuityScore, band: ToleranceBand) -> ContinuityScore:
-    """The score with a new tolerance band; the warning of the band replaces the warning of the previous one."""
+    """The score with a new tolerance band; the band's warning replaces that of the previous one."""
     kept = tuple(text for text in score.warnings if text != band_caution(score.tolerance))
     told = band_caution(band)
     return replace(score, tolerance=band, warnings=(*kept, told) if told else kept)
@@ -69,15 +71,16 @@ def with_builds(
     memo: Memo | None = None,
     on_step: OnStep | None = None,
 ) -> ContinuityScore:
-    """A score with a Monte Carlo simulation over all tolerances of manufactured units.
+    """A score with a Monte Carlo simulation of manufactured units over all tolerances.
 
-    Its `tolerance` then includes the manufacturing tolerances, too.
+    The `tolerance` of the returned score also includes the manufacturing tolerances.
 
     Parameters
     ----------
-    score : score of that design, with the map if the design is a pad; returned unchanged if out of the models' scope
-    builds : number of manufactured units that are drawn
-    memo : store of already judged units; None judges all of them again
+    score : score of that design, with the map if the design is a pad. If it is out of the models' scope, it is returned
+        unchanged
+    builds : number of manufactured units to draw
+    memo : store of units that were already judged; if None, all units are judged again
 
     Raises
     ------

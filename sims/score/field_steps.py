@@ -1,12 +1,12 @@
-"""Sensitivity to each parameter: how verdict and accuracy bounds change with a small step of each field of a design.
+"""Sensitivity to each field of a design: how verdict and accuracy bounds change if the field changes by a small step.
 
-One field at a time is stepped down and up; a gain that follows from a rule is set again for each step. Each design gets
-a short verdict, as manufactured units do (`sims.verdict.builds`): facing rows by their governing pair, a pad at its
-location of least margin. The Cramér-Rao bounds of one frame (`sims.bounds`) are computed there, at half the deepest
-press.
+One field at a time is stepped down and up; a gain that follows from a rule is determined again for each step. Each
+design gets a short verdict, like manufactured units (`sims.verdict.builds`): facing rows are judged by their governing
+pair, a pad at its location of least margin. The Cramér-Rao bounds of one frame (`sims.bounds`) are computed for the
+same location, at half the deepest press.
 
 Two simplifications: the location of least margin is taken as fixed, and fields are never stepped together. The light is
-as coarse as for manufactured units, so the error of a change is some tenths of a noise unit.
+as coarse as for manufactured units, so changes of the margin have errors of some tenths of a noise unit.
 """
 
 from __future__ import annotations
@@ -31,14 +31,14 @@ from sims.verdict.builds import ACCURACY, BuildJudge, accuracy_of_builds
 from sims.verdict.tolerance import Effect, FieldStep, FieldSteps
 
 STEPS = {**dict.fromkeys(HEIGHTS, 0.1), CLEAR: 0.5, TARGET: 25.0}
-"""Step by name of the field, in the field's own unit."""
+"""Step of each field by its name, in the field's own unit."""
 ALONG_STEP_MM = 0.5
-"""Step of a pitch or a shift of parts along a wall [mm]."""
+"""Step of a pitch, or of a shift of components along a wall [mm]."""
 DIGITS = 9
 
 
 def stepped_fields(design: SensorDesign) -> Iterator[tuple[str, float]]:
-    """Paths of the fields that cost little to change, each with its step in the field's unit."""
+    """Paths of the fields that cost little to change (`cheap_fields`), each with its step in the field's unit."""
     for path in cheap_fields(design):
         yield path, STEPS.get(path, ALONG_STEP_MM)
 
@@ -50,7 +50,8 @@ def with_field_steps(
 
     Parameters
     ----------
-    score : score of that design, with the map if the design is a pad; returned unchanged if out of the models' scope
+    score : score of that design, with the map if the design is a pad. If it is out of the models' scope, it is returned
+        unchanged
     on_step : called with the name of the running stage and the share of it that is done, 0 to 1
     """
     if score.readout is None:
@@ -75,7 +76,7 @@ def with_field_steps(
 
 
 def _stepped(design: SensorDesign, path: str, by: float) -> SensorDesign | None:
-    """The design with one field changed by a step; None where the result breaks a rule or is judged by other pairs."""
+    """The design with one field changed by a step; None if the result breaks a rule or is judged by other pairs."""
     value = round(float(get_at(design.model_dump(mode="json"), path)) + by, DIGITS)
     try:
         build = design.with_(**{path: value})
@@ -89,7 +90,7 @@ def _stepped(design: SensorDesign, path: str, by: float) -> SensorDesign | None:
 def _tried(
     build: SensorDesign, judge: BuildJudge, place_mm: tuple[float, float], seed: int, *, is_facing: bool
 ) -> Effect | None:
-    """Usable depth, deadband, margin and bounds of a stepped design; None where the models do not cover it."""
+    """Usable depth, deadband, margin and bounds of a stepped design; None if the models do not cover it."""
     try:
         return _effect(build, judge, place_mm, seed, is_facing=is_facing)
     except OptopadError:
@@ -113,9 +114,9 @@ def _effect(
 def _bounds_mm(
     build: SensorDesign, place_mm: tuple[float, float], seed: int, *, is_facing: bool
 ) -> tuple[float | None, float | None]:
-    """(location, depth) bounds at half the deepest press [mm], each None where not resolved.
+    """Bounds on location and on depth at half the deepest press [mm]; each is None if not resolved.
 
-    For facing rows the location is None and counts as known for the depth bound.
+    For facing rows the bound on location is None, and the bound on depth takes the location as known.
     """
     settings = accuracy_of_builds(build)
     # the untouched pad of a disc or crown costs most, and is already traced with these settings

@@ -1,30 +1,31 @@
-"""Judgement of one design in stages: each stage is computed when it is first requested, and its result is cached.
+"""Judge one design in stages: each stage is computed when it is first requested, and its result is cached.
 
     untouched light ──► readout ──► pairs, each under its own press        verdict of facing rows
                                └──► map: locations in the workspace        verdict of a pad
                                        └──► bounds of location and depth
 
-A score, a draft and a search have the same stages and differ in accuracy. The verdict of a pad needs only the map, that
-of facing rows only their pairs.
+A score, a draft and a search have the same stages and differ in accuracy. The verdict of a pad needs only its map; the
+verdict of facing rows needs only their pairs.
 
 Each use has named settings in `SETTINGS`:
 
-| row    | for                                     | time on a pad of 48 pairs, two cores   |
-|--------|-----------------------------------------|----------------------------------------| | draft  | a layout that
-is being moved by hand    | one to six seconds, bounds two to ten  | | search | designs of a search and their base | two
-to eight seconds                   | | score  | `optopad score`                         | ten to forty seconds | | full
-| a score with a map of 11 points a side  | minutes                                | | fine   | "full" with finer light
-and more bounds | minutes                                |
+| name   | for                                     | time on a pad of 48 pairs, two cores  |
+|--------|-----------------------------------------|---------------------------------------|
+| draft  | a layout that is being moved by hand    | one to six seconds, bounds two to ten |
+| search | designs of a search and their base      | two to eight seconds                  |
+| score  | `optopad score`                         | ten to forty seconds                  |
+| full   | a score with a map of 11 points a side  | minutes                               |
+| fine   | "full" with finer light and more bounds | minutes                               |
 
-The difference between the figures of a search and of a score is measured in docs/validation/search.md. All designs of a
-search have the same settings, so their order is less affected than their figures.
+docs/validation/search.md has measured differences between the figures of a search and of a score. All designs of a
+search are judged with the same settings, so their order is less affected than their figures.
 
-After the first trace, some locations of the map are traced again (undecided: the numerical error could change the
-verdict):
+After the first trace, some locations of the map are traced again. A location is undecided if the numerical error could
+change the verdict there:
 
-light of the map ──► undecided locations ──► a second, independent trace
-                 │                                └─► two finer traces while still undecided
-                 └──► of a draft: locations close to the threshold ──► a finer trace
+    light of the map ──► undecided locations ──► a second, independent trace
+                     │                                └─► two finer traces while still undecided
+                     └──► of a draft: locations close to the threshold ──► a finer trace
 """
 
 from __future__ import annotations
@@ -90,13 +91,15 @@ from sims.verdict.presses import (
 )
 
 NEAR_TIPS = 4.0
-"""In a draft, a pair counts as untouched by a press farther than this from its chord [tip radii]. On the paper's pad,
-28 of 48 pairs are nearer. Margins of up to 20 noise units then differ by 0.3 from those of all pairs, larger margins by
-up to 7."""
+"""In a draft, a press farther than this from a pair's chord is taken not to change the pair's light [tip radii]. On the
+paper's pad, 28 of 48 pairs are nearer. This changes margins of up to 20 noise units by 0.3, and larger margins by up to
+7.
+"""
 HALF_OF_DEPTH = 0.5
 MANY_PAIRS = 200
-"""Number of judged pairs above which a layout has coarser depth steps and other light settings
-(`Settings.for_pairs`)."""
+"""Number of judged pairs above which a layout is judged with coarser depth steps and other light settings
+(`Settings.for_pairs`).
+"""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -105,19 +108,22 @@ class Settings:
 
     Attributes
     ----------
-    untouched, pairs, map, bounds : accuracy settings of the light model
-    near : accuracy setting of the map's light at the shallow depths, which the map then samples more finely; None takes
-        `map` at equal depth steps
-    step_mm, map_step_mm : depth steps of pairs and of the map [mm]
-    map_places, bound_places : locations along the longer side of the workspace [-]
-    bound_depths_mm : depths of the bounds [mm]; the end of the usable range is added
-    bound_depth_share : upper limit of `bound_depths_mm` as a share of the deepest press [-]
-    near_tips : distance of a press from a pair's chord above which the pair counts as untouched [tip radii]; None
-        traces all pairs
-    settled : locations of the map that are traced again: "open" for locations that the numerical error leaves
-        undecided, "close" for locations near the threshold
-    doubts : accuracy settings for tracing these locations again, tried in turn
-    has_felt, has_losses : whether bounds include the detection threshold, and the bounds with each component failed
+    untouched, pairs, map, bounds : accuracy settings of the light model for these stages; `bounds` has several, tried
+        in turn
+    near : accuracy setting for the map at shallow depths. If given, depth steps are finer there; if None, all depths
+        have equal steps and the setting `map`
+    step_mm, map_step_mm : depth steps for single pairs and for the map [mm]
+    map_places, bound_places : number of locations along the longer side of the workspace, for the map and for the
+        bounds
+    bound_depths_mm : depths at which bounds are computed [mm]; the deepest possible one is added
+    bound_depth_share : `bound_depths_mm` are used up to this share of the deepest press [-]
+    near_tips : a press farther than this from a pair's chord is taken not to change the pair's light [tip radii]. If
+        None, all pairs are traced for every press
+    settled : which locations of the map are traced again: "open" are those that the numerical error leaves undecided,
+        "close" those with a margin near the deadband threshold, and "none" stands for no location
+    doubts : accuracy settings for tracing these locations again, tried in turn while a location is undecided
+    has_felt : whether the detection threshold is computed along with the bounds
+    has_losses : whether bounds are also computed with each component failed
     """
 
     untouched: str | Accuracy
@@ -138,12 +144,13 @@ class Settings:
     has_losses: bool = False
 
     def for_pairs(self, count: int) -> Settings:
-        """These settings for a layout with this number of judged pairs.
+        """These settings, adapted to the number of judged pairs of a layout.
 
-        Above `MANY_PAIRS`, single pairs have the coarser depth steps of the map: a pad's verdict follows from its map,
-        and 30 LEDs with 32 photodiodes make 552 judged pairs. The bounds of such a pad begin with denser light. In one
-        measurement at equal cost, 16 of 27 voxels deeper than 0.3 mm had to be traced again with the usual light, and 2
-        with the denser light.
+        Above `MANY_PAIRS` judged pairs, single pairs get the coarser depth steps of the map, as they take long and a
+        pad's verdict follows from its map. For example, 30 LEDs and 32 photodiodes make 960 pairs, of which 552 are
+        judged. The first trace for the bounds then uses more rays. In one measurement at equal cost, 16 of 27 voxels
+        deeper than 0.3 mm had to be traced again after a first trace with the usual rays, but only 2 after one with
+        more rays.
         """
         if count <= MANY_PAIRS:
             return self
@@ -164,8 +171,9 @@ _DRAFT_MAP = replace(
     image_step=0.7,
     ray_share=1.0,
 )
-"""Light of a draft's map. A state costs a third of the time that it costs in a search; the error is 1 % rms of the
-untouched signal, mostly common to all depths."""
+"""Accuracy setting for a draft's map. A press takes a third of the time that it takes in a search; the error is 1 % rms
+of the untouched signal, mostly common to all depths.
+"""
 
 _SCORE = Settings(
     untouched="standard",
@@ -229,15 +237,16 @@ SETTINGS = {
 
 
 def settings_of(*, fine: bool, full: bool) -> Settings:
-    """The settings of `optopad score` with these options."""
+    """The settings of `optopad score` with the options ``--fine`` and ``--full``."""
     return SETTINGS["fine" if fine else "full" if full else "score"]
 
 
 CLOSE_UNITS = 1.0
-"""Distance of a margin from the deadband threshold within which a draft traces its location again [noise units].
-Margins of a draft were off by 0.3, enough to miss the deadband in the middle of the paper's pad of 10 mm."""
+"""A draft traces a location again if its margin is within this distance of the deadband threshold [noise units].
+Margins of a draft were off by 0.3, enough to miss the deadband in the middle of the paper's 10 mm pad.
+"""
 MOST_CLOSE = 3
-"""Largest number of locations of a draft that are traced again, the closest to the threshold first."""
+"""Largest number of locations that a draft traces again, those closest to the threshold first."""
 
 
 def settled_open(
@@ -248,9 +257,9 @@ def settled_open(
     seed: int,
     on_step: OnShare,
 ) -> PadMap:
-    """The map with its undecided locations traced again, twice independently.
+    """The map after its undecided locations are traced a second time, independently.
 
-    Locations that stay undecided are traced with the next, finer settings.
+    Locations that are still undecided are traced twice with the next, finer setting, and so on.
 
     Parameters
     ----------
@@ -286,7 +295,7 @@ def settled_close(
     seed: int,
     on_step: OnShare,
 ) -> PadMap:
-    """The map with the locations closest to the threshold judged again by one trace with `doubts[0]`."""
+    """The map with the locations closest to the threshold judged again, from one trace with `doubts[0]`."""
     away = [abs(place.margin - DEADBAND_THRESHOLD) for place in pad_map.places]
     close = [number for number in np.argsort(away, kind="stable").tolist() if away[number] <= CLOSE_UNITS]
     close = close[:MOST_CLOSE]
@@ -305,12 +314,13 @@ class MapFrames:
 
     Attributes
     ----------
-    mask : (emitter, receiver) pairs that are judged
+    mask : (emitter, receiver) whether a pair is judged
     readout : gains of the receivers
     places_mm, depth_mm : (place, 2) locations and (depth,) depths [mm]
-    counts : (2, place, depth, pair) readings from two traces, not clipped at full scale [counts]; equal where light was
-        traced once
-    errors : (place, depth, pair) standard errors of readings traced once [counts]; 0 where there are two traces
+    counts : (2, place, depth, pair) readings from two traces, not clipped at full scale [counts]; both are equal where
+        light was traced once
+    errors : (place, depth, pair) standard errors of the readings [counts] where light was traced once; 0 where there
+        are two traces
     """
 
     mask: BoolArray
@@ -331,7 +341,7 @@ class MapFrames:
     ) -> MapFrames:
         """Readings from a single trace of the (emitter, receiver) pairs in `mask`.
 
-        `light` has the depths of a location one after another.
+        `light` has all depths of the first location, then all depths of the next, and so on.
         """
         shape = (len(places_mm), len(depth_mm), -1)
         counts, errors = (
@@ -348,13 +358,13 @@ class MapFrames:
         )
 
     def put(self, half: int, places: list[int], depths: BoolArray, light: LightSignals) -> None:
-        """Replace the readings of trace number `half` (0 or 1) at some locations and depths."""
+        """Replace the readings of trace number `half` (0 or 1) at the given locations and depths."""
         counts = light.flux[:, self.mask] * self.readout.of_mask(self.mask)
         rows = np.ix_(np.array(places), np.flatnonzero(depths))
         self.counts[half][rows] = counts.reshape(len(places), int(depths.sum()), -1)
 
     def place(self, design: SensorDesign, number: int) -> Place:
-        """Judgement of the location with this number."""
+        """Judge the location with this number from all its readings."""
         x_mm, y_mm = self.places_mm[number].tolist()
         return place_of(
             design,
@@ -373,7 +383,7 @@ class Judge:
     ----------
     design : a design that breaks no rule
     settings : accuracy settings, or their name in `SETTINGS`
-    seed : seed of the light model's random shifts
+    seed : random seed of the light model
     also_mm : (x, y) of further locations of a pad, such as one known to decide the verdict [mm]; locations outside the
         workspace are left out
     on_step : called with the name of the running stage and the share of it that is done, 0 to 1
@@ -404,7 +414,7 @@ class Judge:
 
     @cached_property
     def is_facing(self) -> bool:
-        """Whether the verdict is that of facing pairs, not of the pad."""
+        """Whether the verdict is on facing pairs, not on a pad."""
         return is_facing_rows(self.cavity)
 
     @cached_property
@@ -414,7 +424,7 @@ class Judge:
 
     @cached_property
     def force(self) -> ForceCurve:
-        """Load of a press at the centre, at the depths of a score."""
+        """Force of a press at the centre against depth, at the depths of a score."""
         press = solved_press(self.design, on_step=lambda share: self.tell("contact", share))
         return force_curve(self.design, press, depth_schedule_mm(self.deepest_mm))
 
@@ -424,7 +434,7 @@ class Judge:
 
         Raises
         ------
-        ModelScopeError : the deepest press is shorter than the shortest deadband, so nothing can be judged.
+        ModelScopeError : the deepest press is less than the shortest deadband, so nothing can be judged.
         """
         deepest = self.design.operating.max_depth_mm
         if deepest < DEADBAND_MIN_LENGTH_MM:
@@ -436,16 +446,16 @@ class Judge:
 
     @cached_property
     def untouched(self) -> FloatArray:
-        """(emitter, receiver) received over emitted power on the untouched pad [-]."""
+        """Received divided by emitted power of each pair (emitter, receiver) on the untouched pad [-]."""
         return untouched_flux(self.design, self.cavity, seed=self.seed, accuracy=self.settings.untouched)
 
     @cached_property
     def readout(self) -> Readout:
-        """Gains of the receivers, set on the untouched pad."""
+        """Gains of the receivers, determined on the untouched pad."""
         return readout_of(self.design, self.untouched, mask_of(self.names, self.cavity))
 
     def judged(self, pairs: tuple[Pair, ...]) -> tuple[JudgedPair, ...]:
-        """Some pairs, each judged alone under a press on its own chord, without loads and errors."""
+        """Judge some pairs, each alone under a press on its own chord; loads and errors are not computed."""
         curves = pair_curves(
             self.design,
             self.cavity,
@@ -466,12 +476,12 @@ class Judge:
 
     @cached_property
     def pairs(self) -> tuple[JudgedPair, ...]:
-        """All judged pairs, each alone under a press on its own chord."""
+        """Results of all judged pairs, each alone under a press on its own chord."""
         return self.judged(self.names)
 
     @cached_property
     def _mapped(self) -> tuple[PadMap, LightSignals, tuple[Place, ...]]:
-        """The map, its light, and the judgements at the further locations `also_mm`."""
+        """The map, its light, and the results at the further locations `also_mm`."""
         x_mm, y_mm = map_grid_mm(self.cavity, self.settings.map_places)
         grid_mm = grid_places_mm(self.cavity.workspace, x_mm, y_mm)
         further = [place for place in self.also_mm if _is_further(self.cavity, grid_mm, place)]
@@ -486,7 +496,7 @@ class Judge:
         return self._settled(pad_map, frames), own, places[len(grid_mm) :]
 
     def _map_light(self, places_mm: FloatArray) -> tuple[FloatArray, LightSignals]:
-        """Depths of the map [mm], and its light at all locations and depths."""
+        """Depths of the map [mm], and the light at all locations and depths."""
         settings = self.settings
 
         def on_step(share: float) -> None:
@@ -520,7 +530,7 @@ class Judge:
         return depth_mm, replace(light, flux=np.where(near, light.flux, self.untouched))
 
     def _settled(self, pad_map: PadMap, frames: MapFrames) -> PadMap:
-        """The map, with some of its locations traced again if the settings say so."""
+        """The map, with some of its locations traced again if the settings require it."""
         kind = self.settings.settled
         if kind == "none":
             return pad_map
@@ -536,17 +546,17 @@ class Judge:
 
     @property
     def pad_map(self) -> PadMap:
-        """The judged locations of the workspace."""
+        """The map of the pad: the judged locations of the workspace."""
         return self._mapped[0]
 
     @property
     def pad_signals(self) -> LightSignals:
-        """The light from which the map is computed; its states are all depths of the first location, then the next."""
+        """The light from which the map is computed, with all depths of the first location, then all of the next."""
         return self._mapped[1]
 
     @property
     def places(self) -> tuple[Place, ...]:
-        """Judgements at the locations of the map, then at the further locations `also_mm`."""
+        """Results at the locations of the map, followed by those at the further locations `also_mm`."""
         return (*self._mapped[0].places, *self._mapped[2])
 
     @cached_property
@@ -580,7 +590,7 @@ class Judge:
 
     @property
     def verdict(self) -> Literal["CONTIGUOUS", "DEADBAND"]:
-        """DEADBAND where any facing pair, or any location of a pad, has a deadband."""
+        """``DEADBAND`` if any facing pair, or any location of a pad, has a deadband; otherwise ``CONTIGUOUS``."""
         found = (
             any(pair.score.deadbands_mm for pair in self.pairs)
             if self.is_facing
@@ -630,16 +640,16 @@ class Judge:
 
     @property
     def causes(self) -> tuple[Cause, ...]:
-        """Reasons why depth is not resolved, one for every such interval of depth, the worst interval first."""
+        """Reasons why depth is not resolved: one for every interval of depth concerned, the worst interval first."""
         if self.is_facing:
             pairs = [(pair.curves, pair.score) for pair in self.pairs]
             return causes_of_pairs(self.design, pairs, self.readout)
         return causes_of_pad(self.design, self.pad_map, self.pad_signals, self.readout)
 
     def _pairs_are_open(self) -> bool:
-        """Whether a second trace leaves a deadband of the facing pairs undecided.
+        """Whether it is still undecided after a second trace if the facing pairs have a deadband.
 
-        The errors of two traces are independent, so a result on which both agree is not caused by them.
+        The errors of the two traces are independent, so a result on which both agree is not due to them.
         """
         if any(pair.score.deadbands_mm for pair in self.pairs):
             return False
@@ -691,8 +701,8 @@ def _first_states(light: LightSignals, count: int) -> LightSignals:
 def governing_pair(judged: tuple[JudgedPair, ...], facing: bool) -> JudgedPair:
     """The pair that represents the others in the figures of a score.
 
-    For facing rows this is the middle pair, or the pair with most deadband if the middle one has none. For a pad it is
-    the unclipped pair with most deadband, then least evenness.
+    For facing rows this is the middle pair if it has a deadband, otherwise the pair with the longest deadbands. For a
+    pad it is the unclipped pair with the longest deadbands; among equals, the least even one.
     """
     if facing:
         worst = max(judged, key=lambda pair: pair.score.deadband_total_mm)
@@ -710,7 +720,7 @@ def usable_of_pairs(design: SensorDesign, judged: tuple[JudgedPair, ...]) -> flo
 
 
 def _pairs_near(cavity: CavityGeometry, places_mm: FloatArray, tips: float) -> BoolArray:
-    """(place, emitter, receiver) whether the pair's chord passes within `tips` tip radii of the location."""
+    """Whether a pair's chord passes within `tips` tip radii of a location: mask (place, emitter, receiver)."""
     near = np.zeros((len(places_mm), len(cavity.emitters), len(cavity.receivers)), dtype=np.bool_)
     for number, (x_mm, y_mm) in enumerate(places_mm.tolist()):
         for i, j in np.argwhere(direct_path_pairs(cavity)):

@@ -1,8 +1,8 @@
-"""Maps of a pad as an xarray data set with units and provenance: the content of ``sims/maps.nc`` in a bundle.
+"""Results of a pad by location as an xarray data set with units and provenance: ``sims/maps.nc`` in a bundle.
 
-``xarray.open_dataset("sims/maps.nc")`` opens the file. Bounds have the axes ``y``, ``x``, ``depth``. Readings have
-``y``, ``x``, ``press_depth``, ``pair``, since they are traced at more depths. Infinite means not resolved, or not
-detected. NaN means outside the workspace of a disc.
+``xarray.open_dataset("sims/maps.nc")`` opens the file. Bounds have the axes ``y``, ``x``, ``depth``. Readings have the
+axes ``y``, ``x``, ``press_depth``, ``pair``, since they are traced at more depths. An infinite value means not
+resolved, or not detected. NaN means outside the workspace of a disc.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ def provenance(design: SensorDesign, seed: int) -> dict[str, Any]:
 
 
 def bounds_dataset(bounds: PadBounds) -> xr.Dataset:
-    """Data set of the bounds, volume shares of the voxels, and summaries of the bounds with each component failed."""
+    """Data set of the bounds, with volume shares of the voxels and summaries for the failure of each component."""
     axes = ("y", "x", "depth")
     dataset = xr.Dataset(
         {
@@ -65,7 +65,7 @@ def maps_dataset(design: SensorDesign, score: ContinuityScore) -> xr.Dataset:
 
     Raises
     ------
-    ValueError : the score has no map, because it is out of the models' scope or was computed for the verdict only
+    ValueError : the score has no map, because it is out of the models' scope or was computed for the verdict only.
     """
     if score.pad_map is None or score.pad_signals is None or score.readout is None:
         raise ValueError("score: it has no map; score the design with verdict_only=False")
@@ -86,7 +86,7 @@ def maps_dataset(design: SensorDesign, score: ContinuityScore) -> xr.Dataset:
 
 
 def pair_names_of(design: SensorDesign) -> list[str]:
-    """Names of all pairs of a design, such as E1-R3, in emitter-major order."""
+    """Names of all pairs of a design in the order E1-R1, E1-R2, ..."""
     from design.shape.cavity import cavity_of
 
     return list(pair_names(cavity_of(design)))

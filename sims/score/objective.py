@@ -3,20 +3,20 @@
     rules ──► parts and height ──► untouched light ──► pairs ──► map of the pad ──► bounds
       the evaluation ends after the first step that breaks a limit, and records the reason
 
-The stages are those of a score (`sims.score.judge`), with the settings of a search or of a score. Figures are those of
-the governing pair for facing rows, and medians over judged pairs for a pad. The tolerance of unmeasured parameters is
-not computed.
+The stages are those of a score (`sims.score.judge`), with the settings of a search or of a score. For facing rows the
+figures are those of the governing pair; for a pad they are medians over judged pairs. The tolerance of unmeasured
+parameters is not computed.
 
-The module also has a verdict in seconds, for a layout that is being moved by hand. Its light, depths and bounds are
-coarse (`SETTINGS["draft"]`):
+The module also has a draft verdict, computed in seconds while a layout is being moved by hand. Its light, depths and
+bounds are coarse (`SETTINGS["draft"]`):
 
     curves_under   pairs whose chord runs under one press, each judged alone         a third of a second
     draft_score    verdict and map of the pad, or of all facing pairs                one to six seconds
     with_draft_bounds   bounds of location and depth, at two depths                  two to ten more
 
 Times are for a pad of 48 pairs and two cores; the longer times are for layouts without symmetry. Locations of a pad
-with a margin close to the deadband threshold are traced again with finer light. A draft has no tolerance, no
-sensitivity to parameters, and no single pairs of a pad.
+with a margin close to the deadband threshold are traced again with finer light. A draft has no tolerance and no
+sensitivity to parameters, and single pairs of a pad are not judged.
 """
 
 from __future__ import annotations
@@ -48,9 +48,9 @@ from sims.verdict.presses import accuracy_of_pairs, curves_of, states_of
 Pair = tuple[int, int]
 
 MOST_PAIRS = 8
-"""Largest number of pairs under a press that are traced; the nearest chords are taken first."""
+"""Largest number of pairs that are traced under a press, those with the nearest chords."""
 FEWEST_PAIRS = 3
-"""Number of pairs that are traced where no chord runs under the tip: those with the nearest chords."""
+"""Number of pairs that are traced if no chord runs under the tip, those with the nearest chords."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -62,7 +62,7 @@ class PlaceCurves:
     place_mm : (x, y) of the press [mm]
     readout : gains of the receivers
     pairs : judged pairs, the nearest chord first
-    is_draft : whether the light has the accuracy of a draft; otherwise that of a score
+    is_draft : whether the light has the accuracy of a draft (True) or of a score (False)
     """
 
     place_mm: tuple[float, float]
@@ -74,7 +74,7 @@ class PlaceCurves:
 def pairs_under(cavity: CavityGeometry, place_mm: tuple[float, float]) -> tuple[Pair, ...]:
     """Judged pairs whose chord runs under the tip at a location, the nearest chord first.
 
-    Where no chord does, these are the `FEWEST_PAIRS` nearest pairs.
+    If no chord does, these are the `FEWEST_PAIRS` nearest pairs.
     """
     distances = {pair: beside_chord(cavity, pair, place_mm)[0] for pair in judged_pairs(cavity)}
     nearest = sorted(distances, key=lambda pair: round(distances[pair], 6))
@@ -94,9 +94,9 @@ def curves_under(
 
     Parameters
     ----------
-    place_mm : (x, y) in the cavity frame [mm]
-    is_draft : whether to use the coarse light and depths of a draft and a rotationally symmetric contact surface;
-        otherwise the settings of a score
+    place_mm : (x, y) of the press in cavity coordinates [mm]
+    is_draft : if True, use the coarse light and depths of a draft, and a rotationally symmetric contact surface; if
+        False, use the settings of a score
 
     Raises
     ------
@@ -133,7 +133,7 @@ def curves_under(
 
 
 def draft_score(design: SensorDesign, *, seed: int = 0, on_step: OnStep | None = None) -> ContinuityScore:
-    """Verdict and map in seconds, without bounds; `with_draft_bounds` adds these.
+    """Verdict and map of a design in seconds, without bounds; `with_draft_bounds` adds the bounds.
 
     Raises
     ------
@@ -145,7 +145,7 @@ def draft_score(design: SensorDesign, *, seed: int = 0, on_step: OnStep | None =
 def with_draft_bounds(
     design: SensorDesign, draft: ContinuityScore, *, on_step: OnStep | None = None
 ) -> ContinuityScore:
-    """A pad's draft score with the bounds of location and depth from one frame, and the detection threshold."""
+    """A pad's draft score with bounds on location and depth from one frame and the detection threshold added."""
     if draft.pad_map is None or draft.readout is None or draft.pad_signals is None:
         return draft
     judge = Judge(design, "draft", seed=draft.seed, on_step=on_step)
@@ -162,7 +162,7 @@ threads."""
 
 
 class _PrunedError(Exception):
-    """Ends the judging of a design early; the text is the reason."""
+    """Raised to stop judging a design early; the text is the reason."""
 
 
 def judge(
@@ -178,10 +178,11 @@ def judge(
 
     Parameters
     ----------
-    limits : limits that the design must keep; the evaluation ends after the first step that breaks one
-    wanted : requested figures (names in `design.search.figures`, or "verdict"), in addition to those of the limits
+    limits : limits on figures that the design must keep; the evaluation ends after the first step that breaks one
+    wanted : names of the requested figures (from `design.search.figures`, or "verdict"), in addition to those with
+        limits
     accuracy : name of the settings in `sims.score.judge.SETTINGS`
-    also_mm : (x, y) of further locations of a pad's map, such as one known to decide the verdict [mm]; locations
+    also_mm : (x, y) of further locations of a pad to judge, such as one known to decide the verdict [mm]; locations
         outside the design's workspace are left out
     seed : random seed of the light model
     """
@@ -252,9 +253,9 @@ class _Search:
         self._bounds()
 
     def _headline(self, judged: tuple[JudgedPair, ...]) -> None:
-        """Set the figures of facing rows: those of the governing pair, except usable depth and margin.
+        """Set the figures of facing rows to those of the governing pair, except usable depth and margin.
 
-        Usable depth and margin are the least of any pair.
+        Usable depth and margin are the least over the pairs.
         """
         design, score = self.stages.design, governing_pair(judged, True).score
         margins = [pair_margin(design, self.stages.readout, pair.curves, pair.score) for pair in judged]

@@ -1,7 +1,7 @@
 """The result of a score: verdict, pairs, pad, tolerance and warnings, and its form as plain data for JSON.
 
-The text of a verdict is the same wherever it is shown, and includes whether the verdict is undecided. Warnings say how
-near the verdict is to changing, and on which unmeasured parameters it depends.
+The text of a verdict is the same wherever it is shown, and says if the verdict is undecided. Warnings say how close the
+verdict is to changing, and on which unmeasured parameters it depends.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from sims.verdict.trial import Trial
 RESTS, UNDECIDED = "the verdict rests on unmeasured parameters", "the verdict is undecided"
 """Beginnings of two warnings that the screen shows on a line of their own."""
 NEGLIGIBLE_MM = 5e-4
-"""Difference below which a usable depth counts as equal to the required depth, since plain data is rounded [mm]."""
+"""Difference up to which a usable depth counts as equal to the required depth [mm], since stored values are rounded."""
 
 
 def headline(
@@ -40,12 +40,12 @@ def headline(
     asked_mm: float | None,
     is_short: bool = False,
 ) -> str:
-    """Text of the verdict: whether it is undecided, and the usable depth where the design requires more.
+    """Text of the verdict; it also says if the verdict is undecided, and the usable depth if the design requires more.
 
     Parameters
     ----------
     is_open : whether the numerical error of the light model leaves the verdict undecided
-    usable_mm, asked_mm : usable depth and deepest press of the design [mm]; None where nothing was judged
+    usable_mm, asked_mm : usable depth, and deepest press that the design requires [mm]; None if nothing was judged
     is_short : whether to use the short form for a table column
     """
     words = f"{verdict}, undecided" if is_open else verdict
@@ -57,13 +57,13 @@ def headline(
 
 
 def _depth(usable_mm: float, asked_mm: float) -> str:
-    """A depth rounded to a tenth of a millimetre, or with enough digits to differ from the required depth."""
+    """A usable depth rounded to a tenth of a millimetre, or with enough digits to differ from the required depth."""
     digits = next(n for n in (1, 2, 3) if n == 3 or round(usable_mm, n) < asked_mm - NEGLIGIBLE_MM)
     return f"{usable_mm:.{digits}f}"
 
 
 def margin_caution(pad_map: PadMap) -> list[str]:
-    """Warning if the numerical error leaves a pad's verdict undecided; otherwise empty."""
+    """A list with one warning if the numerical error leaves a pad's verdict undecided; otherwise an empty list."""
     if not pad_map.is_open:
         return []
     place = min((one for one in pad_map.places if one.depths.most.deadbands_mm), key=lambda one: one.margin)
@@ -76,7 +76,7 @@ def margin_caution(pad_map: PadMap) -> list[str]:
 
 
 def band_caution(band: ToleranceBand | None) -> str | None:
-    """Warning that names the unmeasured parameters behind the verdict, the strongest effect first; None if none."""
+    """Warning that names the unmeasured parameters behind the verdict, strongest effect first; None if none."""
     if band is None or not (band.rows or band.unbanded):
         return None
     ranked = [f"{row.path} {row.values[0]:.3g} to {row.values[1]:.3g} ({_effect(row)})" for row in band.rows]
@@ -97,7 +97,7 @@ def _effect(row: ToleranceRow) -> str:
 
 
 def noise_caution(judged: tuple[JudgedPair, ...]) -> str | None:
-    """Warning where the numerical error of the light model is large enough to look like signal; otherwise None."""
+    """Warning if the numerical error of the light model is large enough to look like a signal; otherwise None."""
     margins = [pair.score.noise_margin for pair in judged if pair.score.noise_margin is not None]
     if not margins or max(margins) <= TRACE_ERROR_LIMIT:
         return None
@@ -110,10 +110,10 @@ Interval = tuple[float, float]
 
 @dataclass(frozen=True, kw_only=True)
 class JudgedPair:
-    """One judged pair: name, signal against depth, score, loads and errors.
+    """One judged pair: its name, signal against depth, score, loads and errors.
 
     `name` is, for example, E1-R3. `forces` are the loads at the boundaries of the modes, and `errors` the standard
-    errors of the figures by name (`sims.verdict.figure_errors`). Both are None where not computed.
+    errors of the figures by name (`sims.verdict.figure_errors`). Both are None if not computed.
     """
 
     name: str
@@ -131,13 +131,13 @@ class KeyFigures:
     ----------
     verdict : CONTIGUOUS, DEADBAND or OUT_OF_MODEL_SCOPE
     reason : why the models do not cover the design; empty if they do
-    deadbands_mm : (from, to) depth of each deadband of the governing facing pair, or of the worst location of the pad
+    deadbands_mm : depths (from, to) of each deadband of the governing facing pair, or of the worst location of the pad
         [mm]
     usable_depth_mm : least depth at which any location, or any facing pair, stops resolving depth, or the deepest press
-        [mm]; None where nothing was judged
+        [mm]; None if nothing was judged
     is_open : whether the numerical error of the light model leaves the verdict undecided
-    mode_gap_mm : depth from the end of mode 1 to the start of mode 2, for the governing facing pair or as the median
-        over judged pairs [mm]; None where mode 2 does not start
+    mode_gap_mm : difference in depth from the end of mode 1 to the start of mode 2, for the governing facing pair or as
+        the median over judged pairs [mm]; None if mode 2 does not start
     continuity, evenness : figures of the governing facing pair, or medians over judged pairs [-]
     strength : baseline light and counts, swing, resolvable steps
     warnings : limits to the validity of the verdict
@@ -163,25 +163,26 @@ class ContinuityScore(KeyFigures):
     ----------
     digest, name : the scored design's digest and name
     seed, fine, full : arguments of `sims.score.scoring.score`
-    is_facing_rows : whether the verdict is that of facing pairs; otherwise that of the pad
+    is_facing_rows : whether the verdict is on facing pairs (True) or on a pad (False)
     usable_range_mm : smallest and largest usable depth within the numerical error of the light model [mm]
-    margin : least distance between frames (pad) or least signal change (facing pair) over 0.3 mm of depth within the
-        usable range [noise units]; a margin below 3 means a deadband
+    margin : least difference between frames (pad), or least change of the signal (facing pair), over 0.3 mm of depth
+        within the usable range [noise units]; a margin below 3 means a deadband
     governing : name of the pair that represents the others (`sims.score.judge.governing_pair`)
-    worst_pair_mm, worst_pair : largest summed deadband of a judged pair, and its name
-    figure_errors : standard errors of continuity, evenness and strength by name; None where not computed
-    untouched_flux : (emitter, receiver) received over emitted power on the untouched pad [-]
+    worst_pair_mm, worst_pair : total deadband of the judged pair that has most [mm], and its name
+    figure_errors : standard errors of continuity, evenness and strength by name; None if not computed
+    untouched_flux : (emitter, receiver) received divided by emitted power on the untouched pad [-]
     pairs : judged pairs
-    unjudged : untouched counts of all other pairs by name
-    clipped : names of judged pairs above full scale
-    tolerance : verdict at both ends of every unmeasured parameter's band, one at a time; None where not computed
-    builds : Monte Carlo simulation of manufactured units; None where not requested
-    steps : sensitivity to a small step of each field; None where not computed
-    pad_map, pad_signals : the judged locations of the workspace, and their light
-    causes : reasons why depth is not resolved, one for each such interval of a location or a facing pair, the worst
-        first
-    trial : effect of changed component heights or layer thickness on the worst of these intervals; None where not tried
-    bounds : lower bounds on the error of a press's location and depth from one frame; None for a verdict only
+    unjudged : untouched counts of all pairs that are not judged, by name
+    clipped : names of the judged pairs whose readings exceed full scale
+    tolerance : verdict at both ends of the uncertainty band of each unmeasured parameter; None if not computed
+    builds : Monte Carlo simulation of manufactured units; None if not requested
+    steps : sensitivity to a small step of each field; None if not computed
+    pad_map, pad_signals : the judged locations of the workspace, and the light at them
+    causes : reasons why depth is not resolved: one for each interval of depth concerned, at a location or for a facing
+        pair, the worst first
+    trial : effect of changed component heights or layer thickness on the worst of these intervals; None if not tried
+    bounds : lower bounds on the errors of a press's location and depth from one frame; None if only the verdict was
+        computed
     """
 
     digest: str
@@ -213,12 +214,12 @@ class ContinuityScore(KeyFigures):
 
     @property
     def deadband_total_mm(self) -> float:
-        """Summed length of `deadbands_mm` [mm]."""
+        """Total length of `deadbands_mm` [mm]."""
         return sum(end - start for start, end in self.deadbands_mm)
 
     @property
     def rise(self) -> Rise | None:
-        """The judged pair whose reading rises most above untouched under a press of the map; None if none rises."""
+        """The judged pair whose reading rises most above untouched under any press of the map; None if none rises."""
         if self.pad_signals is None or self.pad_signals.presses.ndim != 2:
             return None
         return rise_of(self.pad_signals, {pair.name: pair.curves.pair for pair in self.pairs})
@@ -229,7 +230,7 @@ class ContinuityScore(KeyFigures):
         return sum(bool(pair.score.deadbands_mm) for pair in self.pairs)
 
     def to_json(self) -> dict[str, Any]:
-        """Plain data for JSON; numbers that are absent or not finite are None."""
+        """The score as plain data for JSON; missing or infinite numbers are None."""
         return {
             "name": self.name,
             "digest": self.digest,
@@ -341,7 +342,7 @@ def _map_json(pad_map: PadMap) -> dict[str, Any]:
 
 
 def _in_a_row(pad_map: PadMap, of_places: list[float]) -> list[float | None]:
-    """The map's values row by row (y), rounded to three digits; None outside the workspace."""
+    """The map's values in one list, ordered by y and then x, rounded to three digits; None outside the workspace."""
     return [value for row in _rows(pad_map.grid([round(one, 3) for one in of_places])) for value in row]
 
 

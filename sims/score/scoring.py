@@ -5,18 +5,18 @@
     unmeasured parameters, both ends of their bands ──► the governing pair again ──► confidence
 
 Facing rows are judged pair by pair, the middle pair first. A pad is judged by all readings of a frame together
-(`sims.verdict.pad_map`). It has a DEADBAND if any location does not resolve depth over 0.3 mm or more and resolves it
-again deeper. Where depth is not resolved again, the usable depth ends.
+(`sims.verdict.pad_map`). It has a DEADBAND if at any location depth is not resolved over 0.3 mm or more, but is
+resolved again deeper. If depth is not resolved again, the usable depth ends there.
 
-The module also estimates how long a score or a whole run will take, before it begins: stages x states x cost of a
-state.
+The module also estimates in advance how long a score or a whole run will take: for each stage, the number of states
+times the cost of a state.
 
-Light takes almost all of the time. Every stage traces states: a press at a location and a depth. States that are equal
-by a symmetry of the layout are traced once, and stored light costs nothing. The time of a state depends on the number
-of pairs on flat rectangles. On discs and crowned pads it depends on the numbers of emitters and of points on the top.
+Light takes almost all of the time. A state is a press at a location and a depth. States that are equal by symmetry of
+the layout are traced once, and stored light costs nothing. On flat rectangles, the time for a state depends on the
+number of pairs. On discs and crowned pads, it depends on the numbers of emitters and of points on the top.
 
-The estimate leaves out locations that the first light leaves undecided, the Monte Carlo over manufacturing tolerances,
-and compiling.
+The estimate leaves out locations that are still undecided after the first trace, the Monte Carlo simulation over
+manufacturing tolerances, and compiling.
 """
 
 from __future__ import annotations
@@ -81,12 +81,14 @@ def score(
 
     Parameters
     ----------
-    full : whether the map has 11 locations along the longer side and depth steps of 0.1 mm, instead of 5 and 0.2 mm
-    fine : as `full`, with finer light and with bounds at more depths
+    full : whether the map has 11 locations along the longer side and depth steps of 0.1 mm, instead of 5 locations and
+        0.2 mm
+    fine : same as `full`, with finer light, and with bounds at more depths
     seed : random seed of the light model
-    verdict_only : leave out tolerance, sensitivity, bounds, and the map of facing rows, which the verdict does not need
-    tolerance : add tolerance, sensitivity and a trial of moves that would help (`with_tolerance`, `with_field_steps`,
-        `with_trial`)
+    verdict_only : whether to leave out everything that the verdict does not need: tolerance, sensitivity, bounds, and
+        the map of facing rows
+    tolerance : whether to add tolerance, sensitivity and a trial of changes that would help (`with_tolerance`,
+        `with_field_steps`, `with_trial`)
     on_step : called with the name of the running stage and the share of it that is done, 0 to 1
 
     Raises
@@ -109,7 +111,7 @@ def score(
 def verdict_of(
     design: SensorDesign, settings: str = "score", *, seed: int = 0, on_step: OnStep | None = None
 ) -> ContinuityScore:
-    """The verdict, with the map of a pad or the pairs of facing rows, and without other stages.
+    """The verdict, with the map of a pad or the pairs of facing rows, but without other stages.
 
     Parameters
     ----------
@@ -128,7 +130,7 @@ def verdict_of(
 
 
 def _base_of(design: SensorDesign, *, seed: int, fine: bool = False, full: bool = False) -> ContinuityScore:
-    """A score without results, marked as out of the models' scope."""
+    """A score without results; until they are added, it is marked as out of the models' scope."""
     return ContinuityScore(
         verdict="OUT_OF_MODEL_SCOPE",
         reason="",
@@ -197,7 +199,7 @@ def _scored(judge: Judge, base: ContinuityScore, *, verdict_only: bool) -> Conti
 
 
 def _with_errors(judge: Judge) -> tuple[tuple[JudgedPair, ...], FloatArray]:
-    """All pairs with loads and errors, and their figures drawn at random within the error of the light trace."""
+    """All pairs with loads and errors, and random samples of their figures within the error of the light trace."""
     design, pairs = judge.design, judge.pairs
     drawn = drawn_figures(
         design, [pair.curves for pair in pairs], [pair.score for pair in pairs], judge.readout
@@ -224,7 +226,7 @@ class _Headline:
 
 
 def _headline(judged: tuple[JudgedPair, ...], governing: JudgedPair, facing: bool) -> _Headline:
-    """Figures of the governing facing pair; for a pad the medians over judged pairs."""
+    """Figures of the governing facing pair, or for a pad the medians over judged pairs."""
     shown = (governing,) if facing else judged
     gaps = [pair.score.modes.gap_mm for pair in shown]
     closed = [np.inf if gap is None else gap for gap in gaps]
@@ -269,19 +271,21 @@ def _warnings(
 
 
 ANSWERING_PAIRS = 0.35
-"""Assumed share of a pad's pairs that respond at its location of least margin [-]; manufactured units are judged by
-these pairs. On the presets it is 0.17 to 0.7."""
+"""Assumed share of a pad's pairs that respond at its location of least margin [-]. Manufactured units are judged by
+these pairs. On the presets the share is 0.17 to 0.7.
+"""
 TRACED_AGAIN = 0.15
-"""Assumed share of the voxels deeper than `SHALLOW_MM` that the first light leaves undecided [-]."""
+"""Assumed share of the voxels deeper than `SHALLOW_MM` that are still undecided after the first trace [-]."""
 SAME_MIRRORS = 0.2
-"""Relative cost of a disc or crowned unit that differs in scattering only, so that its mirrored light is reused [-]."""
+"""Relative cost of a disc or crowned unit that differs only in scattering, so that mirrored light is reused [-]."""
 TRACED_TWICE = 1.25
-"""Mean number of traces for a disc or crowned unit: units close to a deadband take two [-]."""
+"""Mean number of traces for a disc or crowned unit: those close to a deadband take two [-]."""
 REST_S, RUN_S = 10.0, 24.0
-"""Processor time of everything except light [s]: of a score (start, contact, drawings), and added by a run (mold,
-report)."""
+"""Processor time for everything except light [s]: `REST_S` for a score (start, contact, drawings), and `RUN_S` added by
+a run (mold, report).
+"""
 WORTH_SAYING_S = 20.0
-"""Estimated time below which no estimate is shown [s]."""
+"""No estimate is shown if it is less than this [s]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -303,7 +307,7 @@ class ScoreCost:
     job: str = "score"
 
     def sentence(self, cores: int) -> str:
-        """The message about the time before a score begins; empty if the time is short."""
+        """Message on the expected time, shown before a score begins; empty if the time is short."""
         seconds = self.core_s / cores
         if seconds < WORTH_SAYING_S:
             return ""
@@ -316,7 +320,7 @@ class ScoreCost:
 
 
 def score_cost(design: SensorDesign, *, fine: bool, full: bool, is_run: bool = False) -> ScoreCost:
-    """Estimated cost of a score, or of a whole `optopad run` if `is_run`.
+    """Estimated cost of a score, or of a whole `optopad run` if `is_run` is True.
 
     `fine` and `full` are the options of `sims.score.scoring.score`. A run adds mold, report and the firmware's files.
     """
@@ -342,7 +346,7 @@ def score_cost(design: SensorDesign, *, fine: bool, full: bool, is_run: bool = F
 
 
 def _distinct(design: SensorDesign, places_mm: FloatArray) -> int:
-    """Number of (n, 2) locations that are not equal by a symmetry of the layout."""
+    """Number of locations in `places_mm` (n, 2); those that are equal by symmetry of the layout count once."""
     found = state_classes(scene_of(design), places_mm[:, None, :], [[1.0]] * len(places_mm))
     return len(found.first)
 
@@ -357,7 +361,7 @@ def _pairs_s(design: SensorDesign, cavity: CavityGeometry, row: Settings) -> flo
 
 
 def _distinct_pairs(design: SensorDesign, cavity: CavityGeometry) -> int:
-    """Number of judged pairs whose presses are not equal by a symmetry of the layout."""
+    """Number of judged pairs; pairs whose presses are equal by symmetry of the layout count once."""
     places = np.array([chord_midpoint_mm(cavity, pair) for pair in judged_pairs(cavity)])
     distinct = np.unique(np.round(places, 6), axis=0)
     return round(len(places) * _distinct(design, distinct) / len(distinct))
@@ -372,7 +376,7 @@ def _map_s(design: SensorDesign, places_mm: FloatArray, depth_mm: FloatArray, ro
 
 
 def _bounds_s(design: SensorDesign, places_mm: FloatArray, row: Settings) -> float:
-    """Processor time of all presses for the bounds, in both halves [s]."""
+    """Processor time for the bounds: all presses, in two independent traces [s]."""
     if is_facing_rows(cavity_of(design)):
         return 0.0
     scene, steps = scene_of(design), Steps()
@@ -394,7 +398,8 @@ def _bounds_s(design: SensorDesign, places_mm: FloatArray, row: Settings) -> flo
 def _builds_s(design: SensorDesign, cavity: CavityGeometry) -> float:
     """Processor time of tolerance and sensitivity [s].
 
-    Tolerance judges both ends of every unmeasured parameter, sensitivity a step up and down of each field.
+    Tolerance needs a verdict at both ends of every unmeasured parameter, sensitivity one for a step up and down of each
+    field.
     """
     settings, scene = accuracy_of_builds(design), scene_of(design)
     pairs = len(cavity.emitters) * len(cavity.receivers)
@@ -420,13 +425,13 @@ def _builds_s(design: SensorDesign, cavity: CavityGeometry) -> float:
 
 
 def _tried(design: SensorDesign, stepped: Sequence[SensorDesign]) -> list[tuple[SensorDesign, bool]]:
-    """Designs that tolerance and sensitivity judge, each with whether its bounds are required, too."""
+    """Designs that are judged for tolerance and sensitivity, each with whether it also needs bounds."""
     ends = [(design.with_(**{used.path: end}), False) for used, both in tried_values(design) for end in both]
     return [(design, True), *ends, *((build, True) for build in stepped)]
 
 
 def _mirrors_alike(one: object, other: object) -> bool:
-    """Whether two scenes differ in scattering only, and not in mirrored light."""
+    """Whether two scenes differ only in scattering, not in mirrored light."""
     scatters = {"wall_reflectance", "bottom_reflectance", "tip_reflectance"}
     kept = [
         {name: repr(value) for name, value in vars(scene).items() if name not in scatters}

@@ -1,8 +1,9 @@
-"""Sweep of one field of a design: each value is judged, with the result as plain data for table, plot and file.
+"""Sweep of one field of a design: each value is judged, and the results are plain data for table, plot and file.
 
-A row of a sweep is the result at one value: the score without tolerance, and the light of one pair. Rows are stored in
-a file and drawn later without new computation. For facing rows the pair is the middle one at every value, even where
-another pair decides the verdict, so that the panels of a figure are comparable. For a pad it is the governing pair.
+An entry of a sweep (`SweepRow`) is the result at one value: the score without tolerance, and the light of one pair.
+Entries are stored in a file and plotted later without new computation. For facing rows the pair is the middle one at
+every value, even if another pair decides the verdict, so that the panels of a figure are comparable. For a pad it is
+the governing pair.
 """
 
 from __future__ import annotations
@@ -19,8 +20,7 @@ from sims.verdict.figure_errors import BoundaryForces, boundary_forces, place_fo
 from sims.verdict.pair_score import total_length_mm
 
 SAMPLING_MM = 0.15
-"""Error of a deadband's length from depth sampling: its change when the depth steps are doubled
-(docs/understand/model.md) [mm]."""
+"""Error of a deadband's length due to depth steps [mm]: its change if they are doubled (docs/understand/model.md)."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -31,8 +31,8 @@ class SweptCurve:
     ----------
     pair : name of the pair, such as E1-R3
     depth_mm : depths [mm]
-    total, direct, top : received over emitted power at each depth: in total, on the direct path, and mirrored by the
-        top [-]
+    total, direct, top : received divided by emitted power at each depth: in total, on the direct path, and mirrored by
+        the top [-]
     standard_error : standard error of total, from the light trace [-]
     """
 
@@ -52,12 +52,12 @@ class SweepRow:
     ----------
     value : the field's value
     score : the score as plain data, as in ``score.json``
-    curve : light of the plotted pair; None out of the models' scope
-    forces_n : loads at the plotted pair's mode boundaries, with the band of the modulus [N]; None out of the models'
-        scope
-    possible_deadband_mm : summed deadband of the plotted pair, including deadbands that the numerical error may hide
-        [mm]; None where not computed
-    refined : "full" or "fine" if the row was judged again with this option of `score`; otherwise empty
+    curve : light of the plotted pair; None if the value is out of the models' scope
+    forces_n : loads at the plotted pair's mode boundaries, with their range over the band of the elastic modulus [N];
+        None if the value is out of the models' scope
+    possible_deadband_mm : total deadband of the plotted pair, including deadbands that the numerical error may hide
+        [mm]; None if not computed
+    refined : "full" or "fine" if the value was judged again with this option of `score`; otherwise empty
     """
 
     value: Any
@@ -69,25 +69,25 @@ class SweepRow:
 
     @property
     def is_judged(self) -> bool:
-        """Whether the value is in the models' scope."""
+        """Whether the design is in the models' scope at this value."""
         return self.curve is not None
 
     @property
     def shown(self) -> dict[str, Any]:
-        """The plotted pair's part of the score as plain data; empty out of the models' scope."""
+        """The plotted pair's part of the score as plain data; empty if out of the models' scope."""
         name = None if self.curve is None else self.curve.pair
         return next((pair for pair in self.score["pairs"] if pair["pair"] == name), {})
 
     @property
     def is_of_another_pair(self) -> bool:
-        """Whether the score's deadband is that of a pair other than the plotted one."""
+        """Whether the score's deadband belongs to a pair other than the plotted one."""
         return bool(self.score["deadband_mm"]["total"]) and self.score["governing_pair"] != self.shown.get(
             "pair"
         )
 
     @property
     def asked_mm(self) -> float | None:
-        """Deepest press that the design requires [mm]; None out of the models' scope."""
+        """Deepest press that the design requires [mm]; None if out of the models' scope."""
         force = self.score["force"]
         return None if force is None else float(force["depth_mm"][-1])
 
@@ -110,7 +110,7 @@ class SweepRow:
         )
 
     def to_json(self) -> dict[str, Any]:
-        """Plain data for JSON: the value, the keys of a score, headline, light curve and loads."""
+        """Plain data for JSON: the value, all entries of a score, headline, light curve and loads."""
         return {
             "value": self.value,
             "headline": self.headline,
@@ -123,7 +123,7 @@ class SweepRow:
 
     @classmethod
     def from_json(cls, document: dict[str, Any]) -> SweepRow:
-        """The row from the plain data that `to_json` writes."""
+        """The entry from the plain data that `to_json` returned."""
         own = ("value", "headline", "refined", "curve", "mode_forces_n", "possible_deadband_mm")
         return cls(
             value=document["value"],
@@ -136,7 +136,7 @@ class SweepRow:
 
 
 def sweep_row(design: SensorDesign, value: Any, score: ContinuityScore) -> SweepRow:
-    """The row for one judged value of the swept field.
+    """The entry for one judged value of the swept field.
 
     Parameters
     ----------
@@ -161,11 +161,11 @@ def sweep_row(design: SensorDesign, value: Any, score: ContinuityScore) -> Sweep
 
 
 def disputed(rows: Sequence[SweepRow]) -> tuple[int, ...]:
-    """Indices of rows that contradict both of their neighbours, and of these neighbours.
+    """Indices of the entries that contradict both of their neighbours, and of these neighbours.
 
-    A row contradicts its neighbours if its verdict differs from both, or if it loses more depth than both by more than
-    the sampling error. A row that loses less than both may be an optimum. It is not known which of the three is wrong.
-    The result is empty if the values are not numbers.
+    An entry contradicts its neighbours if its verdict differs from both, or if it loses more depth than both by more
+    than the sampling error. (One that loses less than both may be an optimum.) All three are returned, as any of them
+    may be wrong. The result is empty if the values are not numbers.
     """
     if not all(isinstance(row.value, int | float) for row in rows):
         return ()

@@ -4,13 +4,13 @@
         ──► the smallest sufficient change ──► all locations of the changed pad ──► verdict
 
 A line (`Line`) is a set of fields that change together: both heights, one of them, or the thickness. A move is a change
-along a line by some length. Its direction follows from the cause. Components move up, or the layer gets thinner, where
-the two modes are too far apart. The direction is opposite where light is saturated, and both are tried otherwise. A
+along a line by some length. Its direction follows from the cause. If the two modes are too far apart, components move
+up, or the layer gets thinner. If the direct light is used up, the direction is opposite; otherwise both are tried. A
 move is sufficient if no deadband is left and the margin is at least `ENOUGH_MARGIN`. If no move is sufficient, one more
 component a side is tried. If no pair's chord runs near the location, this is tried first.
 
-Not tried: causes that heights do not fix (readings above full scale or too dim), two lines at once, and pitch, shift
-and gain, which `optopad improve` varies.
+There is no trial for causes that heights do not fix (readings above full scale or too dim). Not tried: two lines at
+once, and pitch, shift and gain, which `optopad improve` varies.
 """
 
 from __future__ import annotations
@@ -35,21 +35,28 @@ from sims.verdict.depth_curve import DEADBAND_THRESHOLD
 from sims.verdict.trial import Found, Move, Trial, TriedMove
 
 Line = tuple[tuple[str, int], ...]
-"""Fields that change together, each as (path, sign of the change)."""
+"""Fields that change together: path of each field, and sign of its change."""
 
 ENOUGH_MARGIN = 1.5 * DEADBAND_THRESHOLD
-"""Margin that a changed design must have [noise units]: the threshold and half of it again, because the light of a
-trial is coarse."""
+"""Margin that a changed design must have [noise units]: one and a half times the threshold, because the light of a
+trial is coarse.
+"""
 GAIN_MM = 0.3
-"""Usable depth that a move must add if no move reaches the deepest press [mm]: the least length of a deadband."""
+"""Usable depth that a move must add if no move reaches the deepest press [mm]; equal to the least length of a
+deadband.
+"""
 MOST_BRIEFS = 10
 """Largest number of short verdicts in a trial; this many take about a tenth of a score's processor time."""
 GRID_MM = 0.1
-"""Step of which all moves are multiples [mm]: a resolution that printed molds can reach."""
+"""All moves are multiples of this step [mm], a resolution that printed molds can reach."""
 LENGTHS_MM = (0.8, 3.0)
-"""Smallest and largest length of the first move [mm]; within these, the cause sets the length if it has one."""
+"""Smallest and largest length of the first move [mm]. Between them, the length follows from the cause if the cause has
+one.
+"""
 SHARES = (0.5, 0.8, 0.25)
-"""Moves along the first line, as shares of the first length, tried in this order until one is sufficient."""
+"""Lengths of moves along the first line, as shares of the first move's length; tried in this order until one is
+sufficient.
+"""
 BISECTIONS = 2
 FIXED_BY_HEIGHTS = ("apart", "used up", "cancel", "slight", "none near")
 MORE_PARTS = {
@@ -57,17 +64,17 @@ MORE_PARTS = {
     "facing_rows": "count",
     "disc_ring": "count",
 }
-"""Name of each layout pattern's field that sets its number of components."""
+"""For each layout pattern, the name of the field that sets its number of components."""
 NEARER = 0.94
-"""Pitch as a share of even spacing [-], tried where even spacing puts components too near to the corners."""
+"""Pitch as a share of even spacing [-], tried if even spacing puts components too near the corners."""
 
 
 def with_trial(
     design: SensorDesign, score: ContinuityScore, *, seed: int = 0, on_step: OnStep | None = None
 ) -> ContinuityScore:
-    """A score with a trial of moves that would help.
+    """A score with a trial of changes that would help.
 
-    It is returned unchanged if depth is resolved everywhere, or if heights do not fix the cause.
+    The score is returned unchanged if depth is resolved everywhere, or if heights do not fix the cause.
 
     Parameters
     ----------
@@ -100,7 +107,7 @@ class _Whole:
 
 
 class _Search:
-    """Search for a sufficient move for the first cause of a score: fields that change together are tried in turn."""
+    """Search for a sufficient move for the first cause of a score, trying one set of fields after another."""
 
     def __init__(self, design: SensorDesign, score: ContinuityScore, seed: int, tell: OnStep) -> None:
         self.design, self.score, self.seed, self.tell = design, score, seed, tell
@@ -144,7 +151,7 @@ class _Search:
         return [one for one in self.tried.values() if one is not None]
 
     def _candidates(self) -> list[_Tried]:
-        """The smallest useful move, then the one with the largest margin, because another location may need more."""
+        """The smallest useful move, then the move with the largest margin, because another location may need more."""
         useful = [one for one in self._rows() if self._is_useful(one.brief)]
         if not useful:
             return []
@@ -191,7 +198,7 @@ class _Search:
                 self._reaches(line, share * least)
 
     def _shortened(self, line: Line, enough_mm: float) -> float:
-        """The smallest sufficient move along a line [mm], by bisection from a move of `enough_mm`, which suffices."""
+        """The smallest sufficient move along a line [mm], by bisection below `enough_mm`, which is sufficient."""
         below = [
             length for (of, length), one in self.tried.items() if of == line and length < enough_mm and one
         ]
@@ -209,7 +216,7 @@ class _Search:
     def _reaches(self, line: Line, length_mm: float) -> bool:
         """Whether a move is sufficient by its short verdict.
 
-        False if the move breaks a rule, or if `MOST_BRIEFS` verdicts have been made.
+        It is False if the move breaks a rule, or if `MOST_BRIEFS` verdicts have been made already.
         """
         length_mm = _on_grid(length_mm)
         if (line, length_mm) not in self.tried and line and length_mm > 0.0:
@@ -237,13 +244,13 @@ class _Search:
         return brief.deadband_mm == 0.0 and brief.margin >= ENOUGH_MARGIN and is_deep
 
     def _is_useful(self, brief: Brief) -> bool:
-        """Whether a move is sufficient, or leaves no deadband and extends the usable depth by `GAIN_MM`."""
+        """Whether a move is sufficient, or at least leaves no deadband and adds `GAIN_MM` to the usable depth."""
         deeper = self._usable(brief) - (self.score.usable_depth_mm or 0.0)
         is_clear = brief.deadband_mm == 0.0 and brief.margin >= ENOUGH_MARGIN
         return self._is_enough(brief) or (is_clear and self.cause.kind == "fade" and deeper >= GAIN_MM)
 
     def _is_better(self, whole: _Whole) -> bool:
-        """Whether the changed pad has no deadband and enough margin, and more usable depth if that was the cause."""
+        """Whether the changed pad has no deadband, enough margin, and more usable depth if that was the cause."""
         deeper = whole.usable_mm - (self.score.usable_depth_mm or 0.0)
         is_clear = whole.deadband_mm == 0.0 and whole.margin >= ENOUGH_MARGIN
         return is_clear and (self.cause.kind == "deadband" or deeper >= GAIN_MM)
@@ -251,7 +258,8 @@ class _Search:
     def _rank(self, one: _Tried) -> tuple[int, int, int, float]:
         """Sort key of a move, smallest first.
 
-        The key is depth lost in steps of `GAIN_MM`, number of new rule findings, number of fields, and length.
+        The key consists of the depth lost in steps of `GAIN_MM`, the number of new rule findings, the number of fields,
+        and the length.
         """
         lost = round((self.deepest_mm - self._usable(one.brief)) / GAIN_MM)
         news = sum(str(finding) not in self.known for finding in check(one.build))
@@ -276,7 +284,7 @@ class _Search:
 def _judge_at(
     design: SensorDesign, score: ContinuityScore, cause: Cause, seed: int
 ) -> tuple[str, BuildJudge]:
-    """Name of, and function for, short verdicts: on all facing pairs, or at the location of a pad's cause."""
+    """A judge for short verdicts and its name: on all facing pairs, or at the location of a pad's cause."""
     if score.is_facing_rows or score.pad_map is None:
         return facing_judge(seed=seed)
     here = min(
@@ -295,7 +303,7 @@ def _sides(cause: Cause) -> tuple[int, ...]:
 
 
 def _lines(design: SensorDesign, side: int) -> tuple[Line, Line, Line, Line]:
-    """Fields to change together: both heights, the receivers', the emitters', the thickness; empty if impossible."""
+    """Lines to try: both heights, the receivers', the emitters', the thickness. A line is empty if impossible."""
     fields = {part.height_field for part in cavity_of(design).parts}
     emitters, receivers = (((path, side),) if path in fields else () for path in HEIGHTS)
     both = emitters + receivers if emitters and receivers else ()
@@ -340,10 +348,10 @@ def _span(names: Sequence[str]) -> str:
 
 
 def _with_more_parts(design: SensorDesign) -> Iterator[tuple[dict[str, float], SensorDesign]]:
-    """Changes and design with one more component a side in the first layout pattern that has a number of components.
+    """Changes and design for one more component a side, in the first layout pattern that has a number of components.
 
-    If one more breaks a rule, two more are tried, each also with a smaller pitch. The iterator is empty if none is
-    valid.
+    If one more breaks a rule, two more are tried. In a ring, each is also tried with a smaller pitch. The iterator is
+    empty if none is valid.
     """
     for number, pattern in enumerate(design.layout):
         name = MORE_PARTS.get(pattern.pattern)

@@ -1,10 +1,10 @@
-"""Fit extremely randomised trees that estimate (x, y, depth): scikit-learn grows them, flat arrays store them.
+"""Fit extremely randomised trees that estimate (x, y, depth). scikit-learn grows them; flat arrays store them.
 
 Features are the readings in counts. A split uses one pair at a time, so scales have no effect. Every tree uses all
 samples and draws its splits at random. The mean over trees is smooth enough to interpolate between pressed locations.
-x, y and depth have equal weight, each divided by its spread; in millimetres depth would hardly affect the splits. Two
-and four times the weight of depth were tried at held-out locations of three simulated data sets. The mean error of
-depth falls by 12 and 19 %, that of location grows by 8 and 22 %, and the sum is larger.
+x, y and depth are each divided by their spread, so they have equal weight; in millimetres depth would hardly affect the
+splits. Giving depth two or four times the weight was tried at held-out locations of three simulated data sets. The mean
+depth error falls by 12 % or 19 %, but the mean location error grows by 8 % or 22 %, and the sum is larger.
 
 Left out: trees return means of training samples, so the deepest presses are estimated too shallow.
 """
@@ -103,7 +103,8 @@ def flat_forest(trees: list[Any], scale_mm: FloatArray) -> Forest:
     -----
 
     scikit-learn compares single-precision features with double-precision thresholds. Thresholds rounded down to single
-    precision give the same decisions. A left child follows its parent directly, as trees are grown depth first.
+    precision give the same decisions. The left child of a node is stored directly after it, as trees are grown depth
+    first.
     """
     feature, threshold, other, leaf_mm, roots = [], [], [], [], []
     nodes = leaves = 0

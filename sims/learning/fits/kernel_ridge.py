@@ -1,39 +1,39 @@
 """The paper's learner: a touch classifier, then kernel ridge regression with a Laplacian kernel for (x, y, depth).
 
 The regression is trained on depths of 0 and more. Features are the readings minus the off state, in counts, unscaled.
-The noise is about equal in all of them; dividing each pair by its own spread would raise weak pairs' noise to strong
-pairs' signal. As in the paper half of the training data, here half of the presses, tunes γ and λ. The model is fitted
-on four fifths of their locations and tested on the last fifth (`mean_error_mm`). With fewer locations in the fit, the
-grid of presses would be coarser than in the final one. The grid of γ scales with the data: γ times the median L1
-distance of two training samples has fixed values, as the paper's own numbers depend on its units. The final fit uses
-samples of all presses. The mean of the targets is subtracted, so that far from every sample the estimate is the mean
-press, not the origin.
+The noise is about equal in all of them; dividing each pair by its own spread would raise the noise of weak pairs to the
+size of strong pairs' signals. As in the paper, γ and λ are tuned on half of the training data, here half of the
+presses. The model is fitted on four fifths of their locations and tested on the last fifth (`mean_error_mm`). With
+fewer locations in this fit, its grid of presses would be coarser than that of the final fit. The values of γ that are
+tried scale with the data: γ times the median L1 distance between two training samples has fixed values, as the paper's
+own numbers depend on its units. The final fit uses samples of all presses. The mean of the targets is subtracted, so
+that far from every sample the estimate is the mean press, not the origin.
 
-`touch_told` and `begun` are the common start of all fits: data check, touch classifier, choice of samples in contact.
+`touch_told` and `begun` are the first steps of all fits: data check, touch classifier, choice of samples in contact.
 
 Cholesky factor of a large symmetric matrix in its own memory
 -------------------------------------------------------------
     A = L Lᵀ,   for each block column k:   L_kk = chol(A_kk),   L_ik = A_ik L_kk⁻ᵀ,   A_ij -= L_ik L_jkᵀ   (i ≥ j > k)
 
-Only the lower triangle is read and written. LAPACK's own routine does the same in one call. With the OpenBLAS that
+Only the lower triangle is read and written. LAPACK's own routine does the same in one call, but with the OpenBLAS that
 SciPy 1.17 ships, that call ended in a memory fault for 24,000 rows on two threads. Here every call works on blocks of
-`BLOCK` rows, and their products take nearly all of the time. Source: Golub and Van Loan, Matrix computations (2013),
-section 4.2.
+`BLOCK` rows, and the products of blocks take nearly all of the time. Source: Golub and Van Loan, Matrix computations
+(2013), section 4.2.
 
 The linear system of kernel ridge regression, solved in the available memory
 ----------------------------------------------------------------------------
     (K + λ I) a = y,    K_ij = exp(-γ |s_i - s_j|₁)
 
-`exact`     double precision, Cholesky in place: 8 n² bytes. 24,000 samples take 4.6 GB. `single`    if that does not
-fit: single precision, 4 n² bytes, and one step of iterative refinement. Its residual is
+`exact`     double precision, Cholesky in place: 8 n² bytes. 24,000 samples take 4.6 GB.
+`single`    if that does not fit: single precision, 4 n² bytes, and one step of iterative refinement. Its residual is
             computed in double precision from the samples: r = y - (K + λ I) a, then a += (K + λ I)⁻¹ r.
-`nystroem`  if that does not fit either: all samples, but the kernels of only m of them (landmarks z),
+`nystroem`  if that does not fit either: all samples are fitted, with kernels of only m of them (landmarks z),
             min |y - K_nm a|² + λ aᵀ K_mm a, by its normal equations accumulated in blocks: 8 m² bytes. Source: Williams
             and Seeger, Using the Nystroem method to speed up kernel machines, NIPS 13 (2001); Rudi, Camoriano and
             Rosasco, Less is more, NIPS 28 (2015).
 
-The model's header states the method, so an approximation is never silent. The matrix is built a block of rows at a
-time, lower triangle only, so no other array has its size.
+The model's header names the method, so an approximation is never silent. The matrix is built a block of rows at a time,
+in its lower triangle only, so no other array is as large.
 """
 
 from __future__ import annotations
@@ -75,14 +75,14 @@ FitTouch = Callable[[TrainingData, np.random.Generator, int], tuple[TouchSvm, di
 
 @dataclass(frozen=True, kw_only=True)
 class ToldTouch:
-    """State of a fit after the touch classifier is fitted.
+    """State of a model's fit once the touch classifier is fitted.
 
     Attributes
     ----------
     data : checked training data
     rng : random generator for all further choices of the fit
     touch : the touch classifier
-    facts : figures of the classifier's fit, for the model's header
+    facts : figures on the classifier's fit, for the model's header
     """
 
     data: TrainingData
@@ -93,7 +93,7 @@ class ToldTouch:
 
 @dataclass(frozen=True, kw_only=True)
 class Begun(ToldTouch):
-    """State of a fit after samples in contact are chosen; some are held out, to scale the model's deviations."""
+    """State of a model's fit once samples in contact are chosen. Some are held out to scale the model's deviations."""
 
     samples: PressSamples
 
@@ -115,7 +115,7 @@ def touch_told(
 
 
 def begun(train: PressData, seed: int, settings: FitSettings, on_step: OnStep) -> Begun:
-    """Start the fit of trees or network: check data, fit the tuned touch classifier, choose samples in contact."""
+    """Start the fit of trees or a network: check data, fit the tuned touch classifier, choose samples in contact."""
     told = touch_told(train, fit_tuned_touch, seed=seed, settings=settings, on_step=on_step)
     samples = press_samples(told.data, settings.network_samples, told.rng)
     return Begun(
@@ -131,7 +131,7 @@ BLOCK = 1_500
 
 
 def factorise_in_place(matrix: NDArray[Any]) -> None:
-    """Overwrite the lower triangle of a symmetric matrix (n, n) by its Cholesky factor L; single or double precision.
+    """Overwrite the lower triangle of a symmetric matrix (n, n) with its Cholesky factor L; single or double precision.
 
     Raises
     ------
@@ -165,7 +165,7 @@ def substituted(factor: NDArray[Any], targets: FloatArray) -> FloatArray:
 
 
 def _below(start: int, size: int) -> list[slice]:
-    """Slices of at most `BLOCK` rows, from a start to the end."""
+    """Slices of at most `BLOCK` rows, from `start` up to `size`."""
     return [slice(row, min(row + BLOCK, size)) for row in range(start, size, BLOCK)]
 
 
@@ -176,7 +176,7 @@ def _solved(triangle: NDArray[Any], right: NDArray[Any], trans: str) -> NDArray[
 BLOCK_ROWS = 500
 CHECKED_ROWS = 1_000
 RIDGE_OF_LANDMARKS = 1e-9
-"""Added to the diagonal of K_mm, which is 1, so that its Cholesky factor exists despite rounding errors."""
+"""Number added to the diagonal of K_mm, which is 1, so that its Cholesky factor exists despite rounding errors."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -188,8 +188,8 @@ class KernelSolution:
     kept : (kept,) indices of the stored samples
     weights : (kept, output) weights in the unit of the targets
     method : exact, single or nystroem
-    largest_residual : largest residual of `CHECKED_ROWS` rows of the system, over the largest target [-]; NaN for
-        `nystroem`, which solves another system
+    largest_residual : largest residual in `CHECKED_ROWS` of the equations, divided by the largest target [-]; NaN for
+        `nystroem`, which solves a different system
     """
 
     kept: NDArray[np.intp]
@@ -199,7 +199,7 @@ class KernelSolution:
 
 
 def method_for(samples: int, memory_gb: float) -> str:
-    """The most exact of the three methods whose matrix fits into `memory_gb`, for a number of samples."""
+    """The most exact of the three methods whose matrix for `samples` samples fits into `memory_gb`."""
     if 8e-9 * samples**2 <= memory_gb:
         return "exact"
     return "single" if 4e-9 * samples**2 <= memory_gb else "nystroem"
@@ -225,8 +225,8 @@ def solve_kernel(
     gamma : γ of the kernel, per unit of L1 distance [-]
     ridge : λ, added to the diagonal [-]
     method : `exact`, `single` or `nystroem`
-    landmarks : indices of the samples that `nystroem` stores; required for it only
-    refinements : number of refinement steps of `single`; 0 is for comparisons
+    landmarks : indices of the samples that `nystroem` stores; required by that method only
+    refinements : number of refinement steps of `single`; 0 is for comparisons only
 
     Raises
     ------
@@ -256,7 +256,7 @@ def solve_kernel(
 def kernel_matrix(
     features: FloatArray, gamma: float, kind: type[Any], on_share: OnShare = lambda _share: None
 ) -> NDArray[Any]:
-    """Kernel matrix (sample, sample), lower triangle only; the zeros above use no memory until they are accessed."""
+    """Lower triangle of the kernel matrix (sample, sample); the zeros above take no memory until accessed."""
     samples = len(features)
     matrix = np.zeros((samples, samples), kind)
 
@@ -276,7 +276,7 @@ def kernel_matrix(
 
 
 def kernel_threads() -> int:
-    """Number of threads that fill the matrix: that of BLAS by `OMP_NUM_THREADS`, otherwise the number of cores."""
+    """Number of threads that fill the matrix: `OMP_NUM_THREADS` if set, as for BLAS, otherwise the number of cores."""
     wanted = os.environ.get("OMP_NUM_THREADS", "")
     return max(1, int(wanted) if wanted.isdecimal() else os.cpu_count() or 1)
 
@@ -348,11 +348,11 @@ def _nystroem(
 GAMMA_TIMES_MEDIAN = (0.25, 0.5, 1.0, 2.0, 4.0, 8.0)
 RIDGES = (1e-2, 1e-1, 1.0, 10.0)
 TUNING_SHARE = 0.5
-"""Share of the presses that tune γ and λ."""
+"""Share of the presses on which γ and λ are tuned [-]."""
 JUDGED_SHARE = 0.2
-"""Share of the tuning presses' locations at which candidates are tested."""
+"""Share of the tuning presses' locations that are held out to test candidates for γ and λ [-]."""
 PAIRS_FOR_MEDIAN = 20_000
-"""Number of random pairs of samples for the median distance; its error is then about 1 %."""
+"""Number of random pairs of samples from which the median distance is taken; its error is then about 1 %."""
 
 
 def fit_kernel_ridge(
@@ -434,9 +434,9 @@ def searched_grid(
     rng: np.random.Generator,
     on_share: Callable[[float], None],
 ) -> dict[str, Any]:
-    """Search γ and λ for the smallest mean error at held-out locations; return both, and figures of the search.
+    """Search for the γ and λ of least mean error at held-out locations; return both, and figures on the search.
 
-    The systems are solved in single precision. For λ of 0.01 and more that moves estimates by less than 0.01 mm.
+    The systems are solved in single precision. For λ of 0.01 or more, this changes estimates by less than 0.01 mm.
     """
     half = touched[held_out(data.press[touched], TUNING_SHARE, rng)]
     chosen = half[spread_samples(data.press[half], data.press_mm[half, 2], most_samples, rng)]
@@ -469,7 +469,7 @@ def searched_grid(
 
 
 def _at_border(relative: float, ridge: float) -> list[str]:
-    """Whether γ, λ or both are at an end of their grid, where a better value may be outside; their names."""
+    """Names of those of γ and λ that are at an end of their grid, so that a better value may be outside."""
     return [
         name
         for name, value, grid in (("gamma", relative, GAMMA_TIMES_MEDIAN), ("lambda", ridge, RIDGES))

@@ -1,10 +1,10 @@
 """Fit a small neural network that estimates (x, y, depth): scikit-learn's MLPRegressor, with weights stored as arrays.
 
-Inputs are the readings, each pair standardised by its spread (at least that of the noise). Outputs are standardised
-too. The loss is the squared error plus α |W|², minimised by Adam. Its step falls along a cosine in stages, as otherwise
-the last steps' noise would remain in the weights. The number of passes over the data is fixed, because early stopping
-by held-out samples would test locations that the network was trained on. Sources: Rumelhart, Hinton and Williams,
-Nature 323 (1986); Kingma and Ba, Adam, ICLR 2015.
+Inputs are the readings, each pair standardised by its spread (at least the spread of the noise). Outputs are
+standardised too. The loss is the squared error plus α |W|², minimised by Adam. Its step size is reduced in stages along
+a cosine, as otherwise the last steps' noise would remain in the weights. The number of passes over the data is fixed,
+because early stopping by held-out samples would test locations that the network was trained on. Sources: Rumelhart,
+Hinton and Williams, Nature 323 (1986); Kingma and Ba, Adam, ICLR 2015.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ WEIGHT_DECAY = 1e-2
 BATCH = 200
 FIRST_STEP = 2e-3
 STAGES = 10
-"""Number of stages in which Adam's step falls."""
+"""Number of stages in which Adam's step size is reduced."""
 
 
 def fit_network(
@@ -78,7 +78,7 @@ def fit_network(
 
 
 def _network(features: FloatArray, targets: FloatArray, epochs: int, seed: int, on_share: OnShare) -> Network:
-    """Train a network; returns its weights after `epochs` passes over the samples."""
+    """Train a network by `epochs` passes over the samples, and return its weights."""
     machine = MLPRegressor(
         hidden_layer_sizes=HIDDEN,
         alpha=WEIGHT_DECAY,
@@ -101,7 +101,7 @@ def _network(features: FloatArray, targets: FloatArray, epochs: int, seed: int, 
 
 
 def _fit(machine: MLPRegressor, features: FloatArray, targets: FloatArray) -> None:
-    """Run all passes of a stage; raise on Ctrl-C, as scikit-learn only warns and returns a half-trained network."""
+    """Run all passes of a stage; on Ctrl-C, raise `KeyboardInterrupt` instead of returning a half-trained network."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", ConvergenceWarning)  # the fixed number of passes is intended
         warnings.filterwarnings("error", "Training interrupted", UserWarning)

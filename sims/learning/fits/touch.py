@@ -5,33 +5,34 @@ Touch classifier
 It separates samples above the surface from samples at depth 0 or more, which count as touched. It is scikit-learn's
 LinearSVC: min ½ |w|² + C Σ max(0, 1 - y (w · s + b))², with the offset b counted as part of w. There are two settings:
 
-    plain   the paper's: it tunes its regression only, so C is scikit-learn's default of 1, and the readings
-            have one scale for all pairs, their median untouched signal
-    tuned   for trees and network: readings standardised pair by pair, C from a grid by the share of correct results
-            at held-out locations
+    plain   as in the paper, which tunes only the regression: C is scikit-learn's default of 1, and the readings of
+            all pairs are divided by one number, the median untouched signal
+    tuned   for trees and network: readings are standardised pair by pair, and C is the value of a grid with the
+            largest share of correct results at held-out locations
 
-The tuned one detects lighter touches (docs/how-to/train-learner.md has both tables). Neither setting is tuned for
-particular depths.
+The tuned setting detects lighter touches (docs/how-to/train-learner.md has tables for both). Neither setting is tuned
+for particular depths.
 
-The hinge loss does not limit false alarms. On pads of few pairs one plane may not separate the touches of all locations
-from the untouched frames. The plane then runs through the untouched frames, since touched samples are the majority. So
-both planes are shifted, if necessary, until at most `FALSE_ALARMS` of the untouched frames of a new set are expected to
-count as touched. The score of these frames has the variance
+The hinge loss does not limit false alarms. On pads with few pairs, a plane may not separate the touches at all
+locations from the untouched frames. The plane then runs through the untouched frames, since touched samples are the
+majority. So with either setting the plane is shifted, if necessary, until at most `FALSE_ALARMS` of the untouched
+frames of a new set are expected to count as touched. The score of these frames has the variance
 
     worst variance within a set + (1 + 1/sets) x variance between sets
 
 Between sets the gain of every emitter and every receiver changes. The standard deviation of these changes is estimated
-from the sets' mean untouched signals; the rest is independent for each pair. A single set gives no estimate.
+from the sets' mean untouched signals; other changes are independent for each pair. With a single set there is no
+estimate, and the variance between sets counts as 0.
 
 Scale of a model's own deviations
 ---------------------------------
-A learner is fitted without a share of the locations. Its estimates there are compared with the truth, by depth:
+A learner is first fitted without some of the locations. Its estimates there are compared with the truth, by depth:
 
     factor = rms(error) / rms(raw spread)
 
-as a table over depth (`SigmaTable`). The final model is fitted with all locations and has this table. A held-out
-location is a grid step from the nearest trained one, but a random press only part of a step. So the table overestimates
-the errors a little.
+as a table over depth (`SigmaTable`). The final model is fitted with all locations and uses this table. A held-out
+location is a grid step from the nearest trained one, but a random press is only part of a step away. So the table
+overestimates the errors slightly.
 """
 
 from __future__ import annotations
@@ -66,18 +67,18 @@ COSTS = (0.01, 0.1, 1.0, 10.0)
 """Values of C that the tuned setting tries."""
 MOST_SAMPLES = 40_000
 SHARE_HELD_OUT = 0.5
-"""Share of the training data that is held out for tuning, as in the paper."""
+"""Share of the training data that is held out for tuning, as in the paper [-]."""
 MOST_ITERATIONS = 2_000
 FALSE_ALARMS = 0.01
-"""Expected share of a new set's untouched frames that may be classified as touched; the same as for a signal map."""
+"""Expected share of a new set's untouched frames that may count as touched [-]; the same as for a signal map."""
 FEWEST_OF_SET = 10
-"""Least number of untouched frames that a set needs for an estimate of their variance."""
+"""Least number of untouched frames in a set for an estimate of their variance."""
 
 
 def fit_plain_touch(
     data: TrainingData, rng: np.random.Generator, most_samples: int
 ) -> tuple[TouchSvm, dict[str, Any]]:
-    """Fit the classifier with the paper's setting; also returns figures of the fit for the model's header."""
+    """Fit the classifier with the paper's setting; also return figures on the fit for the model's header."""
     chosen = _chosen(data, rng, most_samples)
     untouched = float(np.median(np.abs(data.untouched_counts[data.kept])))
     plain = counts_scaling(data.kept)
@@ -92,7 +93,7 @@ def fit_plain_touch(
 def fit_tuned_touch(
     data: TrainingData, rng: np.random.Generator, most_samples: int
 ) -> tuple[TouchSvm, dict[str, Any]]:
-    """Fit the classifier with C tuned at held-out locations; also returns figures of the fit for the model's header."""
+    """Fit the classifier with C tuned at held-out locations; also return figures on the fit for the model's header."""
     chosen = _chosen(data, rng, most_samples)
     scaling = standard_scaling(data.kept, data.signals[chosen])
     features, labels = scaling.features(data.signals[chosen]), data.is_touched[chosen]
@@ -112,13 +113,13 @@ def fit_tuned_touch(
 
 
 def with_few_false_alarms(plane: TouchSvm, data: TrainingData) -> tuple[TouchSvm, dict[str, Any]]:
-    """Shift a classifier's plane if a new set would have too many false alarms; also returns the shift [-]."""
+    """Shift a classifier's plane if a new set would have too many false alarms; also return the shift [-]."""
     moved = max(untouched_limit(plane, data), 0.0)
     return replace(plane, bias=plane.bias - moved), {"touch_moved": moved}
 
 
 def untouched_limit(plane: TouchSvm, data: TrainingData) -> float:
-    """Score that a share `FALSE_ALARMS` of a new set's untouched frames is expected to exceed [-]."""
+    """Score that `FALSE_ALARMS` of a new set's untouched frames are expected to exceed [-]."""
     quiet = np.flatnonzero(data.press_mm[:, 2] <= CLEARLY_UNTOUCHED_MM)
     if len(quiet) < FEWEST_OF_SET:
         quiet = np.flatnonzero(~data.is_touched)
@@ -133,11 +134,11 @@ def untouched_limit(plane: TouchSvm, data: TrainingData) -> float:
 
 
 def _variance_between(plane: TouchSvm, means: FloatArray, emitters: int) -> float:
-    """Variance from set to set of the score of untouched frames [-].
+    """Variance of the score of untouched frames from set to set [-]; 0 if there is only one set.
 
     Parameters
     ----------
-    means : (set, pair) mean untouched signals of each set, receivers of the first emitter first [counts]
+    means : (set, pair) mean untouched signals of each set, in the order E1-R1, E1-R2, ... [counts]
     """
     if len(means) < 2:
         return 0.0
@@ -169,7 +170,7 @@ def _plane(machine: LinearSVC, scaling: FeatureScaling) -> TouchSvm:
 
 
 def _fitted(features: FloatArray, labels: BoolArray, cost: float) -> tuple[LinearSVC, bool]:
-    """A fitted support vector machine, and whether its solver converged."""
+    """Fit a support vector machine; return it, and whether its solver converged."""
     machine = LinearSVC(C=cost, dual=False, max_iter=MOST_ITERATIONS)
     with warnings.catch_warnings():
         warnings.simplefilter("error", ConvergenceWarning)
@@ -183,12 +184,12 @@ def _fitted(features: FloatArray, labels: BoolArray, cost: float) -> tuple[Linea
 
 
 BINS = 10
-"""Number of bins of the estimated depth, with equal numbers of samples."""
+"""Number of depth bins of the table; each has the same number of samples."""
 LEAST_FACTOR = 1e-3
 
 
 class KnowsSpread(Protocol):
-    """A model that estimates presses and reports a raw deviation (the spread of its members)."""
+    """A model that estimates presses and a raw deviation for each, such as the spread over the trees of a forest."""
 
     def press_and_spread_mm(self, signals: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Presses (n, 3) and their raw deviations (n, 3) for signals (n, pair) [mm]."""
@@ -196,7 +197,7 @@ class KnowsSpread(Protocol):
 
 
 def trust_of(model: KnowsSpread, samples: PressSamples) -> tuple[SigmaTable, dict[str, float]]:
-    """Deviation factors and figures for the header, of a model that was fitted without the held-out samples."""
+    """Deviation factors and figures for the header, from a model that was fitted without the held-out samples."""
     held_out = samples.is_held_out
     press_mm = samples.press_mm[held_out]
     told_mm, spread_mm = model.press_and_spread_mm(samples.signals[held_out])
@@ -206,13 +207,13 @@ def trust_of(model: KnowsSpread, samples: PressSamples) -> tuple[SigmaTable, dic
 def sigma_table(
     told_mm: FloatArray, spread_mm: FloatArray, press_mm: FloatArray, bins: int = BINS
 ) -> SigmaTable:
-    """Factors from raw deviations to errors, by estimated depth, from held-out samples.
+    """Factors by estimated depth from raw deviations to errors, measured on held-out samples.
 
     Parameters
     ----------
-    told_mm, spread_mm : (n, 3) estimates of the model, and their raw deviations, which are above 0 [mm]
-    press_mm : (n, 3) true presses [mm]
-    bins : number of bins of depth, with equal numbers of samples
+    told_mm, spread_mm : (n, 3) the model's estimates of x, y, depth and their raw deviations, which are above 0 [mm]
+    press_mm : (n, 3) true x, y, depth [mm]
+    bins : number of depth bins, with equal numbers of samples
     """
     order = np.argsort(told_mm[:, 2], kind="stable")
     parts = [part for part in np.array_split(order, bins) if len(part)]

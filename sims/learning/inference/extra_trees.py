@@ -1,9 +1,9 @@
 """Estimate (x, y, depth) with a forest of regression trees, stored as flat arrays.
 
-A node means: if its feature is at most `threshold`, go to the next node, otherwise to node `other`. A leaf has the
-feature -1, and `other` is its row of `leaf_mm`. The result is the mean over the trees' leaves; the spread over the
-trees is the raw deviation. All trees descend one level at a time together. Source: Geurts, Ernst and Wehenkel,
-Extremely randomized trees, Machine Learning 63 (2006).
+At each node, if the node's feature is at most `threshold`, go to the next node, otherwise to node `other`. A leaf has
+the feature -1, and its `other` is an index into `leaf_mm`. The estimate is the mean over the trees' leaves; the spread
+over the trees is the raw deviation. All trees are descended together, one step at a time. Source: Geurts, Ernst and
+Wehenkel, Extremely randomized trees, Machine Learning 63 (2006).
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from sims.learning.inference.trusted_model import TrustedModel
 
 FRAMES_AT_ONCE = 1_000
 LEAST_SPREAD_MM = 0.05
-"""Least raw deviation [mm]: trees that all end at samples of one location agree exactly, but are not exact."""
+"""Least raw deviation [mm]: trees that all end at samples of one location agree exactly, but still have errors."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -36,7 +36,7 @@ class Forest:
     roots : (tree,) number of each tree's first node
     feature : (node,) feature of the split; -1 at a leaf
     threshold : (node,) threshold of the split, in units of the feature
-    other : (node,) node to go to above the threshold; at a leaf, its row of `leaf_mm`
+    other : (node,) next node if the feature is above the threshold; at a leaf, its index in `leaf_mm`
     leaf_mm : (leaf, 3) estimated x, y, depth [mm]
     """
 
@@ -47,7 +47,7 @@ class Forest:
     leaf_mm: NDArray[np.float32]
 
     def leaves_mm(self, features: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Estimates (n, tree, 3) of each tree for features (n, feature) [mm]."""
+        """Each tree's estimates of x, y, depth (n, tree, 3) [mm] from features (n, feature)."""
         node = np.broadcast_to(self.roots, (len(features), len(self.roots))).copy()
         row = np.arange(len(features))[:, None]
         while True:
@@ -71,19 +71,19 @@ class Forest:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ExtraTreesModel(TrustedModel):
-    """A touch classifier, and a forest of trees that estimates x, y, depth with their deviations.
+    """A touch classifier, and a forest of trees that estimates x, y, depth and their deviations.
 
     Attributes
     ----------
-    forest : the trees; the other attributes are those of every `TrustedModel`
+    forest : the trees; `TrustedModel` has the other attributes
     """
 
     forest: Forest
 
     def press_and_spread_mm(self, signals: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Mean (n, 3) over the trees and raw deviation (n, 3) [mm].
+        """Mean x, y, depth (n, 3) over the trees, and their raw deviations (n, 3) [mm].
 
-        The deviation is that over the trees, with `LEAST_SPREAD_MM` added in quadrature.
+        The raw deviation is the standard deviation over the trees, with `LEAST_SPREAD_MM` added in quadrature.
         """
         features = self.scaling.features(signals).astype(np.float32)
         press_mm, spread_mm = np.empty((2, len(features), 3))
@@ -99,7 +99,7 @@ class ExtraTreesModel(TrustedModel):
 
 
 def extra_trees_of_arrays(header: ModelHeader, arrays: Arrays) -> ExtraTreesModel:
-    """The model from the arrays of `ExtraTreesModel.arrays`; raises `InputError` if they are inconsistent."""
+    """Make the model from its header and arrays in a file; raises `InputError` if the arrays are inconsistent."""
     pairs = len(header.untouched_counts)
     scaling = scaling_of_arrays(arrays, "trees", pairs)
     return ExtraTreesModel(
@@ -112,7 +112,7 @@ def extra_trees_of_arrays(header: ModelHeader, arrays: Arrays) -> ExtraTreesMode
 
 
 def _forest(arrays: Arrays, features: int) -> Forest:
-    """A forest from a file's arrays, checked so that every path ends: each step goes to a later node."""
+    """A forest from a file's arrays. Every step must go to a later node, so that every path ends."""
     feature = taken_whole(arrays, "forest_feature", (None,))
     other = taken_whole(arrays, "forest_other", feature.shape)
     roots = taken_whole(arrays, "forest_roots", (None,))

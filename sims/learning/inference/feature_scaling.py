@@ -2,9 +2,10 @@
 
     feature = (counts - centre) / scale
 
-There are three kinds of scaling (docs/how-to/train-learner.md has that of each learner):
+There are three scalings (docs/how-to/train-learner.md says which learner uses which):
 
-* `counts`: centre 0 and one common scale, so that distances are those of the readings.
+* `counts`: centre 0 and one common scale, so that distances between features are proportional to those between
+  readings.
 * `standard`: each pair's mean and standard deviation over the training samples.
 * `untouched`: each pair's mean and its spread over the training samples, at least the reading noise, so that the noise
   of weak pairs is not amplified.
@@ -29,7 +30,7 @@ class FeatureScaling:
 
     Attributes
     ----------
-    kept : (feature,) indices of the pairs that are used, in the order of a frame
+    kept : (feature,) indices in a frame of the pairs that are used
     centre, scale : (feature,) offset and divisor of each feature [counts]
     """
 
@@ -42,7 +43,7 @@ class FeatureScaling:
         return np.asarray((signals[:, self.kept] - self.centre) / self.scale)
 
     def arrays(self, prefix: str) -> dict[str, NDArray[np.generic]]:
-        """The scaling's arrays for a model file, by names that start with `prefix`."""
+        """The scaling's arrays for a model file, by name; all names start with `prefix`."""
         return {
             f"{prefix}_kept": self.kept.astype(np.int32),
             f"{prefix}_centre": self.centre,
@@ -51,12 +52,12 @@ class FeatureScaling:
 
 
 def scaling_of_arrays(arrays: Arrays, prefix: str, pairs: int) -> FeatureScaling:
-    """The scaling from the arrays that `FeatureScaling.arrays` returned.
+    """Make the scaling from its arrays in a model file.
 
     Parameters
     ----------
     arrays : arrays of the file by name
-    prefix : start of the names of the three arrays
+    prefix : common start of the names of the three arrays
     pairs : number of pairs in a frame
 
     Raises

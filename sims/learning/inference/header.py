@@ -23,7 +23,7 @@ class ForceCurve:
 
     Attributes
     ----------
-    depth_mm : depths rising from 0 [mm]
+    depth_mm : increasing depths, the first of them 0 [mm]
     force_n : force at these depths [N]
     """
 
@@ -41,12 +41,12 @@ class ModelHeader:
 
     Attributes
     ----------
-    kind : name of the kind of model, which is also that of the learner that trained it
-    design_digest : digest of the design whose sensor gave the data; None if unknown
+    kind : kind of model, named after the learner that trained it
+    design_digest : digest of the design of the sensor that recorded the training data; None if unknown
     emitter_names, receiver_names : names of the components; features are in the order E1-R1, E1-R2, ...
     untouched_counts : (pair,) mean signals of the training frames without contact, to detect drift [counts]
-    trained_on : facts on the training data: data sets, numbers of samples and locations, data left out
-    settings : settings that were given to the fit or chosen by it
+    trained_on : facts about the training data: data sets, numbers of samples and locations, data left out
+    settings : settings of the fit, both given and chosen by it
     created_with : versions of the software that trained the model
     force_curve : force against depth; None if the design was not available
     """
@@ -123,11 +123,11 @@ def header_of_json(document: Any) -> ModelHeader:
 
 
 def require_design(header: ModelHeader, design_digest: str) -> None:
-    """Refuse a model of another design; a model without a digest is accepted.
+    """Check that a model was trained for this design; a model without a digest is accepted.
 
     Raises
     ------
-    InputError : the designs differ; the message has both digests and the remedy.
+    InputError : the designs differ; the message has both digests and says what to do.
     """
     if header.design_digest is not None and header.design_digest != design_digest:
         raise InputError(

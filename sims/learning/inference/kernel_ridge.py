@@ -3,7 +3,7 @@
     f(s) = m + Σ_i a_i exp(-γ |s - s_i|₁)        sum over the kept training samples s_i
 
 with features s, mean press m, weights a_i, and |.|₁ the sum of absolute differences. The samples are stored in single
-precision, because a frame is compared with each of them, and reading them from memory takes most of the time.
+precision because a frame is compared with each of them, and reading them from memory takes most of the time.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from sims.learning.inference.touch_svm import TouchSvm, touch_svm_of_arrays
 Float32Array = NDArray[np.float32]
 
 BLOCK = 512
-"""Number of stored samples that are compared at once: their differences fit into the processor's cache."""
+"""Number of stored samples that are compared with a frame at once: their differences fit into the processor's cache."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -39,7 +39,7 @@ class KernelRidgeModel:
     samples : (kept, feature) features of the stored training samples [-]
     weights : (kept, 3) weights of each stored sample for x, y, depth [mm]
     mean_mm : (3,) mean press of the training samples [mm]
-    gamma : γ of the kernel, per unit of L1 distance of features [-]
+    gamma : γ of the kernel, per unit of L1 distance between features [-]
     """
 
     header: ModelHeader
@@ -90,7 +90,7 @@ def l1_distances(samples: Float32Array, feature: Float32Array) -> Float32Array:
 
 
 def kernel_ridge_of_arrays(header: ModelHeader, arrays: Arrays) -> KernelRidgeModel:
-    """The model from the arrays of `KernelRidgeModel.arrays`; raises `InputError` if they are inconsistent."""
+    """Make the model from its header and arrays in a file; raises `InputError` if the arrays are inconsistent."""
     pairs = len(header.untouched_counts)
     scaling = scaling_of_arrays(arrays, "ridge", pairs)
     samples = taken(arrays, "ridge_samples", (None, len(scaling.kept)))

@@ -2,7 +2,7 @@
 
 The archive (.npz, a zip file) holds an array `header` (the JSON text's UTF-8 bytes), the arrays of the model, and
 `sha256`, the 32 bytes of a checksum over header and arrays: names, types, shapes and contents, in the order of the
-names. Reading executes nothing in the file. It is written completely or not at all.
+names. Reading a file executes nothing in it. A file is written completely or not at all.
 
 `KINDS` lists the kinds of models.
 """
@@ -35,12 +35,12 @@ KINDS: dict[str, Callable[[ModelHeader, Arrays], TouchModel]] = {
     "network": network_of_arrays,
     "signal-map": signal_map_of_arrays,
 }
-"""Constructors of models from header and arrays, by kind; they raise `InputError` if the arrays are inconsistent."""
+"""Constructor of each kind of model from header and arrays; raises `InputError` if they are inconsistent."""
 
 NEEDED = "a model (.optomodel), which `optopad train` writes"
 MOST_BYTES = 400_000_000
-"""Largest accepted size of the unpacked arrays [bytes]: twice that of a kernel-ridge model with 49,000 samples of 1,024
-pairs.
+"""Largest accepted size of the unpacked arrays [bytes]: twice the size of a kernel-ridge model with 49,000 samples of
+1,024 pairs.
 """
 _HEADER, _CHECKSUM = "header", "sha256"
 
@@ -83,7 +83,7 @@ def load_model(file: str | os.PathLike[str]) -> TouchModel:
 
 
 def _read(path: Path) -> dict[str, NDArray[Any]]:
-    """The arrays of a file, except for its checksum, which is checked."""
+    """Read a file and check its checksum; return its other arrays."""
     if not path.is_file():
         what = "a folder" if path.is_dir() else "no such file"
         raise InputError(f"{path}: {what}; needs {NEEDED}")

@@ -2,7 +2,7 @@
 
     h_0 = features;  h_k = act(h_{k-1} W_k + b_k);  (x, y, depth) = mean + scale × (h_{n-1} W_n + b_n)
 
-The activation `act` is the rectifier or the hyperbolic tangent. Several networks that differ by their random start form
+The activation `act` is the rectifier or the hyperbolic tangent. Several networks that differ in their random start form
 an ensemble: their mean is the estimate. The raw deviation is 1 mm for every frame.
 """
 
@@ -51,11 +51,11 @@ class Network:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class NetworkModel(TrustedModel):
-    """A touch classifier, and neural networks that estimate x, y, depth with their deviations.
+    """A touch classifier, and neural networks that estimate x, y, depth and their deviations.
 
     Attributes
     ----------
-    networks : networks of the ensemble; attributes not listed here are those of every `TrustedModel`
+    networks : networks of the ensemble; `TrustedModel` has the attributes not listed here
     mean_mm, scale_mm : (3,) offset and scale of the networks' outputs [mm]
     """
 
@@ -64,7 +64,7 @@ class NetworkModel(TrustedModel):
     scale_mm: FloatArray
 
     def press_and_spread_mm(self, signals: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Mean over the networks (n, 3) [mm], and a raw deviation (n, 3) of 1 mm everywhere."""
+        """Mean x, y, depth (n, 3) over the networks, and raw deviations (n, 3) of 1 mm throughout [mm]."""
         features = self.scaling.features(signals).astype(np.float32)
         said = np.mean([one.outputs(features) for one in self.networks], axis=0, dtype=np.float64)
         press_mm = np.asarray(self.mean_mm + said * self.scale_mm)
@@ -94,7 +94,7 @@ class NetworkModel(TrustedModel):
 
 
 def network_of_arrays(header: ModelHeader, arrays: Arrays) -> NetworkModel:
-    """The model from the arrays of `NetworkModel.arrays`; raises `InputError` if they are inconsistent."""
+    """Make the model from its header and arrays in a file; raises `InputError` if the arrays are inconsistent."""
     pairs = len(header.untouched_counts)
     scaling = scaling_of_arrays(arrays, "network", pairs)
     count, layers = (int(number) for number in taken(arrays, "network_shape", (2,)))
@@ -118,7 +118,7 @@ def network_of_arrays(header: ModelHeader, arrays: Arrays) -> NetworkModel:
 
 
 def _network(arrays: Arrays, number: int, layers: int, inputs: int, activation: str) -> Network:
-    """One network from a file's arrays, checked: consecutive layers must fit, and there must be three outputs."""
+    """One network from a file's arrays. Consecutive layers must fit together; the last must have three outputs."""
     weights: list[NDArray[np.float32]] = []
     biases: list[NDArray[np.float32]] = []
     for layer in range(layers):

@@ -1,4 +1,4 @@
-"""A model's predictions for frames: touch, location, depth, their deviations, force."""
+"""A model's predictions for frames: touch, location and depth with their deviations, force."""
 
 from __future__ import annotations
 
@@ -14,12 +14,14 @@ class Prediction:
     Attributes
     ----------
     is_touched : (n,) whether the model detects a touch
-    touch_score : (n,) score of this decision [-]: touch above 0, the more certain the higher; not a probability
+    touch_score : (n,) score of this decision [-]. Above 0 there is touch; the higher the score, the more certain. It is
+        not a probability
     press_mm : (n, 3) x, y, depth [mm]; given for every frame, but meaningful only if there is touch
     sigma_mm : (n, 3) standard deviations of `press_mm` [mm]; NaN if the model has none. For a signal map they refer to
-        the tip's true position, for other models to the position that the stage reports; `sigma_of` in the header's
-        settings states which
-    force_n : (n,) force from the force curve of the model's header [N], 0 without touch; None if there is no such curve
+        the tip's true position, for other models to the position that the stage reports. `sigma_of` in the header's
+        settings says which of the two
+    force_n : (n,) force from the force curve in the model's header [N], 0 without touch. None if the header has no
+        force curve
     """
 
     is_touched: BoolArray

@@ -1,11 +1,11 @@
-"""Factors that scale a model's raw deviation to its real error, by depth.
+"""Factors by depth that scale a model's raw deviation to its real error.
 
 They are measured at locations on which the model was not trained:
 
     sigma = raw sigma × factor(estimated depth)
 
-Factors are linear in depth between the table's depths, and constant outside. A model without its own spread has a raw
-deviation of 1 mm, so the factor is its error in mm.
+Factors are interpolated linearly between the table's depths, and constant outside them. A model that does not estimate
+a spread has a raw deviation of 1 mm, so the factor is its error in mm.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ class SigmaTable:
     factor: FloatArray
 
     def sigma_mm(self, depth_mm: FloatArray, raw_mm: FloatArray) -> FloatArray:
-        """Standard deviations (n, 3) [mm], from raw ones (n, 3) [mm] at estimated depths (n,) [mm]."""
+        """Standard deviations (n, 3) [mm] from raw deviations (n, 3) [mm] at estimated depths (n,) [mm]."""
         factors = [np.interp(depth_mm, self.depth_mm, column) for column in self.factor.T]
         return np.asarray(raw_mm * np.stack(factors, axis=1))
 
@@ -44,11 +44,11 @@ class SigmaTable:
 
 
 UNIT_SIGMA = SigmaTable(depth_mm=np.zeros(1), factor=np.ones((1, 3)))
-"""Table of factors 1, for a model whose factors were not measured."""
+"""Table with factors of 1, for a model whose factors were not measured."""
 
 
 def sigma_table_of_arrays(arrays: Arrays) -> SigmaTable:
-    """The table from the arrays that `SigmaTable.arrays` returned; raises `InputError` if they are inconsistent."""
+    """Make the table from its arrays in a model file; raises `InputError` if they are inconsistent."""
     depth_mm = taken(arrays, "sigma_depth_mm", (None,))
     factor = taken(arrays, "sigma_factor", (len(depth_mm), 3))
     if not len(depth_mm) or (np.diff(depth_mm) <= 0.0).any() or factor.min() < 0.0:

@@ -19,15 +19,16 @@ Signals y of all pairs (lit reading minus the off state) have the covariance
 
     C = V + G Gᵀ,   V = diag (floor² + shot y + (relative y)²),   G = [δₑ y by emitter | δᵣ y by receiver]
 
-V is independent noise of every reading (electronics and rounding of both readings, photons, other noise that grows with
-the signal, the map's own error). G has a column for the gain of each emitter and of each receiver, with uncertainty δ:
-an LED's fluctuation from frame to frame, and drift since the untouched signals were taken. Marginalising over a normal
-prior of the gains adds G Gᵀ (Rasmussen and Williams 2006, eq. 2.40). So
+V is the independent noise of every reading (electronics and rounding of both readings, photons, other noise that grows
+with the signal, the signal map's own error). G has a column for the gain of each emitter and of each receiver, with
+uncertainty δ: an LED's fluctuation from frame to frame, and drift since the untouched signals were taken. Marginalising
+over a normal prior of the gains adds G Gᵀ (Rasmussen and Williams 2006, eq. 2.40). So
 
     aᵀC⁻¹b = aᵀWb - (Ha)ᵀ(Hb),   W = V⁻¹,   H = L⁻¹GᵀW,   LLᵀ = 1 + GᵀWG        (Woodbury)
 
-with the measured signals instead of their means. There is one factorisation per frame, the same for every press that is
-tried, so that likelihoods of all presses, and of no press, can be compared. A reading at full scale has the weight 0.
+with the measured signals instead of their means. There is one factorisation per frame, used for every press that is
+tried, so that the likelihoods of all presses, and of no press, can be compared. A reading at full scale has the weight
+0.
 
 Left out: the log-determinant's change with the press, drift of the off state, other errors that pairs share.
 
@@ -38,9 +39,9 @@ the residual in C⁻¹, which is minus twice the log-likelihood except for a con
 
     χ²(θ) = (y - m)ᵀ C⁻¹ (y - m),      step: (A + λ diag A) Δ = g,   A = JᵀC⁻¹J,   g = JᵀC⁻¹(y - m)
 
-(Levenberg 1944, Marquardt 1963; J by the spline). It starts at the best press of a coarse table, and at the best ones
-elsewhere, and remains inside a box: a coordinate at the border does not move beyond it. At the end A⁻¹ is the
-covariance of the press, with the gains marginalised. Pairs whose residual is still beyond `OUTLIER` deviations get
+(Levenberg 1944, Marquardt 1963; J by the spline). It starts at the best press of a coarse table, and also at the best
+presses of other areas. It remains inside a box: a coordinate at the border does not move beyond it. At the end, A⁻¹ is
+the covariance of the press, with the gains marginalised. Pairs whose residual is still beyond `OUTLIER` deviations get
 Huber's weights, and the search continues from there, so that a reading that the model does not explain moves the press
 less.
 
@@ -57,9 +58,9 @@ under the same noise and with the same unknown gains:
 
     score = ½ (χ²(no press) - χ²(best press)) - threshold
 
-Untouched training frames rarely exceed the threshold. `sigma_mm` is for the tip's position from one frame. It is the
-curvature of χ² there, times a factor by depth (`sigma_table`), since the map's own error grows with depth, but is in
-the noise as an average over depths. Errors of the stage, and of contact and light model, are not included.
+Untouched training frames rarely exceed the threshold. `sigma_mm` is for the tip's position from one frame. It follows
+from the curvature of χ² there, times a factor by depth (`sigma_table`): the map's own error grows with depth, but is
+included in the noise as an average over depths. Errors of the stage, and of contact and light model, are not included.
 """
 
 from __future__ import annotations
@@ -79,11 +80,11 @@ from sims.learning.inference.sigma_table import UNIT_SIGMA, SigmaTable, sigma_ta
 from sims.learning.inference.touch_model import Arrays, checked_signals, prediction_of, taken
 
 CHUNK = 256
-"""Number of points that are evaluated at once: 64 coefficients of every pair each, 4 MB with 64 pairs."""
+"""Number of points that are evaluated at once: each needs 64 coefficients for every pair, 4 MB in all for 64 pairs."""
 FEWEST_NODES = 5
-"""Least number of nodes along an axis: the condition at an end of the spline needs five coefficients."""
+"""Least number of nodes along an axis: the "not a knot" condition at an end of the spline needs five coefficients."""
 SMALLEST_ROOT = 1e-3
-"""Smallest √depth used in the slope by depth [√mm]: (df/ds) / 2s has a limit at 0, but is 0/0 there."""
+"""Smallest s = √depth used for the slope by depth [√mm]: (df/ds) / 2s has a limit at 0, but is 0/0 there."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -92,8 +93,8 @@ class TensorSpline:
 
     Attributes
     ----------
-    coefficients : (nx + 2, ny + 2, ns + 2, pair) coefficients of the B-splines over x, y, s = √depth, in the unit of
-        the signals
+    coefficients : (nx + 2, ny + 2, ns + 2, pair) coefficients of the B-splines over x, y, s = √depth, in the signals'
+        unit
     start : (3,) first node of x [mm], y [mm] and √depth [√mm]
     step : (3,) distance between nodes, in the same units
     """
@@ -195,7 +196,7 @@ def _solver(count: int, is_flat_at_start: bool) -> FloatArray:
 
 
 def _weights(t: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Values and slopes (n, 3, 4) of the four B-splines that reach each position `t` (n, 3) in a cell, 0 to 1."""
+    """Values and slopes (n, 3, 4) of the four B-splines that reach a position `t` (n, 3), 0 to 1, in a cell."""
     value, slope = np.empty((*t.shape, 4)), np.empty((*t.shape, 4))
     u, t2 = 1.0 - t, t * t
     u2 = u * u
@@ -219,7 +220,7 @@ def _products(weights: FloatArray) -> FloatArray:
 
 @cache
 def _offsets(across: int, along: int) -> IntArray:
-    """Offsets (64,), in the flattened coefficients, of a cell's 64 coefficients from its first one."""
+    """Offsets (64,) of a cell's 64 coefficients from its first one, in the flattened array of coefficients."""
     i, j, k = np.meshgrid(np.arange(4), np.arange(4), np.arange(4), indexing="ij")
     return ((i * across + j) * along + k).ravel()
 
@@ -235,8 +236,8 @@ class ReadingNoise:
     Attributes
     ----------
     floor_counts : (pair,) standard deviation of a signal without light [counts]
-    shot : variance of the shot noise over the signal [counts]
-    relative : further noise over the signal, independent for each pair [-]
+    shot : variance of the shot noise, divided by the signal [counts]
+    relative : standard deviation of further noise, divided by the signal; independent for each pair [-]
     emitter_drift, receiver_drift : relative standard deviation of a gain, independent for each component [-]
     emitters : number of emitters; pairs are in the order E1-R1, E1-R2, ...
     clip_counts : (pair,) signal above which the converter clips [counts]; infinite if unknown
@@ -256,7 +257,7 @@ class ReadingNoise:
         return len(self.floor_counts) // self.emitters
 
     def variance(self, signals: FloatArray) -> FloatArray:
-        """Variance (n, pair) of each signal by independent noise, without gains [counts²]."""
+        """Variance (n, pair) of each signal due to independent noise, without the gains [counts²]."""
         shot = self.shot * np.maximum(signals, 0.0)
         return np.asarray(self.floor_counts**2 + shot + (self.relative * signals) ** 2)
 
@@ -267,7 +268,7 @@ class ReadingNoise:
         return np.concatenate([by_emitter, by_receiver]) * signals[:, None, :]
 
     def seen_in(self, signals: FloatArray) -> Whitening:
-        """The inverse covariance of frames (n, pair), prepared for products."""
+        """The inverse covariance of frames `signals` (n, pair), in the form used for products."""
         variance = self.variance(signals)
         is_clipped = signals >= self.clip_counts - CLIP_MARGIN * np.sqrt(variance)
         return whitening(np.where(is_clipped, 0.0, 1.0 / variance), self.gain_columns(signals))
@@ -298,7 +299,7 @@ class Whitening:
         return Whitening(weight=self.weight[rows], gains=self.gains[rows], shared=self.shared[rows])
 
     def own_deviations(self, residual: FloatArray) -> FloatArray:
-        """Residuals (n, pair) minus the part that gains explain, over each pair's own standard deviation [-]."""
+        """Residuals (n, pair) minus the part that gains explain, divided by each pair's own standard deviation [-]."""
         shared = (self.shared @ residual[:, :, None])[:, :, 0]
         factor = _factor(self.weight, self.gains)
         gains = np.linalg.solve(np.swapaxes(factor, 1, 2), shared[:, :, None])[:, :, 0]
@@ -328,22 +329,23 @@ Answers = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
 
 STARTS = 3
 ELSEWHERE_MM = 3.0
-"""Least distance between two starts of the search in x and y [mm]."""
+"""Least distance in x and y between two starts of the search [mm]."""
 STEPS = 9
 AFTER_STEPS = 4
-"""Most steps of the search from each start, and most further steps with Huber's weights."""
+"""Largest number of search steps with Huber's weights, which follow at most `STEPS` steps from each start."""
 MOST_PRODUCTS, MOST_ROWS = 250_000, 40
-"""A block of the table of starts times this many rows makes fewer than 262,144 products. From that size on OpenBLAS
-splits a product of matrices among threads. For one frame this gains nothing, and costs milliseconds on busy cores.
+"""Blocks of the table of starts are small enough that multiplying one by `MOST_ROWS` rows takes at most `MOST_PRODUCTS`
+products. From 262,144 products on, OpenBLAS splits a product of matrices among threads, which gains nothing for one
+frame and costs milliseconds on busy cores.
 """
 DONE_MM = 1e-3
-"""Step at which the search ends [mm]: far below the noise of any frame."""
+"""The search ends at steps shorter than this [mm], which is far below the noise of any frame."""
 DONE_SQUARE = 0.02
-"""Gain of a step in χ² at which the search ends: about a tenth of a standard deviation of the press."""
+"""The search ends when a step lowers χ² by less than this: about a tenth of a standard deviation of the press."""
 FIRST_DAMPING = 1e-2
 FACTOR = 6.0
 OUTLIER = 4.0
-"""Deviation of a pair's signal, in its own standard deviations, above which the pair loses weight [-]."""
+"""Residual of a pair, in its own standard deviations, above which its weight is reduced [-]."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -355,7 +357,7 @@ class Box:
 
     @property
     def prior_information(self) -> FloatArray:
-        """Inverse covariance (3, 3) of a uniform prior in the box [1/mm²], which limits the covariance without data."""
+        """Inverse covariance (3, 3) of a uniform prior in the box [1/mm²]; it limits the covariance without data."""
         return np.asarray(np.diag(12.0 / (self.high - self.low) ** 2))
 
 
@@ -367,8 +369,8 @@ class Found:
     ----------
     press_mm : (n, 3) x, y, depth [mm]
     covariance : (n, 3, 3) covariance of x, y, depth [mm²]
-    square : (n,) χ² of this press, see the module docstring [-]
-    untouched_square : (n,) χ² without any press, with the same weights [-]
+    square : (n,) χ² of this press (see the module docstring) [-]
+    untouched_square : (n,) χ² of no press, with the same weights [-]
     """
 
     press_mm: FloatArray
@@ -385,7 +387,7 @@ class CoarseTable:
     signals: FloatArray
 
     def starts(self, signals: FloatArray, seen: Whitening) -> FloatArray:
-        """Presses to start from (n, STARTS, 3): the best of the table for each frame, then the best far from it."""
+        """Presses to start from (n, STARTS, 3): the table's best for each frame, then the best far from those."""
         square = self._squares(signals, seen)
         chosen = []
         for _ in range(STARTS):
@@ -397,7 +399,7 @@ class CoarseTable:
 
     @cached_property
     def _blocks(self) -> tuple[tuple[NDArray[np.float32], NDArray[np.float32]], ...]:
-        """Signals (pair, few) of the table and their squares, in blocks of few presses; single precision is enough."""
+        """Signals (pair, press) of the table and their squares, in blocks of a few presses and in single precision."""
         by_pair = np.asarray(self.signals.T, dtype=np.float32)
         few = max(MOST_PRODUCTS // (by_pair.shape[0] * MOST_ROWS), 1)
         parts = (by_pair[:, start : start + few] for start in range(0, by_pair.shape[1], few))
@@ -424,7 +426,7 @@ def found_presses(
     untouched: FloatArray,
     seen: Whitening,
 ) -> Found:
-    """Find the press that explains each frame best.
+    """Find the press that best explains each frame.
 
     Parameters
     ----------
@@ -459,18 +461,18 @@ def found_presses(
 
 @dataclass(frozen=True, eq=False)
 class _Place:
-    """State of the search: presses (n, 3), their χ² (n,), and A (n, 3, 3), the information on them."""
+    """State of the search: presses (n, 3), their χ² (n,), and their Fisher information A (n, 3, 3)."""
 
     press: FloatArray
     square: FloatArray
     matrix: FloatArray
 
     def of(self, rows: NDArray[np.intp]) -> _Place:
-        """The state of some of the frames."""
+        """The state of the search for some of the frames."""
         return _Place(self.press[rows], self.square[rows], self.matrix[rows])
 
     def replaced(self, rows: NDArray[np.intp], other: _Place) -> _Place:
-        """The state with the presses of some frames replaced by those of `other`."""
+        """The state of the search, with the presses of some frames taken from `other`."""
         merged = [one.copy() for one in (self.press, self.square, self.matrix)]
         for one, new in zip(merged, (other.press, other.square, other.matrix), strict=True):
             one[rows] = new
@@ -508,7 +510,7 @@ class _Search:
         return _Place(press, square, matrix)
 
     def _normal(self, press: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """χ² (n,), A (n, 3, 3) and g (n, 3) of the normal equations, at given presses (n, 3)."""
+        """χ² (n,), and A (n, 3, 3) and g (n, 3) of the normal equations, at given presses (n, 3)."""
         mean, slopes = self.answers(press)
         residual = self.signals - mean
         weighted = slopes * self.seen.weight[:, None, :]
@@ -536,29 +538,29 @@ class _Search:
 
 KIND = "signal-map"
 FRAMES_AT_ONCE = 200
-"""Number of frames that are searched in parallel, so that arrays do not exceed a few megabytes."""
+"""Number of frames processed in parallel, small enough that arrays do not exceed a few megabytes."""
 TABLE_PITCH_MM = 2.0
 LARGEST_BOX_MM = 1_000.0
-"""Largest accepted coordinate of the box [mm]: no pad is larger, and the table of starts grows with the box's area."""
+"""Largest accepted coordinate of the box [mm]: no pad is larger, and the table of starts grows with its area."""
 LARGEST_TABLE = 50_000_000
 """Largest accepted number of signals in the table of starts (0.4 GB); 100 x 100 mm with 256 pairs has 7 million."""
 TABLE_DEPTHS = 10
-"""Spacing of the presses in the table of starts: distance in x and y [mm], and number of depths."""
+"""Number of depths in the table of starts; `TABLE_PITCH_MM` is the distance between its presses in x and y."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SignalMapModel:
-    """Estimates presses by least squares, from a map of simulated signals over location and depth.
+    """A model that estimates presses by least squares, from a map of simulated signals over location and depth.
 
     Attributes
     ----------
-    header : description of the model; its `untouched_counts` are the sensor's readings, including clipped ones
+    header : description of the model; its `untouched_counts` include clipped readings
     ratio_root : √(signal / untouched signal) of every pair, as a spline over location and depth
     full_counts : (pair,) untouched signals as they would be without clipping [counts]
     noise : noise of the readings, including the map's own error
     box : range of the search for presses
-    threshold : score, half a difference in χ², above which a touch is detected [-]
-    sigma : factors of the standard deviations, by depth
+    threshold : half of the difference in χ² above which a touch is detected [-]
+    sigma : factors by depth that multiply the standard deviations
     """
 
     header: ModelHeader
@@ -588,7 +590,7 @@ class SignalMapModel:
         return prediction_of(self.header, score, press_mm, self.sigma.sigma_mm(press_mm[:, 2], raw_mm))
 
     def found(self, signals: FloatArray) -> Found:
-        """The press that explains each frame (n, pair) [counts] best."""
+        """The press that best explains each frame; `signals` is (n, pair) [counts]."""
         table: CoarseTable = self._table  # type: ignore[attr-defined]
         return found_presses(
             self.answers,
@@ -632,7 +634,7 @@ class SignalMapModel:
 
 
 def table_presses_mm(box: Box) -> FloatArray:
-    """Presses (t, 3) all over a box, from which searches start [mm]; depths are at equal steps of their root."""
+    """Presses (t, 3) all over a box, from which searches start [mm]; their √depth has equal steps."""
     sides = [
         np.linspace(low, high, int(np.ceil((high - low) / TABLE_PITCH_MM)) + 1)
         for low, high in zip(box.low[:2], box.high[:2], strict=True)
@@ -643,7 +645,7 @@ def table_presses_mm(box: Box) -> FloatArray:
 
 
 def signal_map_of_arrays(header: ModelHeader, arrays: Arrays) -> SignalMapModel:
-    """The model from the arrays that `SignalMapModel.arrays` returned.
+    """Make the model from its header and arrays in a file.
 
     Raises
     ------

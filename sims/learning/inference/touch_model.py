@@ -70,8 +70,9 @@ def prediction_of(
 
     Parameters
     ----------
-    touch_score : (n,) score of the touch decision; touch if above 0
-    press_mm, sigma_mm : (n, 3) x, y, depth and their standard deviations [mm]; None makes the latter NaN
+    touch_score : (n,) score of the touch decision; above 0 there is touch
+    press_mm, sigma_mm : (n, 3) x, y, depth and their standard deviations [mm]. If `sigma_mm` is None, the deviations
+        are NaN
     """
     is_touched = touch_score > 0.0
     curve = header.force_curve
@@ -91,12 +92,12 @@ def taken(
 
     Parameters
     ----------
-    axes : required length of every axis; None accepts any
+    axes : required length of every axis; None accepts any length
     largest : largest accepted magnitude of a number
 
     Raises
     ------
-    InputError : the array is absent, has another shape, or has a number that is not finite or too large.
+    InputError : the array is missing, has another shape, or has a number that is not finite or too large.
     """
     if name not in arrays:
         raise InputError(f"{name}: is missing")

@@ -47,7 +47,7 @@ class TouchSvm:
 
 
 def touch_svm_of_arrays(arrays: Arrays, pairs: int) -> TouchSvm:
-    """The classifier from the arrays that `TouchSvm.arrays` returned; raises `InputError` if they are inconsistent."""
+    """Make the classifier from its arrays in a model file; raises `InputError` if they are inconsistent."""
     scaling = scaling_of_arrays(arrays, "touch", pairs)
     weights = taken(arrays, "touch_weights", scaling.kept.shape)
     return TouchSvm(scaling=scaling, weights=weights, bias=float(taken(arrays, "touch_bias", (1,))[0]))

@@ -1,4 +1,4 @@
-"""Common part of models that estimate their own deviations: first touch, then the press and its deviation."""
+"""Common base of models that estimate their own deviations: first touch, then the press and its deviation."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from sims.learning.inference.touch_svm import TouchSvm
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class TrustedModel(ABC):
-    """Base of models that combine a touch classifier with an estimator of the press and its deviation.
+    """Base class of models that combine a touch classifier with an estimator of the press and its deviation.
 
     Attributes
     ----------
