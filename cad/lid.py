@@ -327,7 +327,7 @@ def _frustum(plug: Plug, centre_mm: tuple[float, float], seat_mm: float) -> cq.S
 
 
 def crown_body(plan: Plan) -> cq.Solid:
-    """Whole sphere or cylinder whose top is the crown, beyond pad and plug, with the kernel's seam line below."""
+    """Sphere or cylinder whose top is the crown. It extends beyond pad and plug; the kernel's seam line is below."""
     radius, (x, y) = plan.top.radius_mm, plan.centre_mm
     centre = plan.clear_mm - radius
     if plan.top.straight is None:

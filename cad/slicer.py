@@ -22,7 +22,7 @@ from design.parts.assumptions import Bed
 COMMANDS = ("prusa-slicer", "PrusaSlicer", "prusa-slicer-console")
 USUAL_FILL = 0.2
 EXTRUDED_LOW, EXTRUDED_HIGH = 0.95, 1.08
-"""Accepted range of the ratio of extruded volume, with full infill, to the part's volume.
+"""Accepted range of the ratio of extruded volume (with full infill) to part volume.
 
 Good parts have 1.01 to 1.03, because overlaps of short lines add volume.
 """

@@ -36,9 +36,9 @@ class Connection:
     Attributes
     ----------
     part : the part with its position and orientation
-    pin : name of the pin, for example "D22" for a digital pin of the board, "S1-Q3" for output 3 of shift register S1,
-        "L1-Q3" for output 3 of LED driver L1, "A0" for an analogue input of the board, "M1-C3" for channel 3 of
-        multiplexer M1, or "U1-C3" for channel 3 of converter U1
+    pin : name of the pin, such as "D22" (digital pin of the board), "A0" (its analogue input), "S1-Q3" (output 3 of
+        shift register S1), "L1-Q3" (output 3 of LED driver L1), "M1-C3" (channel 3 of multiplexer M1), or "U1-C3"
+        (channel 3 of converter U1)
     pin_number : number of the digital pin, of the output along the chain of shift registers or LED drivers, of the
         board's analogue input, or of the converter
     address : channel of the multiplexer, or input of the converter, at which the receiver is connected; None if the
@@ -73,7 +73,7 @@ class Connections:
 
 
 def pin_words(design: SensorDesign) -> str:
-    """An explanation of the form of a design's pin names, such as "S1-Q0: output 0 of shift register S1"."""
+    """Explanation of a design's pin names, such as "S1-Q0: output 0 of shift register S1"."""
     words = ["D: digital pin", "A: analogue input"]
     if multiplexer_of(design) is not None:
         words.append("M1-C0: channel 0 of multiplexer M1")

@@ -122,7 +122,7 @@ class FirmwareSettings:
     frame_interval_us : frame interval at the design's frame rate, rounded up, so that the rate is not exceeded [us]
     digest : digest of the design, 32 bytes
     is_internal : whether the converter's full scale is the internal reference; otherwise it is the supply
-    dark : ``frame`` or ``each``, see `design.recordings.lit_emitters`
+    dark : when dark states occur, ``frame`` or ``each``; see `design.recordings.lit_emitters`
     """
 
     design: str
@@ -417,7 +417,7 @@ def _chip_macro(mcu: str) -> str:
 
 
 def _tunable(name: str, value: str, comment: str) -> tuple[str, ...]:
-    """Lines of C that define a setting unless a compiler option has defined it, as when frame rates are measured."""
+    """Lines of C that define a setting unless a compiler option does, for example when frame rates are measured."""
     return (f"#ifndef {name}", f"#define {name} {value} /* {comment} */", "#endif")
 
 

@@ -52,7 +52,7 @@ SHORT_S = 0.2
 HELD_EXCESS = 4.0
 """Threshold of the excess above which the pad counts as touched [-].
 
-The excess is the mean square of the part of the signals' change that gains do not explain, divided by the noise
+The excess is the mean square of the rest of the signals' change, which gains do not explain, divided by the noise
 variance. Noise alone gives about 1."""
 
 GAIN_S = 1.0
@@ -63,7 +63,7 @@ LEAST_FREEDOM = 16
 resembles a change of gains."""
 
 LONGEST_STEP = 0.5
-"""Largest time step used when a frame after a pause updates the untouched levels [time constants]. A larger step would
+"""Largest time step used when a frame after a pause updates the untouched signals [time constants]. A larger step would
 give too much weight to the noise of that frame."""
 
 LARGEST_GAIN = 0.5
@@ -82,9 +82,9 @@ class DriftState:
 
     Attributes
     ----------
-    is_held : whether the untouched levels are held constant now
-    excess : mean square of the part of the signals' change that gains do not explain, over the noise variance [-]
-    drift : relative change of the untouched level since the start, median over the pairs [-]
+    is_held : whether tracking is stopped, so that the untouched signals stay constant
+    excess : mean square of the rest of the signals' change, which gains do not explain, over the noise variance [-]
+    drift : relative change of the untouched signal since the start, median over the pairs [-]
     is_gain_like : whether the signals' present change exceeds the noise and is explained by changed gains of parts
     gain_steps : number of sudden changes of gains so far
     held_without_touch_s : time for which `excess` has been above its threshold although the model saw no touch [s]
@@ -99,7 +99,7 @@ class DriftState:
 
 
 class DriftTracker:
-    """Tracks the untouched levels of all pairs: the signals that they would have without contact.
+    """Tracks the untouched signals of all pairs, which are the signals that they would have without contact.
 
     Parameters
     ----------
@@ -112,7 +112,7 @@ class DriftTracker:
 
     Attributes
     ----------
-    untouched : tracked levels, shape (pairs,) [counts]
+    untouched : tracked untouched signals, shape (pairs,) [counts]
     gain_steps : number of sudden changes of the parts' gains so far
     start_mismatch : relative deviation of `start` from `trained` that gains do not explain, root mean square over the
         pairs [-]; a large value indicates that the pad was touched
@@ -140,7 +140,7 @@ class DriftTracker:
         self.untouched: FloatArray = start.mean(axis=0).ravel()
         self._first = self.untouched.copy()
         self._level_noise = 1.0 / len(start)
-        """Variance of the untouched levels, relative to the variance of one frame's signals [-]."""
+        """Variance of the untouched signals, relative to the variance of one frame's signals [-]."""
         self._calibrate(start.reshape(len(start), -1))
         self.start_mismatch = self._mismatch()
         self.gain_steps = 0
@@ -162,12 +162,12 @@ class DriftTracker:
         return found
 
     def follow(self, time_s: float, signals: FloatArray, is_touched: bool) -> DriftState:
-        """Update the untouched levels with one frame, unless the pad is touched.
+        """Update the untouched signals with one frame, unless the pad is touched.
 
         Parameters
         ----------
         time_s : time of the frame by a clock that never goes back, such as the board's [s]
-        signals : readings less those in the dark state, shape (pairs,) [counts]
+        signals : readings minus those in the dark state, shape (pairs,) [counts]
         is_touched : whether the model reports a touch in this frame
         """
         passed_s = 0.0 if self._time_s is None else max(time_s - self._time_s, 0.0)
@@ -200,7 +200,7 @@ class DriftTracker:
         )
 
     def restart(self) -> None:
-        """Continue after a reset of the board, when its clock starts from 0 again; the untouched levels are kept."""
+        """Continue after a reset of the board, when its clock starts from 0 again; the untouched signals are kept."""
         self._time_s = None
         self._held_s = -math.inf
         self._gain_since_s = self._odd_since_s = None
@@ -229,9 +229,9 @@ class DriftTracker:
         return float(np.sqrt((used**2).mean())) if used.size else 0.0
 
     def _excess(self) -> float:
-        """Mean square of the part of the averaged change that gains do not explain, over the noise variance [-].
+        """Mean square of the rest of the averaged change, which gains do not explain, over the noise variance [-].
 
-        The noise variance is that of the average plus that of the untouched levels.
+        The noise variance is that of the average plus that of the untouched signals.
         """
         noise = self._quiet * (self._short_noise + self._level_noise)
         return float(self._pattern.excess(self._short)) / noise

@@ -70,12 +70,12 @@ class GainPattern:
         return found
 
     def gain_change(self, change: FloatArray) -> FloatArray:
-        """The part of the given changes that gains explain, even for unused pairs; both of shape (n, pairs) [-]."""
+        """Component of the given changes that is due to gains, even for unused pairs; both of shape (n, pairs) [-]."""
         found: FloatArray = self.gains(change) @ self._columns.T
         return found
 
     def rest(self, change: FloatArray) -> FloatArray:
-        """The part of the given changes that gains do not explain, in standard deviations of one frame.
+        """Rest of the given changes, which gains do not explain, in standard deviations of one frame.
 
         Both arrays have the shape (n, pairs). The rest of an unused pair is 0.
         """

@@ -95,7 +95,7 @@ OPEN = ("inferred", "unverified")
 """Confidence ratings of catalogue values that the casting instructions ask the user to measure."""
 
 HOURS_FROM_MINUTES = 120
-"""Cure time from which times are printed in hours; shorter ones are printed in minutes [min]."""
+"""Shortest cure time that is printed in hours [min]; shorter ones are printed in minutes."""
 
 MINUTES_PER_HOUR = 60
 

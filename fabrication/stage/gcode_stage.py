@@ -378,7 +378,7 @@ class GcodeStage:
     def position(self) -> Position:
         """Position (x, y, depth) that the printer reports [mm].
 
-        A coordinate that equals that of the target within the report's last digit is replaced by the exact target.
+        A coordinate that equals the target's within the last reported digit is replaced by the target's exact value.
         """
         return self._position()[0]
 

@@ -34,7 +34,7 @@ class Frame:
     host_s : time of arrival of the frame's batch by the host's clock, since 1970 [s]; at 400 Hz up to 5 ms late
     lost_before : number of frames missing between the previous frame and this one, by their sequence numbers
     counts : raw readings, shape (states, receivers); the last state is dark [counts]
-    signals : readings less those in the dark state, shape (emitters, receivers) [counts]
+    signals : readings minus those in the dark state, shape (emitters, receivers) [counts]
     saturated : whether each reading is at full scale, shape (states, receivers)
     baseline : signals of the untouched pad, shape (emitters, receivers) [counts]; None if no baseline was taken
     """

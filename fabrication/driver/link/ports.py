@@ -66,7 +66,7 @@ PTY_BAUD = 115200
 
 
 CHIP_MAKERS = frozenset({"0403", "067b", "10c4", "1a86"})
-"""USB vendors of serial chips that are in many kinds of devices: FTDI, Prolific, Silicon Labs, QinHeng (CH340)."""
+"""USB vendors of serial chips used in many types of devices: FTDI, Prolific, Silicon Labs, QinHeng (CH340)."""
 
 
 GUESSED = "Only the serial chip identifies this port, and printers and other devices have the same chip."

@@ -82,7 +82,7 @@ class FrameFormat:
 
     Attributes
     ----------
-    dark : ``frame`` or ``each``, see `design.recordings.lit_emitters`
+    dark : when dark states occur, ``frame`` or ``each``; see `design.recordings.lit_emitters`
     """
 
     emitters: int
@@ -129,7 +129,7 @@ class Hello:
     ----------
     firmware : major and minor version
     board : number of this type of board in the catalogue
-    dark : ``frame`` or ``each``, see `design.recordings.lit_emitters`
+    dark : when dark states occur, ``frame`` or ``each``; see `design.recordings.lit_emitters`
     prescaler_exponent : exponent n of the converter's clock, which is the board's clock divided by 2^n
     interval_us : requested frame interval [us]; 0 for the board's shortest
     digest : SHA-256 of the design that the firmware was made for, 64 hexadecimal digits

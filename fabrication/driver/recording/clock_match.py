@@ -63,7 +63,7 @@ class ClockMatch:
 
     Attributes
     ----------
-    offset_s : the recording's clock less the log's [s]
+    offset_s : the recording's clock minus the log's [s]
     spread_s : robust estimate of the standard deviation of the edges' lags [s]
     share : fraction of the edges in the common time span that have a partner [-]
     edges : number of edges in the common time span, in the signals or in the log, whichever has more
@@ -248,7 +248,7 @@ def _lasting(time_s: FloatArray, touched: Mask) -> Mask:
 
 
 def _nearest(seen: FloatArray, said: FloatArray) -> FloatArray:
-    """Times of the edges in `seen` less the times of the nearest edges in `said` [s].
+    """Times of the edges in `seen` minus the times of the nearest edges in `said` [s].
 
     Only edges that are each other's nearest, at most `WINDOW_S` apart, are included.
     """

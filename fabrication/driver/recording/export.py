@@ -74,7 +74,7 @@ class Recorded:
 
     @property
     def signals(self) -> FloatArray:
-        """Readings less those in the dark state, shape (n, emitters, receivers) [counts]."""
+        """Readings minus those in the dark state, shape (n, emitters, receivers) [counts]."""
         return signals_of(self.counts.astype(np.float64))
 
     def only(self, kept: BoolArray) -> Recorded:
@@ -202,7 +202,7 @@ def write_netcdf(recorded: Recorded, out: Path, name: str) -> None:
 def write_csv(recorded: Recorded, out: Path, name: str) -> None:
     """Write frames as a table for `optopad compare`, with one table row per frame and one column per pair.
 
-    Signals are readings less those in the dark state [counts]. Positions are included if the recording has them [mm].
+    Signals are readings minus those in the dark state [counts]. Positions are included if the recording has them [mm].
     For parameters and errors see `write_netcdf`.
     """
     require_suffix(out, (".csv",))

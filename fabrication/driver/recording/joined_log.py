@@ -39,7 +39,7 @@ Over two intervals, a clock error of 0.5 % changes the delay by 20 ms.
 """
 
 Offset = float | Literal["auto"] | None
-"""Clock offset: clock of the recording's computer less the log's clock [s]. With "auto", the offset is found from the
+"""Clock offset: clock of the recording's computer minus the log's clock [s]. With "auto", the offset is found from the
 touches. None means that both use the same clock, which is checked."""
 
 
@@ -50,7 +50,7 @@ class JoinedLog:
     Attributes
     ----------
     recorded : the frames with a known position
-    offset_s : clock offset that was used: clock of the recording's computer less the log's clock [s]
+    offset_s : clock offset that was used: clock of the recording's computer minus the log's clock [s]
     match : match of the touches in recording and log, near that offset
     left_out : number of frames without a known position
     """

@@ -230,7 +230,7 @@ class Recorder:
 
 
 def read_records(file: Path) -> tuple[dict[str, Any], DriverConfig, list[Record], int]:
-    """Read a recording; return header, driver configuration, complete records, and number of bytes outside of these.
+    """Read a recording; return header, driver configuration, complete records, and number of bytes outside records.
 
     Raises
     ------
