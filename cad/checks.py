@@ -519,7 +519,7 @@ def design_findings(design: SensorDesign) -> tuple[Finding, ...]:
 
 
 def _lid(design: SensorDesign) -> Iterator[Finding]:
-    """Findings about the thinnest sections of a lid, and about the optical smoothness of its concave face."""
+    """Findings about the thinnest parts of a lid, and about the optical smoothness of its concave face."""
     for one in lid_clearances(design):
         state: State = "ok" if one.is_kept else "warning"
         note = "" if one.is_kept else f"raise {one.field}; dowels in the fixing holes replace the pins"

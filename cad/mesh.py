@@ -39,7 +39,7 @@ TOLERANCE_MM = 0.05
 CHORD_MM = 0.003
 """Height of the chords of round walls and concave lids, a twentieth of a typical printing error."""
 CHORD_LIMIT_MM = 0.005
-"""Largest chord height that the kernel's mesher actually produces for `CHORD_MM`, including single precision."""
+"""Largest chord height that the kernel's mesher actually produces for `CHORD_MM`, including rounding."""
 ANGULAR_TOLERANCE_RAD = 0.1
 """Largest angle between neighbouring chords of a circle."""
 

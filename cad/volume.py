@@ -1,31 +1,32 @@
 """Computes volumes of the printed parts by formula, for comparison with the CAD solids and the files.
 
-The mold is its extruded outline less its cuts. The cuts do not overlap, except that pockets and slots share volume with
-the pour lip, a bevel at the cavity's upper edge. At distance t behind the inner face the bevel removes the height
-max(0, c - t), where c is the leg of the bevel. A cut of width b from t0 to t1 shares with it the volume
+The mold is its extruded outline minus its cuts. The cuts do not overlap, except that pockets and slots share volume
+with the pour lip, a bevel at the cavity's upper edge. At distance t behind the inner face, the bevel removes the height
+(c - t)+ = max(0, c - t), where c is the bevel's height and width. A cut of width b from t0 to t1 shares with it the
+volume
 
-    b * integral of max(0, c - t) dt = b / 2 * ((c - t0)+^2 - (c - t1)+^2)
+    b * integral of (c - t)+ dt = b / 2 * ((c - t0)+^2 - (c - t1)+^2)
 
 This is exact if every cut is within its wall's inner length and its floor is below the lip; `design.mold.webs` ensures
-both. The lip itself is a frustum with mitred corners:
+both. For a cavity of length L and width W, the lip itself is a frustum with mitred corners:
 
     integral over 0..c of (L + 2s)(W + 2s) - L W ds = (L + W) c^2 + 4/3 c^3
 
-For a glass cover, a seat of width s replaces the lip and takes ((L + 2s)(W + 2s) - L W) x rim. A cut of width b shares
-b x min(s, t1) x rim with it. Collars are on the rim behind the lip or seat, and cuts extend up through them.
+For a glass cover, a seat of width s replaces the lip and removes ((L + 2s)(W + 2s) - L W) x rim. A cut of width b
+shares b x min(s, t1) x rim with it. Collars are on the rim behind the lip or seat, and cuts extend up through them.
 
 In a round mold a cut may end in the round outer face. Let d be the distance of the wall's flat facet from the centre, R
 the outer radius, and b the distance along the facet from its middle. The outer face is then at T = sqrt(R^2 - b^2) - d
-behind the facet. The area of a cut up to a depth t is the integral of min(T, t) over b; the integrand is t where
-|b| < sqrt(R^2 - (d + t)^2), and T elsewhere. The antiderivative of T is that of a circle.
+behind the facet. The area of a cut up to a depth t is the integral of min(T, t) over b. The integrand is t where
+|b| < sqrt(R^2 - (d + t)^2), and T elsewhere; the integral of T is part of the area of a circle.
 
-The lid (`cad.lid`) is its flange, pins and plug, less notches and less the part of the crown above the seat. This part
-is a spherical cap for a dome and nothing for a cylinder. The plug is integrated over horizontal cross-sections. At a
-depth h below the seat, the draft makes the cross-section smaller. A crown of radius C covers the middle of the
-cross-section up to a half width rho = C sin(q), where q is given by the distance below the highest point, C (1 -
-cos(q)). The remaining area has a closed form for a circular or rectangular plug under a dome or cylinder. Gauss' rule
-integrates this area over the depth, with q as the variable, in pieces between the depths at which the crown's edge
-meets a side or a corner of the plug. The relative error is 1e-9 with 48 nodes.
+The lid (`cad.lid`) is its flange, pins and plug, minus notches and the part of the crown above the seat. This part is a
+spherical cap for a dome and nothing for a cylinder. The plug is integrated over horizontal cross-sections, which the
+draft makes smaller with depth. The crown, of radius C, covers the middle of a cross-section up to the half width
+C sin(q), where C (1 - cos(q)) is the distance below the crown's highest point. The remaining area has a closed form for
+a circular or rectangular plug under a dome or cylinder. Gauss' rule integrates it with q as the variable, in pieces
+between the depths at which the crown's edge meets a side or a corner of the plug. The relative error is 1e-9 with 48
+nodes.
 """
 
 from __future__ import annotations
@@ -134,7 +135,7 @@ def shared_with_lip_mm3(cut: Cut, lip_mm: float) -> float:
 
     Parameters
     ----------
-    lip_mm : leg of the lip's bevel
+    lip_mm : height and width of the lip's bevel
     """
     near, far = max(lip_mm - cut.out0, 0.0), max(lip_mm - cut.out1, 0.0)
     return (cut.along1 - cut.along0) * (near**2 - far**2) / 2
@@ -282,7 +283,8 @@ def _meetings(plug: Plug, top: Top) -> list[tuple[float, ...]]:
 def _meets(plug: Plug, sides: tuple[float, ...], radius: float, over: float) -> float | None:
     """Angle q at which the crown's edge meets a side or corner of the plug; None if that is above the plug.
 
-    With the slope t of the draft, half widths w and s = over + h, the depth h solves s (2 C - s) = sum of (w - h t)^2.
+    With the crown's radius C, the slope t of the draft, half widths w and s = over + h, the depth h below the flange
+    solves s (2 C - s) = sum of (w - h t)^2.
     """
     slope = plug.inset_mm(1.0)
     square = -1 - len(sides) * slope**2

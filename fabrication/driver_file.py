@@ -29,7 +29,7 @@ MOST_BYTES = 1_000_000
 """Largest size of a file that is read [bytes]; the largest configuration is about 30 kB."""
 CHECKSUM = "content_sha256"
 DESIGN_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,62}")
-"""Pattern of a design's name, the same as `design.fields.base.FileName`, because recordings are named after the
+"""Pattern that a design's name must match, as in `design.fields.base.FileName`, because recordings are named after the
 design."""
 Point = tuple[float, float, float]
 WAY_OUT = "write it again with `optopad driver config DESIGN`"

@@ -58,7 +58,7 @@ NOISE_COUNTS, NOISE_SHARE = 3.0, 0.02
 NOISE_SHARE [-] times the reading's mean."""
 
 REFERENCE_V, SUPPLY_LOW_V, SUPPLY_HIGH_V = 1.1, 4.5, 5.5
-"""Voltage of the AVR's internal reference (+-10 % by its data sheet), and limits of a USB port's supply [V]."""
+"""Voltage of the AVR's internal reference (+-10 % by its data sheet), and limits of a USB port's voltage [V]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -152,7 +152,7 @@ def _railed_problems(railed: BoolArray, found: Descriptor) -> list[Problem]:
 
 
 def _pattern_problems(pattern: Pattern, railed: BoolArray) -> list[Problem]:
-    """Faults by type: dead parts, then exchanged wires, then dim parts, then pairs unexpectedly at full scale."""
+    """Faults, in this order: dead parts, exchanged wires, dim parts, pairs unexpectedly at full scale."""
     dead_e, dead_r = _dead(pattern, railed)
     usable = ~(dead_e[:, None] | (dead_r | railed)[None, :])
     problems = _dead_problems(pattern, dead_e, dead_r)

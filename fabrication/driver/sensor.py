@@ -53,7 +53,7 @@ class Sensor:
     config : path of the design's driver.toml, or the configuration read from it
     port : name of the port; if None, the board is found by its USB identity
     rate_hz : frames per second; 0 for the board's highest rate. If None, the design's rate is used
-    accept_digest : at least the first 8 digits of the digest of another design that is accepted; None if there is none
+    accept_digest : first 8 or more digits of the digest of another accepted design, or None
     baseline_s : time for which the untouched pad is read on opening [s]; 0 for no baseline
     patience_s : longest wait for the board on opening, and for a frame, including reconnection [s]. If None, it is
         10 s, or more for a board that boots more slowly. The limit for a frame is at least three frame intervals

@@ -17,7 +17,7 @@ SHOWN_CLIPPED = 24
 
 
 def gain_lines(design: SensorDesign, gain: SimulatedGain | None) -> Iterator[str]:
-    """Lines of the casting instructions' section on the amplifiers, as Markdown."""
+    """Lines of the section on amplifiers in the casting instructions, as Markdown."""
     yield "## Set the gain"
     yield ""
     feedbacks = feedbacks_for(design, gain)

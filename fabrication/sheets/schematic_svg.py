@@ -51,7 +51,7 @@ from fabrication.sheets.svg import Element, Point
 
 
 def circuit_lines(design: SensorDesign) -> Iterator[str]:
-    """Lines of the casting instructions' section on the emitters' switches and supply, as Markdown."""
+    """Lines of the section on the emitters' switches and supply in the casting instructions, as Markdown."""
     kinds = {one.part_id: one.part for one in cavity_of(design).emitters}
     board, current = board_of(design), supply_current(design)
     driver, most_ma = most_drive_ma(design, board)

@@ -87,7 +87,7 @@ def polyline(points: list[Point], **style: str) -> Element:
 
 
 def text(at: Point, content: str, size: float, **style: str) -> Element:
-    """A line of text. The style `anchor` says which part of the text is at the point: start, middle or end."""
+    """A line of text. The style `anchor` says which part of the text is at `at`: start, middle or end."""
     element = _shape("text", style, x=_px(at[0]), y=_px(at[1]))
     element.set("font-size", _px(size))
     element.text = one_line(content)
@@ -95,7 +95,7 @@ def text(at: Point, content: str, size: float, **style: str) -> Element:
 
 
 def arrow(tail: Point, head: Point, colour: str) -> list[Element]:
-    """A line that ends in an arrow head."""
+    """A line with an arrowhead at its end."""
     angle = math.atan2(head[1] - tail[1], head[0] - tail[0])
     back = (head[0] - ARROW_PX * math.cos(angle), head[1] - ARROW_PX * math.sin(angle))
     across = (-ARROW_HALF_PX * math.sin(angle), ARROW_HALF_PX * math.cos(angle))

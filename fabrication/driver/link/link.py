@@ -84,8 +84,7 @@ class Link:
 
         Parameters
         ----------
-        accept_digest : at least the first 8 digits of the digest of another design that is accepted; None if there is
-            none
+        accept_digest : first 8 or more digits of the digest of another accepted design, or None
         patience_s : longest wait [s]
         is_guess : whether the port was chosen only because of its serial chip, which other devices also have
         on_wait : called with a progress line every two seconds of the wait
@@ -166,7 +165,7 @@ def check_hello(hello: Hello, config: DriverConfig, *, where: str, accept_digest
     hello : the board's description of itself
     config : configuration of the required design
     where : name of the port, for messages
-    accept_digest : at least the first 8 digits of the digest of another design that is accepted; None if there is none
+    accept_digest : first 8 or more digits of the digest of another accepted design, or None
 
     Raises
     ------

@@ -17,7 +17,7 @@ from fabrication.driver.link.protocol import HELLO_BYTES, VERSION, Kind
 from fabrication.driver.link.scanner import Scanner
 
 BAUDS = 115200, 250000
-"""Baud rates of nearly all printers' serial lines."""
+"""Baud rates that nearly all printers use."""
 
 ANSWER_S = 1.5
 """Time to wait for a reply to each request [s]; more frequent requests would keep a boot loader running."""

@@ -61,8 +61,8 @@ class Kind(IntEnum):
 
 
 class Command(IntEnum):
-    """Commands from the host to the board. The argument of RATE is the frame interval [us]; 0 is the board's
-    shortest."""
+    """Commands from the host to the board. The argument of RATE is the frame interval [us], or 0 for the
+    board's shortest."""
 
     START = 1
     STOP = 2

@@ -57,10 +57,9 @@ class PositionLog:
     file : name of the log file
     time_s : times in increasing order, shape (n,) [s]
     press_mm : positions (x, y, depth) in the cavity's coordinate system, shape (n, 3) [mm]
-    set_number : index in `sets` of the set to which each position belongs, -1 if it belongs to none; None if the log
-        has no sets
-    place_number : number within its set of the press to which each position belongs, -1 if it belongs to none; None if
-        the log has no such column
+    set_number : for each position, the index of its set in `sets`, or -1 without a set; None if the log has no sets
+    place_number : for each position, the number of its press within the set, or -1 without a press; None if the log has
+        no such column
     sets : the sets of presses
     """
 

@@ -41,9 +41,9 @@ class Faults:
     is_saturated: BoolArray
 
     def applied(self, signals: FloatArray) -> FloatArray:
-        """Signals of the faulty unit, given its signals without faults; both of shape (..., emitters, receivers).
+        """Signals of the faulty unit from `signals` without faults, both of shape (..., emitters, receivers) [counts].
 
-        The axes of the result are emitter pins and channels. Both arrays are in counts.
+        The axes of the result are emitter pins and channels.
         """
         left = signals * self.emitter_share[:, None] * self.receiver_share
         found: FloatArray = left[..., self.emitter_of_pin, :][..., self.receiver_of_channel]
