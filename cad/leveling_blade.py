@@ -33,7 +33,7 @@ PLAY_MM = 0.3
 GRIP_MM = 12.0
 """Height of the bar above the shoulders, by which the blade is held with two fingers."""
 THICKNESS_MM = 3.0
-"""Thickness of the blade; with it, the blade is stiff enough not to bow over the cavity."""
+"""Thickness of the blade, which keeps it from bending over the cavity."""
 EDGE_MM = 1.0
 """Thickness of the bevelled edge that touches the silicone."""
 

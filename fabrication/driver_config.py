@@ -76,10 +76,10 @@ def driver_config(
 
     Parameters
     ----------
-    counts_per_flux : simulated gain, which is the reading if a receiver got all of an emitter's power [counts]. It is
-        one number for all receivers or one for each. If None, the configuration contains no gain
-    untouched_counts : expected readings of the untouched pad, of shape (emitters, receivers) [counts]. If None, the
-        configuration contains none
+    counts_per_flux : simulated gain, the reading if a receiver got all of an emitter's power [counts]: one number for
+        all receivers, or one for each. If None, the gain is omitted
+    untouched_counts : expected readings of the untouched pad, shape (emitters, receivers) [counts]. If None, they are
+        omitted
 
     Raises
     ------

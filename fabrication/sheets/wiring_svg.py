@@ -119,7 +119,7 @@ PAD_PX = 640.0
 SIDE_PITCH_PX = 22.0
 """Vertical distance between neighbouring labels on the left or right of the pad [px]."""
 DIMENSION_INSET_PX = 42.0
-"""Distance of dimension lines from the cavity's walls [px]; the lines are inside the cavity."""
+"""Distance of dimension lines, which are inside the cavity, from its walls [px]."""
 AXIS_PX, AXIS_INSET_PX = 46.0, 34.0
 
 
