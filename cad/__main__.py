@@ -1,7 +1,7 @@
 """``python -m cad DESIGN FOLDER`` exports a design's parts as files, in a separate process.
 
-The pipeline runs this command while the physics is computed. A separate process is needed because the CAD kernel does
-not survive a fork. A fresh interpreter also does not depend on the caller's main module.
+The pipeline runs this command while the physics is computed. The process must be a fresh interpreter, not a fork,
+because the CAD kernel does not survive a fork. It also makes the export independent of the caller's main module.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from design.io import load_design
 
 
 def main(design_file: str, folder: str) -> int:
-    """Export a design's parts; return 0 on success, or 2 for a refused design, with the message on standard error."""
+    """Export a design's parts; return 0 on success, or 2 if that fails, with a message on standard error."""
     try:
         export_parts(load_design(design_file), Path(folder))
     except OptopadError as err:

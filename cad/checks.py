@@ -1,22 +1,23 @@
-r"""Checks of printed files: each file is the intended part, and the part can be printed.
+r"""Checks files for printing: whether each file is the intended part, and whether the part can be printed.
 
-The checks read the STL file as written, not the CAD solid. They cover:
+The checks read the STL file as written, not the CAD solid. They check that
 
-- one closed body with consistent winding (trimesh finds open seams that CAD kernels miss), and a manifold (manifold3d)
-- the volume, against a formula (`cad.volume`) and against the solid
-- the size, and the area of overhanging faces
-- the mold's cavity and the lid's concave face, the dish, against the shapes in the optical model
+- the file is one closed body with consistent winding (trimesh finds open seams that CAD kernels miss) and a manifold
+  (manifold3d)
+- the volumes of file and solid agree with a formula (`cad.volume`)
+- size and area of overhanging faces are within limits
+- the mold's cavity and the lid's concave face, the dish, agree with the optical model.
 
 Widths of walls and webs are computed from the parameters (`design.mold.webs`, `cad.lid`), not from the mesh. The checks
 do not cover warping or the quality of thin walls on a given printer. Slicing is optional (`with_slices`).
 
 The cavity check traces rays from points inside the cavity to the triangles of the mold. The optical model has flat
 walls, round walls between flat facets, the bottom and the top (`design.shape.cavity`). The ends of the rays are
-compared with these surfaces wherever no socket opens the wall and no filling hole opens the floor. On a round wall the
-distance of the printed point from the wall is compared, because its chords are slightly inside the circle.
+compared with these surfaces, except in the openings of sockets and filling holes. For a round wall, the check compares
+the printed point's distance from the wall, because the printed chords are slightly inside the circle.
 
-A lid casts the crowned top of a pad. The dish check traces vertical rays upward from the bottom of the clear layer to
-the triangles of the lid. It covers the whole plan except the gap around the lid's plug.
+A lid shapes the crowned top of a pad. The dish check traces vertical rays upward from the bottom of the clear layer to
+the triangles of the lid. It covers the whole pad except the gap around the lid's plug.
 
 Intersections use the barycentric form of Moeller and Trumbore, "Fast, minimum storage ray-triangle intersection", 1997.
 """
@@ -55,11 +56,11 @@ Floats = FloatArray
 
 CHUNK_RAYS = 64
 EDGE_MM = 1e-6
-"""Rays that end this close to the edge of a socket's opening or to the fill level are ambiguous and left out."""
+"""Rays that end this close to the edge of a socket's opening or to the fill line are ambiguous and are left out."""
 CHORD_EDGE_MM = 0.02
 """The same limit as `EDGE_MM` for a round edge, which is printed as chords."""
 FAR_MM = 1000.0
-"""Length given to a ray that hits nothing because it left through a slot or through a hole in the mesh."""
+"""Length assigned to a ray that hits nothing because it left through a slot or through a hole in the mesh."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -71,8 +72,9 @@ class CavityAgreement:
     compared : number of rays that end on a wall or on the bottom
     windows : number of rays that leave through the opening of a socket
     worst_mm : largest distance between the printed and the modelled end of a ray, for flat walls and the bottom
-    worst_round_mm : largest distance of a printed end from the round wall; 0 for a cavity without a round wall
-    shallowest_window_mm : least depth behind the wall at which a ray through a socket ends; None if no ray did
+    worst_round_mm : largest distance from the round wall to a printed end; 0 for a cavity without a round wall
+    shallowest_window_mm : smallest distance behind the wall at which a ray through a socket ends; None if no ray leaves
+        through a socket
     """
 
     compared: int
@@ -97,16 +99,16 @@ class DishAgreement:
 
 
 def first_hits_mm(mesh: Mesh, origins_mm: Floats, directions: Floats) -> Floats:
-    """Distance from the origin of each ray to the first triangle in front of it.
+    """Distance from the origin of each ray to the first triangle that it hits.
 
     Parameters
     ----------
-    origins_mm : (n, 3) start points
-    directions : (n, 3) unit vectors
+    origins_mm : start points, shape (n, 3)
+    directions : unit vectors, shape (n, 3)
 
     Returns
     -------
-    (n,) distance [mm]; infinite for a ray without a hit
+    distances, shape (n,) [mm]; infinite for a ray without a hit
     """
     planes = _planes(mesh)
     pieces = [
@@ -118,10 +120,10 @@ def first_hits_mm(mesh: Mesh, origins_mm: Floats, directions: Floats) -> Floats:
 
 @dataclass(frozen=True, kw_only=True)
 class _Planes:
-    """Triangles of a mesh with precomputed products for ray intersection.
+    """The m triangles of a mesh, with precomputed products for intersections with rays.
 
-    Each triangle has a corner a and edges e1, e2 from it. Arrays are (3, m): `edge1`, `edge2`, `normal` = e1 x e2,
-    `moment1` = e1 x a, `moment2` = e2 x a. `level` = n . a is (m,).
+    Each triangle has a corner a, and edges e1 and e2 from it. The arrays `edge1`, `edge2`, `normal` n = e1 x e2,
+    `moment1` = e1 x a and `moment2` = e2 x a have the shape (3, m), and `level` = n . a has the shape (m,).
     """
 
     edge1: Floats
@@ -147,10 +149,10 @@ def _planes(mesh: Mesh) -> _Planes:
 
 
 def _nearest(planes: _Planes, origins: Floats, directions: Floats) -> Floats:
-    """Distance (n,) along each ray to its nearest triangle; infinite without a hit.
+    """Distance along each ray to the first triangle that it hits, shape (n,); infinite without a hit.
 
-    A point on the ray from o along d is o + t d = a + u e1 + v e2, with a corner a and edges e1, e2 of the triangle.
-    With n = e1 x e2 and m = o x d all solutions are matrix products:
+    The ray from o along d meets the triangle with a corner a and edges e1, e2 where o + t d = a + u e1 + v e2. With
+    n = e1 x e2 and m = o x d, the solutions are matrix products:
 
     t = (n.a - n.o) / n.d,   u = (d.(e2 x a) - m.e2) / n.d,   v = (m.e1 - d.(e1 x a)) / n.d
     """
@@ -171,7 +173,7 @@ def cavity_agreement(design: SensorDesign, mesh: Mesh, *, rays: int = 400, seed:
     Parameters
     ----------
     mesh : the mold as in its file, with the print bed at z = 0
-    rays : number of rays, from random points in the clear layer in random directions
+    rays : number of rays, which start at random points in the clear layer, in random directions
     """
     outline = outline_of(design)
     origins, directions = _random_rays(outline, rays, seed)
@@ -202,7 +204,7 @@ def dish_agreement(design: SensorDesign, mesh: Mesh, *, rays: int = 1000, seed: 
     Parameters
     ----------
     mesh : the lid as in its file, with its back on the print bed
-    rays : number of vertical rays, from random points of the bounding rectangle
+    rays : number of vertical rays, which start at random points in the pad's bounding rectangle
     """
     outline, size = outline_of(design), lid_size(design)
     assert size is not None, f"{design.name}: a flat top has no lid"
@@ -223,7 +225,7 @@ def dish_agreement(design: SensorDesign, mesh: Mesh, *, rays: int = 1000, seed: 
 
 
 def _random_rays(outline: MoldOutline, count: int, seed: int) -> tuple[Floats, Floats]:
-    """Origins and unit directions, each (n, 3), of random rays inside the clear layer; n <= `count`."""
+    """Origins and unit directions of random rays in the clear layer, both of shape (n, 3) with n at most `count`."""
     random = np.random.default_rng(seed)
     plan = outline.plan
     size = np.array([outline.length_mm, outline.width_mm, plan.rim_mm[0]])
@@ -235,7 +237,7 @@ def _random_rays(outline: MoldOutline, count: int, seed: int) -> tuple[Floats, F
 
 
 def _exits(outline: MoldOutline, origins: Floats, directions: Floats) -> tuple[Floats, Floats, BoolArray]:
-    """Where rays meet the modelled cavity: distance (n,), end point (n, 3) and whether the wall there is round (n,)."""
+    """For each ray: distance to the modelled cavity's surface, end point there, and whether this is on a round wall."""
     plan = outline.plan
     to_flat = [_to_level(directions[:, 2], origins[:, 2], outline.cavity_bottom_mm, outline.top_mm)]
     for wall in plan.walls:
@@ -256,13 +258,13 @@ def _to_level(speed: Floats, height: Floats, low: float, high: float) -> Floats:
 
 
 def _where_positive(gap: Floats, speed: Floats) -> Floats:
-    """Gap divided by speed where the speed is positive, else infinite."""
+    """Gap divided by speed where the speed is positive, and infinity elsewhere."""
     steps: Floats = np.divide(gap, speed, out=np.full(len(gap), np.inf), where=speed > 0)
     return steps
 
 
 def _to_arc(arc: Arc, origins: Floats, directions: Floats) -> Floats:
-    """(n,) distance along each ray to a round wall [mm]; infinite for a ray that hits another wall."""
+    """Distance along each ray to a round wall, shape (n,) [mm]; infinite for a ray that hits another wall."""
     from_middle, level = origins[:, :2] - np.array(arc.centre_mm), directions[:, :2]
     speed2 = np.einsum("ij,ij->i", level, level)
     towards = np.einsum("ij,ij->i", from_middle, level)
@@ -274,7 +276,7 @@ def _to_arc(arc: Arc, origins: Floats, directions: Floats) -> Floats:
 
 
 def _off_round_wall_mm(outline: MoldOutline, places: Floats) -> Floats:
-    """Distance of points (n, 3) from the round wall along its radius [mm]; infinite in directions without an arc."""
+    """Radial distance of points from the round wall, shape (n,) [mm]; infinite in directions without an arc."""
     off = np.full(len(places), np.inf)
     for arc in outline.plan.outline.bare.arcs:
         x, y = (places[:, :2] - np.array(arc.centre_mm)).T
@@ -285,7 +287,7 @@ def _off_round_wall_mm(outline: MoldOutline, places: Floats) -> Floats:
 
 
 def _in_filling_holes(outline: MoldOutline, ends: Floats) -> BoolArray:
-    """Whether each end point of a ray (n, 3) is on the floor in a filling hole, or ambiguously near the hole's edge."""
+    """Whether each end point of a ray is in a filling hole in the floor, or so near its edge that this is ambiguous."""
     found = np.zeros(len(ends), dtype=bool)
     on_floor = ends[:, 2] < outline.cavity_bottom_mm + EDGE_MM
     for hole in outline.filling:
@@ -295,7 +297,7 @@ def _in_filling_holes(outline: MoldOutline, ends: Floats) -> BoolArray:
 
 
 def _beside_facets(outline: MoldOutline, ends: Floats) -> BoolArray:
-    """Whether each end point of a ray (n, 3) is so near an end of a facet that its wall is ambiguous."""
+    """Whether each end point of a ray is so near the end of a facet that it may be on either wall."""
     corners = [wall.point(along) for wall in outline.plan.walls for along in (0.0, wall.length_mm)]
     found = np.zeros(len(ends), dtype=bool)
     for x, y in corners:
@@ -304,7 +306,7 @@ def _beside_facets(outline: MoldOutline, ends: Floats) -> BoolArray:
 
 
 def _windows(outline: MoldOutline, ends: Floats) -> tuple[BoolArray, BoolArray]:
-    """Whether each end of a ray is in a socket's opening, and whether it is ambiguously near the edge; both (n,)."""
+    """For each end point of a ray: whether it is in a socket's opening, and whether it is too near the edge to say."""
     inside = np.zeros(len(ends), dtype=bool)
     near = np.zeros(len(ends), dtype=bool)
     for socket in outline.sockets:
@@ -315,7 +317,7 @@ def _windows(outline: MoldOutline, ends: Floats) -> tuple[BoolArray, BoolArray]:
 
 
 def _inside_window_mm(socket: Socket, ends: Floats) -> Floats:
-    """Distance [mm] of each end point from the edge of a socket's opening; negative outside it or on another wall."""
+    """Distance of each end point inside the edge of a socket's opening [mm]; negative outside or on another wall."""
     line, pocket = socket.frame.line, socket.pocket
     across, along = _outward_mm(line, ends), (ends[:, :2] - np.array(line.origin)) @ np.array(line.tangent)
     inward = np.minimum.reduce([along - pocket.along0, pocket.along1 - along, ends[:, 2] - pocket.floor])
@@ -325,12 +327,12 @@ def _inside_window_mm(socket: Socket, ends: Floats) -> Floats:
 
 
 def _outward_mm(line: Line, points: Floats) -> Floats:
-    """Distance of points outside a flat wall [mm]; negative inside the cavity."""
+    """Distance of points behind a flat wall [mm]; negative for points on the cavity's side."""
     return np.asarray((points[:, :2] - np.array(line.origin)) @ np.array(line.outward))
 
 
 def _behind_wall_mm(outline: MoldOutline, points: Floats) -> Floats:
-    """Distance of points behind the flat wall that they exceed the most [mm]; negative inside the cavity."""
+    """Largest distance of each point behind any of the flat walls [mm]; negative inside the cavity."""
     depth: Floats = np.maximum.reduce([_outward_mm(wall, points) for wall in outline.plan.walls])
     return depth
 
@@ -338,22 +340,22 @@ def _behind_wall_mm(outline: MoldOutline, points: Floats) -> Floats:
 State = Literal["ok", "warning", "error"]
 
 VOLUME_LIMIT = 1e-3
-"""Limit of the relative volume difference between file and formula, mainly from chords of round faces."""
+"""Limit of the relative volume difference between file and formula, which is mainly due to chords of round faces."""
 SOLID_LIMIT = 1e-6
-"""Limit of the relative volume difference between solid and formula, which differ only by rounding."""
+"""Limit of the relative volume difference between solid and formula, which is only due to rounding."""
 WALL_LIMIT_MM = 1e-4
-"""Limit for flat walls; rounding to single precision is at most 3e-5 mm at sizes up to 400 mm."""
+"""Limit of the deviation of flat walls; rounding to single precision causes up to 3e-5 mm at sizes up to 400 mm."""
 OVERHANG_DEG = 45.0
 """Faces that overhang by more than this angle from the vertical need support."""
 THIN_LAYER_MM = 0.1
-"""Thickness of a layer in a fine print, and thus the height of the steps in a lid's unsmoothed concave face."""
+"""Layer thickness of a fine print, which is the height of the steps in a lid's concave face before smoothing."""
 OVERHANG_LIMIT_MM2 = 0.5
-"""Overhanging area up to which no support is recommended, because support leaves a mark."""
+"""Overhanging area up to which no support is recommended, because support leaves marks."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class PartFile:
-    """A printed part: its STL content, and its volume by the CAD kernel and by formula [mm3]."""
+    """A part to print: the content of its STL file, and its volume by the CAD kernel and by formula [mm3]."""
 
     name: str
     stl: bytes
@@ -363,13 +365,13 @@ class PartFile:
 
 @dataclass(frozen=True, kw_only=True)
 class Finding:
-    """One measured value against its limit.
+    """Comparison of one measured value with its limit.
 
     Attributes
     ----------
     name : name of the part and of the measured value
-    value, limit, unit : the measured value and its limit
-    state : `ok`, `warning` (the part can still be made) or `error`
+    value, limit, unit : the measured value, its limit, and the unit of both
+    state : result of the comparison: `ok`, `warning` (the part can still be made) or `error`
     note : position of the worst value, or advice; may be empty
     """
 
@@ -389,8 +391,8 @@ class Checks:
     ----------
     digest : hash of the design's content
     findings : findings in the order of the parts
-    volumes_mm3 : for each part its volumes `stl`, `solid` and `formula`
-    prints : for each sliced part `minutes` and `filament_g`; empty without slicing
+    volumes_mm3 : for each part, its volumes `stl`, `solid` and `formula`
+    prints : for each sliced part, `minutes` and `filament_g`; empty without slicing
     """
 
     digest: str
@@ -415,12 +417,12 @@ class Checks:
 
 
 def check_parts(design: SensorDesign, parts: tuple[PartFile, ...], *, bed_mm: Bed | None = None) -> Checks:
-    """Check every printed part of a design, and also the cavity of the `mold` and the concave face of the `lid`.
+    """Check every printed part of a design, including the cavity of the `mold` and the concave face of the `lid`.
 
     Parameters
     ----------
     parts : the parts as written to their files
-    bed_mm : build volume of the printer (x, y, height) for the size check; None for a usual printer
+    bed_mm : build volume of the printer (x, y, height) for the size check; if None, that of a typical printer
     """
     bed, bridged = bed_mm or usual_bed_mm(), bridged_mm2(design)
     findings: list[Finding] = []
@@ -444,11 +446,11 @@ def check_parts(design: SensorDesign, parts: tuple[PartFile, ...], *, bed_mm: Be
 def with_slices(
     checks: Checks, design: SensorDesign, parts: tuple[PartFile, ...], bed_mm: Bed | None
 ) -> Checks:
-    """Extend the checks by the slicer's findings about every printed part.
+    """The given checks with the slicer's findings about every printed part added.
 
     Raises
     ------
-    InputError : no slicer is installed on this machine.
+    InputError : no slicer is installed on this computer.
     """
     density = find_mold_material(entries_of(design), design.mold.material).density_g_per_cm3.value
     room, program = bed_mm or usual_bed_mm(), require_slicer()
@@ -463,7 +465,7 @@ def with_slices(
 
 
 def _slicing(part: PartFile, one: Sliced) -> list[Finding]:
-    """Findings that compare the slicer's volumes with the formula, and the slicer's own warnings."""
+    """Comparisons of the slicer's volumes with the formula, and the slicer's own warnings."""
     ratio = one.extruded_mm3 / part.formula_mm3
     is_whole = EXTRUDED_LOW <= ratio <= EXTRUDED_HIGH
     return [
@@ -494,7 +496,7 @@ def _slicing(part: PartFile, one: Sliced) -> list[Finding]:
 
 
 def design_findings(design: SensorDesign) -> tuple[Finding, ...]:
-    """Findings from the design's numbers alone: tightest webs, lid, lettering, and bodies outside the clear layer."""
+    """Findings from the design's numbers alone: thinnest webs, lid, lettering, and bodies outside the clear layer."""
     webs = [
         Finding(
             name=f"mold: {one.name}",
@@ -517,7 +519,7 @@ def design_findings(design: SensorDesign) -> tuple[Finding, ...]:
 
 
 def _lid(design: SensorDesign) -> Iterator[Finding]:
-    """Findings about the thinnest sections of a lid, and about the optical smoothness of its concave face."""
+    """Findings about the thinnest parts of a lid, and about the optical smoothness of its concave face."""
     for one in lid_clearances(design):
         state: State = "ok" if one.is_kept else "warning"
         note = "" if one.is_kept else f"raise {one.field}; dowels in the fixing holes replace the pins"
@@ -552,7 +554,7 @@ def _lid(design: SensorDesign) -> Iterator[Finding]:
 
 
 def _lettering(design: SensorDesign) -> Iterator[Finding]:
-    """Findings about the lettering: narrowest strokes and gaps, parts without a name, and lead channels to bridge."""
+    """Findings about strokes and gaps of the lettering, parts without a name, and channels for leads."""
     outline, narrowest = outline_of(design), printer("narrowest_stroke").value
     widths = {"numbers": [one.stroke_mm for one in outline.numbers]}
     widths["label"] = [outline.label.stroke_mm] if outline.label.strokes else []
@@ -644,7 +646,7 @@ def _volumes(part: PartFile, stl_mm3: float) -> list[Finding]:
 
 
 def bridged_mm2(design: SensorDesign) -> dict[str, float]:
-    """Area of ceilings that the printer bridges, by part [mm2]: over engraved strokes and over lead channels."""
+    """For each part, the area of ceilings over engraved strokes and lead channels, which a printer can bridge [mm2]."""
     outline = outline_of(design)
     channels = [(s.channel, s.holes) for s in outline.sockets if s.channel is not None]
     below = outline.label.area_mm2 + sum(
@@ -656,7 +658,7 @@ def bridged_mm2(design: SensorDesign) -> dict[str, float]:
 
 
 def _printing(name: str, mesh: Mesh, bed_mm: Bed, bridged: float) -> list[Finding]:
-    """Findings about overhanging area and print bed; `bridged` [mm2] is the area of ceilings that need no support."""
+    """Findings about overhanging area and print bed; `bridged` is the area of ceilings that need no support [mm2]."""
     size = np.ptp(mesh.vertices, axis=0)
     fits = max(size[:2]) <= max(bed_mm[:2]) and min(size[:2]) <= min(bed_mm[:2]) and size[2] <= bed_mm[2]
     return [

@@ -1,11 +1,11 @@
-"""Export of the printed parts: STL, STEP and 3MF of the mold, STL of the other parts, and the report `checks.json`.
+"""Exports the printed parts: STL, STEP and 3MF of the mold, STL of the other parts, and the report `checks.json`.
 
-In every file the print bed is z = 0. The coordinates x and y of mold and pieces are those of the cavity frame
-(`design.shape.cavity`). The lid is turned over, and the tools have their own frames (see their modules). Equal designs
-give equal bytes: STEP is written without time and counters.
+In every file the print bed is at z = 0. The mold and its pieces have the x and y of the cavity's coordinate system
+(`design.shape.cavity`). The lid is turned over, and each tool has its own coordinate system (see its module). Equal
+designs give equal bytes, because STEP is written without time and counters.
 
-A folder receives either all new files or none, because they are written to a temporary folder and then moved. A tool or
-piece of an earlier design of the same name is removed if the present design has none.
+A folder receives either all new files or none, because they are written to a temporary folder and then moved. If the
+folder contains a tool or piece from an earlier export that the current design does not have, it is removed.
 """
 
 from __future__ import annotations
@@ -50,10 +50,10 @@ FILES = (
 )
 
 ADAPTIVE_SHARE = 1e-7
-"""Required relative accuracy of a lid's volume by the CAD kernel.
+"""Relative accuracy with which the CAD kernel must compute a lid's volume.
 
-Over a face between a cone and a cylinder the kernel's default integration has an error of 3e-6. Its adaptive
-integration has an error of 1e-9.
+Over a face between a cone and a cylinder, the kernel's default integration has a relative error of 3e-6. Its adaptive
+integration has one of 1e-9.
 """
 _STEP_TIME = "1970-01-01T00:00:00"
 
@@ -70,20 +70,20 @@ def export_parts(
     Parameters
     ----------
     folder : created if missing; files of the same names are replaced
-    bed_mm : build volume of the printer for the checks; None for the usual one
-    slice_parts : whether PrusaSlicer also slices the parts, which takes seconds per part
+    bed_mm : build volume of the printer for the checks; if None, that of a typical printer
+    slice_parts : whether PrusaSlicer also slices the parts, which takes a few seconds for each part
 
     Returns
     -------
-    Path of each written file by its name. `leveling_blade.stl` is written for a flat top with a black layer, and
+    Path of each written file, by file name. `leveling_blade.stl` is written for a flat top with a black layer, and
     `pour_gauge.stl` for a flat top with a rim around it. `lid.stl` is written for a crowned pad, and `mold_frame.stl`
-    and `mold_base.stl` for a parted mold.
+    and `mold_base.stl` for a mold made in two pieces.
 
     Raises
     ------
     DesignError : the design breaks a rule, such as a web that is too thin; nothing has been written.
     OutputError : the folder, or temporary files, cannot be written.
-    InputError : the slicer is requested but not installed; nothing has been written.
+    InputError : slicing is requested but the slicer is not installed; nothing has been written.
     """
     contents = part_files(design, bed_mm=bed_mm, slice_parts=slice_parts)
     target = Path(folder)
@@ -98,7 +98,7 @@ def export_parts(
 def part_files(
     design: SensorDesign, *, bed_mm: Bed | None = None, slice_parts: bool = False
 ) -> dict[str, bytes]:
-    """Content of every file by its name."""
+    """Content of every file, by file name."""
     lift, mold = bed_lift_mm(design), build_mold(design)
     mold_mesh = mesh_of(mold, lift, chord_mm=_chord_mm(design))
     title = f"{design.name} mold {design.digest[:8]}"
@@ -121,9 +121,9 @@ def part_files(
 
 @dataclass(frozen=True, kw_only=True)
 class _Part:
-    """A solid to print and its volume by formula; `lift_mm` raises it onto the print bed.
+    """A solid to print and its volume by formula; `lift_mm` is the height by which it is raised onto the print bed.
 
-    If `mesh` is given, it is already on the bed and is written instead.
+    If `mesh` is given, it is written instead of the solid; it is already on the bed.
     """
 
     name: str
@@ -134,7 +134,7 @@ class _Part:
 
 
 def _chord_mm(design: SensorDesign) -> float | None:
-    """Largest chord height of the mold's faces [mm]: `CHORD_MM` if walls are round, else None for the default."""
+    """Largest chord height of the mold's faces [mm]: `CHORD_MM` if walls are round, else None (the default)."""
     return CHORD_MM if plan_of(design).outline.arcs else None
 
 
@@ -172,7 +172,7 @@ def checks_bytes(checks: Checks) -> bytes:
 
 
 def step_bytes(part: cq.Workplane, name: str) -> bytes:
-    """STEP text of a solid, without the time of writing and without the kernel's counters."""
+    """STEP text of a solid, without the time of writing and the kernel's counters."""
     with temporary_folder() as folder:
         path = Path(folder) / "part.step"
         part.val().exportStep(str(path))  # type: ignore[union-attr]

@@ -8,8 +8,8 @@ r"""The indenter's tip as a printed part: the tip of the design on a cylindrical
       +-------+    bed
       <  2 R  >
 
-A tip printed upright has layer steps: sand it, or use it as a gauge for a tip made on a lathe. At the apex the CAD
-kernel makes one degenerate triangle, which `cad.mesh` drops.
+A tip printed upright has layer steps: sand it, or use it as a template for a tip made on a lathe. At the apex, the CAD
+kernel makes one degenerate triangle, which `cad.mesh` removes.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from design.spec import SensorDesign
 from design.spec.indenter import tip_outline, tip_volume_mm3
 
 SHANK_MM = 20.0
-"""Length of the shank that the chuck can hold, beyond the deepest press."""
+"""Length of the shank for the chuck, in addition to the length for the deepest press."""
 
 
 def shank_mm(design: SensorDesign) -> float:

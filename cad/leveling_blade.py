@@ -12,9 +12,9 @@ Its shoulders rest on the rim and its tongue extends down into the cavity. It is
           play                play
 
 The blade spans the shorter side of the cavity and is drawn along the longer one. In a round cavity it spans the
-diameter between opposite facets and is turned about the middle. Optical parts whose bodies extend above the rim are in
-its way (`design.mold.webs.bodies_above_rim`). A crowned pad has no blade: its mold is filled upside down, and the black
-layer is poured last.
+diameter between opposite facets and is turned about the middle. Optical parts whose bodies extend above the rim get in
+its way (`design.mold.webs.bodies_above_rim`). There is no blade for a crowned pad, because its mold is filled upside
+down and the black layer is poured last.
 """
 
 from __future__ import annotations
@@ -29,11 +29,11 @@ from design.shape.cavity import cavity_of, plan_of
 from design.spec import SensorDesign
 
 PLAY_MM = 0.3
-"""Gap between each end of the tongue and the cavity's wall: prints are too large by up to this length."""
+"""Gap between each end of the tongue and the cavity's wall, because prints may be too large by up to this length."""
 GRIP_MM = 12.0
-"""Height of the bar above the shoulders, held by two fingers."""
+"""Height of the bar above the shoulders, by which the blade is held with two fingers."""
 THICKNESS_MM = 3.0
-"""Thickness of the blade, stiff enough not to bow over the cavity."""
+"""Thickness of the blade, which keeps it from bending over the cavity."""
 EDGE_MM = 1.0
 """Thickness of the bevelled edge that touches the silicone."""
 
@@ -62,7 +62,7 @@ class BladeSize:
 
 
 def blade_size(design: SensorDesign) -> BladeSize | None:
-    """Dimensions of a design's blade; None without a black layer or for a crowned pad."""
+    """Dimensions of a design's blade; None for a design without a black layer or with a crowned pad."""
     if design.cavity.black_thickness_mm == 0 or is_cast_under_lid(plan_of(design)):
         return None
     spans_y = design.cavity.width_mm <= design.cavity.length_mm
@@ -74,7 +74,7 @@ def blade_size(design: SensorDesign) -> BladeSize | None:
 
 
 def _tongue_mm(design: SensorDesign) -> float:
-    """Length of the tongue [mm]: in a round cavity, the length whose corners turn freely inside the facets."""
+    """Length of the tongue [mm]; in a round cavity, it is such that the corners can turn freely inside the facets."""
     plan = cavity_of(design).plan
     turns = [float(plan.outline.gap_mm(*arc.centre_mm)) for arc in plan.outline.bare.arcs]
     if not turns:
@@ -83,7 +83,7 @@ def _tongue_mm(design: SensorDesign) -> float:
 
 
 def leveling_blade(design: SensorDesign) -> cq.Workplane | None:
-    """CAD solid of the blade, flat on the print bed, edge along x at y = 0; None without a blade."""
+    """CAD solid of the blade, flat on the print bed, with its edge along x at y = 0; None for a design without one."""
     size = blade_size(design)
     if size is None:
         return None

@@ -1,6 +1,6 @@
-r"""The lid that casts a crowned top: it closes the mold, which is then filled upside down through holes in its floor.
+r"""The lid that shapes a crowned top: it closes the mold, which is then filled upside down through holes in its floor.
 
-The sections show the lid on the mold, left for a dome, right for a cylinder whose highest line is level with the rim:
+The cross-sections show the lid on the mold for a dome (left) and for a cylinder with its highest line at the rim:
 
       ______________________________         ______________________________  back
      |            _____             |       |                              |
@@ -10,11 +10,11 @@ The sections show the lid on the mold, left for a dome, right for a cylinder who
 
 The dish is the concave face that shapes the top of the pad. The flange is the plate over the rim. Where the top is
 above the rim, the dish is cut into the flange. Where the top is below the rim, the dish is the end of a plug that fills
-the cavity. On a round pad the plug is a circle within the flat facets of the wall. Around the plug silicone rises to
-the rim as a ridge, as wide as the gap around the plug. A plug shallower than `LEAST_PLUG_MM` is left out.
+the cavity. On a round pad the plug is a circle within the flat facets of the wall. Around the plug, silicone rises to
+the rim as a ridge that is as wide as the gap around the plug. A plug shallower than `LEAST_PLUG_MM` is left out.
 
-The lid is printed on its back, dish up, without support. Its file is turned over about the middle line along x. Volume,
-checks and pictures use the lid's dimensions (`LidSize`) without a CAD kernel.
+The lid is printed on its back, dish up, without support. In its file it is therefore turned over about the middle line
+along x. Volume, checks and pictures use the lid's dimensions (`LidSize`) without a CAD kernel.
 """
 
 from __future__ import annotations
@@ -36,33 +36,33 @@ from design.shape.cavity import Plan, facet
 from design.spec import SensorDesign
 
 PLAY_MM = 0.15
-"""Gap all around the plug at the rim, and around the pins in their holes."""
+"""Width of the gap around the plug at the rim, and around the pins in their holes."""
 DRAFT_DEG = 2.0
-"""Draft angle of the plug's sides, so that it leaves the cured pad."""
+"""Draft angle of the plug's sides, which lets the plug be pulled out of the cured pad."""
 FLANGE_MM = 3.0
-"""Least thickness of the lid over the rim."""
+"""Smallest thickness of the lid over the rim."""
 OVER_CROWN_MM = 2.5
-"""Least thickness of the lid over the crown's highest point."""
+"""Smallest thickness of the lid over the crown's highest point."""
 BELOW_MM = 0.5
-"""Extra depth of the plug before its concave face is cut, which removes the excess."""
+"""Extra depth of the plug before its concave face is cut; the cut removes it."""
 LEAST_PLUG_MM = 0.05
-"""Least depth of a plug: half of a thin printed layer. A shallower one is left out."""
+"""Smallest depth of a plug, half of a thin printed layer; a shallower plug is left out."""
 CLEAR_OF_TANGENT_MM = 0.005
-"""Distance that separates the flange from a cylinder whose highest line would touch it, since CAD booleans fail there.
+"""Distance by which the flange is raised if a cylinder's highest line would touch it, where CAD booleans would fail.
 
-The flange then starts higher, and the lid is lower on the mold by this length: a twentieth of a thin layer.
+The printed lid is then lower on the mold by this distance, a twentieth of a thin layer.
 """
 PIN_MM, PIN_CHAMFER_MM = 3.0, 0.5
-"""Length of the pins, limited to half of the mold's height, and length of the chamfer at their ends."""
+"""Length of the pins, which is limited to half of the mold's height, and of the chamfer at their ends."""
 NOTCH_WIDTH_MM, NOTCH_DEPTH_MM, NOTCH_HEIGHT_MM = 6.0, 1.5, 1.5
 """Largest width, depth and height of the two notches for a screwdriver.
 
 The depth is limited to a third of the mold's wall, and the height to half of the flange.
 """
 LEAST_NOTCH_MM = 1.0
-"""Notches narrower than this are left out."""
+"""Smallest width of a notch; narrower ones are left out."""
 NOTCH_TURNS_DEG = range(0, 180, 5)
-"""Candidate directions for the notches of a round lid with a dome. With a cylinder they mark the cylinder's axis."""
+"""Directions considered for the notches of a round lid with a dome; with a cylinder, they mark the cylinder's axis."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -73,7 +73,7 @@ class Plug:
     ----------
     half_mm : half length and half width of the plug at the flange; (radius, radius) if it is round
     is_round : whether the plug is round
-    floor_mm : height z of the plug's end before the concave face is cut
+    floor_mm : z coordinate of the plug's end before the concave face is cut
     """
 
     half_mm: tuple[float, float]
@@ -81,7 +81,7 @@ class Plug:
     floor_mm: float
 
     def inset_mm(self, depth_mm: float) -> float:
-        """Inset of the plug's drafted sides at a depth below the flange [mm]."""
+        """Distance by which the draft moves the plug's sides inward at a depth below the flange [mm]."""
         return depth_mm * math.tan(math.radians(DRAFT_DEG))
 
     def reaches(self, x_mm: float, y_mm: float, depth_mm: float, margin_mm: float) -> bool:
@@ -100,7 +100,7 @@ class Plug:
 
 @dataclass(frozen=True, kw_only=True)
 class Notch:
-    """A notch for a screwdriver in the flange's underside, in the coordinates of the mold's wall below."""
+    """A notch for a screwdriver in the flange's underside; `cut` is in the coordinate system of the wall below it."""
 
     frame: WallFrame
     cut: Cut
@@ -108,15 +108,15 @@ class Notch:
 
 @dataclass(frozen=True, kw_only=True)
 class LidSize:
-    """Dimensions of a lid, in the cavity frame [mm].
+    """Dimensions of a lid, in the cavity's coordinate system [mm].
 
     Attributes
     ----------
-    seat_mm, back_mm : height z of the flange's underside, on the rim, and of its back
+    seat_mm, back_mm : z coordinates of the flange's underside, which is on the rim, and of its back
     plug : part of the lid in the cavity; None if the concave face is completely in the flange
     has_dish : whether the lid has a concave face, in the flange or at the end of the plug
     pins : pins below the flange, which fit into the fixing holes
-    notches : notches at opposite sides
+    notches : notches at opposite sides; empty if there is no room for them
     """
 
     seat_mm: float
@@ -132,12 +132,12 @@ class LidSize:
         return self.back_mm - self.seat_mm
 
     def forms_top(self, plan: Plan, x_mm: float, y_mm: float, *, margin_mm: float = 0.0) -> bool:
-        """Whether the lid's concave face shapes the top of the pad at a point, rather than the gap around the plug.
+        """Whether a point of the pad's top is shaped by the lid's concave face, not by the gap around the plug.
 
         Parameters
         ----------
         plan : outline and top of the pad
-        x_mm, y_mm : position in the cavity frame
+        x_mm, y_mm : position in the cavity's coordinate system
         margin_mm : required distance from the edge of this face
         """
         (x, y), depth = plan.centre_mm, self.seat_mm - plan.top_mm(x_mm, y_mm)
@@ -173,9 +173,9 @@ def lid_size(design: SensorDesign) -> LidSize | None:
 
 
 def turned_over(mesh: Mesh, design: SensorDesign, size: LidSize) -> Mesh:
-    """Move a lid from the cavity frame to its file, or back: the same half turn does both.
+    """Convert a lid from the cavity's coordinate system to that of its file, or back, by the same half turn.
 
-    In the file the lid is on its back at z = 0.
+    In the file, the lid is on its back at z = 0.
     """
     flip = np.array([1.0, -1.0, -1.0])
     move = np.array([0.0, design.cavity.width_mm, float(np.float32(size.back_mm))])
@@ -184,7 +184,7 @@ def turned_over(mesh: Mesh, design: SensorDesign, size: LidSize) -> Mesh:
 
 
 def lid_clearances(design: SensorDesign) -> Iterator[Clearance]:
-    """Clearances of the thinnest sections of a lid; none for a flat top."""
+    """Thicknesses of the thinnest parts of a lid, with their limits; none for a flat top."""
     size, web = lid_size(design), design.mold.min_web_mm
     if size is None:
         return
@@ -200,7 +200,7 @@ def lid_clearances(design: SensorDesign) -> Iterator[Clearance]:
 
 
 def _plug(plan: Plan, seat_mm: float) -> Plug | None:
-    """The plug within the cavity; None where the lowest point of the top is level with the flange."""
+    """The lid's plug; None if even the lowest point of the top is hardly below the flange."""
     is_round = not plan.has_origin_corner
     if is_round:
         radius = float(plan.outline.gap_mm(*plan.centre_mm)) - PLAY_MM
@@ -222,7 +222,7 @@ def pin_chamfer_mm(hole: Hole) -> float:
 
 
 def _notches(outline: MoldOutline, seat_mm: float, back_mm: float, web_mm: float) -> Iterator[Notch]:
-    """Two opposite notches, at least `web_mm` away from the holes of the pins."""
+    """Two opposite notches, at least `web_mm` away from the pins' holes; none if there is no room."""
     depth = min(NOTCH_DEPTH_MM, min(outline.wall_x_mm, outline.wall_y_mm) / 3)
     top = seat_mm + min(NOTCH_HEIGHT_MM, (back_mm - seat_mm) / 2)
     for frame in _notched_walls(outline, depth):
@@ -242,10 +242,10 @@ def _notches(outline: MoldOutline, seat_mm: float, back_mm: float, web_mm: float
 
 
 def _notched_walls(outline: MoldOutline, depth_mm: float) -> list[WallFrame]:
-    """The two opposite walls that get the notches.
+    """The two opposite walls above which the notches are.
 
-    On a rectangular mold these are the long walls. On a round one they are along the cylinder's axis, or for a dome as
-    far as possible from the pins.
+    On a rectangular mold, these are the long walls. On a round one, they are at the ends of the cylinder's axis or, for
+    a dome, as far as possible from the pins.
     """
     plan = outline.plan
     if plan.has_origin_corner:
@@ -274,14 +274,14 @@ def _round_wall(outline: MoldOutline, turn_deg: float) -> WallFrame:
 
 
 def _notch_half_mm(frame: WallFrame, outline: MoldOutline, depth_mm: float, web_mm: float) -> float:
-    """Half width of a notch [mm], limited by the pins and, on a round wall, by the depth of the notch."""
+    """Half the width of a notch [mm], limited by the pins and, on a round wall, by the depth of the notch."""
     half = min(NOTCH_WIDTH_MM / 2, frame.length_mm / 2, _to_pins_mm(frame, outline, depth_mm) - web_mm)
     radius = frame.outer_radius_mm
     return min(half, math.sqrt(radius * depth_mm - depth_mm**2 / 4)) if frame.is_facet else half
 
 
 def _to_pins_mm(frame: WallFrame, outline: MoldOutline, depth_mm: float) -> float:
-    """Distance from a notch's middle to the nearest pin's hole, less the notch's depth [mm]."""
+    """Distance from a notch's middle to the edge of the nearest pin's hole, less the notch's depth [mm]."""
     x, y = frame.point(frame.length_mm / 2, frame.thickness_mm)
     holes = outline.fixing_holes
     apart = min((math.hypot(hole.x - x, hole.y - y) - hole.radius for hole in holes), default=math.inf)
@@ -289,7 +289,7 @@ def _to_pins_mm(frame: WallFrame, outline: MoldOutline, depth_mm: float) -> floa
 
 
 def lid(design: SensorDesign) -> cq.Workplane | None:
-    """The lid in position on the mold, in the cavity frame; None for a flat top."""
+    """CAD solid of the lid in its position on the mold, in the cavity's coordinate system; None for a flat top."""
     outline, size = outline_of(design), lid_size(design)
     if size is None:
         return None
@@ -308,7 +308,7 @@ def lid(design: SensorDesign) -> cq.Workplane | None:
 
 
 def _frustum(plug: Plug, centre_mm: tuple[float, float], seat_mm: float) -> cq.Solid:
-    """The plug before its concave face is cut: a frustum of a cone or a pyramid, widest at the flange."""
+    """The plug before its concave face is cut: a frustum of a cone or pyramid, widest at the flange."""
     (x, y), depth = centre_mm, seat_mm - plug.floor_mm
     inset = plug.inset_mm(depth)
     if plug.is_round:
@@ -327,7 +327,7 @@ def _frustum(plug: Plug, centre_mm: tuple[float, float], seat_mm: float) -> cq.S
 
 
 def crown_body(plan: Plan) -> cq.Solid:
-    """Sphere or cylinder under the crown, extended beyond pad and plug, with the kernel's seam line below."""
+    """Sphere or cylinder whose top is the crown. It extends beyond pad and plug; the kernel's seam line is below."""
     radius, (x, y) = plan.top.radius_mm, plan.centre_mm
     centre = plan.clear_mm - radius
     if plan.top.straight is None:

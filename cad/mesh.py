@@ -1,17 +1,16 @@
-"""Solids as triangle meshes, their STL and 3MF files, and shaded pictures of them.
+"""Converts solids to triangle meshes, writes these as STL and 3MF files, and draws shaded pictures of them.
 
-One mesh serves every file of a part, so that STL and 3MF cannot disagree. The faces of a solid are triangulated one by
-one. Vertices that are equal in single precision, as in a binary STL, are joined. Triangles with two equal corners (at
-the apex of a dome) are dropped, which leaves no opening.
+All files of a part are written from one mesh, so that STL and 3MF cannot disagree. The faces of a solid are
+triangulated one by one. Vertices that are equal in single precision, as in a binary STL, are joined. Triangles with two
+equal corners (at the apex of a dome) are removed, which leaves no opening.
 
-By default the height of chords is a share of their face's size, fine enough for printing. The optical surfaces, round
-walls and concave lids, are meshed with chords of a given height instead.
+By default the height of chords is a fraction of their face's size, fine enough for printing. The optical surfaces,
+which are round walls and concave lids, are meshed with chords of a given height instead.
 
 Pictures are drawn without a display. The parallel projection is from above and from the south-west, so that the
 cavity's origin corner is in front. Triangles are drawn into a depth buffer at twice the final size. Edges between faces
-that meet at an angle are drawn over them. Shading is the cosine to two fixed lights, so that the picture identifies the
-part but is not a measurement. Parts that belong together, such as a lid on its mold, are shown cut along x without the
-southern half.
+that meet at an angle are drawn over them. Faces are shaded as if lit by two fixed lights. Parts that belong together,
+such as a lid on its mold, are cut along x and shown without the southern half.
 """
 
 from __future__ import annotations
@@ -38,9 +37,9 @@ if TYPE_CHECKING:
 
 TOLERANCE_MM = 0.05
 CHORD_MM = 0.003
-"""Height of the chords of round walls and concave lids: a twentieth of a usual print's error."""
+"""Height of the chords of round walls and concave lids, a twentieth of a typical printing error."""
 CHORD_LIMIT_MM = 0.005
-"""Largest chord height that the kernel's mesher actually produces for `CHORD_MM`, including single precision."""
+"""Largest chord height that the kernel's mesher actually produces for `CHORD_MM`, including rounding."""
 ANGULAR_TOLERANCE_RAD = 0.1
 """Largest angle between neighbouring chords of a circle."""
 
@@ -56,8 +55,8 @@ class Mesh:
 
     Attributes
     ----------
-    vertices : (n, 3) positions, single precision [mm]
-    triangles : (m, 3) vertex indices, counter-clockwise seen from outside
+    vertices : positions, shape (n, 3), single precision [mm]
+    triangles : vertex indices, shape (m, 3), counter-clockwise as seen from outside
     """
 
     vertices: NDArray[np.float32]
@@ -65,7 +64,7 @@ class Mesh:
 
     @property
     def corners(self) -> FloatArray:
-        """Corner positions [mm] as (m, 3, 3): triangle, corner, coordinate."""
+        """Corner positions [mm], shape (m, 3, 3); the axes are triangle, corner and coordinate."""
         corners: FloatArray = self.vertices.astype(np.float64)[self.triangles]
         return corners
 
@@ -75,7 +74,7 @@ def mesh_of(part: cq.Workplane, lift_mm: float = 0.0, *, chord_mm: float | None 
 
     Parameters
     ----------
-    chord_mm : largest height of the chords [mm]; None for a share of each face's size
+    chord_mm : largest height of the chords [mm]; if None, a fraction of each face's size
     """
     if chord_mm is not None:
         _mesh_finely(part, chord_mm)
@@ -89,7 +88,7 @@ def mesh_of(part: cq.Workplane, lift_mm: float = 0.0, *, chord_mm: float | None 
 
 
 def _mesh_finely(part: cq.Workplane, chord_mm: float) -> None:
-    """Triangulate a solid with chords of an absolute height; cadquery's own are relative to the size of each face."""
+    """Triangulate a solid with chords of an absolute height; those of cadquery are relative to each face's size."""
     from OCP.BRepMesh import BRepMesh_IncrementalMesh
     from OCP.BRepTools import BRepTools
 
@@ -99,7 +98,7 @@ def _mesh_finely(part: cq.Workplane, chord_mm: float) -> None:
 
 
 def read_stl(content: bytes) -> Mesh:
-    """The mesh of a binary STL, with equal vertices joined."""
+    """The mesh in a binary STL file's content, with equal vertices joined."""
     (count,) = struct.unpack_from("<I", content, 80)
     rows = np.frombuffer(content, dtype=_STL_ROW, count=count, offset=84)
     vertices, index = np.unique(rows["corners"].reshape(-1, 3), axis=0, return_inverse=True)
@@ -107,7 +106,7 @@ def read_stl(content: bytes) -> Mesh:
 
 
 def stl_bytes(mesh: Mesh) -> bytes:
-    """Binary STL; equal meshes give equal bytes."""
+    """Content of a binary STL file; equal meshes give equal bytes."""
     rows = np.zeros(len(mesh.triangles), dtype=_STL_ROW)
     rows["corners"] = mesh.vertices[mesh.triangles]
     rows["normal"] = unit_normals(mesh)
@@ -115,7 +114,7 @@ def stl_bytes(mesh: Mesh) -> bytes:
 
 
 def unit_normals(mesh: Mesh) -> FloatArray:
-    """Outward unit normal (m, 3) of each triangle; zero for a triangle without area."""
+    """Outward unit normal of each triangle, shape (m, 3); zero for a triangle without area."""
     corners = mesh.corners
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     lengths = np.linalg.norm(normals, axis=1, keepdims=True)
@@ -159,14 +158,14 @@ Floats = FloatArray
 
 AZIMUTH_DEG, ELEVATION_DEG = 245.0, 42.0
 CUT_ELEVATION_DEG = 16.0
-"""Elevation of the viewer for cut parts [deg], low so that the cut faces are visible."""
+"""Elevation of the viewer for cut parts [deg]; it is low, so that the cut faces are visible."""
 OVERSAMPLING = 2
 MARGIN = 0.04
 CREASE_DEG = 25.0
 BODY_RGB = (0.56, 0.62, 0.70)
 EDGE_RGB = (0.13, 0.16, 0.21)
 LIGHTS = (((0.35, 0.25, 0.90), 0.62), ((-0.80, 0.45, 0.40), 0.30))
-"""Direction of each light in the viewer's frame (right, up, towards the viewer), and its strength."""
+"""Direction of each light in the viewer's coordinate system (right, up, towards the viewer), and its strength."""
 AMBIENT = 0.22
 
 
@@ -182,7 +181,7 @@ def mold_picture(
     Parameters
     ----------
     part : a mesh, or the path of a binary STL
-    elevation_deg : elevation of the viewer above the horizon
+    elevation_deg : angle of the viewer above the horizon
     """
     mesh = part if isinstance(part, Mesh) else read_stl(Path(part).read_bytes())
     size = (height_px * OVERSAMPLING, width_px * OVERSAMPLING)
@@ -197,7 +196,7 @@ def mold_picture(
 def section_picture(
     parts: Sequence[Mesh], y_mm: float, *, width_px: int = 900, height_px: int = 640
 ) -> bytes:
-    """Shaded PNG of parts in one frame, cut at y = `y_mm`, without the half at lower y."""
+    """Shaded PNG of parts in a common coordinate system, cut at y = `y_mm` and shown without the half at lower y."""
     halves = [northern_half(part, y_mm) for part in parts]
     starts = np.cumsum([0, *(len(half.vertices) for half in halves)])
     whole = Mesh(
@@ -210,7 +209,7 @@ def section_picture(
 
 
 def northern_half(mesh: Mesh, y_mm: float) -> Mesh:
-    """The half of a closed mesh at y above `y_mm`, closed again."""
+    """The half of a closed mesh at y above `y_mm`, with the cut closed."""
     triangles = np.asarray(mesh.triangles, dtype=np.uint32)
     whole = manifold3d.Manifold(manifold3d.Mesh(mesh.vertices, triangles))
     half = whole.trim_by_plane((0.0, 1.0, 0.0), y_mm).to_mesh()
@@ -219,7 +218,7 @@ def northern_half(mesh: Mesh, y_mm: float) -> Mesh:
 
 
 def _turn(elevation_deg: float) -> Floats:
-    """Rotation to the viewer's frame: right, up, towards the viewer."""
+    """Rotation matrix into the viewer's coordinate system: right, up, towards the viewer."""
     a, e = np.radians(AZIMUTH_DEG), np.radians(elevation_deg)
     towards = np.array([np.cos(e) * np.cos(a), np.cos(e) * np.sin(a), np.sin(e)])
     right = np.array([-np.sin(a), np.cos(a), 0.0])
@@ -227,9 +226,9 @@ def _turn(elevation_deg: float) -> Floats:
 
 
 def _fitted(points: Floats, size: tuple[int, int]) -> Floats:
-    """Scale points in the viewer's frame to the picture: column, row and depth in pixels.
+    """Scale points in the viewer's coordinate system to the picture: column, row and depth in pixels.
 
-    Depth grows towards the viewer.
+    Depth increases towards the viewer.
     """
     low, high = points.min(axis=0), points.max(axis=0)
     room = np.array([size[1], size[0]]) * (1 - 2 * MARGIN)
@@ -241,7 +240,7 @@ def _fitted(points: Floats, size: tuple[int, int]) -> Floats:
 
 
 def _shaded(corners: Floats, normals: Floats, size: tuple[int, int]) -> tuple[Floats, Floats]:
-    """Draw all faces that are towards the viewer; return the image (rows, columns, rgba) and the depth buffer."""
+    """Draw all faces that point towards the viewer; return the image (rows, columns, rgba) and the depth buffer."""
     image, depth = np.zeros((*size, 4)), np.full(size, -np.inf)
     light = AMBIENT + sum(
         strength * np.clip(normals @ (np.array(way) / np.linalg.norm(way)), 0.0, 1.0)
@@ -254,7 +253,7 @@ def _shaded(corners: Floats, normals: Floats, size: tuple[int, int]) -> tuple[Fl
 
 
 def _fill(image: Floats, depth: Floats, corners: Floats, normal: Floats, colour: Floats) -> None:
-    """Draw a triangle into the image: the pixels inside it that are nearer than the depth buffer."""
+    """Draw a triangle into the image wherever it is nearer to the viewer than the depth buffer."""
     low = np.maximum(np.floor(corners[:, :2].min(axis=0)).astype(int), 0)
     high = np.ceil(corners[:, :2].max(axis=0)).astype(int) + 1
     x, y = np.arange(low[0], high[0]) + 0.5, (np.arange(low[1], high[1]) + 0.5)[:, None]
@@ -270,7 +269,7 @@ def _fill(image: Floats, depth: Floats, corners: Floats, normal: Floats, colour:
 
 
 def creases(mesh: Mesh) -> IntArray:
-    """Vertex indices (n, 2) of the edges where two faces meet at more than `CREASE_DEG`."""
+    """Vertex indices of the edges at which two faces meet at more than `CREASE_DEG`, shape (n, 2)."""
     triangles, normals = mesh.triangles, unit_normals(mesh)
     edges = np.sort(
         np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]]), axis=1
@@ -285,7 +284,7 @@ def creases(mesh: Mesh) -> IntArray:
 
 
 def _draw_edges(image: Floats, depth: Floats, points: Floats, edges: IntArray) -> None:
-    """Draw lines two pixels wide where they are not behind the faces drawn so far."""
+    """Draw lines two pixels wide wherever they are not behind the faces drawn so far."""
     for a, b in points[edges]:
         steps = int(np.abs(b - a)[:2].max()) + 2
         line = a + np.linspace(0.0, 1.0, steps)[:, None] * (b - a)
@@ -296,7 +295,7 @@ def _draw_edges(image: Floats, depth: Floats, points: Floats, edges: IntArray) -
 
 
 def _reduced(image: Floats) -> NDArray[np.uint8]:
-    """Mean over blocks of pixels, with colour weighted by opacity."""
+    """Reduce an image by averaging blocks of pixels, with colour weighted by opacity."""
     rows, columns = image.shape[0] // OVERSAMPLING, image.shape[1] // OVERSAMPLING
     blocks = image.reshape(rows, OVERSAMPLING, columns, OVERSAMPLING, 4).mean(axis=(1, 3))
     alpha = blocks[..., 3:]
@@ -306,7 +305,7 @@ def _reduced(image: Floats) -> NDArray[np.uint8]:
 
 
 def png_bytes(pixels: NDArray[np.uint8]) -> bytes:
-    """Encode RGBA pixels (rows, columns, 4) as a PNG file."""
+    """Content of a PNG file with RGBA pixels of shape (rows, columns, 4)."""
     height, width = pixels.shape[:2]
     rows = np.concatenate([np.zeros((height, 1), np.uint8), pixels.reshape(height, -1)], axis=1)
     header = struct.pack(">IIBBBBB", width, height, 8, 6, 0, 0, 0)

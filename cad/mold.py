@@ -1,6 +1,6 @@
 r"""The mold as a CAD solid: a printed part with the cavity, the sockets, the pour lip and the fixing holes.
 
-View from above (L-shaped marks: sockets open to the cavity and upward), and section through a receiver:
+View from above (L-shaped marks: sockets open to the cavity and upward), and cross-section through a receiver:
 
       y ^  o---------------------------o  outer_width_mm
         |  | (o)   _  _     _  _   (o) |
@@ -14,11 +14,11 @@ View from above (L-shaped marks: sockets open to the cavity and upward), and sec
         |  /----||-----||-------------o               |___________________||___|  z = -black - floor
         +--> x  origin corner cut at 45 deg              wall        lead holes
 
-The pour lip is a bevel at the cavity's upper edge. It starts at the silicone's undisturbed top, if the rim is no higher
-than the lip, so that the user pours to that line. For a design with a glass cover, a seat at that level replaces the
-lip. Names of the optical parts are engraved in the outer faces (`design.mold.part_numbers`), and a label in the
-underside (`design.mold.label`). Bodies taller than the rim get collars (`design.mold.sockets`). The mold may be parted
-at the cavity's floor.
+The pour lip is a bevel at the cavity's upper edge. If the rim is no higher than the lip, the lip starts at the
+silicone's undisturbed top, so that the user pours to that line. In a design with a glass cover, a seat at that height
+replaces the lip. Names of the optical parts are engraved in the outer faces (`design.mold.part_numbers`), and a label
+in the underside (`design.mold.label`). Bodies taller than the rim have collars (`design.mold.sockets`). The mold may be
+divided at the cavity's floor.
 
 A mold with round walls follows the cavity's outline. A round wall has a flat facet for each optical part. Sockets are
 perpendicular to their facets, and wire slots, lead channels and names end in the round outer face:
@@ -29,9 +29,9 @@ perpendicular to their facets, and wire slots, lead channels and names end in th
       |   /            \   |
      _|__/              \__|_
 
-The mold of a crowned pad has no lip: a lid (`cad.lid`) shapes the top, and silicone enters through holes in the floor.
-All dimensions come from `design.mold.outline`. The frame is the cavity frame of `design.shape.cavity`; `cad.export`
-lifts the solid onto the print bed.
+The mold of a crowned pad has no lip, because a lid (`cad.lid`) shapes the top, and silicone enters through holes in the
+floor. All dimensions come from `design.mold.outline`. The solid is in the cavity's coordinate system
+(`design.shape.cavity`); `cad.export` lifts it onto the print bed.
 """
 
 from __future__ import annotations
@@ -54,11 +54,11 @@ from design.shape.outline import Line, Outline
 from design.spec import SensorDesign
 
 BEYOND_MM = 1.0
-"""Length by which cutting solids extend beyond the faces that they open, so that no two faces coincide there."""
+"""Length by which cutting solids extend beyond the faces that they cut, so that no two faces coincide there."""
 
 
 def build_mold(design: SensorDesign) -> cq.Workplane:
-    """Build the mold as one CAD solid in the cavity frame [mm].
+    """Build the mold as one CAD solid in the cavity's coordinate system [mm].
 
     Raises
     ------
@@ -78,7 +78,7 @@ def build_mold(design: SensorDesign) -> cq.Workplane:
 
 
 def part_mold(mold: cq.Workplane, outline: MoldOutline) -> tuple[cq.Workplane, cq.Workplane]:
-    """Cut a mold at the cavity's floor; return the frame above it and the base below it."""
+    """Cut a mold at the cavity's floor; return the part above, called the mold's frame, and the base below."""
     low, high = outline.bottom_mm - BEYOND_MM, outline.highest_mm + BEYOND_MM
     found = []
     for z0, z1 in ((outline.cavity_bottom_mm, high), (low, outline.cavity_bottom_mm)):
@@ -93,18 +93,18 @@ def part_mold(mold: cq.Workplane, outline: MoldOutline) -> tuple[cq.Workplane, c
 
 
 def _block(outline: MoldOutline) -> cq.Solid:
-    """The mold before it is cut: the extruded outline and the collars for tall bodies."""
+    """The mold before any cuts: the extruded outline and the collars for tall bodies."""
     solid = outer_prism(outline, outline.bottom_mm, outline.height_mm)
     collars = [_filled(collar.box) for collar in outline.collars]
     return cast(cq.Solid, solid.fuse(*collars).clean()) if collars else solid
 
 
 def outer_prism(outline: MoldOutline, foot_mm: float, height_mm: float) -> cq.Solid:
-    """Extrude the outer outline: round for a round pad, else with rounded edges and the cut at the origin's corner.
+    """Extrude the outer outline: round for a round pad, else with rounded edges and a bevel at the origin's corner.
 
     Parameters
     ----------
-    foot_mm : height z of the underside
+    foot_mm : z coordinate of the underside
     height_mm : height of the prism
     """
     block = cq.Workplane(obj=prism(outline.outer, foot_mm, height_mm))
@@ -122,7 +122,7 @@ def _filled(box: Box) -> cq.Solid:
 
 
 def _mouth(outline: MoldOutline) -> list[cq.Solid]:
-    """Cutting solids of the cavity with its lip or with the cover's seat, extended past the rim."""
+    """Cutting solids for the cavity with its lip or with the cover's seat, extended past the rim."""
     if outline.lip_mm:
         return [_flared(outline)]
     inside, foot = outline.plan.outline, outline.cavity_bottom_mm
@@ -147,7 +147,7 @@ def prism(outline: Outline, foot_mm: float, height_mm: float) -> cq.Solid:
 
 
 def _flared(outline: MoldOutline) -> cq.Solid:
-    """Cutting solid of the cavity and its bevelled lip as one polyhedron."""
+    """Cutting solid for the cavity and its bevelled lip, as one polyhedron."""
     foot, knee = outline.cavity_bottom_mm, outline.top_mm - outline.lip_mm
     rings = [_ring(outline, 0.0, foot), _ring(outline, 0.0, knee)]
     if not outline.collars:
@@ -189,7 +189,7 @@ def _slab(socket: Socket, cut: Cut, out0: float, out1: float) -> cq.Solid:
 
 
 def cut_solid(frame: WallFrame, cut: Cut) -> cq.Solid:
-    """A cut in a wall as a solid: a box, rotated if the wall is a facet of a round wall."""
+    """Cutting solid for a cut in a wall: a box, rotated if the wall is a facet of a round wall."""
     if frame.runs_along_axes:
         return _filled(frame.box(cut))
     corners = [cq.Vector(x, y, cut.floor) for x, y in reversed(frame.corners(cut))]
@@ -198,7 +198,7 @@ def cut_solid(frame: WallFrame, cut: Cut) -> cq.Solid:
 
 
 def _engraved(number: PartNumber) -> list[cq.Solid]:
-    """Cutting solids of a part's engraved name, from beyond the outer face into the wall."""
+    """Cutting solids for a part's engraved name, from beyond the outer face into the wall."""
     frame = number.frame
     x0, y0 = frame.point(0.0, frame.thickness_mm + BEYOND_MM)
     x1, y1 = frame.point(0.0, frame.thickness_mm - part_numbers.DEPTH_MM)
@@ -211,7 +211,7 @@ def _engraved(number: PartNumber) -> list[cq.Solid]:
 
 
 def _label(outline: MoldOutline) -> list[cq.Solid]:
-    """Cutting solids of the label, from below the mold up into its floor."""
+    """Cutting solids for the label, from below the mold up into its floor."""
     foot = outline.bottom_mm - BEYOND_MM
 
     def place(loop: Loop) -> cq.Wire:
@@ -222,7 +222,7 @@ def _label(outline: MoldOutline) -> list[cq.Solid]:
 
 
 def _prism(shape: Shape, place: Callable[[Loop], cq.Wire], way: cq.Vector) -> cq.Solid:
-    """A flat shape extruded along the vector `way`; `place` converts the shape's loops to wires in space."""
+    """Extrude a flat shape along the vector `way`; `place` converts the shape's loops to wires in space."""
     return cq.Solid.extrudeLinear(place(shape.outline), [place(hole) for hole in shape.holes], way)
 
 

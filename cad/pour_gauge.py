@@ -1,8 +1,8 @@
 r"""The pour gauge: a printed tool on the mold's rim that shows when the clear layer is thick enough.
 
-Three teeth extend from a bar into the cavity. The middle tooth ends at the silicone's undisturbed top: pour until the
-silicone wets it. The longer tooth is wetted slightly earlier. The shorter tooth must stay dry. The gauge is printed
-flat:
+Three teeth extend from a bar into the cavity. The middle tooth ends at the silicone's undisturbed top; pour until the
+silicone touches it. It touches the longer tooth slightly earlier, and must not reach the shorter tooth. The gauge is
+printed flat:
 
       +--------------------------------------+  ^ grip
       |                                      |  |
@@ -11,7 +11,8 @@ flat:
              |_|         | |         |_|           short: rim - step
             long         |_|        short          middle: rim; long: rim + step
 
-On a round mold the gauge is along a diameter. A crowned pad has no gauge: its mold is filled by weight, upside down.
+On a round mold the gauge is along a diameter. There is no gauge for a crowned pad, because its mold is filled by weight
+and upside down.
 """
 
 from __future__ import annotations
@@ -28,9 +29,9 @@ GRIP_MM = 8.0
 """Height of the bar above the teeth."""
 THICKNESS_MM = 3.0
 TOOTH_MM = 2.0
-"""Width of a tooth, narrow so that it draws up little silicone."""
+"""Width of a tooth, which is narrow so that it draws up little silicone."""
 STEP_MM = 0.3
-"""Difference of the outer teeth from the middle one: about the accuracy of pouring, less for a low rim."""
+"""Difference in length between the middle tooth and the others: about the accuracy of pouring; less for a low rim."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,7 +42,7 @@ class GaugeSize:
     ----------
     span_mm : length of the bar
     teeth_mm : lengths of the long, the middle and the short tooth
-    spacing_mm : distance between the middles of neighbouring teeth
+    spacing_mm : distance between the centre lines of neighbouring teeth
     """
 
     span_mm: float
@@ -55,7 +56,7 @@ class GaugeSize:
 
 
 def gauge_size(design: SensorDesign) -> GaugeSize | None:
-    """Dimensions of a design's gauge; None for a mold without a rim and for a crowned pad."""
+    """Dimensions of a design's gauge; None for a mold without a rim or for a crowned pad."""
     rim, cavity, mold = design.mold.rim_mm, design.cavity, design.mold
     if rim == 0 or is_cast_under_lid(plan_of(design)):
         return None
@@ -69,7 +70,7 @@ def gauge_size(design: SensorDesign) -> GaugeSize | None:
 
 
 def pour_gauge(design: SensorDesign) -> cq.Workplane | None:
-    """CAD solid of the gauge, flat on the print bed, teeth towards low y; None without a gauge."""
+    """CAD solid of the gauge, flat on the print bed, teeth towards low y; None for a design without one."""
     size = gauge_size(design)
     if size is None:
         return None

@@ -1,9 +1,9 @@
-"""PrusaSlicer as an independent check of printed parts: extruded volume, print time, filament and warnings.
+"""Uses PrusaSlicer for an independent check of printed parts: extruded volume, print time, filament and warnings.
 
-The slicer's exit code is not a check: it is 0 even with missing triangles, dropped thin walls or floating bodies. The
-module therefore also parses the `print warning` lines. From ``--info`` it takes whether the mesh is manifold, and the
-mesh's volume after the slicer's silent repair. It also takes the volume that a print with full infill extrudes, which
-is too small where thin walls are dropped. Time and filament mass are those of a print with 20 % infill.
+The slicer's exit code does not suffice, because it is 0 even with missing triangles, omitted thin walls or floating
+bodies. The module therefore also reads the `print warning` lines. From ``--info`` it reads whether the mesh is
+manifold, and the mesh's volume after the slicer's silent repair. It also reads the extruded volume of a print with full
+infill, which is too small if thin walls are omitted. Time and filament mass are those of a print with 20 % infill.
 """
 
 from __future__ import annotations
@@ -22,12 +22,12 @@ from design.parts.assumptions import Bed
 COMMANDS = ("prusa-slicer", "PrusaSlicer", "prusa-slicer-console")
 USUAL_FILL = 0.2
 EXTRUDED_LOW, EXTRUDED_HIGH = 0.95, 1.08
-"""Range of extruded volume over volume of the part, for full infill.
+"""Accepted range of the ratio of extruded volume (with full infill) to part volume.
 
 Good parts have 1.01 to 1.03, because overlaps of short lines add volume.
 """
 VOLUME_LIMIT = 1e-3
-"""Tolerance of the relative difference between the slicer's volume and the formula; a repaired mesh exceeds it."""
+"""Limit of the relative difference between the slicer's volume and the formula; a repaired mesh exceeds it."""
 TIMEOUT_S = 300
 MM3_PER_CM3 = 1e3
 
@@ -38,7 +38,7 @@ class Sliced:
 
     Attributes
     ----------
-    minutes, filament_g : print time and filament mass with the usual infill
+    minutes, filament_g : print time and filament mass with 20 % infill
     volume_mm3 : volume of the mesh after the slicer's repair
     extruded_mm3 : extruded volume with full infill
     is_manifold : whether the slicer finds the mesh closed
@@ -54,12 +54,12 @@ class Sliced:
 
 
 def slicer_command() -> str | None:
-    """Path of the PrusaSlicer program on this machine; None where it is not installed."""
+    """Path of the PrusaSlicer program on this computer; None if it is not installed."""
     return next((path for name in COMMANDS if (path := shutil.which(name))), None)
 
 
 def require_slicer() -> str:
-    """Path of the PrusaSlicer program on this machine.
+    """Path of the PrusaSlicer program on this computer.
 
     Raises
     ------
@@ -75,7 +75,7 @@ def require_slicer() -> str:
 
 
 def sliced(stl: bytes, *, density_g_per_cm3: float, bed_mm: Bed, command: str | None = None) -> Sliced:
-    """Slice a part twice, with the usual and with full infill, and read the slicer's data about its mesh.
+    """Slice a part twice, with 20 % and with full infill, and read the slicer's data about its mesh.
 
     Raises
     ------
@@ -105,7 +105,7 @@ def minutes_of(duration: str) -> float:
 
 
 def _gcode(program: str, part: Path, fill: float, density: float, bed_mm: Bed) -> tuple[str, str]:
-    """Slice a part with infill share `fill`; return the end of its G-code, and the slicer's output."""
+    """Slice a part with the infill fraction `fill`; return the end of its G-code, and the slicer's output."""
     target, settings = part.with_suffix(".gcode"), part.with_suffix(".ini")
     x, y, z = bed_mm
     usual = (files("cad") / "data" / "slicer.ini").read_text(encoding="utf-8")

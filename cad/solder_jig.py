@@ -1,6 +1,6 @@
 r"""The solder jig: a printed plate that holds optical parts while wires are soldered to them at the sockets' pitch.
 
-The jig has space for one part of each kind. This view from above shows a surface-mount part and a part with leads:
+The jig has space for one part of each type. This view from above shows a surface-mount part and a part with leads:
 
       +----------------------------+
       |   | |  | |                 |   grooves: wires at the pitch of the slots, open to the edge
@@ -29,11 +29,11 @@ from design.spec.fits import fit
 
 THICKNESS_MM = 5.0
 MARGIN_MM = 3.0
-"""Distance between cuts in the plate, and from the cuts to its edge."""
+"""Distance between cuts in the plate, and between a cut and the plate's edge."""
 RECESS_SHARE = 0.5
-"""Depth of a recess as a share of the body's depth: solder pads and half of the body protrude."""
+"""Depth of a recess as a fraction of the body's depth; solder pads and half of the body protrude from it."""
 DEEPEST_MM = 3.0
-"""Greatest depth of recesses and grooves, which leaves two millimetres of plate."""
+"""Largest depth of recesses and grooves, under which two millimetres of plate remain."""
 GROOVE_MM = 8.0
 """Length of the grooves for wires."""
 BEYOND_MM = 1.0
@@ -48,7 +48,7 @@ class JigSize:
     length_mm, width_mm : size of the plate along x and y
     boxes : recesses and grooves, open upward
     holes : holes through the plate
-    part_ids : catalogue names of the kinds of parts, from low to high x
+    part_ids : catalogue names of the types of parts, from low to high x
     """
 
     length_mm: float
@@ -66,7 +66,7 @@ class JigSize:
 
 
 def jig_size(design: SensorDesign) -> JigSize:
-    """Dimensions of a design's jig, with space for each kind of part in the order of the layout."""
+    """Dimensions of a design's jig, with space for each type of part, in the order of the layout."""
     kinds = {part.part_id: part.part for part in cavity_of(design).parts}
     cells = {part_id: _cell_mm(part) for part_id, part in kinds.items()}
     boxes: list[Box] = []
@@ -112,7 +112,7 @@ def solder_jig(design: SensorDesign) -> cq.Workplane:
 
 
 def _cell_mm(part: Part) -> tuple[float, float]:
-    """Length that a kind of part needs on the plate, along x and y [mm]."""
+    """Lengths along x and y that a part of one type needs on the plate [mm]."""
     leads = lead_offsets_mm(part)
     across = max(
         part.body_width_mm.value + 2 * fit("slip").value,
@@ -148,6 +148,6 @@ def _groove_spans(part: Part, wire_mm: float, web_mm: float) -> list[tuple[float
 
 
 def _filled(box: Box, top: float, edge: float) -> cq.Solid:
-    """A cut's solid, extended up past the plate, and past the edge at high y if it ends there."""
+    """Cutting solid for a box, extended up past the plate, and past the edge at high y if the box ends there."""
     y1 = box.y1 + (BEYOND_MM if box.y1 >= edge else 0.0)
     return cq.Solid.makeBox(box.x1 - box.x0, y1 - box.y0, top - box.z0, cq.Vector(box.x0, box.y0, box.z0))

@@ -1,30 +1,32 @@
-"""Volumes of the printed parts by formula, for comparison with the CAD solids and the files.
+"""Computes volumes of the printed parts by formula, for comparison with the CAD solids and the files.
 
-The mold is its extruded outline less its cuts. The cuts do not overlap, except that pockets and slots share volume with
-the pour lip, a bevel at the cavity's upper edge. At distance t behind the inner face the bevel removes the height
-max(0, c - t), where c is the leg of the bevel. A cut of width b from t0 to t1 shares with it
+The mold is its extruded outline minus its cuts. The cuts do not overlap, except that pockets and slots share volume
+with the pour lip, a bevel at the cavity's upper edge. At distance t behind the inner face, the bevel removes the height
+(c - t)+ = max(0, c - t), where c is the bevel's height and width. A cut of width b from t0 to t1 shares with it the
+volume
 
-    b * integral of max(0, c - t) dt = b / 2 * ((c - t0)+^2 - (c - t1)+^2)
+    b * integral of (c - t)+ dt = b / 2 * ((c - t0)+^2 - (c - t1)+^2)
 
 This is exact if every cut is within its wall's inner length and its floor is below the lip; `design.mold.webs` ensures
-both. The lip itself is a frustum with mitred corners:
+both. For a cavity of length L and width W, the lip itself is a frustum with mitred corners:
 
     integral over 0..c of (L + 2s)(W + 2s) - L W ds = (L + W) c^2 + 4/3 c^3
 
-For a glass cover, a seat of width s replaces the lip and takes ((L + 2s)(W + 2s) - L W) x rim. A cut of width b shares
-b x min(s, t1) x rim with it. Collars are on the rim behind the lip or seat, and cuts extend up through them.
+For a glass cover, a seat of width s replaces the lip and removes ((L + 2s)(W + 2s) - L W) x rim. A cut of width b
+shares b x min(s, t1) x rim with it. Collars are on the rim behind the lip or seat, and cuts extend up through them.
 
 In a round mold a cut may end in the round outer face. Let d be the distance of the wall's flat facet from the centre, R
-the outer radius, and b the distance along the facet from its middle. The outer face is then at T = sqrt(R2 - b2) - d
-behind the facet. The area of a cut up to a depth t is the integral of min(T, t) over b, which is t where
-|b| < sqrt(R2 - (d + t)2), T elsewhere. The antiderivative of T is that of a circle.
+the outer radius, and b the distance along the facet from its middle. The outer face is then at T = sqrt(R^2 - b^2) - d
+behind the facet. The area of a cut up to a depth t is the integral of min(T, t) over b. The integrand is t where
+|b| < sqrt(R^2 - (d + t)^2), and T elsewhere; the integral of T is part of the area of a circle.
 
-The lid (`cad.lid`) is its flange, pins and plug, less notches and less the part of the crown above the seat. This part
-is a spherical cap for a dome and nothing for a cylinder. The plug is integrated over horizontal sections. At a depth h
-below the seat the draft reduces the plug's section. The crown covers the middle of the section to a half width rho = C
-sin(q) at s = C (1 - cos(q)) below the highest point, for a crown of radius C. The area that remains has a closed form
-for a circular or rectangular plug under a dome or cylinder. Gauss' rule integrates this area over the depth in q, in
-pieces between the depths where the crown's edge meets a side or a corner of the plug. The error is 1e-9 at 48 nodes.
+The lid (`cad.lid`) is its flange, pins and plug, minus notches and the part of the crown above the seat. This part is a
+spherical cap for a dome and nothing for a cylinder. The plug is integrated over horizontal cross-sections, which the
+draft makes smaller with depth. The crown, of radius C, covers the middle of a cross-section up to the half width
+C sin(q), where C (1 - cos(q)) is the distance below the crown's highest point. The remaining area has a closed form for
+a circular or rectangular plug under a dome or cylinder. Gauss' rule integrates it with q as the variable, in pieces
+between the depths at which the crown's edge meets a side or a corner of the plug. The relative error is 1e-9 with 48
+nodes.
 """
 
 from __future__ import annotations
@@ -43,7 +45,7 @@ from design.shape.top import Top
 from design.spec import SensorDesign
 
 NODES = 48
-"""Number of nodes of Gauss' rule in each piece of the integral over a plug."""
+"""Number of nodes of Gauss' rule in each piece of the integral over the depth of a plug."""
 
 
 def mold_volume_mm3(design: SensorDesign) -> float:
@@ -64,7 +66,7 @@ def mold_volume_mm3(design: SensorDesign) -> float:
 
 
 def _socket_cuts_mm3(outline: MoldOutline) -> float:
-    """Volume of the sockets' pockets, slots, necks and lead channels, less the volume shared with lip or seat."""
+    """Volume of the sockets' pockets, slots, necks and lead channels, less the volume shared with lip or seat [mm3]."""
     channels = [(s.frame, s.channel) for s in outline.sockets if s.channel is not None]
     below = [(s.frame, _below_rim(cut, outline)) for s in outline.sockets for cut in s.cuts]
     return (
@@ -75,7 +77,7 @@ def _socket_cuts_mm3(outline: MoldOutline) -> float:
 
 
 def cut_in_frame_mm3(frame: WallFrame, cut: Cut) -> float:
-    """Volume of a cut in a wall whose outer face may be round [mm3]."""
+    """Volume of a cut in a wall, which may have a round outer face [mm3]."""
     if not frame.is_facet:
         return _cut_mm3(cut)
     area = _before_mm2(frame, cut, cut.out1) - _before_mm2(frame, cut, cut.out0)
@@ -123,7 +125,7 @@ def base_volume_mm3(design: SensorDesign) -> float:
 
 
 def lip_volume_mm3(outline: MoldOutline) -> float:
-    """Volume that the pour lip removes from a rim without sockets [mm3]."""
+    """Volume that the pour lip would remove from a rim without sockets [mm3]."""
     leg = outline.lip_mm
     return (outline.length_mm + outline.width_mm) * leg**2 + 4 / 3 * leg**3
 
@@ -133,7 +135,7 @@ def shared_with_lip_mm3(cut: Cut, lip_mm: float) -> float:
 
     Parameters
     ----------
-    lip_mm : leg of the lip's bevel
+    lip_mm : height and width of the lip's bevel
     """
     near, far = max(lip_mm - cut.out0, 0.0), max(lip_mm - cut.out1, 0.0)
     return (cut.along1 - cut.along0) * (near**2 - far**2) / 2
@@ -217,8 +219,8 @@ def plug_volume_mm3(plug: Plug, top: Top, over_mm: float) -> float:
     Parameters
     ----------
     plug : the plug before it is cut
-    top : radius and kind of the crown
-    over_mm : height of the crown's highest point over the flange's underside
+    top : shape and radius of the crown
+    over_mm : height of the crown's highest point above the flange's underside
     """
     radius = top.radius_mm
     above = max(-over_mm, 0.0)
@@ -237,11 +239,11 @@ def plug_volume_mm3(plug: Plug, top: Top, over_mm: float) -> float:
 
 
 def _outside_mm2(plug: Plug, top: Top, depth: float, level: float) -> float:
-    """Area of the plug's section at a depth below the flange, without the crown's section [mm2].
+    """Area of the plug's cross-section at a depth below the flange, without the crown's cross-section [mm2].
 
     Parameters
     ----------
-    level : radius or half width of the crown's section at that depth
+    level : radius or half width of the crown's cross-section at that depth
     """
     a, b = (half - plug.inset_mm(depth) for half in plug.half_mm)
     if plug.is_round:
@@ -256,7 +258,7 @@ def _outside_mm2(plug: Plug, top: Top, depth: float, level: float) -> float:
 
 
 def _quarter_mm2(radius: float, a: float, b: float) -> float:
-    """Area inside both a quarter disc and the rectangle a x b from its centre [mm2]."""
+    """Area common to a quarter disc and a rectangle a x b with a corner at the disc's centre [mm2]."""
     if radius >= math.hypot(a, b):
         return a * b
     if radius == 0.0:
@@ -266,7 +268,7 @@ def _quarter_mm2(radius: float, a: float, b: float) -> float:
 
 
 def _meetings(plug: Plug, top: Top) -> list[tuple[float, ...]]:
-    """Points of the plug's section that the growing crown's section meets, in this order.
+    """Sides and corners of the plug that the crown's edge meets.
 
     Each is a tuple of half widths at the flange: one for a side or a round plug, two for a corner.
     """
@@ -279,9 +281,10 @@ def _meetings(plug: Plug, top: Top) -> list[tuple[float, ...]]:
 
 
 def _meets(plug: Plug, sides: tuple[float, ...], radius: float, over: float) -> float | None:
-    """Angle q at which the growing crown's section meets a side or corner of the plug; None if above the plug.
+    """Angle q at which the crown's edge meets a side or corner of the plug; None if that is above the plug.
 
-    With slope t of the draft, half widths w and s = over + h, the depth h solves s (2 C - s) = sum of (w - h t)^2.
+    With the crown's radius C, the slope t of the draft, half widths w and s = over + h, the depth h below the flange
+    solves s (2 C - s) = sum of (w - h t)^2.
     """
     slope = plug.inset_mm(1.0)
     square = -1 - len(sides) * slope**2
@@ -293,7 +296,7 @@ def _meets(plug: Plug, sides: tuple[float, ...], radius: float, over: float) -> 
 
 
 def _gauss(rate: Callable[[float], float], low: float, high: float) -> float:
-    """Integral of `rate` from low to high by Gauss' rule."""
+    """Integral of `rate` from `low` to `high`, by Gauss' rule."""
     nodes, weights = np.polynomial.legendre.leggauss(NODES)
     middle, half = (low + high) / 2, (high - low) / 2
     return sum(float(w) * half * rate(middle + half * float(x)) for x, w in zip(nodes, weights, strict=True))

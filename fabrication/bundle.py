@@ -1,14 +1,15 @@
-"""Writing of bundles: a bundle is a design's output folder, which is never left half-written.
+"""Writes bundles: the output folders of designs, which are never left half-written.
 
 A command works in a hidden folder next to the bundle, into which it first copies the bundle's files. At the end the
-command writes the manifest, flushes everything to the disk, and swaps the two folders. If the machine stopped during
-the swap, the next writer restores the bundle.
+command writes the manifest, flushes everything to the disk, and swaps the two folders. If the computer stops during
+the swap, the next command that writes to the bundle restores it.
 
 Several commands, processes and threads may work on one bundle at a time. Each has its own hidden folder, which is
-locked while it is in use. Before the swap, files that other commands have finished meanwhile are copied into the hidden
-folder. If two commands wrote the same file, the file of the later swap remains. Copies and swaps wait for one another.
+locked while it is in use. Before the swap, files that other commands have finished in the meantime are copied into the
+hidden folder. If two commands wrote the same file, the version of the later swap remains. Only one command at a time
+copies or swaps folders; the others wait.
 
-A bundle has no links: a link in place of the bundle, or of a folder that commands write into, is refused.
+A symbolic link in place of the bundle, or of a folder that commands write into, is refused.
 
     outputs/<name>-<digest8>/                     the bundle
     outputs/.<name>-<digest8>.<random>.partial/   work in progress
@@ -37,7 +38,7 @@ from design.spec import SensorDesign
 
 MANIFEST = "manifest.json"
 FOLDERS = ("cad", "fabrication", "sims")
-"""Subfolders of a bundle (a design's output folder) that commands write into; all other files are the user's."""
+"""Subfolders of a bundle that commands write into; files elsewhere in the bundle belong to the user."""
 WAY_OUT = "choose another folder with --out (an earlier bundle is intact)"
 RECORDED_PACKAGES = ("optopad", "numpy", "scipy", "numba", "mujoco", "cadquery", "trimesh", "manifold3d")
 
@@ -53,12 +54,12 @@ _UNDER_WAY: set[Path] = set()
 
 @contextmanager
 def bundle(design: SensorDesign, out: Path, *, seed: int) -> Iterator[Path]:
-    """Yield a folder to write into, which becomes the design's bundle if the block succeeds.
+    """Yield a folder to write into, which becomes the design's bundle if the `with` block succeeds.
 
     Parameters
     ----------
     out : folder that contains the bundles; created if missing
-    seed : seed of random numbers, recorded in the manifest
+    seed : seed of the random numbers, recorded in the manifest
 
     Raises
     ------
@@ -97,7 +98,7 @@ def bundle(design: SensorDesign, out: Path, *, seed: int) -> Iterator[Path]:
 
 
 def abandon() -> None:
-    """Remove this process's unfinished output folders, because the process ends at once; finished bundles remain."""
+    """Remove this process's unfinished output folders before it exits immediately; finished bundles remain."""
     for staging in tuple(_UNDER_WAY):
         shutil.rmtree(staging, ignore_errors=True)
 
@@ -105,8 +106,8 @@ def abandon() -> None:
 def write_manifest(folder: Path, design: SensorDesign, seed: int) -> None:
     """Write ``manifest.json``: digest, versions, seed, and every file with its size and SHA-256.
 
-    Several commands fill a bundle. The entry of each file contains the index in ``runs`` of the run that wrote the
-    file. ``seed`` and ``versions`` are those of the last run.
+    Several commands may fill one bundle. The list ``runs`` has the seed and versions of each, and the entry of a file
+    contains the index of the run that wrote the file. ``seed`` and ``versions`` are those of the last run.
     """
     this_run = {"seed": seed, "versions": versions()}
     former = _former_manifest(folder)
@@ -145,7 +146,7 @@ def altered_files(folder: Path) -> tuple[str, ...]:
 
 
 def versions() -> dict[str, str]:
-    """Versions of Python and of the packages with which a result is computed."""
+    """Versions of Python and of the packages that results depend on."""
     found = {"python": platform.python_version()}
     for package in RECORDED_PACKAGES:
         try:
@@ -168,7 +169,7 @@ def _fill(staging: Path, final: Path) -> None:
 
 
 def _require_no_link(final: Path) -> None:
-    """Raise an error for symbolic links in the bundle, because files would be written to the links' targets."""
+    """Raise an error if the bundle contains symbolic links, because files would be written to the links' targets."""
     if final.is_symlink():
         raise OutputError(
             f"{final}: is a link, and a bundle is a folder; remove the link, or give the folder that holds the bundle "
@@ -185,7 +186,7 @@ def _require_no_link(final: Path) -> None:
 
 @contextmanager
 def _alone(out: Path) -> Iterator[None]:
-    """Prevent other processes from copying and swapping bundles in a folder during the block."""
+    """Prevent other processes from copying or swapping bundles in a folder while the `with` block runs."""
     if os.name == "nt":  # it has no locks of folders
         yield
         return
@@ -201,7 +202,7 @@ def _alone(out: Path) -> Iterator[None]:
 
 
 def _locked(folder: Path) -> int | None:
-    """Lock a folder; returns its open descriptor, or None if another process has locked it or locks do not exist.
+    """Lock a folder; return its open descriptor, or None if another process has locked it or locking is unsupported.
 
     The lock ends when the descriptor is closed or the process ends.
     """
@@ -225,7 +226,8 @@ def _digests(folder: Path) -> dict[str, str]:
 def _fetch(staging: Path, final: Path, begun_with: dict[str, str]) -> None:
     """Copy into `staging` the files that other commands changed in the bundle since this command began.
 
-    `begun_with` has the files' digests at the beginning. A file that this command also wrote is kept.
+    `begun_with` contains the digests of the bundle's files when this command began. A file that this command has also
+    written is not replaced.
     """
     _require_no_link(final)
     now = _digests(final)
@@ -275,14 +277,14 @@ def _former(final: Path) -> Path:
 
 
 def _remove(folder: Path) -> None:
-    """Remove a folder with its content, or a symbolic link without its target."""
+    """Remove a folder and its contents, or a symbolic link but not its target."""
     if folder.is_symlink():
         folder.unlink()
     shutil.rmtree(folder, ignore_errors=True)
 
 
 def _sweep(final: Path) -> None:
-    """Remove hidden working folders that interrupted commands have left, and that no process has locked."""
+    """Remove hidden working folders that interrupted commands have left behind and that no process has locked."""
     pattern = re.compile(re.escape(f".{final.name}.") + r"[0-9a-f]+\.partial")
     for left in final.parent.iterdir():
         if pattern.fullmatch(left.name) and (lock := _locked(left)) is not None:
@@ -301,7 +303,7 @@ def _record(file: Path) -> dict[str, Any]:
 
 
 def _former_manifest(folder: Path) -> dict[str, Any]:
-    """Runs and files of the previous manifest; empty if it is missing or damaged."""
+    """Runs and files listed in the previous manifest; both are empty if it is missing or damaged."""
     nothing: dict[str, Any] = {"runs": [], "files": {}}
     try:
         document = json.loads((folder / MANIFEST).read_text(encoding="utf-8"))
@@ -313,7 +315,7 @@ def _former_manifest(folder: Path) -> dict[str, Any]:
 
 
 def _is_elsewhere(err: OSError, out: Path) -> bool:
-    """Whether an error is about a file outside the bundles' folder."""
+    """Whether an error concerns a file outside the folder that contains the bundles."""
     if not isinstance(err.filename, str):
         return False
     return not Path(err.filename).absolute().is_relative_to(out.absolute())

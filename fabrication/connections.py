@@ -1,4 +1,4 @@
-"""Connections of emitters and receivers to pins: the list from which all sheets for manufacturing are written.
+"""Connections of emitters and receivers to pins, which all manufacturing sheets take from this list.
 
 Order, positions and names come from `design.shape.cavity`, pins and channels from `design.circuit.pins`. In state i
 only emitter i is lit; in the last state no emitter is lit. Column j of a state's readings is receiver j.
@@ -31,20 +31,22 @@ TWO_LEADS = 2
 
 @dataclass(frozen=True, kw_only=True)
 class Connection:
-    """An emitter or receiver and its connection.
+    """An emitter or receiver, and how it is connected.
 
     Attributes
     ----------
     part : the part with its position and orientation
-    pin : name of the pin: "D22" of the board, "S1-Q3" output 3 of shift register S1, "L1-Q3" output 3 of LED driver L1,
-        "A0" an analogue channel, "M1-C3" channel 3 of multiplexer M1, "U1-C3" channel 3 of converter U1
+    pin : name of the pin, such as "D22" (digital pin of the board), "A0" (its analogue input), "S1-Q3" (output 3 of
+        shift register S1), "L1-Q3" (output 3 of LED driver L1), "M1-C3" (channel 3 of multiplexer M1), or "U1-C3"
+        (channel 3 of converter U1)
     pin_number : number of the digital pin, of the output along the chain of shift registers or LED drivers, of the
-        board's analogue channel, or of the converter
-    address : the receiver's channel of a multiplexer, or input of a converter; None if it has neither
+        board's analogue input, or of the converter
+    address : channel of the multiplexer, or input of the converter, at which the receiver is connected; None if the
+        part has neither
     polarity : how the part's own leads are connected, in words
     number : index of an emitter among the emitters, or of a receiver among the columns of the readings; from 0
-    position_mm : centre of the active area in the cavity frame (x, y, z) [mm]
-    normal : direction from the wall into the cavity (x, y, z) [-]
+    position_mm : centre of the active area (x, y, z) in the cavity's coordinate system [mm]
+    normal : unit vector from the wall into the cavity (x, y, z) [-]
     """
 
     part: PlacedPart
@@ -59,7 +61,7 @@ class Connection:
 
 @dataclass(frozen=True, kw_only=True)
 class Connections:
-    """Connections of all emitters, in the order of lighting, and of all receivers, in the order of readings."""
+    """Connections of all emitters, in the order in which they are lit, and of all receivers, in column order."""
 
     emitters: tuple[Connection, ...]
     receivers: tuple[Connection, ...]
@@ -71,7 +73,7 @@ class Connections:
 
 
 def pin_words(design: SensorDesign) -> str:
-    """A sentence that explains a design's pin names, such as S1-Q3 for an output of a shift register."""
+    """Explanation of a design's pin names, such as "S1-Q0: output 0 of shift register S1"."""
     words = ["D: digital pin", "A: analogue input"]
     if multiplexer_of(design) is not None:
         words.append("M1-C0: channel 0 of multiplexer M1")
@@ -85,7 +87,7 @@ def pin_words(design: SensorDesign) -> str:
 
 
 def polarity_of(part: PlacedPart, design: SensorDesign) -> str:
-    """How the leads of a part are connected, in words; the data sheet shows which lead is which."""
+    """How the anode and cathode of a part are connected, in words; its data sheet shows which lead is which."""
     emitter = EMITTER_POLARITY if driver_of(design) is None else SINK_POLARITY
     polarity = emitter if part.kind == "emitter" else RECEIVER_POLARITY
     leads = part.part.lead_count

@@ -76,9 +76,10 @@ def driver_config(
 
     Parameters
     ----------
-    counts_per_flux : simulated gain [counts]: reading of a receiver that gets all of an emitter's power. One number for
-        all receivers or one for each; None omits the gain
-    untouched_counts : (emitter, receiver) expected readings of the untouched pad [counts]; None omits them
+    counts_per_flux : simulated gain, the reading if a receiver got all of an emitter's power [counts]: one number for
+        all receivers, or one for each. If None, the gain is omitted
+    untouched_counts : expected readings of the untouched pad, shape (emitters, receivers) [counts]. If None, they are
+        omitted
 
     Raises
     ------
@@ -136,7 +137,7 @@ def dump_driver_config(
     counts_per_flux: float | Sequence[float] | None = None,
     untouched_counts: FloatArray | None = None,
 ) -> str:
-    """The driver configuration as TOML text with comments; parameters and errors are those of `driver_config`."""
+    """The driver configuration as TOML text with comments; for parameters and errors see `driver_config`."""
     text = tomlkit.document()
     for line in HEADING:
         text.add(tomlkit.comment(line))

@@ -1,8 +1,8 @@
-"""Reads and checks the driver configuration `driver.toml`, and returns it as frozen data classes.
+"""Reads and checks the driver configuration `driver.toml`, and returns it as frozen dataclasses.
 
 The laboratory's PC needs only Python's standard library to read the file, not the CAD kernel, the models or the schema
-of designs. The file belongs to one design, identified by its `digest`. The file contains a checksum of its content, so
-that a damaged or hand-edited file is refused. To change the file, change the design and write the file again.
+of designs. The file belongs to one design, identified by its `digest`. It contains a checksum of its content, by which
+a damaged or hand-edited file is detected and refused. To change the file, change the design and write the file again.
 """
 
 from __future__ import annotations
@@ -26,10 +26,10 @@ if TYPE_CHECKING:
 
 FORMAT_VERSION = 2
 MOST_BYTES = 1_000_000
-"""Largest size of a file that is read [bytes]; the largest configuration takes some 30 kB."""
+"""Largest size of a file that is read [bytes]; the largest configuration is about 30 kB."""
 CHECKSUM = "content_sha256"
 DESIGN_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,62}")
-"""Pattern of a design's name, the same as `design.fields.base.FileName`, because recordings are named after the
+"""Pattern that a design's name must match, as in `design.fields.base.FileName`, because recordings are named after the
 design."""
 Point = tuple[float, float, float]
 WAY_OUT = "write it again with `optopad driver config DESIGN`"
@@ -37,7 +37,7 @@ WAY_OUT = "write it again with `optopad driver config DESIGN`"
 
 @dataclass(frozen=True, kw_only=True)
 class Units:
-    """Units of all numbers in `driver.toml`; the names of quantities end with their unit."""
+    """Units of all numbers in `driver.toml`, in words; in addition, each quantity's name ends with its unit."""
 
     length: str
     time: str
@@ -53,9 +53,9 @@ class BoardSetup:
     ----------
     adc_reference : source and voltage of the converter's full scale
     baud_error : relative error of the baud rate that the board can generate: made_baud / baud - 1 [-]
-    link_number : number by which the firmware names this kind of board; 0 for boards without a number
-    usb_ids : USB vendor:product of the maker's boards
-    bridge_usb_ids : USB vendor:product of serial chips that copies of the board use
+    link_number : number with which the firmware identifies the type of board; 0 for boards without a number
+    usb_ids : "vendor:product" USB identifiers of the manufacturer's boards
+    bridge_usb_ids : "vendor:product" USB identifiers of serial chips on copies of the board
     boot_s : longest time from opening the port, which resets the board, to the start of the firmware [s]
     shift_pins : digital pins for data, clock and latch of the emitters' shift registers; None without shift registers
     address_pins : digital pins of the multiplexers' address, lowest bit first; None without multiplexers
@@ -94,7 +94,7 @@ class BoardSetup:
 
 @dataclass(frozen=True, kw_only=True)
 class StateEntry:
-    """One state of the emitters: its index, and the name of the lit emitter ("" in the dark state)."""
+    """One step of the emitter sequence: its index, and the name of the only lit emitter ("" in a dark state)."""
 
     number: int
     emitter: str
@@ -102,7 +102,7 @@ class StateEntry:
 
 @dataclass(frozen=True, kw_only=True)
 class EmitterEntry:
-    """An emitter: name, pin or output, state in which it is lit, position and direction.
+    """An emitter: its name, pin or output, index of the state in which it is lit, position and direction.
 
     With shift registers or LED drivers, `pin` is the number of the emitter's output, counted along their chain, and
     `output` is the name of that output.
@@ -121,7 +121,7 @@ class EmitterEntry:
 
 @dataclass(frozen=True, kw_only=True)
 class ReceiverEntry:
-    """A receiver: name, terminal, input of the board, address at its multiplexer, column, position and direction.
+    """A receiver: its name, board input, multiplexer address, column, position and direction.
 
     The column is the receiver's index among the readings of one state. With separate converters, `channel_number` is
     the number of the receiver's converter, from 0, and `address` is the input of that converter.
@@ -145,7 +145,7 @@ class FrameLayout:
 
     Attributes
     ----------
-    order : axes of the readings, the slowest-varying first
+    order : axes of the array of readings, the slowest-varying first
     head_bytes : number of bytes before the readings: magic, version, sequence number, time
     """
 
@@ -165,12 +165,12 @@ class FrameLayout:
 
 @dataclass(frozen=True, kw_only=True)
 class TimingBudget:
-    """Time of a frame as a sum of its steps, and the resulting frame rate; computed in `design.circuit.pins`.
+    """Duration of a frame, durations of its steps, and the resulting frame rate; computed in `design.circuit.pins`.
 
     Attributes
     ----------
-    switch_us : time at the beginning of each state in which the LED drivers take their data and switch; None without
-        LED drivers
+    switch_us : time at the beginning of each state for the LED drivers to receive their data and switch [us]; None
+        without LED drivers
     """
 
     conversion_us: float
@@ -184,7 +184,7 @@ class TimingBudget:
 
 @dataclass(frozen=True, kw_only=True)
 class WorkspaceLimits:
-    """Workspace of the verdict: limits of the press centres in the cavity frame, and the deepest press [mm].
+    """Workspace of the verdict: limits of the press centres in cavity coordinates, and the deepest press [mm].
 
     Attributes
     ----------
@@ -200,7 +200,7 @@ class WorkspaceLimits:
 
     @property
     def area(self) -> Outline:
-        """The region of the press centres, in the cavity frame."""
+        """The region of the press centres, in the cavity's coordinate system."""
         from design.shape.outline import PLAIN, outline_in
 
         box = (self.x0_mm, self.y0_mm, self.x1_mm, self.y1_mm)
@@ -213,10 +213,10 @@ class SurfaceEntry:
 
     Attributes
     ----------
-    top_mm : (x, y, z) of the highest point, or of the middle of a flat top, in the cavity frame [mm]
+    top_mm : highest point, or middle of a flat top (x, y, z), in the cavity's coordinate system [mm]
     crown : "none", "sphere" or "cylinder"
     radius_mm : radius of curvature; None for a flat top
-    axis : "x" or "y", direction of a cylinder's axis; None for other shapes
+    axis : direction of a cylinder's axis, "x" or "y"; None for other shapes
     """
 
     top_mm: tuple[float, float, float]
@@ -225,9 +225,10 @@ class SurfaceEntry:
     axis: str | None = None
 
     def point_and_normal(self, x_mm: float, y_mm: float) -> tuple[Point, Point]:
-        """Point of first contact of a press at x, y [mm], and the outward unit normal there [-], in the cavity frame.
+        """Point where a press at x, y first touches the top [mm], and the outward unit normal there [-].
 
-        A press moves against the normal. Outside the convex surface its nearest point is used.
+        A press moves against the normal. Both vectors are in the cavity's coordinate system. If x, y is farther from
+        the top's middle than its radius of curvature, the height and normal are those of the nearest surface point.
         """
         x, y, z = self.top_mm
         if self.radius_mm is None:
@@ -243,9 +244,9 @@ class SurfaceEntry:
 
 @dataclass(frozen=True, kw_only=True)
 class AmbientRule:
-    """Correction of ambient light: the readings of the dark state `subtract_state` are subtracted from the others.
+    """Correction of ambient light: the readings in the dark state `subtract_state` are subtracted from all others.
 
-    If `subtract_state` is None, the mean of the dark states around each emitter is subtracted from its readings.
+    If `subtract_state` is None, the mean of the dark states before and after each emitter's state is subtracted.
     """
 
     subtract_state: int | None = None
@@ -253,15 +254,15 @@ class AmbientRule:
 
 @dataclass(frozen=True, kw_only=True)
 class GainNote:
-    """The receivers' gain: the target reading of the median pair on the untouched pad [counts], and the components.
+    """The receivers' gain: the intended reading of the median pair on the untouched pad [counts], and the components.
 
     Attributes
     ----------
-    rule : how the gain is set: "common", "each" or "ohms", see `design.spec.Gain`
+    rule : how the gain is set, "common", "each" or "ohms"; see `design.spec.Gain`
     counts_per_flux : reading of the median receiver if it got all of an emitter's power [counts]; None if not simulated
-    receiver_counts_per_flux : the same quantity for each receiver, in the order of columns
-    feedback_ohm, feedback_pf : feedback resistor and capacitor of each receiver's amplifier, in standard values; None
-        if the emitters' power is not known. Standard values change the gain by up to 5 %
+    receiver_counts_per_flux : the same quantity for each receiver, in the order of columns; None if not simulated
+    feedback_ohm, feedback_pf : feedback resistor [ohm] and capacitor [pF] of each receiver's amplifier; None if the
+        emitters' power is not known. They are standard values, so the gain may differ by up to 5 %
     """
 
     target_counts: float
@@ -279,7 +280,7 @@ class ExpectedPattern:
     Attributes
     ----------
     source : description of the simulation
-    untouched_counts : (emitter, receiver) readings without ambient light, at most full scale [counts]
+    untouched_counts : readings without ambient light [emitter][receiver], limited to full scale [counts]
     """
 
     source: str
@@ -314,7 +315,7 @@ def load_driver_config(path: str | os.PathLike[str], *, digest: str | None = Non
 
     Parameters
     ----------
-    digest : digest of the required design; None accepts any
+    digest : digest of the required design; if None, any design is accepted
 
     Raises
     ------
@@ -331,7 +332,7 @@ def load_driver_config(path: str | os.PathLike[str], *, digest: str | None = Non
 
 
 def config_from_document(document: dict[str, Any], *, where: str) -> DriverConfig:
-    """Check plain data (parsed TOML) and make a driver configuration; `where` names their origin in errors.
+    """Make a driver configuration from parsed TOML and check it; `where` is the data's origin for error messages.
 
     Raises
     ------
@@ -352,7 +353,7 @@ def config_from_document(document: dict[str, Any], *, where: str) -> DriverConfi
 
 
 def content_sha256(document: dict[str, Any]) -> str:
-    """SHA-256 of a driver configuration's content without its own checksum; formatting has no influence."""
+    """SHA-256 of a driver configuration's content, except for the checksum itself; formatting has no influence."""
     content = {key: value for key, value in document.items() if key != CHECKSUM}
     text = json.dumps(content, sort_keys=True, separators=(",", ":"))
     return hashlib.sha256(text.encode()).hexdigest()

@@ -1,8 +1,8 @@
 """Compiles and uploads firmware: avrdude writes a compiled program to AVR boards, arduino-cli a sketch to other boards.
 
-The upload command is a pure function of board, program and port, so that it can be shown without being run. avrdude
-checks the chip's signature before it writes, and reads everything back afterwards. avr-gcc compiles the program for AVR
-boards without the Arduino IDE, and the program's size is reported.
+The upload command depends only on board, program and port, so it can be shown without being run. avrdude checks the
+chip's signature before it writes, and reads everything back afterwards. For AVR boards, avr-gcc compiles the program
+without the Arduino IDE, and the program's size is reported.
 """
 
 from __future__ import annotations
@@ -49,9 +49,9 @@ class Image:
 
     Attributes
     ----------
-    hex_text : the program in the format Intel HEX, which avrdude reads
-    flash_bytes : used program memory [bytes]
-    ram_bytes : used RAM without the stack [bytes]
+    hex_text : the program in Intel HEX format, which avrdude reads
+    flash_bytes : program memory used [bytes]
+    ram_bytes : RAM used, not including the stack [bytes]
     """
 
     hex_text: str
@@ -69,8 +69,8 @@ def compiled_image(design: SensorDesign) -> Image:
 
     Raises
     ------
-    DesignError : the design breaks a rule, or the catalogue lacks data of the board.
-    DeviceError : no compiler is installed, or the compilation failed.
+    DesignError : the design breaks a rule, or the catalogue lacks data about the board.
+    DeviceError : no compiler is installed, the compilation failed, or the board is not an AVR board.
     """
     with temporary_folder() as scratch:
         folder = Path(scratch)
@@ -90,7 +90,7 @@ def compile_elf(design: SensorDesign, folder: Path, changes: Sequence[str] = ())
 
     Raises
     ------
-    DesignError, DeviceError : as `compiled_image`.
+    DesignError, DeviceError : for the same reasons as in `compiled_image`.
     """
     settings = firmware_settings(design)
     chip = avr_chip(settings)
@@ -118,7 +118,7 @@ def _command(chip: BoardFirmware, clock_hz: int) -> list[str]:
 
 
 def avr_chip(settings: FirmwareSettings) -> BoardFirmware:
-    """Catalogue entry for the firmware of an AVR board; raises DeviceError for other boards."""
+    """Data of an AVR board that its firmware needs, from the catalogue; raises DeviceError for other boards."""
     if not isinstance(settings.chip, BoardFirmware):
         raise DeviceError(
             f"the program of the {settings.board_title} is compiled by {ARDUINO} (`optopad driver flash`) or the "
@@ -128,7 +128,7 @@ def avr_chip(settings: FirmwareSettings) -> BoardFirmware:
 
 
 def _sizes(elf: Path) -> tuple[int, int, int]:
-    """Sizes [bytes] of the program, of variables with an initial value, and of variables without."""
+    """Sizes of the program, of its variables with an initial value, and of its other variables [bytes]."""
     row = _run([SIZER, str(elf)]).splitlines()[1].split()
     return int(row[0]), int(row[1]), int(row[2])
 
@@ -156,14 +156,14 @@ BOOT_MODE = "hold the board's BOOTSEL button while you plug it in, and mount the
 
 
 def require_uf2(chip: ArduinoProgram, file: Path) -> None:
-    """Refuse a file that is no complete UF2 file for a board.
+    """Check that a file is a complete UF2 file for a board.
 
-    Files of the RP2350 begin with a block of another family, which its boot loader ignores, so only the blocks of the
-    board's own families are counted.
+    A UF2 file consists of blocks, each marked with a family of chips. Files for the RP2350 begin with a block of
+    another family, which its boot loader ignores, so only blocks of the board's own families are counted.
 
     Raises
     ------
-    InputError : the file does not exist, has other bytes than blocks of UF2, is for other boards, or lacks blocks.
+    InputError : the file does not exist, is not a UF2 file, is for other boards, or lacks blocks.
     """
     assert chip.boot_drive is not None, "the caller knows that the board has one"
     try:
@@ -195,11 +195,11 @@ def _listed(families: Iterable[int]) -> str:
 
 
 def boot_drive(chip: ArduinoProgram, drives: Sequence[Path]) -> Path:
-    """Folder of the drive that a board of this kind provides in its boot mode.
+    """Mount point of the drive as which a board of this type appears in its boot mode.
 
     Parameters
     ----------
-    drives : folders at which drives are mounted
+    drives : mount points of the drives to examine
 
     Raises
     ------
@@ -226,7 +226,7 @@ def boot_drive(chip: ArduinoProgram, drives: Sequence[Path]) -> Path:
 
 
 def _board_id(drive: Path) -> str | None:
-    """Identifier of the board in its boot mode whose drive this is; None for another drive."""
+    """Identifier of the board whose boot drive this is, "" if it has none; None for a drive of another device."""
     try:
         lines = (drive / INFO_FILE).read_text(encoding="ascii", errors="replace").splitlines()
     except OSError:
@@ -236,15 +236,16 @@ def _board_id(drive: Path) -> str | None:
 
 MOUNTS = Path("/proc/mounts")
 FAT = "vfat", "msdos"
-"""Names of the file system of a boot drive in Linux; others, as those on a network, may not reply."""
+"""Linux's names for the file system of a boot drive; drives with other file systems, such as network drives, may not
+reply and are ignored."""
 
 
 def mounted_drives(mounts: Path = MOUNTS) -> list[Path]:
-    """Folders at which drives are mounted that may be boot drives.
+    """Mount points of drives that may be boot drives.
 
     Parameters
     ----------
-    mounts : Linux's table of mounted drives; without it the drives are those of macOS or Windows
+    mounts : Linux's table of mounted drives; if it does not exist, the drives of macOS or Windows are returned
     """
     try:
         rows = [row.split() for row in mounts.read_text(encoding="utf-8").splitlines()]
@@ -263,7 +264,7 @@ def mounted_drives(mounts: Path = MOUNTS) -> list[Path]:
 def copy_uf2(file: Path, drive: Path) -> None:
     """Copy a UF2 file to the drive of a board, which then restarts with the new program.
 
-    The board restarts when it has the last block, so its drive may be gone before the system has closed the file.
+    The board restarts as soon as it has the whole file, so its drive may disappear before the file is closed.
 
     Raises
     ------
@@ -285,8 +286,8 @@ def copy_uf2(file: Path, drive: Path) -> None:
 
 UPLOADER, ARDUINO = "avrdude", "arduino-cli"
 UPLOAD_LIMIT_S = {UPLOADER: 180.0, ARDUINO: 900.0}
-"""Time limits of an upload by each program [s]. A whole chip at 115200 baud takes a minute, arduino-cli's first
-compilation some minutes."""
+"""Time limit of an upload with each program [s]. Writing a whole chip at 115200 baud takes a minute, and the first
+compilation by arduino-cli a few minutes."""
 
 SHOWN_LINES = 3
 
@@ -303,7 +304,7 @@ CAUSES: Mapping[str, str] = MappingProxyType(
         "platform not installed": "install the board's core: `arduino-cli core install teensy:avr`, say",
     }
 )
-"""Advice for known error messages of the uploader; the key is a part of the message in lower case."""
+"""Advice for known error messages of the upload program, by a lower-case part of the message."""
 
 
 def upload_command(chip: BoardFirmware, image: Path, port: str) -> list[str]:
@@ -322,7 +323,7 @@ def sketch_command(chip: ArduinoProgram, sketch: Path, port: str) -> list[str]:
 
 
 def require_uploader(chip: BoardFirmware | ArduinoProgram, sketch: Path) -> None:
-    """Raise DeviceError if the upload program is missing; the message says how to install it or do without it."""
+    """Raise DeviceError if the upload program is missing; the message says how to install or avoid it."""
     by_hand = f"in the Arduino IDE, open {sketch}, select the board {chip.arduino_board}, and press Upload"
     if isinstance(chip, BoardFirmware) and shutil.which(UPLOADER) is None:
         raise DeviceError(
@@ -339,7 +340,7 @@ def require_uploader(chip: BoardFirmware | ArduinoProgram, sketch: Path) -> None
 
 
 def require_port(port: str) -> None:
-    """Refuse a port that does not exist, by DeviceError."""
+    """Raise DeviceError if a port does not exist; on Windows, nothing is checked."""
     if os.sep == "/" and not Path(port).exists():
         raise DeviceError(f"{port}: no such port; plug the board in and name the port that then appears")
 

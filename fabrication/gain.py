@@ -1,4 +1,4 @@
-"""The simulated gain from light to counts, which all sheets use, and the pairs that it puts above full scale."""
+"""The simulated gain from light to counts, which all sheets use, and the pairs that exceed full scale with it."""
 
 from __future__ import annotations
 
@@ -23,32 +23,32 @@ class SimulatedGain:
     Attributes
     ----------
     counts_per_flux : reading of each receiver if it got all of an emitter's power [counts]
-    untouched_flux : (emitter, receiver) flux at the receiver over the emitter's power, without contact [-]
+    untouched_flux : fraction of the emitter's power that reaches the receiver without contact [emitter][receiver] [-]
     """
 
     counts_per_flux: tuple[float, ...]
     untouched_flux: tuple[tuple[float, ...], ...]
 
     def untouched_counts(self, factors: Sequence[float] | None = None) -> Floats:
-        """(emitter, receiver) readings of the untouched pad, not limited by full scale [counts].
+        """Readings of the untouched pad, not limited to full scale; shape (emitters, receivers) [counts].
 
         Parameters
         ----------
-        factors : ratio of each receiver's actual gain to its required gain [-]; None takes 1 for all
+        factors : ratio of each receiver's actual gain to its required gain [-]; if None, 1 for all receivers
         """
         gains = np.array(self.counts_per_flux) * (1.0 if factors is None else np.array(factors))
         counts: Floats = np.array(self.untouched_flux) * gains
         return counts
 
     def untouched_readings(self, design: SensorDesign) -> Floats:
-        """(emitter, receiver) readings of the untouched pad, limited by full scale [counts]."""
+        """Readings of the untouched pad, limited to full scale; shape (emitters, receivers) [counts]."""
         readings: Floats = np.minimum(self.untouched_counts(), full_scale_counts(design))
         return readings
 
 
 @dataclass(frozen=True, kw_only=True)
 class ClippedPair:
-    """A pair that reads above full scale while the pad is untouched."""
+    """A pair that would read above full scale on the untouched pad: its name and unlimited reading [counts]."""
 
     name: str
     counts: float
@@ -60,7 +60,7 @@ def feedbacks_for(design: SensorDesign, gain: SimulatedGain | None) -> tuple[Fee
 
 
 def clipped_pairs(design: SensorDesign, gain: SimulatedGain) -> tuple[ClippedPair, ...]:
-    """Pairs that read above full scale without contact with the standard resistors, the brightest first."""
+    """Pairs that would read above full scale on the untouched pad with standard resistors, the brightest first."""
     cavity, feedbacks = cavity_of(design), feedbacks_for(design, gain)
     factors = None if feedbacks is None else [one.gain_factor for one in feedbacks]
     counts = gain.untouched_counts(factors)

@@ -1,6 +1,6 @@
-"""Converts plain data to frozen dataclasses and back; missing, unknown and mistyped fields are refused.
+"""Converts plain data to frozen dataclasses and back; missing or unknown fields and wrong types are refused.
 
-Supported types are str, int, finite float (also from whole numbers), tuples (from lists), nested dataclasses, and
+Supported types are str, bool, int, finite float (an int is converted), tuple (from a list), nested dataclasses, and
 `X | None` for optional fields. The module needs only the standard library.
 """
 
@@ -15,11 +15,11 @@ Record = TypeVar("Record")
 
 
 LARGEST_WHOLE = 2**63 - 1
-"""Largest whole number in a field, the largest that arrays and packed frames can hold."""
+"""Largest magnitude of an integer in a field; arrays and packed frames cannot hold larger numbers."""
 
 
 class RecordError(ValueError):
-    """Error of a field that is missing, unknown or of another type; the message names the field."""
+    """A field is missing, unknown or of the wrong type; the message names the field."""
 
 
 def record_of(kind: type[Record], data: Any, path: str = "") -> Record:
@@ -27,7 +27,7 @@ def record_of(kind: type[Record], data: Any, path: str = "") -> Record:
 
     Raises
     ------
-    RecordError : a field is missing, unknown or of another type; the message names its dotted path.
+    RecordError : a field is missing, unknown or of the wrong type; the message gives its dotted path.
     """
     if not isinstance(data, dict):
         raise RecordError(f"{path or 'the file'}: is no table")
@@ -45,7 +45,7 @@ def record_of(kind: type[Record], data: Any, path: str = "") -> Record:
 
 
 def plain_of(value: Any) -> Any:
-    """Convert a frozen dataclass to the plain data that `record_of` reads; fields that are None are left out."""
+    """Convert a frozen dataclass to the plain data that `record_of` reads; fields whose value is None are omitted."""
     if is_dataclass(value):
         named = {field.name: getattr(value, field.name) for field in fields(value)}
         return {name: plain_of(entry) for name, entry in named.items() if entry is not None}

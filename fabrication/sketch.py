@@ -1,10 +1,10 @@
 """Writes a design's Arduino sketch: a folder with the firmware's sources and its settings in `config.h`.
 
-The Arduino IDE opens the folder. For AVR chips, avr-gcc compiles it together with `main.c`.
+The folder can be opened in the Arduino IDE. For AVR chips, avr-gcc compiles it together with `main.c`.
 
-`config.h` contains the firmware's settings as C. `fabrication.connections` assigns pins to emitters and inputs to
-receivers, for the wiring table, `driver.toml` and the firmware. The board's catalogue entry gives the port and
-multiplexer setting of a pin, or the pin's name in the board's Arduino core.
+`config.h` contains the firmware's settings as C. Pins and inputs are those of `fabrication.connections`, which the
+wiring table and `driver.toml` also use. The board's catalogue entry gives the port and multiplexer setting of a pin,
+or the pin's name in the board's Arduino core.
 """
 
 from __future__ import annotations
@@ -51,10 +51,14 @@ class EmitterPin:
 
 @dataclass(frozen=True, kw_only=True)
 class ReceiverInput:
-    """A receiver's name and terminal, name and number of its input at the board, and multiplexer address.
+    """A receiver's name, its terminal, and the board input and multiplexer address at which it is read.
 
-    With separate converters, the number is that of the converter, the address is the converter's input, and the name of
-    the board's input is "".
+    Attributes
+    ----------
+    label : name of the terminal to which the receiver's amplifier is connected, as in the wiring table
+    channel : name of the board input; "" with separate converters
+    number : index of the board input, or of the separate converter
+    address : channel of the multiplexer, or input of the separate converter; 0 if the receiver has neither
     """
 
     name: str
@@ -70,12 +74,12 @@ class ConverterSettings:
 
     Attributes
     ----------
-    commands : name of the commands that the firmware sends, such as ``mcp3208``
-    channels : inputs of one converter
+    commands : name of the command set that the firmware sends, such as ``mcp3208``
+    channels : number of inputs of one converter
     clock_hz, spi_mode : clock frequency [Hz] and mode of the bus
-    gap_us : time with chip select high between two readings [us]
+    gap_us : time for which chip select is high between two readings [us]
     range_code : value of the range registers; 0 for converters without them
-    pins : chip select of each converter
+    pins : chip select pin of each converter
     """
 
     commands: str
@@ -93,11 +97,11 @@ class DriverSettings:
 
     Attributes
     ----------
-    outputs : outputs of the whole chain
-    grayscale_bits : bits for each output
+    outputs : number of outputs of the whole chain
+    grayscale_bits : number of bits for each output
     clock_hz : clock frequency of the bus [Hz]
     turn_on_us : time from the end of blanking until an output is on [us]
-    pins : pins of latch and blank
+    pins : latch pin and blank pin
     """
 
     outputs: int
@@ -113,12 +117,12 @@ class FirmwareSettings:
 
     Attributes
     ----------
-    board_number : number by which the board names its kind to the host
+    board_number : number with which the firmware identifies the type of board to the host
     settle_us : settling time of the design, rounded up to whole microseconds [us]
     frame_interval_us : frame interval at the design's frame rate, rounded up, so that the rate is not exceeded [us]
     digest : digest of the design, 32 bytes
     is_internal : whether the converter's full scale is the internal reference; otherwise it is the supply
-    dark : ``frame`` or ``each``, see `design.recordings.lit_emitters`
+    dark : when dark states occur, ``frame`` or ``each``; see `design.recordings.lit_emitters`
     """
 
     design: str
@@ -147,7 +151,7 @@ class FirmwareSettings:
 
     @property
     def more_pins(self) -> dict[str, tuple[int, ...]]:
-        """Pins of the circuits in use between board and parts (such as multiplexers), by their name in `config.h`."""
+        """Pins for circuits between board and parts, such as multiplexers, by their `config.h` name."""
         pins = {
             "SHIFT_PINS": self.shift_pins,
             "DRIVER_PINS": () if self.driver is None else self.driver.pins,
@@ -162,7 +166,7 @@ class FirmwareSettings:
         return bool(self.address_pins) or self.converter is not None
 
     def config_block(self) -> bytes:
-        """The settings as bytes, in the same form as in the firmware, whose self-test returns their CRC-32."""
+        """The settings as bytes, laid out as in the firmware, whose self-test returns their CRC-32."""
         head = [
             self.board_number,
             len(self.emitters),
@@ -177,7 +181,7 @@ class FirmwareSettings:
         return bytes(head) + times + interval + self.digest + bytes(pins) + bytes(inputs) + self._more()
 
     def _more(self) -> bytes:
-        """Additional bytes of `config_block` for averaging, the internal reference, or circuits before the board."""
+        """Bytes that `config_block` has only with averaging, the internal reference, or pins in `more_pins`."""
         pins = [pin for group in self.more_pins.values() for pin in group]
         if self.averages == 1 and not self.is_internal and not pins:
             return b""
@@ -190,16 +194,16 @@ class FirmwareSettings:
         return self.dark == "each"
 
     def config_crc(self) -> int:
-        """CRC-32 of the settings as bytes, which the self-test reports."""
+        """CRC-32 of `config_block`, which the firmware's self-test also reports."""
         return zlib.crc32(self.config_block())
 
 
 def firmware_settings(design: SensorDesign) -> FirmwareSettings:
-    """The firmware's settings of a valid design.
+    """The firmware's settings for a valid design.
 
     Raises
     ------
-    DesignError : the design breaks a rule, or the catalogue does not contain all data of the board.
+    DesignError : the design breaks a rule, or the catalogue does not contain all data about the board.
     """
     require_valid(design)
     gaps = firmware_gaps(design)
@@ -274,14 +278,14 @@ def _driver_settings(design: SensorDesign, board: Board, emitter_count: int) -> 
 
 
 def firmware_gaps(design: SensorDesign) -> tuple[str, ...]:
-    """Reasons why no firmware can be made for the design's board; empty if it can be made."""
+    """Reasons why no firmware can be made for the design's board; empty if there are none."""
     cavity = cavity_of(design)
     found = firmware_findings(design, board_of(design), len(cavity.emitters), len(cavity.receivers))
     return tuple(str(finding) for finding in found)
 
 
 def plain(text: str) -> str:
-    """A text that is safe inside a comment or string of C; other characters are replaced by spaces."""
+    """A text that is safe inside a C comment or string; all unsafe characters are replaced by spaces."""
     return re.sub(r"[^A-Za-z0-9 ._+():-]", " ", text)
 
 
@@ -413,7 +417,7 @@ def _chip_macro(mcu: str) -> str:
 
 
 def _tunable(name: str, value: str, comment: str) -> tuple[str, ...]:
-    """Lines of C that define a setting which a compiler option may override, as in measurements of frame rates."""
+    """Lines of C that define a setting unless a compiler option does, for example when frame rates are measured."""
     return (f"#ifndef {name}", f"#define {name} {value} /* {comment} */", "#endif")
 
 
@@ -434,15 +438,15 @@ def _with_comma(item: str) -> str:
 
 
 SKETCH = "optopad"
-"""Name of the sketch folder and of its .ino file; the Arduino IDE requires equal names."""
+"""Name of the sketch folder and of its .ino file; the Arduino IDE requires these names to be the same."""
 
 IMAGE = f"{SKETCH}.hex"
 CONFIG = "config.h"
 SHARED_FILES = ("optopad.ino", "core.h", "crc.h", "session.h")
 AVR_FILES = ("core.c", "clock.h", "line.h")
 PORTABLE_FILES = ("core.cpp",)
-"""Names of source files that are equal for every design: `SHARED_FILES` for all boards, `AVR_FILES` for AVR chips,
-`PORTABLE_FILES` for other boards."""
+"""Names of source files that are the same for every design: `SHARED_FILES` for all boards, `AVR_FILES` for AVR chips,
+and `PORTABLE_FILES` for other boards."""
 
 MAIN = "main.c"
 """File with the main function. It is not in the sketch folder, because an Arduino core has its own."""
@@ -458,7 +462,7 @@ def sketch_texts(design: SensorDesign) -> dict[str, str]:
 
     Raises
     ------
-    DesignError : the design breaks a rule, or the catalogue does not contain all data of the board.
+    DesignError : the design breaks a rule, or the catalogue does not contain all data about the board.
     """
     settings = firmware_settings(design)
     is_avr = isinstance(settings.chip, BoardFirmware)
@@ -467,7 +471,7 @@ def sketch_texts(design: SensorDesign) -> dict[str, str]:
 
 
 def write_sketch(design: SensorDesign, folder: Path) -> Path:
-    """Write the sketch folder into `folder`; remove files of another board and outdated compiled programs.
+    """Write the sketch folder into `folder`; remove files for other boards and an outdated compiled program.
 
     Returns
     -------
@@ -475,7 +479,7 @@ def write_sketch(design: SensorDesign, folder: Path) -> Path:
 
     Raises
     ------
-    DesignError : the design breaks a rule, or the catalogue lacks data of the board; nothing is written.
+    DesignError : the design breaks a rule, or the catalogue lacks data about the board; nothing is written.
     OutputError : the folder cannot be written.
     """
     texts, sketch = sketch_texts(design), folder / SKETCH

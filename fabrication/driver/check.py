@@ -1,15 +1,16 @@
 """Check of a unit's wiring: compares measured with simulated readings of the untouched pad.
 
-The check distinguishes wrong wires from bright LEDs and manufacturing tolerances. It reports these faults:
+The check distinguishes exchanged wires from bright LEDs and manufacturing tolerances. It reports these faults:
 
 - *dead*: an emitter that no receiver sees, or a receiver that sees no emitter.
-- *saturated*: a receiver at full scale in the dark, or under most emitters although the simulation expects much less.
-- *swapped*: exchanges of two emitters or of two receivers that explain the readings much better than the right wiring.
-- *dim*: an emitter or receiver far below the others, relative to the expected readings.
+- *saturated*: a receiver at full scale in the dark, or at full scale for most emitters although the simulation expects
+  much less.
+- *swapped*: two emitters or two receivers whose exchange explains the readings much better than the correct wiring.
+- *dim*: an emitter or receiver whose readings, relative to the expected ones, are far below those of the others.
 
-The check cannot detect an exchange that a symmetry of the layout leaves unchanged. Where two exchanges explain the
-readings equally well, as on a pad with mirror symmetry, both are reported. Pairs that are expected at full scale are
-not compared.
+The check cannot detect an exchange that leaves the expected readings unchanged because the layout is symmetric. If two
+exchanges explain the readings equally well, as on a pad with mirror symmetry, both are reported. Pairs that are
+expected to be at full scale are not compared.
 """
 
 from __future__ import annotations
@@ -39,24 +40,25 @@ from fabrication.driver.pattern import (
 from fabrication.driver.wiring_check import exchanged_wires
 
 DEAD_SHARE = 0.1
-"""A part counts as dead if all its readings are below this share of the weakest part's best expected reading [-]."""
+"""A part counts as dead if all its readings are below this fraction of the darkest part's largest expected reading
+[-]."""
 
 DIM_SHARE = 0.4
-"""An emitter or receiver is reported as dim if its ratio of measured to expected readings is below this share of the
-other parts' ratio [-]. Tolerances of resistors, brightness classes and seating explain about +-30 %."""
+"""An emitter or receiver is reported as dim if its ratio of measured to expected readings is below this fraction of
+the other parts' ratio [-]. Tolerances of resistors, brightness classes and seating explain about +-30 %."""
 
 UNEXPECTED_SHARE = 0.5
-"""A pair at full scale is reported if its expected reading is below this share of full scale [-]."""
+"""A pair at full scale is reported if its expected reading is below this fraction of full scale [-]."""
 
 AMBIENT_SHARE = 0.1
-"""Ambient light is reported if dark readings exceed this share of full scale, because it reduces the range [-]."""
+"""Ambient light, which reduces the range, is reported if dark readings exceed this fraction of full scale [-]."""
 
 NOISE_COUNTS, NOISE_SHARE = 3.0, 0.02
 """A receiver is reported as noisy if the standard deviation of a reading is above NOISE_COUNTS [counts] plus
-NOISE_SHARE [-] times its mean."""
+NOISE_SHARE [-] times the reading's mean."""
 
 REFERENCE_V, SUPPLY_LOW_V, SUPPLY_HIGH_V = 1.1, 4.5, 5.5
-"""Voltage of the AVR's internal reference (+-10 % by its data sheet), and limits of a USB port's supply [V]."""
+"""Voltage of the AVR's internal reference (+-10 % by its data sheet), and limits of a USB port's voltage [V]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -70,7 +72,7 @@ class Verdict:
     mismatch : relative deviation from `gain` times the expected readings, median over the pairs [-]; None if no pair
         could be compared
     compared : number of pairs that could be compared
-    clipped_by_design : names of the pairs that are expected at full scale, as E1-R1
+    clipped_by_design : names of the pairs that are expected to be at full scale, such as E1-R1
     frames : number of frames in the check
     """
 
@@ -92,17 +94,17 @@ class Verdict:
 
 
 def check_frames(frames: Iterable[Frame], found: Descriptor, self_test: SelfTest | None = None) -> Verdict:
-    """Check a unit's wiring: compare readings of the untouched pad with the simulated ones.
+    """Check a unit's wiring by comparing readings of the untouched pad with simulated ones.
 
     Parameters
     ----------
     frames : frames of the untouched pad; one second is enough
     found : descriptor of the sensor
-    self_test : the board's self-test, if it was requested
+    self_test : result of the board's self-test; if None, the supply and the program are not checked
 
     Raises
     ------
-    InputError : the descriptor has no expected readings, or there is no frame.
+    InputError : the descriptor has no expected readings, or `frames` is empty.
     """
     taken = list(frames)
     if found.expected_counts is None:
@@ -150,7 +152,7 @@ def _railed_problems(railed: BoolArray, found: Descriptor) -> list[Problem]:
 
 
 def _pattern_problems(pattern: Pattern, railed: BoolArray) -> list[Problem]:
-    """Faults by type: dead parts, then exchanged wires, then dim parts, then pairs unexpectedly at full scale."""
+    """Faults, in this order: dead parts, exchanged wires, dim parts, pairs unexpectedly at full scale."""
     dead_e, dead_r = _dead(pattern, railed)
     usable = ~(dead_e[:, None] | (dead_r | railed)[None, :])
     problems = _dead_problems(pattern, dead_e, dead_r)
@@ -162,10 +164,10 @@ def _pattern_problems(pattern: Pattern, railed: BoolArray) -> list[Problem]:
 
 
 def _dead(pattern: Pattern, railed: BoolArray) -> tuple[BoolArray, BoolArray]:
-    """Whether each emitter, and each receiver, shows no light: two arrays (emitter,) and (receiver,).
+    """Whether each emitter gives no light, and whether each receiver sees none; shapes (emitters,) and (receivers,).
 
-    Exchanged wires do not conceal a dead part, because they only permute the readings. `railed` marks receivers at full
-    scale in the dark, (receiver,).
+    Exchanged wires do not conceal a dead part, because they only permute the readings. `railed` says for each receiver
+    whether it is at full scale in the dark; its shape is (receivers,).
     """
     strong = _strong_reading(pattern)
     shows = pattern.measured > strong
@@ -174,7 +176,7 @@ def _dead(pattern: Pattern, railed: BoolArray) -> tuple[BoolArray, BoolArray]:
 
 
 def _strong_reading(pattern: Pattern) -> float:
-    """Threshold [counts] that the strongest reading of every working emitter or receiver exceeds."""
+    """Threshold that the largest reading of every working emitter or receiver exceeds [counts]."""
     best = np.concatenate([pattern.expected.max(axis=0), pattern.expected.max(axis=1)])
     return max(float(DEAD_SHARE * best.min()), FLOOR_COUNTS)
 
@@ -223,9 +225,9 @@ def _dim(pattern: Pattern, usable: BoolArray) -> list[Problem]:
 
 
 def _clipped(pattern: Pattern, usable: BoolArray) -> list[Problem]:
-    """One problem per receiver with pairs at full scale that should be well below it.
+    """One problem for each receiver with pairs that are at full scale although they should be well below it.
 
-    The problem is an error if it concerns more than half of the receiver's pairs.
+    The problem is an error if it concerns more than half of the receiver's usable pairs.
     """
     may_be_read = usable & ~pattern.is_meant_to_clip & (pattern.expected >= SEEN_COUNTS)
     odd = usable & pattern.is_clipped & (pattern.expected < UNEXPECTED_SHARE * pattern.full_scale)
@@ -282,7 +284,7 @@ def _supply(self_test: SelfTest | None, found: Descriptor) -> list[Problem]:
 
 
 def _program(self_test: SelfTest | None, found: Descriptor) -> list[Problem]:
-    """Problem of a firmware whose checksum of pins, inputs and times differs from the design's; empty if none."""
+    """A problem if the firmware's checksum of pins, inputs and times differs from the design's; otherwise empty."""
     if self_test is None or found.config_crc is None or self_test.config_crc == found.config_crc:
         return []
     message = (

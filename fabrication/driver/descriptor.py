@@ -18,9 +18,9 @@ class PartArray:
     Attributes
     ----------
     names : names of the parts, E1, ... or R1, ...
-    pins : labels printed on the board, as D22 or A0
-    position_mm : (n, 3) centre of the active area in the cavity frame [mm]
-    normal : (n, 3) unit vector from the active area into the cavity [-]
+    pins : names of the pins or inputs, such as D22 or A0
+    position_mm : centres of the active areas in the cavity's coordinate system, shape (n, 3) [mm]
+    normal : unit vectors from the active areas into the cavity, shape (n, 3) [-]
     """
 
     names: tuple[str, ...]
@@ -35,12 +35,12 @@ class Descriptor:
 
     Attributes
     ----------
-    states : name of the emitter that is lit in each row of `Frame.counts`: E1, ...; "off" in the last row
+    states : for each state in `Frame.counts`, the name of the lit emitter; "off" for the last state, in which none is
     full_scale : largest reading [counts]
     wanted_rate_hz : frame rate required by the design [Hz]; `Sensor.rate_hz` is the measured one
-    possible_rate_hz : frame rate according to the timing budget [Hz]; the firmware is slightly faster
-    surface : shape of the untouched top surface; None if an older configuration does not describe it
-    expected_counts : (emitter, receiver) simulated readings without contact [counts]; None if not simulated
+    possible_rate_hz : largest frame rate according to the timing budget [Hz]; the firmware is slightly faster
+    surface : shape of the untouched top surface; None if the configuration is too old to describe it
+    expected_counts : simulated readings without contact, shape (emitters, receivers) [counts]; None if not simulated
     config_crc : checksum that the self-test of this design's firmware reports; None if it is not known
     """
 
@@ -70,7 +70,7 @@ UNITS = {
 
 
 def descriptor_of(config: DriverConfig) -> Descriptor:
-    """Description of the stream of a sensor with this driver configuration."""
+    """Description of the readings that a sensor with this driver configuration sends."""
     expected = config.expected
     return Descriptor(
         design=config.design,

@@ -1,7 +1,7 @@
-"""Tracks the slow drift of the untouched pad's signals, and holds the tracked levels constant during a touch.
+"""Tracks slow drift of the untouched pad's signals, and stops tracking during a touch.
 
-Every pair has a signal y, a tracked untouched level b, and an untouched level u of the training data [counts]. The
-input of a model is
+Each pair has a signal y, a tracked signal b of the untouched pad, and an untouched signal u in the training data
+[counts]. The drift-corrected signal f is the input of a model:
 
     f = y u / b                      (f = y where u or b is below 4 counts, too small to divide by)
 
@@ -18,18 +18,18 @@ before they are tracked, and are discarded if a touch begins. The pad counts as 
   press shades pairs individually, so most of its change is in the rest.
 
 A change is gain-like if gains explain 95 % or more of it, and if it exceeds 0.5 % and five times its noise. A change
-that is gain-like for 1 s is a gain step: a part was plugged in, warmed up or lost supply, or drift continued under a
-touch that has ended. The step is counted and reported, and b is multiplied by it, even while the model reports a touch.
-A change of a part's gain by more than half is reported and not tracked. Gain steps are not detected in layouts with
+that is gain-like for 1 s is a gain step: a part was plugged in, warmed up or lost its supply, or drift continued during
+a touch that has ended. The step is counted and reported, and b is adjusted to it, even while the model reports a touch.
+A change of a part's gain by more than half is reported but not tracked. Gain steps are not detected in layouts with
 fewer than 16 degrees of freedom beyond the gains (3 x 3 parts have 4).
 
-The tracker has four limits.
+The tracker has four limitations.
 
-- A contact at the start is taken for the untouched pad; `start_mismatch` indicates this.
+- If the pad is touched at the start, that contact is mistaken for the untouched pad; `start_mismatch` indicates this.
 - A contact is tracked as drift if it grows so slowly that the excess stays below the threshold within tau.
-- A touch that changes all pairs of a part by one factor, as a finger in front of the part, may count as a change of
-  gain.
-- Drift under a held touch is not tracked, and shifts the position until the touch ends.
+- A touch that changes all pairs of a part by one factor, such as a finger directly in front of the part, may count as
+  a change of gain.
+- Drift during a long touch is not tracked, so the predicted position is wrong until the touch ends.
 """
 
 from __future__ import annotations
@@ -47,31 +47,31 @@ from fabrication.driver.link.frames import WEAKEST_BASELINE_COUNTS
 
 TIME_CONSTANT_S, GUARD_S = 10.0, 0.5
 SHORT_S = 0.2
-"""Time constant of the averaged change of signals from which a touch is detected [s]."""
+"""Time constant with which changes of signals are averaged to detect a touch [s]."""
 
 HELD_EXCESS = 4.0
 """Threshold of the excess above which the pad counts as touched [-].
 
-The excess is the mean square of the signals' change that gains of parts do not explain, over the noise variance. Noise
-alone gives about 1."""
+The excess is the mean square of the rest of the signals' change, which gains do not explain, divided by the noise
+variance. Noise alone gives about 1."""
 
 GAIN_S = 1.0
 GAIN_SHARE = 0.95
 LEAST_GAIN, GAIN_SIGMAS = 0.005, 5.0
 LEAST_FREEDOM = 16
-"""Least number of pairs, beyond the number of fitted gains, for detecting steps of gain; with fewer, a press resembles
-a change of gains."""
+"""Gain steps are detected only if there are at least this many more pairs than fitted gains; with fewer, a press
+resembles a change of gains."""
 
 LONGEST_STEP = 0.5
-"""Largest time step with which one frame updates the untouched levels, after a pause [time constants]. A larger step
-would leave too much of the frame's noise in the levels."""
+"""Largest time step used when a frame after a pause updates the untouched signals [time constants]. A larger step would
+give too much weight to the noise of that frame."""
 
 LARGEST_GAIN = 0.5
-"""Largest relative change of a part's gain that is tracked [-]. A part that changes more is considered broken, and
+"""Largest relative change of a part's gain that is tracked [-]. A part that changes more is considered broken and is
 reported."""
 
 LEAST_NOISE_COUNTS = 0.3
-"""Least assumed standard deviation of a signal, due to rounding [counts]."""
+"""Smallest standard deviation that is assumed for a signal, because readings are rounded [counts]."""
 
 LEAST_START_FRAMES = 5
 
@@ -82,10 +82,10 @@ class DriftState:
 
     Attributes
     ----------
-    is_held : whether the untouched levels are held constant now
-    excess : mean square of the signals' change that gains of parts do not explain, divided by the noise variance [-]
-    drift : relative change of the untouched level since the start, median over the pairs [-]
-    is_gain_like : whether changed gains of parts explain the present change, and it exceeds the noise
+    is_held : whether tracking is stopped, so that the untouched signals stay constant
+    excess : mean square of the rest of the signals' change, which gains do not explain, over the noise variance [-]
+    drift : relative change of the untouched signal since the start, median over the pairs [-]
+    is_gain_like : whether the signals' present change exceeds the noise and is explained by changed gains of parts
     gain_steps : number of sudden changes of gains so far
     held_without_touch_s : time for which `excess` has been above its threshold although the model saw no touch [s]
     """
@@ -99,23 +99,23 @@ class DriftState:
 
 
 class DriftTracker:
-    """Tracks the untouched levels of all pairs: the signals that they would have without contact.
+    """Tracks the untouched signals of all pairs, which are the signals that they would have without contact.
 
     Parameters
     ----------
-    start : (n, emitter, receiver) signals of the untouched pad, at least 5 frames [counts]
-    trained : (pair,) untouched signals of the training data, in the order of a flattened (emitter, receiver) array
-        [counts]
+    start : signals of the untouched pad, shape (n, emitters, receivers), at least 5 frames [counts]
+    trained : untouched signals of the training data, shape (pairs,), in the order of a flattened array of shape
+        (emitters, receivers) [counts]
     time_constant_s : time constant of tracking [s]
-    guard_s : time before and after a touch in which nothing is tracked [s]
+    guard_s : time before and after a touch during which nothing is tracked [s]
     full_scale : largest possible signal; pairs near it are not used [counts]
 
     Attributes
     ----------
-    untouched : (pair,) tracked levels [counts]
+    untouched : tracked untouched signals, shape (pairs,) [counts]
     gain_steps : number of sudden changes of the parts' gains so far
     start_mismatch : relative deviation of `start` from `trained` that gains do not explain, root mean square over the
-        pairs [-]; a large value indicates a contact
+        pairs [-]; a large value indicates that the pad was touched
 
     Raises
     ------
@@ -140,13 +140,13 @@ class DriftTracker:
         self.untouched: FloatArray = start.mean(axis=0).ravel()
         self._first = self.untouched.copy()
         self._level_noise = 1.0 / len(start)
-        """Variance of the untouched levels, relative to the variance of one frame's signals [-]."""
+        """Variance of the untouched signals, relative to the variance of one frame's signals [-]."""
         self._calibrate(start.reshape(len(start), -1))
         self.start_mismatch = self._mismatch()
         self.gain_steps = 0
         self._waiting: deque[tuple[float, float, FloatArray]] = deque()
-        """Frames that wait for the guard time: time [s], interval since the previous frame [s], (pair,) signals
-        [counts]."""
+        """Frames waiting for the guard time to pass: time [s], interval since the previous frame [s], and signals of
+        all pairs [counts]."""
         self._short = np.zeros(self.untouched.size)
         self._short_noise = 0.0
         """Variance of the averaged change of signals, relative to the variance of one frame's signals [-]."""
@@ -157,17 +157,17 @@ class DriftTracker:
         self._odd_since_s: float | None = None
 
     def features(self, signals: FloatArray) -> FloatArray:
-        """(n, pair) input of a model: signals with drift removed, for (n, pair) signals [counts]."""
+        """Input of a model: the given signals with drift removed, both of shape (n, pairs) [counts]."""
         found: FloatArray = signals * self._factor
         return found
 
     def follow(self, time_s: float, signals: FloatArray, is_touched: bool) -> DriftState:
-        """Update the untouched levels with one frame, unless the pad is touched.
+        """Update the untouched signals with one frame, unless the pad is touched.
 
         Parameters
         ----------
-        time_s : time of the frame by a clock that only rises, as the board's [s]
-        signals : (pair,) signals less those of the off state [counts]
+        time_s : time of the frame by a clock that never goes back, such as the board's [s]
+        signals : readings minus those in the dark state, shape (pairs,) [counts]
         is_touched : whether the model reports a touch in this frame
         """
         passed_s = 0.0 if self._time_s is None else max(time_s - self._time_s, 0.0)
@@ -200,7 +200,7 @@ class DriftTracker:
         )
 
     def restart(self) -> None:
-        """Continue after a reset of the board, which restarts the board's clock; the untouched levels are kept."""
+        """Continue after a reset of the board, when its clock starts from 0 again; the untouched signals are kept."""
         self._time_s = None
         self._held_s = -math.inf
         self._gain_since_s = self._odd_since_s = None
@@ -229,9 +229,9 @@ class DriftTracker:
         return float(np.sqrt((used**2).mean())) if used.size else 0.0
 
     def _excess(self) -> float:
-        """Mean square of the averaged change that gains do not explain, divided by the noise variance [-].
+        """Mean square of the rest of the averaged change, which gains do not explain, over the noise variance [-].
 
-        The noise is the sum of the noise of the average and of the untouched levels.
+        The noise variance is that of the average plus that of the untouched signals.
         """
         noise = self._quiet * (self._short_noise + self._level_noise)
         return float(self._pattern.excess(self._short)) / noise

@@ -1,4 +1,4 @@
-"""Splits a change of the signals into changed gains of parts, and a rest that only a touch explains.
+"""Splits a change of the signals into changed gains of parts, and a rest that is due to a touch.
 
 A part that ages, warms up or loses supply changes all of its pairs by one factor. The change of pair
 (i, j) from its untouched signal,  c_ij = s_ij / b_ij - 1,  is split by weighted least squares,
@@ -9,8 +9,8 @@ into emitters' gains a_i, receivers' gains r_j and the rest d_ij. The split is o
 and a receiver that both change by 5 % leave 0.25 % in the rest. A press shades pairs individually, so nearly all of its
 change is in the rest.
 
-Pairs below 4 counts or at full scale are left out, because their ratio is not valid. A change by one factor on all
-pairs of a part counts as gain, whatever its cause. For example, a finger in front of a single part is not detected.
+Pairs below 4 counts or at full scale are left out, because their ratio is not valid. If all pairs of a part change by
+one factor, this counts as gain, whatever its cause. For example, a finger in front of a single part is not detected.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from design.arrays import BoolArray, FloatArray
 from fabrication.driver.link.frames import WEAKEST_BASELINE_COUNTS
 
 LEAST_SIGMA = 1e-4
-"""Least assumed noise of a pair, relative to its signal [-]; measured noise may be 0 because of rounding."""
+"""Smallest noise assumed for a pair, relative to its signal [-]; measured noise may be 0 because of rounding."""
 
 
 class GainPattern:
@@ -29,14 +29,14 @@ class GainPattern:
 
     Parameters
     ----------
-    untouched : (emitter, receiver) signals of the untouched pad [counts]
-    noise : (emitter, receiver) standard deviation of one frame's signals [counts]
+    untouched : signals of the untouched pad, shape (emitters, receivers) [counts]
+    noise : standard deviation of one frame's signals, shape (emitters, receivers) [counts]
     full_scale : pairs whose untouched signal is this or more are not used [counts]
 
     Attributes
     ----------
-    used : (pair,) whether a pair is used: its untouched signal is neither too small nor at full scale
-    sigma : (pair,) standard deviation of one frame's relative change; 1 where the pair is not used [-]
+    used : whether each pair is used, shape (pairs,); it is if its untouched signal is neither too small nor too large
+    sigma : standard deviation of one frame's relative change, shape (pairs,); 1 for pairs that are not used [-]
     freedom : degrees of freedom of the rest
     """
 
@@ -61,30 +61,30 @@ class GainPattern:
         self.freedom = max(int(self.used.sum()) - int(np.linalg.matrix_rank(whitened)), 0)
 
     def gains(self, change: FloatArray) -> FloatArray:
-        """(n, part) relative changes of the gains, emitters first, that fit (n, pair) changes best [-].
+        """Relative changes of the gains that best fit given changes of shape (n, pairs) [-].
 
-        Only the sum of an emitter's and a receiver's gain is determined, so the solution with the least squares is
-        returned.
+        The result has shape (n, parts), with emitters first. Only the sum of an emitter's and a receiver's gain is
+        determined, so the solution with the smallest sum of squares is returned.
         """
         found: FloatArray = self._kept(change) @ self._gains.T
         return found
 
     def gain_change(self, change: FloatArray) -> FloatArray:
-        """(n, pair) component of (n, pair) changes that gains explain, also for pairs that are not used [-]."""
+        """Component of the given changes that is due to gains, even for unused pairs; both of shape (n, pairs) [-]."""
         found: FloatArray = self.gains(change) @ self._columns.T
         return found
 
     def rest(self, change: FloatArray) -> FloatArray:
-        """(n, pair) rest of (n, pair) changes that gains do not explain, in standard deviations of one frame.
+        """Rest of the given changes, which gains do not explain, in standard deviations of one frame.
 
-        The rest of an unused pair is 0.
+        Both arrays have the shape (n, pairs). The rest of an unused pair is 0.
         """
         kept = self._kept(change)
         rest: FloatArray = np.where(self.used, (kept - self.gain_change(kept)) / self.sigma, 0.0)
         return rest
 
     def excess(self, change: FloatArray) -> FloatArray:
-        """(n,) sum of squares of the rest, divided by its degrees of freedom: about 1 for noise alone [-]."""
+        """Sum of squares of the rest over its degrees of freedom, shape (n,): about 1 for noise alone [-]."""
         squares: FloatArray = (self.rest(change) ** 2).sum(axis=-1) / max(self.freedom, 1)
         return squares
 
@@ -94,7 +94,7 @@ class GainPattern:
 
 
 def relative_change(signals: FloatArray, untouched: FloatArray) -> FloatArray:
-    """Relative change (n, pair) of signals from untouched signals; 0 where the latter are below 4 counts [-]."""
+    """Relative change from untouched signals, shape (n, pairs); 0 for pairs with fewer than 4 counts untouched [-]."""
     strong = untouched >= WEAKEST_BASELINE_COUNTS
     ratio = np.divide(
         signals, untouched, out=np.ones(np.broadcast_shapes(signals.shape, untouched.shape)), where=strong

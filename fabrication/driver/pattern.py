@@ -16,10 +16,10 @@ FLOOR_COUNTS = 8.0
 [counts]."""
 
 SEEN_COUNTS = 24.0
-"""Pairs with a lower expected reading are too weak to judge their parts [counts]."""
+"""Expected reading below which a pair is too dark to be used in judging its parts [counts]."""
 
 CLIP_SHARE = 0.95
-"""Readings, measured or expected, above this share of full scale count as clipped [-]."""
+"""A measured or expected reading counts as clipped if it is at least this fraction of full scale [-]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -28,10 +28,10 @@ class Problem:
 
     Attributes
     ----------
-    kind : one of dead, swapped, saturated, dim, ambient, noisy, supply, program
-    parts : names of the parts
+    kind : type of fault: dead, swapped, saturated, dim, ambient, noisy, supply or program
+    parts : names of the affected parts
     message : the observation, and what to do
-    is_error : False for a warning
+    is_error : True for an error, False for a warning
     """
 
     kind: str
@@ -42,8 +42,7 @@ class Problem:
 
 @dataclass(frozen=True, kw_only=True)
 class Pattern:
-    """Measured and expected mean readings of all pairs, as arrays (emitter, receiver) [counts], and the parts'
-    names."""
+    """Measured and expected mean readings of all pairs, as arrays of shape (emitters, receivers) [counts]."""
 
     measured: FloatArray
     expected: FloatArray
@@ -55,7 +54,7 @@ class Pattern:
 
 
 def pattern_of(counts: NDArray[np.uint16], found: Descriptor) -> Pattern:
-    """Means of (n, state, receiver) readings [counts] and the descriptor's expected readings, which must exist."""
+    """Means of readings of shape (n, states, receivers), and the descriptor's expected readings, which must exist."""
     assert found.expected_counts is not None, "requested by the caller"
     mean: FloatArray = counts.mean(axis=0)
     lit = mean[:-1]

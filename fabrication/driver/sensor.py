@@ -6,8 +6,8 @@
         for frame in sensor:
             print(frame.sequence, frame.normalised)
 
-The `with` statement finds the board, waits for the end of its reset, refuses a board of another design, starts it, and
-takes a baseline of the untouched pad. Every delivered frame is complete and checked; missing frames are counted.
+The `with` statement finds the board, waits until it has restarted, refuses it if it is of another design, starts it,
+and takes a baseline of the untouched pad. Every delivered frame is complete and checked; missing frames are counted.
 """
 
 from __future__ import annotations
@@ -35,14 +35,14 @@ from fabrication.driver_file import DriverConfig, load_driver_config
 BASELINE_S = 0.5
 PATIENCE_S = 10.0
 POLL_S = 0.2
-"""Longer waits are divided into parts of this length, so that Ctrl-C works on every system [s]."""
+"""Longer waits are divided into waits of this length, so that Ctrl-C works on every operating system [s]."""
 
 FASTEST_HZ = 100_000.0
 SLOWEST_HZ = 0.001
 """Lowest permitted frame rate, the same as in a design [Hz]."""
 
 SILENCE_S = 1.0
-"""If reading for a limited time ends with this much silence, the board counts as lost [s]."""
+"""If no frame arrives for this time at the end of a reading of limited duration, the board counts as lost [s]."""
 
 
 class Sensor:
@@ -50,23 +50,23 @@ class Sensor:
 
     Parameters
     ----------
-    config : driver.toml of the sensor's design, or the configuration read from such a file
-    port : name of the port; None finds the board by its USB identity
-    rate_hz : frames per second; None takes the design's rate, 0 the board's fastest
-    accept_digest : first 8 or more digits of the digest of another accepted design; None accepts no other
-    baseline_s : time for which the untouched pad is read on opening [s]; 0 takes no baseline
-    patience_s : longest wait for the board on opening, and for a frame, including reconnection [s]; None takes 10 s, or
-        more for a board that boots more slowly. The wait for a frame is at least three frame intervals
-    gather_s : interval at which frames are delivered in batches, to reduce the processor's load [s]; 0 delivers each
-        frame at once
-    not_ports : names of ports that are never used for the board, because other devices, as a stage, use them
-    on_wait : called with progress lines about the chosen port and the wait for the board; None prints them on standard
-        error
+    config : path of the design's driver.toml, or the configuration read from it
+    port : name of the port; if None, the board is found by its USB identity
+    rate_hz : frames per second; 0 for the board's highest rate. If None, the design's rate is used
+    accept_digest : first 8 or more digits of the digest of another accepted design, or None
+    baseline_s : time for which the untouched pad is read on opening [s]; 0 for no baseline
+    patience_s : longest wait for the board on opening, and for a frame, including reconnection [s]. If None, it is
+        10 s, or more for a board that boots more slowly. The limit for a frame is at least three frame intervals
+    gather_s : interval at which frames are delivered in batches, to reduce the processor's load [s]; 0 to deliver each
+        frame immediately
+    not_ports : names of ports to exclude when the board is searched, because other devices such as a stage use them
+    on_wait : called with progress lines about the chosen port and the wait for the board. If None, they are printed on
+        standard error
 
     Attributes
     ----------
     config : configuration of the design
-    descriptor : geometry, names, units, rates
+    descriptor : geometry, names, units and rates of the readings
     """
 
     def __init__(
@@ -128,7 +128,7 @@ class Sensor:
             yield self.read()
 
     def frames(self, count: int | None = None, seconds: float | None = None) -> Iterator[Frame]:
-        """Yield frames until a count or a time [s] is reached, whichever is first; None means no limit.
+        """Yield frames until a number of frames or a time [s] is reached, whichever is first; None means no limit.
 
         Raises
         ------
@@ -169,7 +169,7 @@ class Sensor:
 
         Returns
         -------
-        (emitter, receiver) mean signals [counts]
+        mean signals, shape (emitters, receivers) [counts]
         """
         self._open.forget_waiting()
         end, signals = time.monotonic() + seconds, [self.read().signals]
@@ -182,15 +182,15 @@ class Sensor:
 
     @property
     def waiting(self) -> int:
-        """Number of frames that wait to be read."""
+        """Number of frames that are waiting to be read."""
         return self._open.waiting
 
     def skip_waiting(self) -> None:
-        """Discard the frames that wait to be read, so that the next one is new; they do not count as lost."""
+        """Discard the frames that are waiting to be read, so that the next one is new; they do not count as lost."""
         self._open.forget_waiting()
 
     def record(self, path: str | os.PathLike[str]) -> Recorder:
-        """Record every frame from now on, whether it is read or not, until the recorder or the sensor is closed.
+        """Record every frame from now on, even if it is never read, until the recorder or the sensor is closed.
 
         Raises
         ------
@@ -212,7 +212,7 @@ class Sensor:
 
     @property
     def hello(self) -> Hello:
-        """The board's description of itself (hello) at the last connection."""
+        """The description of itself (hello) that the board sent at the latest connection."""
         return self._open.hello
 
     @property
@@ -222,12 +222,12 @@ class Sensor:
 
     @property
     def rate_hz(self) -> float | None:
-        """Delivered frames per second, over the last 256 frames by the board's clock; None before two frames."""
+        """Delivered frames per second, over the last 256 frames by the board's clock; None before the second frame."""
         return self._decoder.rate_hz
 
     @property
     def baseline(self) -> FloatArray | None:
-        """(emitter, receiver) signals of the untouched pad [counts]; None if no baseline was taken."""
+        """Signals of the untouched pad, shape (emitters, receivers) [counts]; None if no baseline was taken."""
         return self._decoder.baseline
 
     @property

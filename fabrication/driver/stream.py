@@ -1,10 +1,10 @@
-"""Reads the port in a thread, so that a slow user program loses no frames: a queue holds the frames of ten seconds.
+"""Reads the port in a thread, so that a slow user program loses no frames: a queue holds about ten seconds of frames.
 
     port -> scanner -> decoder -> queue -> Sensor
                   \\-> recorder
 
-If the port is lost, the thread searches for the board ten times per second, identifies it and starts it again. Any
-other fault raises an error at the next read of a frame.
+If the port is lost, the thread looks for the board ten times per second, identifies it and starts it again. Any other
+fault raises an error when the next frame is read.
 """
 
 from __future__ import annotations
@@ -28,10 +28,10 @@ LOOK_EVERY_S = 0.1
 """Time between two searches for the board after its port was lost [s]."""
 
 START_AGAIN_S = 1.0
-"""Silence after which the start command is sent to a board again, because it may have been damaged [s]."""
+"""If a board is silent for this time, the start command is sent again, because it may have been damaged [s]."""
 
 LATE_HELLO_S = 1.5
-"""Time after a board's first hello in which another hello is taken for a repeated reply, not a reset [s]."""
+"""A hello within this time after a board's first one is considered a repeated reply, not the sign of a reset [s]."""
 
 QUEUE_FRAMES = 4096
 """Largest number of frames in the queue; ten seconds at 400 Hz."""
@@ -50,9 +50,9 @@ class LinkCounts:
     lost : frames missing, by their sequence numbers
     damaged : messages whose CRC was wrong
     skipped_bytes : bytes that belonged to no complete message
-    overrun : frames dropped because they were not read in time
+    overrun : frames discarded because they were not read in time
     reconnects : connections after the first one
-    doubled : frames that arrived twice, with the same number and time; the second was dropped
+    doubled : frames that arrived twice, with the same number and time; the second was discarded
     """
 
     frames: int = 0
@@ -71,8 +71,8 @@ class Stream:
     ----------
     connect : function that opens a port and identifies the board, see `Connect`
     decoder : decoder of the frames
-    interval_us : frame interval [us]; 0 is the board's shortest interval
-    checked : function that returns a board's hello (identification), or raises DeviceError for another design
+    interval_us : frame interval [us]; 0 for the board's shortest interval
+    checked : function that receives and returns a board's hello; it raises DeviceError if that is of another design
     """
 
     def __init__(
@@ -102,11 +102,11 @@ class Stream:
         self._thread.start()
 
     def end(self, *, is_clean: bool) -> None:
-        """Stop board and thread, and close port and recordings; may be called after an error and repeatedly.
+        """Stop board and thread, and close port and recordings; may be called more than once, and after an error.
 
         Parameters
         ----------
-        is_clean : whether open recordings are marked as ended regularly
+        is_clean : whether open recordings are marked as having ended normally
 
         Raises
         ------
@@ -131,7 +131,7 @@ class Stream:
 
         Raises
         ------
-        DeviceError : a fault that the thread could not fix; raised after all earlier frames.
+        DeviceError : a fault stopped the thread; raised once all earlier frames have been taken.
         OutputError : a recording failed; raised at once and only once, while the frames continue.
         """
         with suppress(IndexError):  # the queue is empty
@@ -254,7 +254,7 @@ class Stream:
         return found
 
     def _began_anew(self, message: bytes) -> None:
-        """Restart the stream after a hello (identification) that was not requested, because the board was reset."""
+        """Restart the stream after an unrequested hello, which indicates that the board was reset."""
         if time.monotonic() - self._greeted_at < LATE_HELLO_S:
             return
         self._greeted_at = time.monotonic()  # a repeated hello is one reset

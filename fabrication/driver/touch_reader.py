@@ -1,4 +1,4 @@
-"""Predicts touch, location, depth and force for each frame of a sensor, by a trained model with drift tracking.
+"""Predicts touch, location, depth and force for each frame of a sensor, with a trained model and drift tracking.
 
 from fabrication.driver import Sensor
 from fabrication.driver.touch_reader import TouchReader
@@ -31,7 +31,7 @@ from sims.learning.inference.prediction import Prediction
 from sims.learning.inference.touch_model import TouchModel
 
 MOST_TOGETHER = 64
-"""Largest number of waiting frames that are predicted together."""
+"""Largest number of waiting frames that the model predicts in one batch."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,17 +41,17 @@ class Touch:
     Attributes
     ----------
     frame : the frame
-    is_touched : the model's decision; False while the frame's change is due to changed gains of parts
-    touch_score : the model's score for touch [-]: above 0 it reports a touch, with more confidence for larger values
-    press_mm : (3,) x, y in the cavity frame, depth along the surface normal [mm]; NaN if untouched
-    point_mm, normal : (3,) point of first contact [mm] and outward unit normal of the surface there [-], in the cavity
-        frame; NaN if untouched, or if the driver configuration does not describe the top surface
-    sigma_mm : (3,) standard deviations of x, y, depth [mm]; NaN if untouched, or if the model does not estimate them
-    force_n : force by the model's force curve [N]; 0 if untouched; None if the model has no such curve
-    force_sigma_n : standard deviation of the force due to that of the depth [N]; NaN if untouched or unknown. It
-        excludes the force curve's own error, mainly due to the unit's Young's modulus
+    is_touched : whether the model reports a touch; always False while the signals' change is due to gains of parts
+    touch_score : the model's score for touch [-]; positive if it reports a touch, and larger for more confidence
+    press_mm : x and y in the cavity's coordinate system, and depth along the surface normal [mm]; NaN if untouched
+    point_mm, normal : point of first contact [mm] and outward unit normal of the surface there [-], in the cavity's
+        coordinate system; NaN if untouched, or if the driver configuration does not describe the top surface
+    sigma_mm : standard deviations of x, y and depth [mm]; NaN if untouched, or if the model does not estimate them
+    force_n : force from the model's force curve [N]; 0 if untouched; None if the model has no such curve
+    force_sigma_n : standard deviation of the force due to that of the depth [N]; NaN if untouched or unknown. It does
+        not include the error of the force curve itself, which is mainly due to the unit's Young's modulus
     drift : the drift tracker's result for the frame
-    latency_ms : time from the frame's arrival on this machine to this prediction [ms]
+    latency_ms : time from the frame's arrival on this computer to this prediction [ms]
     """
 
     frame: Frame
@@ -68,19 +68,19 @@ class Touch:
 
 
 class TouchReader:
-    """Reads touches from a sensor: tracks drift, and predicts location, depth and force by a trained model.
+    """Reads touches from a sensor: tracks drift, and predicts location, depth and force with a trained model.
 
     Parameters
     ----------
     sensor : open sensor; the pad must be untouched at the first read
     model : model trained for this sensor's design
     time_constant_s : time constant of drift tracking [s]
-    guard_s : time before and after a touch in which drift is not tracked [s]
-    start_s : time for which the untouched pad is read at the start [s]
+    guard_s : time before and after a touch during which drift is not tracked [s]
+    start_s : shortest time for which the untouched pad is read at the start [s]
 
     Raises
     ------
-    InputError : the model is of another design or other parts, or a time is invalid.
+    InputError : the model was trained for another design or other parts, or a time is invalid.
     """
 
     def __init__(
@@ -103,21 +103,21 @@ class TouchReader:
         return self.touches()
 
     def read(self) -> Touch:
-        """The model's prediction for the next frame; errors are those of `Sensor.read`."""
+        """The model's prediction for the next frame; raises the same errors as `Sensor.read`."""
         self.begin()
         (touch,) = self._answered([self.sensor.read()])
         return touch
 
     def touches(self, count: int | None = None, seconds: float | None = None) -> Iterator[Touch]:
-        """Yield predictions until a count or a time [s] is reached, whichever is first; None means no limit.
+        """Yield predictions until a number of frames or a time [s] is reached, whichever is first; None means no limit.
 
-        Frames that wait are predicted together, which is faster for most models, so that a slow machine keeps up.
+        Waiting frames are predicted in one batch, which is faster for most models, so a slow computer can keep up.
         """
         self.begin()
         return self._touches(self.sensor.frames(count, seconds))
 
     def begin(self) -> None:
-        """Measure the untouched levels unless they have been measured already; the pad must be untouched.
+        """Measure the untouched signals unless they have already been measured; the pad must be untouched.
 
         Raises
         ------
@@ -127,7 +127,7 @@ class TouchReader:
             self.restart()
 
     def restart(self) -> None:
-        """Measure the untouched levels again; the pad must be untouched."""
+        """Measure the untouched signals again; the pad must be untouched."""
         self.sensor.skip_waiting()
         end, frames = time.monotonic() + self._start_s, [self.sensor.read()]
         while time.monotonic() < end or len(frames) < 4 * LEAST_START_FRAMES:
@@ -193,7 +193,7 @@ class TouchReader:
         return np.array(point), np.array(normal)
 
     def _force_sigma_n(self, found: Prediction, k: int) -> float:
-        """Standard deviation of the force [N]: half its difference between depths one deviation above and below."""
+        """Standard deviation of the force [N], from the forces at depths one standard deviation above and below."""
         curve = self.model.header.force_curve
         if curve is None:
             return math.nan
@@ -203,7 +203,7 @@ class TouchReader:
 
 
 def require_fits(header: ModelHeader, said: Descriptor) -> None:
-    """Check that a model was trained on the design and the parts of this sensor.
+    """Check that a model was trained for this sensor's design and parts.
 
     Raises
     ------

@@ -1,12 +1,12 @@
 """Detects exchanged wires: finds the order of emitters and receivers for which readings fit the expected pattern.
 
-A reading is modelled as the expected reading times four factors: a common factor, and factors of the emitter, the
-receiver and the pair. Their logarithms are fitted by ridge regression, the common factor without a penalty.
-Factors of parts scatter by `PART_SPREAD`; those of pairs by `PAIR_SPREAD`, or more if the best fit requires it. The
-misfit is the sum of squares of the logarithms divided by these spreads. Readings below a floor are set to the floor.
-So a wrong wire shows in the contrast between pairs, not in the brightness.
+A reading is modelled as the expected reading times four factors: a common factor, and one factor each for the emitter,
+the receiver and the pair. Their logarithms are fitted by ridge regression, with no penalty on the common factor. The
+factors of parts have a spread of `PART_SPREAD`; those of pairs have `PAIR_SPREAD`, or more if the best fit requires it.
+The misfit is the sum of squares of the logarithms divided by these spreads. Readings below a floor are set to the
+floor. Exchanged wires are thus detected by the contrast between pairs, not by brightness.
 
-The search starts at the correct wiring. In each step it applies the exchange of two emitters or of two receivers that
+The search starts from the correct wiring. In each step it applies the exchange of two emitters or of two receivers that
 reduces the misfit most. A cyclic permutation of three parts becomes two exchanges. A pair whose measured and expected
 readings are both dark has no weight. If only one of these two readings is at full scale, the pair's misfit is the
 distance of the other reading below full scale.
@@ -34,23 +34,23 @@ Order = tuple[int, ...]
 PART_SPREAD = 0.3
 """Standard deviation of the logarithm of a part's actual over expected brightness or sensitivity [-].
 
-Causes: resistors (5 %), brightness classes of LEDs (factor 1.5), seating.
+Causes are resistors (5 %), brightness classes of LEDs (factor 1.5), and seating.
 """
 
 PAIR_SPREAD = 0.12
-"""Standard deviation of the logarithm of a pair's actual over expected reading, factors of parts removed [-].
+"""Standard deviation of the logarithm of a pair's actual over expected reading, without the factors of parts [-].
 
 Causes are positions and heights of parts, and errors of the model.
 """
 
 LARGEST_MISS = 5.0
-"""Limit of one pair's contribution to the misfit, before squaring [spreads], so that an outlier does not dominate."""
+"""Limit of one pair's deviation in the misfit, so that an outlier does not dominate [spreads]."""
 
 EVIDENCE = 20.0
-"""Least reduction of the misfit for accepting an exchange of wires [-]; this means odds of e^10 to one."""
+"""Smallest reduction of the misfit for which an exchange of wires is reported [-]; it means odds of e^10 to one."""
 
 EQUAL = 8.0
-"""Exchanges of wires whose misfit is within this value of the best exchange's are reported as well [-]."""
+"""Exchanges whose misfit exceeds that of the best exchange by no more than this are reported as well [-]."""
 
 NORMAL_MEDIAN_SQUARE = 0.455
 """Median of the square of a standard normal variable [-]."""
@@ -58,7 +58,7 @@ NORMAL_MEDIAN_SQUARE = 0.455
 
 @dataclass(frozen=True, kw_only=True)
 class _Fit:
-    """Deviation of the readings from the pattern of a wiring, and the pairs' spread over `PAIR_SPREAD` (>= 1) [-]."""
+    """Misfit of the readings for an assumed wiring, and the pairs' spread over `PAIR_SPREAD`, at least 1 [-]."""
 
     misfit: float
     spread: float
@@ -66,7 +66,7 @@ class _Fit:
 
 @dataclass(frozen=True, kw_only=True)
 class _Exchange:
-    """Exchange of the wires of two emitters (axis 0) or two receivers (axis 1); `pair` contains their indices."""
+    """Exchange of the wires of two emitters (axis 0) or two receivers (axis 1), whose indices are in `pair`."""
 
     axis: int
     pair: tuple[int, int]
@@ -86,11 +86,12 @@ def exchanged_wires(pattern: Pattern, usable: BoolArray) -> tuple[list[int], lis
     Parameters
     ----------
     pattern : measured and expected readings
-    usable : (emitter, receiver) whether both parts of a pair work
+    usable : whether both parts of each pair work, shape (emitters, receivers)
 
     Returns
     -------
-    indices of the emitters in the order as wired, the same for the receivers, one problem per exchange
+    indices of the emitters in the order in which they are wired, the same for the receivers, and one problem for each
+    exchange
     """
     rows: Order = tuple(range(usable.shape[0]))
     columns: Order = tuple(range(usable.shape[1]))
@@ -117,8 +118,7 @@ def _exchanges(usable: BoolArray) -> list[_Exchange]:
 
 
 def _fitted(pattern: Pattern, usable: BoolArray, rows: Order, columns: Order) -> _Fit:
-    """Deviation of the readings from the expected pattern, with emitters (rows) and receivers (columns) in an assumed
-    order."""
+    """Misfit of the readings, assuming that emitters and receivers are wired in the orders `rows` and `columns`."""
     expected = pattern.expected[list(rows)][:, list(columns)]
     meant = pattern.is_meant_to_clip[list(rows)][:, list(columns)]
     difference = _scaled(pattern.measured) - _scaled(expected)
@@ -138,9 +138,9 @@ def _fitted(pattern: Pattern, usable: BoolArray, rows: Order, columns: Order) ->
 
 
 def _part_factors(difference: FloatArray, told: BoolArray) -> tuple[FloatArray, FloatArray, float]:
-    """Fit of (emitter, receiver) differences by a term per emitter, a term per receiver and a common term.
+    """Fit differences of shape (emitters, receivers) by a term per emitter, a term per receiver and a common term.
 
-    The method is ridge regression over the pairs where `told` is true. Returns the three kinds of terms in this order.
+    The method is ridge regression over the pairs for which `told` is True. The terms are returned in this order.
     """
     emitters, receivers = difference.shape
     weight = told.astype(np.float64)

@@ -1,6 +1,6 @@
 """Writes all sheets for the manufacture of a design into its bundle.
 
-The module also makes the wiring table: every part, its position, and the connections of its leads.
+The module also makes the wiring table, which lists each part, its position and the connections of its leads.
 """
 
 from __future__ import annotations
@@ -65,7 +65,7 @@ def sheet_texts(design: SensorDesign, gain: SimulatedGain | None = None) -> dict
 
     Parameters
     ----------
-    gain : simulated gain from light to counts; None omits what depends on it
+    gain : simulated gain from light to counts; if None, values that depend on it are omitted
 
     Raises
     ------
@@ -91,7 +91,7 @@ def write_sheets(design: SensorDesign, folder: Path, gain: SimulatedGain | None 
 
     Raises
     ------
-    DesignError : the catalogue lacks a part or material, or the board a pin; nothing is written.
+    DesignError : the catalogue lacks a part or material, or the board lacks a pin; nothing is written.
     OutputError : the folder cannot be written.
     """
     texts = sheet_texts(design, gain)

@@ -1,8 +1,9 @@
 """Bill of materials: items to buy, print and weigh for one sensor.
 
-References extend the names of the layout: E3-Q is the transistor of emitter E3. Costs are from the catalogue, with
-currency, date and source; unknown costs are blank. For a transistor or amplifier the column `value` gives the
-requirements, because no part is chosen. For feedback components without a known gain, `value` refers to the gain.
+Reference designators extend the names of the layout: E3-Q is the transistor of emitter E3. Costs are from the
+catalogue, with currency, date and source; unknown costs are blank. For a transistor or amplifier, the column `value`
+gives the requirements, because no part is chosen. If the gain is not known, the `value` of a feedback component is
+"set by gain".
 """
 
 from __future__ import annotations
@@ -64,9 +65,9 @@ class BomRow:
 
     Attributes
     ----------
-    quantity, unit : number of pieces or grams; None if not known
+    quantity : number of pieces, or of other units named in `unit`; None if not known
     references : reference designators of the item, in the order of the layout
-    cost : quoted cost of one piece or gram; None if not known
+    cost : quoted cost of one unit; None if not known
     """
 
     item: str
@@ -85,7 +86,7 @@ def bom_rows(design: SensorDesign, gain: SimulatedGain | None = None) -> tuple[B
 
     Parameters
     ----------
-    gain : simulated gain from light to counts; None leaves values that depend on it blank
+    gain : simulated gain from light to counts; if None, values that depend on it are not given
     """
     cavity, board = cavity_of(design), board_of(design)
     return (
@@ -168,7 +169,7 @@ def _switch_rows(design: SensorDesign, emitters: Sequence[PlacedPart], board: Bo
 
 
 def _driver_rows(driver: LedDriver, sink: CurrentSink, emitter_count: int) -> Iterator[BomRow]:
-    """Reference resistors of LED drivers, and a resistor that keeps outputs off until the program starts."""
+    """Items for LED drivers: their reference resistors, and a resistor that keeps outputs off until firmware starts."""
     names = tuple(f"L{number + 1}" for number in range(driver.needed(emitter_count)))
     formula = f"{driver.current_ratio:g} x {driver.reference_v:g} V / current"
     yield BomRow(
@@ -293,7 +294,7 @@ def _chip_rows(
 
 
 def _own_logic_rows(names: tuple[str, ...]) -> Iterator[BomRow]:
-    """Capacitors of a converter's digital supply and of its internal reference."""
+    """Items for converters: capacitors of their digital supply and of their internal reference."""
     for mark, value, pins in (("CD", "100 nF", "DVDD to ground"), ("CR", "10 uF", "REFIO to ground")):
         yield BomRow(
             item="supply capacitor" if mark == "CD" else "reference capacitor",

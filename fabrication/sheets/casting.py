@@ -1,9 +1,9 @@
-"""The build sheet: instructions for printing, filling and casting a design's pad, with its own numbers.
+"""The build sheet: instructions for printing the mold and casting a design's pad, with the design's own numbers.
 
 Every number comes from the design, the catalogue or `design/data/assumptions.toml`. Values without a source are marked
-with a star. Among them are the degassing times and the share of carbon black.
+with a star. Among them are the degassing times and the proportion of carbon black.
 
-The module also computes the silicone of a pad: base and curing agent of each layer, by weight.
+The module also computes how much silicone a pad needs: base and curing agent of each layer, by weight.
 
 A layer's weight is volume times density, plus a share that remains in the cup. The volume is area in plan times
 thickness, less the volume that a convex top removes. Base and agent follow from the mixing ratio. The computation
@@ -49,7 +49,7 @@ class Pour:
     net_g : weight of the layer in the pad [g]
     mixed_g : weight to mix, including waste [g]
     base_g, agent_g : weights of base and curing agent [g]
-    carbon_g : weight of carbon black [g], by the assumed share; 0 in the clear layer
+    carbon_g : weight of carbon black, an assumed fraction of the mixed weight [g]; 0 in the clear layer
     """
 
     layer: str
@@ -89,13 +89,13 @@ def _pour(design: SensorDesign, layer: str, thickness_mm: float, volume_mm3: flo
 
 
 MEASURED_FIELDS = ("body_width_mm", "body_depth_mm", "body_height_mm", "active_height_in_body_mm")
-"""Fields of a part with the lengths that determine the size of its socket in the wall."""
+"""Names of the part dimensions that determine the size of a part's socket in the wall."""
 
 OPEN = ("inferred", "unverified")
-"""Levels of confidence in a catalogue value for which the casting instructions request a measurement."""
+"""Confidence ratings of catalogue values that the casting instructions ask the user to measure."""
 
 HOURS_FROM_MINUTES = 120
-"""Cure times of at least this value are printed in hours, shorter ones in minutes [min]."""
+"""Shortest cure time that is printed in hours [min]; shorter ones are printed in minutes."""
 
 MINUTES_PER_HOUR = 60
 
@@ -110,11 +110,11 @@ MOST_WEIGHING_ERROR = 0.05
 
 
 def casting_md(design: SensorDesign, gain: SimulatedGain | None = None) -> str:
-    """The build sheet (instructions to print, fill and cast the pad) as Markdown.
+    """The build sheet (instructions for printing the mold and casting the pad) as Markdown.
 
     Parameters
     ----------
-    gain : simulated gain from light to counts; None leaves values that depend on it blank
+    gain : simulated gain from light to counts; if None, values that depend on it are not given
 
     Raises
     ------
@@ -309,7 +309,7 @@ def _cast(design: SensorDesign, cavity: CavityGeometry) -> Iterator[str]:
 
 
 def _crowned_steps(design: SensorDesign, cavity: CavityGeometry) -> list[str]:
-    """Casting steps for a pad with a convex top, which is filled upside down through its floor."""
+    """Casting steps for a pad with a convex top, which is cast upside down and filled through the floor."""
     clear, *black = pours(design)
     where = f"{number(cavity.black_mm)} below the floor" if black else "in all narrow holes"
     steps = [

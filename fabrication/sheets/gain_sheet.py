@@ -13,11 +13,11 @@ from fabrication.sheets.table import number, plain
 from sims.readings.readout import full_scale_counts
 
 SHOWN_CLIPPED = 24
-"""Largest number of pairs above full scale that are named individually; further ones are only counted."""
+"""Largest number of pairs above full scale that are listed by name; any others are only counted."""
 
 
 def gain_lines(design: SensorDesign, gain: SimulatedGain | None) -> Iterator[str]:
-    """Lines of the casting instructions' section on the amplifiers, as Markdown."""
+    """Lines of the section on amplifiers in the casting instructions, as Markdown."""
     yield "## Set the gain"
     yield ""
     feedbacks = feedbacks_for(design, gain)

@@ -1,4 +1,4 @@
-"""Drawing of each part's orientation in its wall: a section to scale through its socket, for every kind and height.
+"""Drawing of the parts' orientation in the wall: for each type of part and height, a cross-section through the socket.
 
       cavity | wall                    the active face points into the cavity; its centre's height is measured
              |______ rim               from the bottom of the clear layer (z = 0)
@@ -28,7 +28,7 @@ from fabrication.sheets.wiring_svg import EMITTER_COLOUR, RECEIVER_COLOUR
 SCALE = 16.0
 """Scale of the drawing [drawing units/mm]."""
 INSIDE_MM = 9.0
-"""Length of the cavity's interior that is drawn next to the wall [mm]."""
+"""Width of the cavity that is drawn in front of the wall [mm]."""
 MARGIN, GAP = 24.0, 36.0
 HEADING_PX, TEXT_PX = 20.0, 14.0
 LINE_PX = 19.0
@@ -38,7 +38,7 @@ WALL, CLEAR, BLACK, BODY, INK, QUIET = "#d9d9d9", "#eaf4ff", "#4d4d4d", "#ffffff
 
 
 def orientation_svg(design: SensorDesign) -> str:
-    """Sections through the sockets of all kinds of parts, to scale, as SVG text.
+    """Cross-sections through the sockets of all types of parts, to scale, as SVG text.
 
     Raises
     ------

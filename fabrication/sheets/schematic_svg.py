@@ -7,7 +7,8 @@ r"""The schematic: an NPN switch for each emitter, an amplifier for each receive
             ground      cathode up    |+/
                                      ground
 
-With LED drivers, an emitter's anode is at the supply and its cathode at the driver's output, without other components.
+With LED drivers, an emitter's anode is connected to the supply and its cathode to the driver's output, without other
+components.
 
 Values are those of bom.csv; values that are not known yet are marked. The module also writes the section of the casting
 instructions on the emitters' resistors, currents and supply.
@@ -50,7 +51,7 @@ from fabrication.sheets.svg import Element, Point
 
 
 def circuit_lines(design: SensorDesign) -> Iterator[str]:
-    """Lines of the casting instructions' section on the emitters' switches and supply, as Markdown."""
+    """Lines of the section on the emitters' switches and supply in the casting instructions, as Markdown."""
     kinds = {one.part_id: one.part for one in cavity_of(design).emitters}
     board, current = board_of(design), supply_current(design)
     driver, most_ma = most_drive_ma(design, board)
@@ -87,7 +88,7 @@ def circuit_lines(design: SensorDesign) -> Iterator[str]:
 
 CELL_X, CELL_Y = 264.0, 210.0
 PIN_ROOM = 36.0
-"""Additional width of a circuit cell of the schematic for long pin names of multiplexer channels [drawing units]."""
+"""Width added to a circuit's cell in the schematic, for long pin names such as multiplexer channels [drawing units]."""
 MARGIN = 24.0
 HEADING_PX, TEXT_PX, VALUE_PX = 20.0, 14.0, 12.0
 HEAD = 64.0
@@ -103,7 +104,7 @@ def schematic_svg(design: SensorDesign, gain: SimulatedGain | None = None) -> st
 
     Parameters
     ----------
-    gain : simulated gain from light to counts; None leaves values that depend on it blank
+    gain : simulated gain from light to counts; if None, values that depend on it are not given
 
     Raises
     ------
@@ -185,7 +186,7 @@ def _switch(one: Connection, board: Board, corner: Point) -> Element:
 
 
 def _sunk(one: Connection, board: Board, sink: CurrentSink, corner: Point) -> Element:
-    """Drawing of one emitter at an LED driver's output, from `corner` on."""
+    """Drawing of one emitter connected to an LED driver's output, with its upper left corner at `corner`."""
     x, y = corner[0] + 150, corner[1]
     name = one.part.name
     cell = svg.group(f"{name}: {one.polarity}")
@@ -245,7 +246,13 @@ def _supply_text(design: SensorDesign) -> str:
 
 @dataclass(frozen=True, kw_only=True)
 class _Block:
-    """One integrated circuit in the schematic: names of its pins, their connections, and parts at its pins."""
+    """One integrated circuit in the schematic: its pins, their connections, and notes on additional components.
+
+    Attributes
+    ----------
+    left, right : for each pin on this side of the circuit, its name and the name of its connection
+    below : lines of text below the circuit
+    """
 
     name: str
     title: str
@@ -259,7 +266,7 @@ class _Block:
         return 26 + BLOCK_LINE * (max(len(self.left), len(self.right)) + len(self.below)) + 40
 
     def drawn(self, corner: Point) -> Element:
-        """Drawing of the circuit as a block whose upper left corner is at `corner`."""
+        """Drawing of the circuit in a cell whose upper left corner is at `corner`."""
         x, y = corner[0] + 84, corner[1] + 26
         bottom = y + BLOCK_LINE * max(len(self.left), len(self.right)) + 8
         cell = svg.group(f"{self.name}: {self.title}")
@@ -281,7 +288,7 @@ class _Block:
 
 
 _BUS = {"mcp3208": ("CLK", "DIN", "DOUT", "CS"), "ads8688": ("SCLK", "SDI", "SDO", "CS")}
-"""Pin names of clock, data in, data out and chip select for each type of converter."""
+"""Names of the pins for clock, data in, data out and chip select, for each type of converter."""
 _INPUTS = {"mcp3208": "CH{}", "ads8688": "AIN_{}P"}
 _SUPPLIES = {
     "mcp3208": (("VDD", "analog"), ("VREF", "analog"), ("AGND", "ground"), ("DGND", "ground")),

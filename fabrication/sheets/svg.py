@@ -1,4 +1,4 @@
-"""Shapes and circuit symbols of a technical drawing as SVG elements.
+"""Makes shapes and circuit symbols of technical drawings as SVG elements.
 
 Lengths are in drawing units (px), with y downward. Text is escaped and stripped of control characters. Circuit symbols
 are simplified shapes of IEC 60617.
@@ -19,7 +19,7 @@ ARROW_HALF_PX = 3.0
 
 
 def drawing(width: float, height: float, title: str, description: str) -> Element:
-    """An empty white sheet with title and description for screen readers."""
+    """An empty white sheet, with a title and a description for screen readers."""
     root = Element(
         "svg",
         xmlns="http://www.w3.org/2000/svg",
@@ -36,13 +36,13 @@ def drawing(width: float, height: float, title: str, description: str) -> Elemen
 
 
 def to_text(root: Element) -> str:
-    """The drawing as text of an SVG file."""
+    """The text of an SVG file with a drawing."""
     ElementTree.indent(root)
     return '<?xml version="1.0" encoding="UTF-8"?>\n' + ElementTree.tostring(root, encoding="unicode") + "\n"
 
 
 def group(label: str = "") -> Element:
-    """A group of shapes; its label appears when the mouse points at it."""
+    """A group of shapes; its label appears when the mouse pointer is over it."""
     element = Element("g")
     if label:
         ElementTree.SubElement(element, "title").text = one_line(label)
@@ -73,7 +73,7 @@ def polygon(points: list[Point], **style: str) -> Element:
 
 
 def outline(corners: list[Point], **style: str) -> Element:
-    """A closed outline; four corners of a rectangle parallel to the axes become a rectangle element."""
+    """A closed outline; if it is a rectangle parallel to the axes, the element is a rectangle."""
     if len(corners) == 4 and {corners[0], corners[2]} <= {
         (x, y) for x, _ in corners[1::2] for _, y in corners[1::2]
     }:
@@ -87,7 +87,7 @@ def polyline(points: list[Point], **style: str) -> Element:
 
 
 def text(at: Point, content: str, size: float, **style: str) -> Element:
-    """A line of text. The style `anchor` says which part of the text is at the point: start, middle or end."""
+    """A line of text. The style `anchor` says which part of the text is at `at`: start, middle or end."""
     element = _shape("text", style, x=_px(at[0]), y=_px(at[1]))
     element.set("font-size", _px(size))
     element.text = one_line(content)
@@ -95,7 +95,7 @@ def text(at: Point, content: str, size: float, **style: str) -> Element:
 
 
 def arrow(tail: Point, head: Point, colour: str) -> list[Element]:
-    """A line that ends in an arrow head."""
+    """A line with an arrowhead at its end."""
     angle = math.atan2(head[1] - tail[1], head[0] - tail[0])
     back = (head[0] - ARROW_PX * math.cos(angle), head[1] - ARROW_PX * math.sin(angle))
     across = (-ARROW_HALF_PX * math.sin(angle), ARROW_HALF_PX * math.cos(angle))
@@ -104,7 +104,7 @@ def arrow(tail: Point, head: Point, colour: str) -> list[Element]:
 
 
 def triangle(centre: Point, toward: Point, radius: float, **style: str) -> Element:
-    """An equilateral triangle whose tip points along `toward`, with a circumscribed circle of `radius`."""
+    """An equilateral triangle whose tip points along `toward`; `radius` is that of its circumscribed circle."""
     angle = math.atan2(toward[1], toward[0])
     corners = [angle + k * math.tau / 3 for k in range(3)]
     points = [(centre[0] + radius * math.cos(a), centre[1] + radius * math.sin(a)) for a in corners]
@@ -144,14 +144,14 @@ def dot(at: Point) -> Element:
 
 
 def resistor(centre: Point, *, upright: bool) -> Element:
-    """A resistor symbol, vertical or horizontal; the wires end at half its length from the centre."""
+    """A resistor symbol, vertical if `upright`; wires meet it at half its length from the centre."""
     half = (SHORT / 2, LONG / 2) if upright else (LONG / 2, SHORT / 2)
     low = centre[0] - half[0], centre[1] - half[1]
     return rectangle(low, (centre[0] + half[0], centre[1] + half[1]), **BOX)
 
 
 def capacitor(centre: Point) -> list[Element]:
-    """A capacitor between wires from left and right, which end 3 units from its centre."""
+    """A capacitor between wires from the left and the right, which must end 3 units from its centre."""
     x, y = centre
     return [wire((x + side, y - 9), (x + side, y + 9)) for side in (-3.0, 3.0)]
 
@@ -163,7 +163,8 @@ def ground(at: Point) -> list[Element]:
 
 
 def diode(centre: Point, *, emits: bool) -> list[Element]:
-    """An LED (current downward) or a photodiode (cathode at the top); each lead is 10 units long."""
+    """An LED (cathode at the bottom) if `emits`, else a photodiode (cathode at the top). Wires meet it 8 units above
+    and below its centre."""
     x, y = centre
     way = 1.0 if emits else -1.0
     triangle = [(x - 9, y - 8 * way), (x + 9, y - 8 * way), (x, y + 8 * way)]
@@ -198,5 +199,5 @@ def amplifier(tip: Point) -> list[Element]:
 
 
 def terminal(at: Point) -> Element:
-    """An open end of a wire, where a cable is connected."""
+    """A terminal at the open end of a wire, where a cable is connected."""
     return circle(at, 4.0, **BOX)

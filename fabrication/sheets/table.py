@@ -1,7 +1,7 @@
-"""Writes tables as CSV whose cells a spreadsheet never evaluates as formulas.
+"""Writes tables as CSV with cells that a spreadsheet never evaluates as formulas.
 
-A spreadsheet evaluates a text that starts with one of = + - @, also after a control character. Such a cell gets an
-apostrophe in front. Numbers are not changed.
+A spreadsheet evaluates a text that starts with one of = + - @, even after a control character. An apostrophe is
+therefore put in front of it. Numbers are not changed.
 
 The module also makes a user's text safe in Markdown.
 """
@@ -21,7 +21,7 @@ Cell = str | int | float | None
 
 
 def csv_text(columns: Sequence[str], rows: Iterable[Sequence[Cell]]) -> str:
-    """A table with a heading as CSV; lines end with a line feed, and None becomes an empty cell."""
+    """A table as CSV, with column names in the first line. Lines end with a line feed; None becomes an empty cell."""
     stream = io.StringIO()
     writer = csv.writer(stream, lineterminator="\n")
     writer.writerow(columns)
@@ -30,13 +30,13 @@ def csv_text(columns: Sequence[str], rows: Iterable[Sequence[Cell]]) -> str:
 
 
 def safe_text(text: str) -> str:
-    """The text on one line, without control characters, in a form that no spreadsheet evaluates as a formula."""
+    """A text on one line, without control characters, in a form that no spreadsheet evaluates as a formula."""
     line = one_line(text)
     return f"'{line}" if line.startswith(FORMULA_STARTS) else line
 
 
 def one_line(text: str) -> str:
-    """A text without line breaks and control characters; several blanks become one."""
+    """A text without line breaks and control characters; consecutive spaces become one."""
     printable = "".join(char if char.isprintable() else " " for char in text)
     return " ".join(printable.split())
 
@@ -47,7 +47,7 @@ def number(value: float) -> str:
 
 
 def size_words(outline: Outline, unit: str = "") -> str:
-    """Dimensions of an outline as text [mm]: 40 x 25 for a rectangle, 55 across for a disc."""
+    """Dimensions of an outline [mm] as text, for example "40 x 25" for a rectangle or "55 across" for a disc."""
     sizes = outline.dimensions
     across = " across" if sizes[0].is_diameter else ""
     return f"{' x '.join(number(one.size_mm) for one in sizes)}{unit}{across}"

@@ -1,4 +1,4 @@
-"""The wiring drawing: the pad from above, to scale, every part with its reference, pin and position.
+"""The wiring drawing: the pad from above, to scale; each part is labelled with its reference, pin and position.
 
          E5   R5
          D26  A4         labels are outside next to their parts, and do not overlap
@@ -8,7 +8,7 @@
       +--^----o---+
          E1   R1
 
-On a round pad, a label is at the side of the sheet that is nearest to its part. Bodies and mold come from
+On a round pad, a label is at the side of the sheet nearest to its part. The shapes of bodies and mold come from
 `design.mold.outline`, so the drawing agrees with the printed part.
 """
 
@@ -38,7 +38,7 @@ LEGEND_LINE_PX, MARGIN_PX, ORIGIN_PX, SYMBOL_PX = 24.0, 24.0, 4.0, 10.0
 
 
 def legend_lines(design: SensorDesign, connections: Sequence[Connection]) -> list[tuple[str, str]]:
-    """Symbol and text of every line of the legend; the symbol is "" for lines without one."""
+    """Symbol name and text of every line of the legend; the name is "" for a line without a symbol."""
     outline = outline_of(design)
     lines = []
     for kind in ("emitter", "receiver"):
@@ -80,7 +80,7 @@ def _places_words(connections: Sequence[Connection]) -> str:
 
 
 def legend(top: float, lines: Sequence[tuple[str, str]]) -> Iterator[Element]:
-    """Drawing elements of the legend, downward from the height `top` on the sheet [px]."""
+    """Drawing elements of the legend, whose upper edge is at the sheet's y coordinate `top` [px]."""
     for place, (symbol, content) in enumerate(lines):
         middle = (MARGIN_PX + SYMBOL_PX, top + (place + 0.5) * LEGEND_LINE_PX)
         yield from _legend_symbol(symbol, middle)
@@ -107,19 +107,19 @@ POCKET_COLOUR = "#ffffff"
 CAVITY_COLOUR = "#f4f9ff"
 
 NAME_PX, NOTE_PX, HEADING_PX = 16.0, 13.0, 20.0
-"""Font sizes of references, notes and heading [px]."""
+"""Font sizes of reference designators, notes and heading [px]."""
 LETTER_SHARE = 0.6
-"""Assumed width of a letter as a fraction of the font size [-]; the average is smaller."""
+"""Assumed width of a letter as a fraction of the font size [-]; the actual average is smaller."""
 LABEL_LINES = 3
 LABEL_START_PX, LABEL_GAP_PX = 5.0, 10.0
 LINE_PX = 18.0
 LEADER_PX = 14.0
 PAD_PX = 640.0
-"""Drawn length of the cavity's longer side [px]; larger if the labels of a wall need more room."""
+"""Smallest length of the cavity's longer side on the sheet [px]; it is larger if a wall's labels need more room."""
 SIDE_PITCH_PX = 22.0
-"""Vertical distance between labels left and right of the pad [px]."""
+"""Vertical distance between neighbouring labels on the left or right of the pad [px]."""
 DIMENSION_INSET_PX = 42.0
-"""Distance of dimension lines from the cavity's walls, inside the cavity [px]."""
+"""Distance of dimension lines, which are inside the cavity, from its walls [px]."""
 AXIS_PX, AXIS_INSET_PX = 46.0, 34.0
 
 
@@ -132,9 +132,9 @@ class Sheet:
     outline : dimensions of the mold
     scale : scale of the drawing [px/mm]
     left, top : sheet position of the cavity's upper left corner, at low x and high y [px]
-    pitch : horizontal distance between labels [px]
-    columns : for labels left and right of the pad, distances from the leader line to reference, pin and position [px]
-    side : width of these labels [px]
+    pitch : horizontal distance between neighbouring labels above or below the pad [px]
+    columns : distances from a leader line to the reference, pin and position in a label left or right of the pad [px]
+    side : width of the labels left and right of the pad [px]
     """
 
     outline: MoldOutline
@@ -146,7 +146,7 @@ class Sheet:
     side: float
 
     def at(self, x_mm: float, y_mm: float) -> Point:
-        """Sheet position of a point of the cavity frame [px]."""
+        """Sheet position [px] of a point in the cavity's coordinate system."""
         return self.left + x_mm * self.scale, self.top + (self.outline.width_mm - y_mm) * self.scale
 
     def around(self, outline: Outline) -> list[Point]:
@@ -194,7 +194,7 @@ def wiring_svg(design: SensorDesign) -> str:
 
 
 def _side(one: Connection) -> Wall:
-    """Side of the sheet for a part's label: the side of the part's wall, or on a round pad the nearest side."""
+    """Side of the sheet where a part's label is: that of the part's wall or, on a round pad, the nearest side."""
     x, y = one.part.line.outward
     if abs(x) > abs(y):
         return "east" if x > 0 else "west"
@@ -202,13 +202,13 @@ def _side(one: Connection) -> Wall:
 
 
 def spread(wanted: Sequence[float], gap: float, low: float, high: float) -> list[float]:
-    """Positions of labels along a line, at least a gap apart and closest to the requested ones in least squares.
+    """Positions of labels along a line, at least `gap` apart, with least squared deviations from requested positions.
 
     Parameters
     ----------
-    wanted : requested positions, rising
-    gap : least distance between neighbours
-    low, high : limits of the positions, with room for all labels
+    wanted : requested positions, in increasing order
+    gap : smallest distance between neighbours
+    low, high : limits of the positions; all labels must fit between them
     """
     blocks: list[list[float]] = []  # neighbours that touch share the mean of (wanted - place x gap)
     for place, position in enumerate(wanted):
@@ -332,9 +332,9 @@ def _dimensions(sheet: Sheet) -> Iterator[Element]:
 
 
 def _ends_mm(bare: Outline, direction: Point, inset_mm: float) -> tuple[Point, Point]:
-    """End points [mm] of a dimension line across the pad along `direction`, at `inset_mm` inside the far wall.
+    """End points [mm] of a dimension line across the pad along `direction`, `inset_mm` inside the wall at high x or y.
 
-    On a round pad the line passes above the text in the middle.
+    On a round pad, the line is `inset_mm` from the middle instead, above the text there.
     """
     axis = int(direction == X)  # of the line's position next to other lines
     start, end = (place[axis] for place in bare.touches_mm(direction))
@@ -429,7 +429,7 @@ def _label(sheet: Sheet, one: Connection, anchor: Point, place: float) -> Iterat
 
 
 def _line_places(sheet: Sheet, one: Connection, end: Point) -> list[tuple[Point, str]]:
-    """For each line of a label (name, pin, position): its point on the sheet [px], and the anchor of the text."""
+    """For each line of a label (name, pin, position): its point on the sheet [px] and the text anchor there."""
     x, y = end
     match _side(one):
         case "south":

@@ -1,8 +1,8 @@
 """Unattended collection of a data set: a stage presses, and frames are stored at every position.
 
-At each position the stage waits for the settling time. Then a number of new frames is stored with the position that the
-stage reports; earlier frames are discarded. Only complete presses are stored. At the end of every run, even of a
-stopped one, the stored presses are written as netCDF.
+At each position the stage waits for the settling time. Then a number of new frames is stored, with the position that
+the stage reports; frames that arrived earlier are discarded. Only complete presses are stored. At the end of every run,
+even if it was interrupted, the stored presses are written as netCDF.
 
 Each complete press is a file in a folder next to the data set, from which a stopped collection resumes.
 
@@ -38,18 +38,18 @@ FORMAT, VERSION = "optopad-collection", 1
 PLAN = "plan.json"
 Arrays = dict[str, NDArray[Any]]
 MOST_BYTES = 500_000_000
-"""Largest unpacked size of one press [bytes]; an hour at 400 frames per second of 17 x 16 readings has 400 MB."""
+"""Largest unpacked size of one press [bytes]; half an hour at 400 frames per second of 17 x 16 readings is 400 MB."""
 KEPT = "run the command again: earlier presses are kept"
 COLUMNS = ("counts", "press_mm", "connection", "sequence", "device_us", "host_s", "lost")
 
 
 class CollectedParts:
-    """The folder with the stored presses of one collection of a data set.
+    """The folder in which the presses of one collection are stored.
 
     Parameters
     ----------
-    out : the resulting data set; the folder is named after it
-    plan : sensor, presses and settings as plain data; the same plan is required to resume a collection
+    out : file of the resulting data set; the folder is named after it
+    plan : sensor, presses and settings as plain data; a collection can only be resumed with the same plan
 
     Attributes
     ----------
@@ -76,11 +76,11 @@ class CollectedParts:
         write_whole(self.folder / PLAN, json.dumps(self._document, indent=2).encode())
 
     def numbers(self) -> set[int]:
-        """Numbers of the stored presses: their indices in the list of presses."""
+        """Numbers of the stored presses, which are their indices in the list of presses."""
         return {int(file.stem) for file in self.folder.glob("*.npz") if file.stem.isdecimal()}
 
     def save(self, number: int, frames: list[Frame], press_mm: list[Position]) -> None:
-        """Store one complete press; raises OutputError if it cannot be written."""
+        """Store one complete press with the position of each frame; raises OutputError if it cannot be written."""
         arrays = {
             "counts": np.array([frame.counts for frame in frames]),
             "press_mm": np.array(press_mm, dtype=np.float64),
@@ -94,7 +94,7 @@ class CollectedParts:
             np.savez(stream, allow_pickle=False, **arrays)
 
     def recorded(self, config: DriverConfig, presses: PressList) -> Recorded | None:
-        """All stored presses as a recording, in the order of the list; None if there are none.
+        """All stored presses as a recording, in the order of the list of presses; None if there are none.
 
         Raises
         ------
@@ -128,7 +128,7 @@ class CollectedParts:
         )
 
     def remove(self) -> None:
-        """Remove the folder; to be called when the data set contains all presses."""
+        """Remove the folder; should be called when the data set contains all presses."""
         shutil.rmtree(self.folder, ignore_errors=True)
 
     def _part(self, number: int) -> Arrays:
@@ -157,7 +157,7 @@ class CollectedParts:
 SETTLE_S = 0.3
 FRAMES = 1
 TRIES = 3
-"""Number of attempts for one press if the connection to the board is lost during the press."""
+"""Number of attempts to make a press if the connection to the board is lost during it."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -166,9 +166,9 @@ class Collected:
 
     Attributes
     ----------
-    file : the data set; None if no press is complete
+    file : file of the data set; None if no press is complete
     made : number of presses made in this run
-    kept : number of stored presses of all runs
+    kept : number of stored presses from all runs
     wanted : number of presses in the whole collection
     frames : number of frames in the data set
     """
@@ -192,7 +192,7 @@ class Collector:
     ----------
     sensor : open sensor, with or without a baseline
     presses : all presses of the collection
-    out : file of the data set, netCDF; a folder next to it contains the presses until the data set is complete
+    out : netCDF file of the data set; a folder next to it contains the presses until the data set is complete
     settle_s : settling time of the tip before frames are taken [s]
     frames : number of frames at each position
 
@@ -232,7 +232,7 @@ class Collector:
         self._parts.begin()
 
     def remaining(self, only: Collection[str] = ()) -> list[int]:
-        """Numbers of the presses that are not stored yet, of all sets or only of the named ones."""
+        """Numbers of the presses that are not yet stored, from the sets named in `only`, or from all if it is empty."""
         names = [entry.name for entry in self._presses.sets]
         if strange := sorted(set(only) - set(names)):
             raise InputError(f"--only: no set {', '.join(strange)}; the sets are {', '.join(names)}")
@@ -244,9 +244,9 @@ class Collector:
         ]
 
     def lights(self, numbers: Iterable[int]) -> list[SetEntry]:
-        """Sets of presses before which the user must set the room's light.
+        """Sets of presses before which the user must switch the room light on or off.
 
-        These are the first set, and each set whose light differs from the previous set's.
+        These are the first set, and each set whose room light differs from that of the previous set.
         """
         changes: list[SetEntry] = []
         for number in numbers:
@@ -269,8 +269,8 @@ class Collector:
         ----------
         numbers : numbers of presses, as returned by `remaining`
         on_step : called with the completed fraction
-        on_light : called with a set before its presses if its room light differs from the previous set's, while the
-            tip is lifted
+        on_light : called with a set before its presses, while the tip is lifted, if it is the first set or its room
+            light differs from that of the previous set
 
         Raises
         ------
@@ -295,7 +295,7 @@ class Collector:
     def finish(self, made: int = 0) -> Collected:
         """Write the stored presses as a data set; remove their folder if the collection is complete.
 
-        `made` is the number of this run's presses, for the result.
+        `made` is the number of presses made in this run, which is included in the result.
 
         Raises
         ------

@@ -2,11 +2,11 @@
 
 The printer takes bytes and times and returns bytes; `fabrication.driver.simulated.port.FakePort` connects it to a
 pseudo-terminal. A move has constant speed, without acceleration, and begins when the previous one has ended. The
-replies to M400 and G28 come at the end of the motion, all others at once. Opening the port resets the printer: its
-coordinates become 0 at the present position.
+replies to M400 and G28 come at the end of the motion, all others immediately. Opening the port resets the printer: its
+coordinates become 0 at the current position.
 
 Faults are `silent` (no reply after some moves), `error` (stops with `Error:`), `shifted` (stops short of the target,
-as at its own limits), `restarted` (sends `start` during a motion, as after a reset).
+as at its own limits), and `restarted` (sends `start` during a motion, as after a reset).
 """
 
 from __future__ import annotations
@@ -45,18 +45,18 @@ class _Ride:
 
 
 class FakePrinter:
-    """A simulated printer whose tip is above a pad.
+    """A simulated printer with a tip above a pad.
 
     Parameters
     ----------
-    tip_mm : initial x, y, depth of the tip in the cavity frame [mm]
+    tip_mm : initial position of the tip (x, y, depth) in the cavity's coordinate system [mm]
     fault : one of `FAULTS`; None for a printer without a fault
     fault_after : number of moves before the fault
-    home_mm : x, y, depth of the home position of G28 [mm]
+    home_mm : home position (x, y, depth) to which G28 moves the tip [mm]
 
     Attributes
     ----------
-    place_text : format of the reply to M114 (report the position), with x, y, z [mm]
+    place_text : format string of the reply to M114 (report the position), for x, y and z [mm]
     """
 
     place_text = "X:{0:.2f} Y:{1:.2f} Z:{2:.2f} E:0.00 Count X:0 Y:0 Z:0\nok\n"
@@ -83,11 +83,11 @@ class FakePrinter:
         self.reset(0.0)
 
     def tip_mm(self, now_s: float) -> FloatArray:
-        """(3,) x, y, depth of the tip in the cavity frame [mm]."""
+        """Position of the tip (x, y, depth) at time `now_s` [s], in the cavity's coordinate system [mm]."""
         return _flipped(self._ride.at(now_s))
 
     def reset(self, now_s: float) -> None:
-        """Restart the printer, as opening the port does: the coordinates of the present position become 0."""
+        """Restart the printer, as opening the port does: its coordinates become 0 at the current position."""
         here = self._ride.at(now_s)
         self._ride = _Ride(now_s, now_s, here, here)
         self._zero = here
@@ -97,11 +97,11 @@ class FakePrinter:
 
     @property
     def due_s(self) -> float:
-        """Time of the next message that the printer sends by itself [s]."""
+        """Time of the next message that the printer sends without a further command [s]."""
         return self._due_s
 
     def spoken(self, now_s: float) -> bytes:
-        """Bytes that the printer sends by itself at time `now_s` [s]; may be empty."""
+        """Bytes that the printer sends without a further command at time `now_s` [s]; may be empty."""
         if now_s < self._due_s:
             return b""
         if self._says:
@@ -115,7 +115,7 @@ class FakePrinter:
         return b"ok\n" + self._obeyed_all(now_s)
 
     def heard(self, piece: bytes, now_s: float) -> bytes:
-        """Process the host's bytes at time `now_s` [s] and return the immediate reply."""
+        """Process bytes from the host at time `now_s` [s] and return the immediate reply."""
         self._kept += piece
         *lines, self._kept = self._kept.split(b"\n")
         self._queue += lines
@@ -194,7 +194,7 @@ class TipFinger:
         self._printer = printer
 
     def at(self, _time_s: ArrayLike) -> FloatArray:
-        """(3,) x, y, depth of the tip now [mm]; the board's time is ignored."""
+        """Current position of the tip (x, y, depth) [mm]; the board's time is ignored."""
         return self._printer.tip_mm(time.monotonic())
 
 

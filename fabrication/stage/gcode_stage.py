@@ -1,15 +1,15 @@
 """A 3-axis printer as a stage, driven by G-code over a serial line, for Marlin, Klipper, RepRapFirmware and Smoothie.
 
 The pad's x and y are parallel to the printer's, and the printer's z points up. There are two ways to give the position
-of the cavity's corner in the printer's coordinates: homing and known coordinates (`home`), or the present position of
-the tip (`zero`). `zero` also works if opening the port has reset the printer and its coordinates.
+of the cavity's corner in the printer's coordinates: homing, with known coordinates of the corner (`home`), or a known
+current position of the tip (`zero`). `zero` works even if opening the port has reset the printer and its coordinates.
 
 Every move ends with M400 (wait for the end of the motion) and is checked with M114 (report the position). M114 reports
-the firmware's own count, which does not include lost steps, play of the spindles and bending of the printer.
+the firmware's own count, which does not include lost steps, backlash of the lead screws and bending of the printer.
 
-Each line has one command, and the next is sent after all replies. The firmware sends `ok` when it has taken a command,
-and `echo:busy: ...` every second or two during a long command. It sends `Error:...` or `!!` when it stops, and `start`
-after a reset.
+Each line has one command, and the next is sent after all replies. The firmware sends `ok` when it has accepted a
+command, and `echo:busy: ...` every second or two during a long command. It sends `Error:...` or `!!` when it stops, and
+`start` after a reset.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ ASK_EVERY_S = 2.0
 """Interval between requests to a printer that may still be booting [s]."""
 
 QUIET_S = 0.3
-"""Silence after which no further replies to earlier requests are expected [s]."""
+"""Duration of silence after which no further replies to earlier requests are expected [s]."""
 
 _NUMBER = r"([-+]?\d+(?:\.(\d*))?)"
 _PLACE = re.compile(
@@ -39,10 +39,10 @@ _UNKNOWN = re.compile(r"unknown command|bad command|not supported|unsupported co
 
 
 def place_of(line: str) -> tuple[tuple[float, float, float], float] | None:
-    """X, Y, Z in a printer's reply to M114 [mm], and the step of their last digit [mm]; None for any other line.
+    """X, Y, Z in a printer's reply to M114 [mm], and the value of their last digit [mm]; None for any other line.
 
-    Most firmware begins the line with X; Marlin 1.0 does so without blanks, and Smoothie begins with `ok C:`. Positions
-    in other coordinates than those of G1 are ignored: `MCS:`, the part after `Count`, Grbl's status.
+    Most firmware begins the line with X; Marlin 1.0 does so without spaces, and Smoothie begins with `ok C:`. Positions
+    in coordinates other than those of G1 are ignored: `MCS:`, the part after `Count`, Grbl's status.
     """
     found = _PLACE.match(line)
     if found is None:
@@ -62,7 +62,7 @@ class GcodeLine:
 
     Attributes
     ----------
-    has_begun_anew : whether the printer was reset after `greet`, so that its coordinates are no longer valid
+    has_begun_anew : whether the printer was reset after `greet`, which makes its coordinates invalid
     """
 
     def __init__(self, port: Port, answer_s: float) -> None:
@@ -73,9 +73,16 @@ class GcodeLine:
         self.has_begun_anew = False
 
     def greet(self, boot_s: float, on_wait: Callable[[str], None] = on_standard_error) -> None:
-        """Wait until the printer replies; opening the port may have reset it. Raises DeviceError after `boot_s` [s].
+        """Wait until the printer replies; opening the port may have reset it.
 
+        Parameters
+        ----------
+        boot_s : longest wait [s]
         on_wait : called with a progress line every two seconds of the wait
+
+        Raises
+        ------
+        DeviceError : the printer does not reply in time.
         """
         begun, heard = time.monotonic(), b""
         end = begun + boot_s
@@ -103,12 +110,12 @@ class GcodeLine:
 
         Parameters
         ----------
-        takes_s : expected time that the command takes [s]
-        is_optional : whether a printer that does not know the command is accepted without an error
+        takes_s : time that the command is expected to take [s]
+        is_optional : whether no error is raised if the printer does not know the command
 
         Returns
         -------
-        lines of the reply before `ok`
+        lines of the reply, including `ok`
 
         Raises
         ------
@@ -129,14 +136,14 @@ class GcodeLine:
     def answers(
         self, command: str, takes_s: float = 0.0, is_last: Callable[[str], bool] | None = None
     ) -> list[str]:
-        """Wait for the replies to all commands sent so far; return their lines. Errors are those of `send`.
+        """Wait for the replies to all commands sent so far and return their lines; raises the same errors as `send`.
 
         Parameters
         ----------
         command : the last command, for messages
-        takes_s : expected time that the command takes [s]
-        is_last : function that returns whether a line belongs to the last command's reply. After that reply, earlier
-            replies are no longer expected, because an interrupt may have discarded them
+        takes_s : time that the command is expected to take [s]
+        is_last : function that returns whether a line belongs to the last command's reply. After that reply, missing
+            earlier replies are no longer expected, because an interrupt may have discarded them
         """
         said: list[str] = []
         end = time.monotonic() + self._answer_s + takes_s
@@ -176,7 +183,7 @@ class GcodeLine:
             )
 
     def _drain(self) -> None:
-        """Discard late lines until the printer is silent, and expect no more replies to earlier commands."""
+        """Discard late lines until the printer is silent; replies to earlier commands are then no longer expected."""
         end = time.monotonic() + QUIET_S
         while time.monotonic() < end:
             if self._read():
@@ -214,7 +221,7 @@ NEAR_MM = 1.0
 TRAVEL_SPEED_MM_S, PRESS_SPEED_MM_S = 30.0, 5.0
 BOOT_S, ANSWER_S, HOMING_S = 15.0, 10.0, 120.0
 TOLERANCE_MM = 0.03
-"""Accepted distance between a reported position and its target [mm]; it is larger if the report is coarse."""
+"""Accepted distance between a reported position and its target [mm]; more is accepted if positions are coarse."""
 
 COARSEST_MM = 0.1
 """Coarsest accepted resolution of positions in M114's reply [mm]; whole millimetres are too coarse for presses."""
@@ -233,15 +240,15 @@ class GcodeStage:
     port : name of the printer's serial port
     limits : permitted positions of the tip, see `stage.limits_of`
     baud : baud rate of the line
-    travel_mm : height above the pad for lateral motion [mm]
+    travel_mm : height of the tip above the pad during lateral motion [mm]
     travel_speed_mm_s, press_speed_mm_s : speeds of the tip far from the pad, and near or in the pad [mm/s]
     boot_s : longest wait for the printer after opening the port [s]
     answer_s : longest silence while a reply is expected [s]
 
     Attributes
     ----------
-    left_at : x, y, depth of the tip after the `with` block [mm]; None before its end, or if the tip could not be lifted
-        or a reset made its position unknown
+    left_at : position of the tip (x, y, depth) after the `with` block [mm]; None before the end of the block, if the
+        tip could not be lifted, or if a reset made its position unknown
     """
 
     def __init__(
@@ -310,15 +317,15 @@ class GcodeStage:
 
         Parameters
         ----------
-        origin_mm : printer's X, Y, Z with the tip at the cavity's corner (0, 0) and at the height of the untouched
-            surface [mm]
+        origin_mm : the printer's X, Y, Z when the tip is at the cavity's corner (0, 0) and at the height of the
+            untouched surface [mm]
         """
         self._line.send("G28", takes_s=HOMING_S)
         self._origin = origin_mm
         self.lift()
 
     def zero(self, x_mm: float, y_mm: float, depth_mm: float = 0.0) -> None:
-        """Define the tip's present position in the cavity frame [mm], then lift the tip to the travel height.
+        """Define the tip's current position in the cavity's coordinate system [mm], then lift it to travel height.
 
         Raises
         ------
@@ -337,7 +344,7 @@ class GcodeStage:
         self.lift()
 
     def move_to(self, x_mm: float, y_mm: float, depth_mm: float) -> Position:
-        """Move to a position and stop; return the reported position; details and errors are those of
+        """Move to a position, stop, and return the reported position; for details and errors see
         `stage.Stage.move_to`."""
         self.limits.require(x_mm, y_mm, depth_mm)
         x, y, depth = self.position()
@@ -350,9 +357,9 @@ class GcodeStage:
         return self._arrived((x_mm, y_mm, depth_mm))
 
     def lift(self) -> None:
-        """Move straight up to the travel height, from the height that the printer reports.
+        """Move straight up to the travel height.
 
-        An interrupt may have discarded a reply, so the command is sent before waiting for it.
+        An interrupt may have discarded a reply, so the command is sent without waiting for earlier replies.
         """
         height_mm = self._known_origin()[2] + self._travel_mm
         self._line.post(f"G1 Z{height_mm:.3f} {feed_word(self._speeds_mm_s[1])}")
@@ -369,14 +376,14 @@ class GcodeStage:
             self._sent = *self._sent[:2], -self._travel_mm
 
     def position(self) -> Position:
-        """Position that the printer reports: x, y, depth [mm].
+        """Position (x, y, depth) that the printer reports [mm].
 
-        If the report equals the target within its last digit, the exact target is returned.
+        A coordinate that equals the target's within the last reported digit is replaced by the target's exact value.
         """
         return self._position()[0]
 
     def stop(self) -> None:
-        """Stop the motion at once (M410), then lift the tip."""
+        """Stop the motion immediately (M410), then lift the tip."""
         self._line.post("M410")
         self.lift()
 
@@ -391,14 +398,14 @@ class GcodeStage:
         return (x, y, depth), step_mm
 
     def _lift_blindly(self) -> None:
-        """Move straight up by more than the deepest press; used after a reset, when the position is unknown."""
+        """Move straight up by more than the largest depth; used after a reset, when the position is unknown."""
         up_mm = self.limits.deepest_mm + self._travel_mm
         self._line.send("G91")
         self._ride(f"Z{up_mm:.3f}", up_mm, self._speeds_mm_s[1])
         self._line.send("G90")
 
     def _go(self, depth_mm: float, to_depth_mm: float) -> None:
-        """Move vertically from one depth to another, slowly near and in the pad, fast above."""
+        """Move vertically from one depth to another, slowly near and in the pad, and fast above."""
         fast, slow = self._speeds_mm_s
         near = -NEAR_MM
         if min(depth_mm, to_depth_mm) < near < max(depth_mm, to_depth_mm):
@@ -459,13 +466,13 @@ class GcodeStage:
 
 
 def tolerance_mm(step_mm: float) -> float:
-    """Tolerance of a reported position [mm]; `step_mm` is the step of its last digit, and of the origin's."""
+    """Tolerance of a reported position [mm]; `step_mm` is the value of the last digit of position and origin [mm]."""
     return max(TOLERANCE_MM, 2.0 * step_mm + ROUNDING_MM)
 
 
 def feed_word(speed_mm_s: float) -> str:
-    """G-code's word for a speed in mm/min: F300 for 5 mm/s.
+    """G-code word that sets a speed in mm/min, for example F300 for 5 mm/s.
 
-    Decimals are kept, because rounding would distort a slow speed or make it 0.
+    Decimals are kept, because rounding would change a slow speed considerably or make it 0.
     """
     return f"F{S_PER_MIN * speed_mm_s:.6g}"

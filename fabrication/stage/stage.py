@@ -1,16 +1,16 @@
 """Interface and limits of a stage, and lists of presses.
 
-A stage holds the tip above the pad and moves it in the cavity frame: x, y from a corner of the cavity, depth positive
-into the pad, 0 at first contact. `collection.Collector` drives any implementation of `Stage`;
-`gcode_stage` has one for printers.
+A stage holds the tip above the pad and moves it in the cavity's coordinate system: x and y are measured from a corner
+of the cavity; depth is positive into the pad and 0 at first contact. `collection.Collector` can use any implementation
+of `Stage`; `gcode_stage` contains one for printers.
 
-The presses of a collection are a list, or a CSV file with these columns:
+The presses of a collection are given as a list, or as a CSV file with these columns:
 
     x_mm,y_mm,depth_mm[,set,place,role,pattern,ambient]
 
-Each row is a position at which frames are taken, in this order. Consecutive rows with equal `set` and `place` are one
-press, which is made completely or not at all. Without the column `set` all rows are one set. Without the column `place`
-a press ends where x or y changes.
+Each table row is a position at which frames are taken, in this order. Consecutive table rows with equal `set` and
+`place` are one press, which is made completely or not at all. If there is no column `set`, all presses form one set. If
+there is no column `place`, a press ends where x or y changes.
 """
 
 from __future__ import annotations
@@ -37,13 +37,13 @@ ONE_SET = "collected"
 
 @dataclass(frozen=True, kw_only=True)
 class Press:
-    """One press of a collection: positions that the tip takes in order.
+    """One press of a collection: a sequence of positions to which the tip moves.
 
     Attributes
     ----------
     set_number : index of the press's set in `PressList.sets`
     place_number : number of the press within the set
-    steps_mm : x, y, depth in the cavity frame of each position at which frames are taken, in order [mm]
+    steps_mm : positions (x, y, depth) at which frames are taken, in order, in the cavity's coordinate system [mm]
     """
 
     set_number: int
@@ -53,14 +53,14 @@ class Press:
 
 @dataclass(frozen=True, kw_only=True)
 class PressList:
-    """Presses of a collection in their order of execution, and their sets."""
+    """Presses of a collection in the order in which they are made, and their sets."""
 
     sets: tuple[SetEntry, ...]
     presses: tuple[Press, ...]
 
     @property
     def digest(self) -> str:
-        """SHA-256 over the complete list, as 64 hexadecimal digits."""
+        """SHA-256 of the complete list, as 64 hexadecimal digits."""
         presses = [(press.set_number, press.place_number, press.steps_mm) for press in self.presses]
         return hashlib.sha256(repr((self.sets, presses)).encode()).hexdigest()
 
@@ -76,11 +76,11 @@ class PressList:
 
 
 def press_list(rows: Iterable[tuple[SetEntry, int, Position]]) -> PressList:
-    """A list of presses from rows: set, number of the press within its set, position.
+    """Make a list of presses from table rows, each of which has a set, a press number within the set, and a position.
 
     Raises
     ------
-    InputError : there are no rows, two sets have the same name, or rows of one press are not consecutive.
+    InputError : there are no rows, two sets have the same name, or the rows of one press are not consecutive.
     """
     plain = list(rows)
     grouped = [
@@ -111,7 +111,7 @@ def read_press_list(file: Path) -> PressList:
 
     Raises
     ------
-    InputError : the file cannot be read, is incomplete or contradictory.
+    InputError : the file cannot be read, is incomplete, or contradicts itself.
     """
     table = read_csv(
         file, needed=f"a CSV table with {','.join(NEEDED)}, optionally 'set', 'place'", lower=True
@@ -137,7 +137,7 @@ def read_press_list(file: Path) -> PressList:
 
 
 Position = tuple[float, float, float]
-"""Position of the tip: x, y, depth in the cavity frame [mm], depth positive into the pad."""
+"""Position of the tip: x, y, depth in the cavity's coordinate system [mm]; depth is positive into the pad."""
 
 HIGHEST_MM = 60.0
 """Largest permitted height of the tip above the pad [mm]; a larger value indicates a wrong unit."""
@@ -151,7 +151,7 @@ class StageLimits:
 
     Attributes
     ----------
-    area : region of the permitted x and y
+    area : region of the permitted x and y coordinates
     deepest_mm : largest permitted depth [mm]
     """
 
@@ -163,7 +163,7 @@ class StageLimits:
 
         Raises
         ------
-        InputError : the position is outside; the message has the coordinate and its limits.
+        InputError : the position is outside; the message gives the coordinate and its limits, or the region.
         """
         spans = (
             ("x", x_mm, self.area.x0_mm, self.area.x1_mm),
@@ -185,7 +185,7 @@ def limits_of(workspace: WorkspaceLimits) -> StageLimits:
 
 
 class Stage(Protocol):
-    """Interface of a stage: a context manager that lifts the tip when the block ends, also after an error."""
+    """Interface of a stage: a context manager that lifts the tip when the `with` block ends, even after an error."""
 
     limits: StageLimits
 
@@ -196,9 +196,9 @@ class Stage(Protocol):
     ) -> None: ...
 
     def move_to(self, x_mm: float, y_mm: float, depth_mm: float) -> Position:
-        """Move to a position and stop; return the position that the stage reports [mm].
+        """Move to a position, stop, and return the position that the stage reports [mm].
 
-        The tip never moves laterally in contact.
+        The tip never moves laterally while it touches the pad.
 
         Raises
         ------
@@ -212,9 +212,9 @@ class Stage(Protocol):
         ...
 
     def position(self) -> Position:
-        """Position of the tip that the stage reports: x, y, depth in the cavity frame [mm]."""
+        """Position of the tip that the stage reports (x, y, depth), in the cavity's coordinate system [mm]."""
         ...
 
     def stop(self) -> None:
-        """Stop the motion at once, then lift the tip."""
+        """Stop the motion immediately, then lift the tip."""
         ...

@@ -10,16 +10,17 @@ from design.arrays import IntArray
 from fabrication.driver.link.protocol import STAMP, WRAP, CountArray
 
 REMEMBERED_FRAMES = 256
-"""Number of past frames with which a new frame is compared to detect repeats; 0.6 s at 400 Hz."""
+"""Number of past frames with which a new frame is compared to detect repeats; they span 0.6 s at 400 Hz."""
 
 
 class WrappingCounter:
-    """Unwraps successive values of one 32-bit counter of the board.
+    """Turns successive values of one of the board's 32-bit counters into numbers that do not wrap.
 
     Parameters
     ----------
     goes_back : whether the counter may step backward. Sequence numbers may, because a restart of the board resets
-        them; their steps are from -2^31 to 2^31 - 1. Device time only rises, by 0 to 2^32 - 1 us (71.6 minutes).
+        them; their steps are from -2^31 to 2^31 - 1. Device time never decreases; its steps are from 0 to 2^32 - 1 us
+        (71.6 minutes)
     """
 
     def __init__(self, *, goes_back: bool) -> None:
@@ -27,9 +28,9 @@ class WrappingCounter:
         self._last: int | None = None
 
     def next(self, value: int) -> tuple[int, int]:
-        """The unwrapped number of one counter value, and the step since the previous value.
+        """The unwrapped number for a counter value, and the step from the previous value.
 
-        The step of the first value is 1. For single values `next` is faster than `extended`.
+        The step of the first value is 1. For single values, `next` is faster than `extended`.
         """
         if self._last is None:
             self._last = value
@@ -41,7 +42,7 @@ class WrappingCounter:
         return self._last, step
 
     def extended(self, values: CountArray) -> tuple[IntArray, IntArray]:
-        """The unwrapped numbers of (n,) counter values, and the step from each previous value; both (n,).
+        """The unwrapped numbers for n counter values, and for each the step from the previous value; shapes (n,).
 
         The step of the very first value is 1.
         """
@@ -58,9 +59,9 @@ class WrappingCounter:
 
 
 class Repeats:
-    """Detects frames that the line delivers twice: sequence number and time equal those of one of the last 256 frames.
+    """Detects frames delivered twice, whose sequence number and time equal those of one of the last 256 frames.
 
-    A restarted board repeats its numbers, but not with the same times.
+    A restarted board repeats its sequence numbers, but not with the same times.
     """
 
     def __init__(self) -> None:
@@ -68,7 +69,7 @@ class Repeats:
         self._seen: set[bytes] = set()
 
     def has(self, message: bytes) -> bool:
-        """Whether a message of readings repeats one of the last 256. A message that does not is remembered."""
+        """Whether a message of readings repeats one of the last 256; if it does not, it is remembered."""
         stamp = message[STAMP]
         if stamp in self._seen:
             return True
@@ -80,11 +81,14 @@ class Repeats:
 
 
 def restarts(values: CountArray, last: int) -> IntArray:
-    """Indices in `values` (n,), the sequence numbers of frames, at which the board was restarted.
+    """Indices of the frames that are the first after a restart of the board.
 
-    A restart is a number that is not above the previous one, modulo 2^32.
+    The board has restarted if a sequence number is not above the previous one, modulo 2^32.
 
-    last : sequence number before the first one
+    Parameters
+    ----------
+    values : sequence numbers of the frames, shape (n,)
+    last : sequence number before the first of them
     """
     steps: IntArray = np.diff(values.astype(np.int64), prepend=last).astype(np.int64) % WRAP
     places: IntArray = np.flatnonzero((steps == 0) | (steps >= WRAP // 2))

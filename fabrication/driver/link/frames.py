@@ -16,10 +16,10 @@ from fabrication.driver.link.protocol import FrameFormat, unpack_frames
 
 US_PER_S = 1e6
 RATE_FRAMES = 256
-"""Number of latest frames over which the frame rate is measured."""
+"""Number of most recent frames over which the frame rate is measured."""
 
 WEAKEST_BASELINE_COUNTS = 4.0
-"""Least untouched signal by which a signal is divided [counts]; a smaller one is dominated by rounding."""
+"""Smallest untouched signal by which a signal is divided [counts]; smaller ones are dominated by rounding."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -28,15 +28,15 @@ class Frame:
 
     Attributes
     ----------
-    connection : number of the connection, from 1; it rises at each restart of the board or reconnection
-    sequence : number of the frame within the connection, without wraps
-    device_us : the board's clock at the frame's first conversion, without wraps [us]
-    host_s : host's clock at the arrival of the frame's batch, since 1970 [s]; at 400 Hz up to 5 ms late
+    connection : number of the connection, from 1; it increases at each restart of the board and each reconnection
+    sequence : sequence number of the frame within the connection; it does not wrap
+    device_us : time of the frame's first conversion by the board's clock; it does not wrap [us]
+    host_s : time of arrival of the frame's batch by the host's clock, since 1970 [s]; at 400 Hz up to 5 ms late
     lost_before : number of frames missing between the previous frame and this one, by their sequence numbers
-    counts : (state, receiver) raw readings; the last state is the dark one [counts]
-    signals : (emitter, receiver) readings less the dark state's [counts]
-    saturated : (state, receiver) whether a reading is at full scale
-    baseline : (emitter, receiver) signals of the untouched pad [counts]; None if no baseline was taken
+    counts : raw readings, shape (states, receivers); the last state is dark [counts]
+    signals : readings minus those in the dark state, shape (emitters, receivers) [counts]
+    saturated : whether each reading is at full scale, shape (states, receivers)
+    baseline : signals of the untouched pad, shape (emitters, receivers) [counts]; None if no baseline was taken
     """
 
     connection: int
@@ -51,7 +51,7 @@ class Frame:
 
     @property
     def normalised(self) -> FloatArray:
-        """(emitter, receiver) signal over its baseline; NaN where the baseline is below 4 counts [-].
+        """Signals divided by the baseline, shape (emitters, receivers); NaN where that is below 4 counts [-].
 
         Raises
         ------
@@ -63,7 +63,7 @@ class Frame:
 
 
 def normalised(signals: NDArray[np.int32] | FloatArray, baseline: FloatArray) -> FloatArray:
-    """(emitter, receiver) signals over a baseline; NaN where the baseline is below 4 counts [-]."""
+    """Signals divided by a baseline, shape (emitters, receivers); NaN where the baseline is below 4 counts [-]."""
     strong = baseline >= WEAKEST_BASELINE_COUNTS
     ratio: FloatArray = np.divide(signals, baseline, out=np.full(baseline.shape, np.nan), where=strong)
     return ratio
@@ -76,9 +76,10 @@ class FrameDecoder:
     ----------
     frames : number of frames decoded so far
     lost : number of frames missing so far, by their sequence numbers
-    doubled : number of messages dropped so far because they repeat an earlier one
-    connection : number of the connection of the next frame
-    baseline : (emitter, receiver) untouched signals that are attached to the next frames [counts]; None if not taken
+    doubled : number of messages discarded so far because they repeat an earlier one
+    connection : connection number of the next frame
+    baseline : untouched signals that are attached to the next frames, shape (emitters, receivers) [counts]; None if no
+        baseline was taken
     """
 
     def __init__(self, layout: FrameFormat) -> None:
@@ -91,7 +92,7 @@ class FrameDecoder:
         self.begin()
 
     def begin(self) -> None:
-        """Begin a new connection; to be called when the board was restarted, so that its counters start again."""
+        """Begin a new connection; must be called when the board has restarted, because its counters start again."""
         self.connection += 1
         self._sequence = WrappingCounter(goes_back=True)
         self._time = WrappingCounter(goes_back=False)
@@ -100,13 +101,13 @@ class FrameDecoder:
 
     @property
     def rate_hz(self) -> float | None:
-        """Delivered frames per second, over the last 256 frames by the board's clock; None before two frames."""
+        """Delivered frames per second, over the last 256 frames by the board's clock; None before the second frame."""
         times = self._recent_us
         passed = times[-1] - times[0] if len(times) > 1 else 0
         return (len(times) - 1) * US_PER_S / passed if passed > 0 else None
 
     def without_repeats(self, messages: list[bytes]) -> list[bytes]:
-        """Remove repeated messages from messages of readings, and count them in `doubled`."""
+        """The given messages of readings without those that repeat an earlier one, which are counted in `doubled`."""
         new = [message for message in messages if not self._repeats.has(message)]
         self.doubled += len(messages) - len(new)
         return new
@@ -114,8 +115,8 @@ class FrameDecoder:
     def decoded(self, messages: list[bytes], host_s: float) -> list[Frame]:
         """Frames of complete messages that arrived at time `host_s` [s].
 
-        A sequence number that decreases begins a new connection. Batches are small, one to a few frames, so the work
-        per frame uses plain numbers instead of arrays.
+        If a sequence number does not increase, a new connection begins. A batch has only a few frames, so the work for
+        each frame uses plain numbers instead of arrays.
         """
         found = unpack_frames(self._layout, messages)
         counts = found.counts

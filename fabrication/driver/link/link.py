@@ -24,11 +24,11 @@ from fabrication.driver.link.scanner import Message, Scanner
 from fabrication.driver_file import DriverConfig
 
 ASK_EVERY_S = 0.25
-"""Interval between requests for identification, while the board sends data [s]. While the board is silent, the interval
-doubles each time, because each byte that is sent makes a boot loader wait longer."""
+"""Interval between requests for identification while the board sends data [s]. While the board is silent, the interval
+doubles each time, because each byte sent to a boot loader makes it wait longer."""
 
 ANSWER_S = 2.5
-"""Longest wait for a board's hello after its boot time [s]; the board sends a hello once per second by itself."""
+"""Longest wait for a board's hello after its boot time [s]; the board sends a hello every second without a request."""
 
 SAY_EVERY_S = 2.0
 """Interval between progress messages while waiting for a board [s]."""
@@ -53,7 +53,7 @@ class Link:
         self.hello_message = b""
 
     def messages(self) -> list[Message]:
-        """Complete messages that arrived within about a tenth of a second; raises PortLostError if the port is lost."""
+        """Complete messages that arrive within about a tenth of a second; raises PortLostError if the port is lost."""
         piece = self.port.read()
         return self.scanner.feed(piece) if piece else []
 
@@ -62,7 +62,7 @@ class Link:
         self.port.write(pack_command(command, argument))
 
     def start(self, interval_us: int) -> None:
-        """Set the frame interval [us] and start the stream; 0 is the board's shortest interval."""
+        """Set the frame interval [us], 0 for the board's shortest, and start the stream of frames."""
         self.send(Command.RATE, interval_us)
         self.send(Command.START)
 
@@ -77,13 +77,14 @@ class Link:
     ) -> Hello:
         """Wait for the board's hello (its description of itself), and check that the board is of this design.
 
-        After a reset the board sends its hello by itself, and nothing is sent to it while its boot loader listens. A
-        board that already streams is stopped and then identified. A silent board receives a request for identification
-        after its boot time. If the port is a guess, nothing is sent to a silent device, which may be a printer.
+        After a reset, the board sends its hello without a request, and nothing is sent to it while its boot loader
+        listens. A board that is already sending frames is stopped and then identified. A silent board receives a
+        request for identification after its boot time. If the port is a guess, nothing is sent to a silent device,
+        because it may be a printer.
 
         Parameters
         ----------
-        accept_digest : first 8 or more digits of the digest of another accepted design; None accepts no other
+        accept_digest : first 8 or more digits of the digest of another accepted design, or None
         patience_s : longest wait [s]
         is_guess : whether the port was chosen only because of its serial chip, which other devices also have
         on_wait : called with a progress line every two seconds of the wait
@@ -91,8 +92,8 @@ class Link:
 
         Raises
         ------
-        DeviceError : the device is silent, a printer, or has other firmware or another design; or `is_over` stopped the
-            wait.
+        DeviceError : the device is silent, is a printer, or has other firmware or another design; or `is_over`
+            stopped the wait.
         """
         begun = time.monotonic()
         ask_at = begun + (math.inf if is_guess else self.config.board.boot_s)
@@ -164,7 +165,7 @@ def check_hello(hello: Hello, config: DriverConfig, *, where: str, accept_digest
     hello : the board's description of itself
     config : configuration of the required design
     where : name of the port, for messages
-    accept_digest : first 8 or more digits of the digest of another accepted design; None accepts no other
+    accept_digest : first 8 or more digits of the digest of another accepted design, or None
 
     Raises
     ------
@@ -190,12 +191,12 @@ def check_hello(hello: Hello, config: DriverConfig, *, where: str, accept_digest
 
 
 def is_accepted(digest: str, accept_digest: str | None) -> bool:
-    """Whether a digest begins with the digits `accept_digest`; False if that is None."""
+    """Whether a digest begins with the digits `accept_digest`; always False if `accept_digest` is None."""
     return accept_digest is not None and digest.startswith(accept_digest.lower())
 
 
 def require_digest(accept_digest: str | None) -> None:
-    """Refuse digits that do not identify a design: raises InputError for other than 8 to 64 hexadecimal digits."""
+    """Raise InputError unless `accept_digest` is None or consists of 8 to 64 hexadecimal digits."""
     if accept_digest is not None and not re.fullmatch(r"[0-9a-fA-F]{8,64}", accept_digest):
         raise InputError(
             f"accept_digest: {accept_digest!r} names no design; give 8 to 64 hexadecimal digits of the board's digest"
@@ -203,5 +204,5 @@ def require_digest(accept_digest: str | None) -> None:
 
 
 def interval_us(rate_hz: float) -> int:
-    """Frame interval [us] for a frame rate [Hz]; for rate 0 it is 0, which means the board's shortest interval."""
+    """Frame interval [us] for a frame rate [Hz]; 0, which means the board's shortest interval, for a rate of 0."""
     return round(US_PER_S / rate_hz) if rate_hz > 0 else 0

@@ -1,6 +1,6 @@
-"""Serial ports: finds them by USB identity, opens and reads them, and explains errors of the operating system.
+"""Finds serial ports by USB identity, opens and reads them, and explains errors of the operating system.
 
-A port is given by its system name (`/dev/ttyACM0`, `COM3`), the name of a pseudo-terminal, or an address of pyserial
+A port is given by its system name (`/dev/ttyACM0`, `COM3`), the name of a pseudo-terminal, or a pyserial URL
 (`socket://localhost:4242`). Opening the port of an Arduino resets the board.
 """
 
@@ -23,11 +23,10 @@ from design.errors import DeviceError
 from fabrication.driver_file import BoardSetup
 
 WAIT_S = 0.1
-"""Longest wait within one read, which also limits the delay after a request to stop [s]."""
+"""Longest wait for the first byte in one read, and so about the longest delay after a request to stop [s]."""
 
 GATHER_S = 0.005
-"""Time for which a read waits for more bytes after the first [s]; each wake-up costs the host 0.2 to 0.5 ms of a
-core."""
+"""Time for which a read waits for more bytes after the first [s]; each wake-up costs 0.2 to 0.5 ms of CPU time."""
 
 WRITE_WAIT_S = 1.0
 LARGEST_READ = 65536
@@ -40,7 +39,7 @@ class PortLostError(DeviceError):
 
 @dataclass(frozen=True, kw_only=True)
 class FoundPort:
-    """A serial port of this machine: name, USB vendor:product ("" if it has none), description by the system."""
+    """A serial port of this computer: name, USB "vendor:product" ("" if it has none), and the system's description."""
 
     name: str
     usb_id: str
@@ -67,25 +66,25 @@ PTY_BAUD = 115200
 
 
 CHIP_MAKERS = frozenset({"0403", "067b", "10c4", "1a86"})
-"""USB vendors of serial chips that are in many kinds of devices: FTDI, Prolific, Silicon Labs, QinHeng (CH340)."""
+"""USB vendors of serial chips used in many types of devices: FTDI, Prolific, Silicon Labs, QinHeng (CH340)."""
 
 
 GUESSED = "Only the serial chip identifies this port, and printers and other devices have the same chip."
 
 
 def is_guess(port: FoundPort, board: BoardSetup) -> bool:
-    """Whether a port is identified only by its serial chip, which a printer may have as well."""
+    """Whether a port is identified only by a type of serial chip that other devices, such as printers, also have."""
     return port.usb_id not in board.usb_ids or port.usb_id.partition(":")[0] in CHIP_MAKERS
 
 
 def find_port(
     board: BoardSetup, ports: Iterable[FoundPort] | None = None, *, not_ports: Iterable[str] = ()
 ) -> FoundPort:
-    """The only port with a board of this kind, by USB vendor and product of its maker, or else of copied boards.
+    """The only port with a board of this type, found by the USB identity of the original board, or else of copies.
 
     Parameters
     ----------
-    ports : ports to choose from; None takes all ports of the system
+    ports : ports to choose from; if None, all ports of the system
     not_ports : names of ports to exclude, because other devices use them
 
     Raises
@@ -110,7 +109,7 @@ def find_port(
 
 
 def on_standard_error(line: str) -> None:
-    """Print a progress line on standard error; the default of the `on_wait` arguments."""
+    """Print a progress line to standard error; the default for the `on_wait` parameters."""
     print(line, file=sys.stderr)
 
 
@@ -119,14 +118,14 @@ class Port:
 
     Parameters
     ----------
-    name : name of the port, or an address of pyserial
+    name : name of the port, or a pyserial URL
     baud : baud rate of the line
     gather_s : time to wait for more bytes after the first [s]
 
     Raises
     ------
-    DeviceError : the port does not exist, is in use, is not a serial port, or needs a permission. The message says what
-        to do.
+    DeviceError : the port does not exist, is in use, is not a serial port, or the user lacks permission. The message
+        says what to do.
     """
 
     def __init__(self, name: str, baud: int, gather_s: float = GATHER_S) -> None:
@@ -174,7 +173,7 @@ class Port:
                 raise DeviceError(f"{self.name}: {_why_not(self.name, err, baud)}") from err
 
     def close(self) -> None:
-        """Close the line; no error is raised if the port was lost."""
+        """Close the port; no error is raised if it was lost."""
         try:
             self._line.close()
         except (OSError, serial.SerialException):
@@ -190,7 +189,7 @@ class Port:
         return first + rest
 
     def _read_socket(self) -> bytes:
-        """Read one byte from a socket, then all waiting bytes; a socket does not report their number."""
+        """Read one byte from a socket, then all waiting bytes, because a socket does not report their number."""
         self._line.timeout = WAIT_S
         first: bytes = self._line.read(1)
         if not first:
@@ -237,7 +236,7 @@ def _why_not(name: str, err: Exception, baud: int) -> str:
 
 
 def plain_name(name: str) -> str:
-    """A port's name with symbolic links resolved, so that all names of one port become equal."""
+    """A port's name with symbolic links resolved, so that different names of the same port become equal."""
     return os.path.normcase(os.path.realpath(name) if os.path.exists(name) else name)
 
 

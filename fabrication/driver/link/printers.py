@@ -1,7 +1,8 @@
-"""Detection of a printer at a port; many printers have the same serial chips and boards as sensors.
+"""Detects a 3D printer at a port, because many printers have the same serial chips and boards as sensors.
 
-A printer with Marlin, Repetier, RepRapFirmware or Smoothie replies to M115 in text. A printer with Klipper replies with
-a block of Klipper's own protocol (Klipper3d/klipper, page Protocol). The sensor's firmware ignores both requests.
+A printer with Marlin, Repetier, RepRapFirmware or Smoothie replies to M115 in text. A printer with Klipper replies to
+Klipper's own request with a message of its protocol (see the page Protocol of Klipper3d/klipper). The sensor's firmware
+ignores both requests.
 """
 
 from __future__ import annotations
@@ -16,16 +17,16 @@ from fabrication.driver.link.protocol import HELLO_BYTES, VERSION, Kind
 from fabrication.driver.link.scanner import Scanner
 
 BAUDS = 115200, 250000
-"""Baud rates of nearly all printers' serial lines."""
+"""Baud rates that nearly all printers use."""
 
 ANSWER_S = 1.5
-"""Time to wait for a reply at each baud rate [s]; more frequent requests would keep a boot loader running."""
+"""Time to wait for a reply to each request [s]; more frequent requests would keep a boot loader running."""
 
 HEARD_BYTES = 4096
-"""Number of the latest received bytes that are searched for a printer's reply."""
+"""Number of most recently received bytes that are searched for a printer's reply."""
 
 FIRST_WORDS_S = 1.0
-"""Time for which a device is listened to after its reset, from the first byte that it sends [s]."""
+"""Time for which the test listens after a device's reset, counted from the first byte that it sends [s]."""
 
 _SAID = re.compile(
     rb"^(?:start|ok\b.*|echo:.*|.*(?:FIRMWARE_NAME|Marlin|Klipper|RepRapFirmware|Repetier|Smoothie|Grbl).*)\r?\n",
@@ -35,7 +36,7 @@ _KLIPPER = re.compile(rb"\x05[\x10-\x1f]..\x7e", re.S)
 
 
 def printer_words(heard: bytes) -> str:
-    """First line of `heard` that only a printer sends, or a note of Klipper's protocol; "" if there is neither."""
+    """First line of `heard` that only a printer sends, or "Klipper's protocol" if it is found; "" if neither is."""
     if line := _SAID.search(heard):
         return line[0].decode("ascii", errors="replace").strip()
     blocks = (block for block in _KLIPPER.findall(heard) if block[2:4] == _klipper_crc(block[:2]))
@@ -43,9 +44,9 @@ def printer_words(heard: bytes) -> str:
 
 
 def require_no_printer(name: str, baud: int, patience_s: float) -> None:
-    """Check that no 3D printer is at a port: listen after a reset, then send a printer's requests.
+    """Check that no 3D printer is at a port: listen after a reset, then send requests that printers reply to.
 
-    The test ends at once if a sensor of any design sends its hello (its identification).
+    The test ends as soon as a sensor of any design sends its hello (its identification).
 
     Parameters
     ----------
@@ -79,9 +80,10 @@ def _ask(port: Port, bauds: tuple[int, ...], until_s: float) -> None:
 
 
 def _heard(port: Port, longest_s: float, after_first_s: float = math.inf) -> bytes | None:
-    """Listen for a time; return the bytes received, or None if a sensor sent its hello.
+    """Listen at a port; return the bytes received, or None if a sensor sends its hello.
 
-    The time is `longest_s`, or `after_first_s` after the first byte [s]. Raises DeviceError if a printer replied.
+    The function listens for `longest_s`, but at most `after_first_s` after the first byte [s]. It raises DeviceError if
+    a printer replies.
     """
     scanner, heard = Scanner({VERSION << 4 | Kind.HELLO: HELLO_BYTES}), b""
     end = time.monotonic() + longest_s

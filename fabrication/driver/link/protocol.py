@@ -1,7 +1,7 @@
 """Packs and unpacks the messages between board and host.
 
 All numbers are little-endian. Every message ends in a CRC-32 (`zlib.crc32`) over all preceding bytes, including
-the magic. The high half of byte 2 is the protocol's version, and the low half is the kind or command.
+the magic. The high half of byte 2 is the protocol's version, and the low half is the type of message or the command.
 
     readings  A5 5A 10  sequence u32, device time u32 [us], readings packed bit by bit, CRC
     hello     A5 5A 11  firmware 2 x u8, board, emitters, receivers, bits (plus 128 if each emitter's state has a
@@ -11,8 +11,8 @@ the magic. The high half of byte 2 is the protocol's version, and the low half i
                         CRC u32 of the program's configuration, CRC
     command   C5 5C 1x  argument u32, CRC; x: 1 start, 2 stop, 3 interval [us], 4 identify, 5 self-test
 
-Readings are ordered by state, and within a state by receiver, with the least significant bit first: reading k
-has bits k x bits to (k + 1) x bits - 1 of the byte string. Both counters wrap at 2^32.
+Readings are ordered by state, and within a state by receiver, with the least significant bit first. With n bits per
+reading, reading k occupies bits k n to (k + 1) n - 1 of the byte string. Both counters wrap at 2^32.
 
 The firmware's `session.h` has the same layout in C.
 """
@@ -40,10 +40,10 @@ MAGIC = b"\xa5\x5a"
 COMMAND_MAGIC = b"\xc5\x5c"
 CRC_BYTES = 4
 WRAP = 2**32
-"""Number of values of a 32-bit counter; sequence number and device time wrap from WRAP - 1 to 0."""
+"""Number of values of a 32-bit counter; sequence numbers and device times wrap from WRAP - 1 to 0."""
 
 STAMP = slice(3, 11)
-"""Range of bytes in a message of readings that contains sequence number and device time."""
+"""Bytes in a message of readings that contain its sequence number and device time."""
 
 CountArray = NDArray[np.uint32]
 _HELLO = struct.Struct("<2sB7BHII32s")
@@ -53,7 +53,7 @@ _CRC = struct.Struct("<I")
 
 
 class Kind(IntEnum):
-    """Kinds of messages from the board; the value is the low half of byte 2 of a message."""
+    """Types of messages from the board; the value is the low half of a message's byte 2."""
 
     READINGS = 0
     HELLO = 1
@@ -61,8 +61,8 @@ class Kind(IntEnum):
 
 
 class Command(IntEnum):
-    """Commands from the host to the board. The argument of RATE is the frame interval [us]; 0 is the board's
-    shortest."""
+    """Commands from the host to the board. The argument of RATE is the frame interval [us], or 0 for the
+    board's shortest."""
 
     START = 1
     STOP = 2
@@ -78,11 +78,11 @@ COMMAND_BYTES = _COMMAND.size + CRC_BYTES
 
 @dataclass(frozen=True, kw_only=True)
 class FrameFormat:
-    """Shape of a frame: numbers of emitters and receivers, dark states, and bits of each reading.
+    """Shape of a frame: numbers of emitters and receivers, dark states, and number of bits of each reading.
 
     Attributes
     ----------
-    dark : ``frame`` or ``each``, see `design.recordings.lit_emitters`
+    dark : when dark states occur, ``frame`` or ``each``; see `design.recordings.lit_emitters`
     """
 
     emitters: int
@@ -92,7 +92,7 @@ class FrameFormat:
 
     @property
     def lit(self) -> tuple[int | None, ...]:
-        """Index of the emitter that is lit in each state, None in a dark state."""
+        """Index of the emitter that is lit in each state; None for a dark state."""
         return lit_emitters(self.emitters, self.dark)
 
     @property
@@ -128,10 +128,10 @@ class Hello:
     Attributes
     ----------
     firmware : major and minor version
-    board : number of the kind of board in the catalogue
-    dark : ``frame`` or ``each``, see `design.recordings.lit_emitters`
-    prescaler_exponent : the converter's clock is the board's clock divided by 2 to this power
-    interval_us : requested frame interval [us]; 0 is the board's shortest
+    board : number of this type of board in the catalogue
+    dark : when dark states occur, ``frame`` or ``each``; see `design.recordings.lit_emitters`
+    prescaler_exponent : exponent n of the converter's clock, which is the board's clock divided by 2^n
+    interval_us : requested frame interval [us]; 0 for the board's shortest
     digest : SHA-256 of the design that the firmware was made for, 64 hexadecimal digits
     """
 
@@ -157,7 +157,7 @@ class SelfTest:
     reference_counts : reading of the internal 1.1 V reference, with the supply as full scale [counts]; 0 if not
         measured
     late_frames : number of frames that began later than the frame interval requires
-    least_free_ram_bytes : least free memory since the reset [bytes]
+    least_free_ram_bytes : smallest amount of free memory since the reset [bytes]
     config_crc : CRC-32 of the configuration that was compiled into the program
     """
 
@@ -169,10 +169,10 @@ class SelfTest:
 
 @dataclass(frozen=True, kw_only=True)
 class Unpacked:
-    """Frames as arrays: sequence number (n,), device time (n,) [us], readings (n, state, receiver) [counts].
+    """Arrays of n frames: sequence numbers (n,), device times (n,) [us], readings (n, states, receivers) [counts].
 
-    Sequence number and device time are as sent, so they wrap at 2^32. The last state of the readings is dark. Where the
-    board sends dark states around each emitter's state, `design.recordings.with_one_dark` has converted the frames.
+    Sequence numbers and device times are as sent, so they wrap at 2^32. The last state of the readings is dark. If the
+    board sends a dark state before and after each emitter's state, `design.recordings.with_one_dark` has combined them.
     """
 
     sequence: CountArray
@@ -181,11 +181,11 @@ class Unpacked:
 
 
 def frame_format(config: DriverConfig) -> FrameFormat:
-    """Shape of the frames of a driver configuration.
+    """Shape of the frames that a driver configuration describes.
 
     Raises
     ------
-    DeviceError : the configuration's frame does not have the layout of this version of the protocol.
+    DeviceError : that frame does not have the layout of this version of the protocol.
     """
     frame = config.frame
     found = FrameFormat(
@@ -203,13 +203,13 @@ def frame_format(config: DriverConfig) -> FrameFormat:
 
 
 _DARK_AROUND_EACH = 1 << 7
-"""Bit of the hello's byte of bits per reading: set if frames have a dark state before and after each emitter's."""
+"""Flag in the hello's byte of bits per reading: set if there is a dark state before and after each emitter's state."""
 MAX_BITS = 16
-"""Largest number of bits per reading, limited by the type of the arrays."""
+"""Largest number of bits per reading; arrays of readings have 16-bit elements."""
 
 
 def message_lengths(layout: FrameFormat) -> dict[int, int]:
-    """Length in bytes of each kind of message from the board; the key is byte 2 of the message."""
+    """Length in bytes of each type of message from the board, by the message's byte 2."""
     lengths = {
         Kind.READINGS: layout.total_bytes,
         Kind.HELLO: HELLO_BYTES,
@@ -234,8 +234,8 @@ def pack_frames(layout: FrameFormat, sequence: Any, device_us: Any, counts: Any)
     Parameters
     ----------
     layout : shape of the frames
-    sequence, device_us : (n,) sequence numbers and device times [us]; both wrap at 2^32
-    counts : (n, state, receiver) readings in all states that are sent, from 0 to full scale [counts]
+    sequence, device_us : sequence numbers and device times [us] of n frames, shape (n,); both wrap at 2^32
+    counts : readings in all states that are sent, shape (n, states, receivers), from 0 to full scale [counts]
     """
     values = np.asarray(counts).reshape(-1, layout.readings)
     rows = np.zeros(len(values), _record_type(layout))
@@ -251,7 +251,7 @@ def pack_frames(layout: FrameFormat, sequence: Any, device_us: Any, counts: Any)
 
 
 def unpack_frames(layout: FrameFormat, frames: Iterable[bytes]) -> Unpacked:
-    """Arrays of the frames in messages of readings; the caller must have checked the CRCs."""
+    """Unpack messages of readings, one per frame, into arrays; the caller must have checked the CRCs."""
     rows = np.frombuffer(b"".join(frames), _record_type(layout))
     return Unpacked(
         sequence=rows["sequence"].astype(np.uint32),
@@ -261,7 +261,7 @@ def unpack_frames(layout: FrameFormat, frames: Iterable[bytes]) -> Unpacked:
 
 
 def pack_hello(hello: Hello) -> bytes:
-    """Message with the board's description of itself."""
+    """Message that contains the board's description of itself."""
     bits = hello.bits | (_DARK_AROUND_EACH if hello.dark == "each" else 0)
     head = (*hello.firmware, hello.board, hello.emitters, hello.receivers, bits)
     rest = hello.prescaler_exponent, hello.settle_us, hello.baud, hello.interval_us
@@ -270,7 +270,7 @@ def pack_hello(hello: Hello) -> bytes:
 
 
 def unpack_hello(message: bytes) -> Hello:
-    """The board's description of itself in a complete message."""
+    """The board's description of itself that a complete message contains."""
     _, _, *plain, digest = _HELLO.unpack_from(message)
     major, minor, board, emitters, receivers, bits, exponent, settle_us, baud, interval_us = plain
     return Hello(
@@ -289,24 +289,24 @@ def unpack_hello(message: bytes) -> Hello:
 
 
 def pack_self_test(found: SelfTest) -> bytes:
-    """Message with a self-test's result."""
+    """Message that contains a self-test's result."""
     numbers = found.reference_counts, found.late_frames, found.least_free_ram_bytes, found.config_crc
     return sealed(_SELF_TEST.pack(MAGIC, VERSION << 4 | Kind.SELF_TEST, *numbers))
 
 
 def unpack_self_test(message: bytes) -> SelfTest:
-    """The result of a self-test in a complete message."""
+    """The self-test result that a complete message contains."""
     _, _, reference, late, ram, crc = _SELF_TEST.unpack_from(message)
     return SelfTest(reference_counts=reference, late_frames=late, least_free_ram_bytes=ram, config_crc=crc)
 
 
 def pack_command(command: Command, argument: int = 0) -> bytes:
-    """Message with a command to the board, and the command's argument."""
+    """Message that contains a command to the board and the command's argument."""
     return sealed(_COMMAND.pack(COMMAND_MAGIC, VERSION << 4 | command, argument))
 
 
 def unpack_command(message: bytes) -> tuple[Command, int]:
-    """Command and argument of a complete message; raises ValueError for an unknown command."""
+    """Command and argument that a complete message contains; raises ValueError for an unknown command."""
     _, kind, argument = _COMMAND.unpack_from(message)
     return Command(kind & 0x0F), argument
 
@@ -325,7 +325,7 @@ def _record_type(layout: FrameFormat) -> np.dtype[np.void]:
 
 
 def _unpacked(layout: FrameFormat, packed: NDArray[np.uint8]) -> NDArray[np.uint16]:
-    """Unpack (n, bytes) packed readings into (n, state, receiver) counts, with one dark state last.
+    """Unpack packed readings of shape (n, bytes) into counts of shape (n, states, receivers), one dark state last.
 
     A reading has at most 16 bits, so it spans three bytes or fewer.
     """
@@ -344,7 +344,7 @@ def _unpacked(layout: FrameFormat, packed: NDArray[np.uint8]) -> NDArray[np.uint
 def _places(layout: FrameFormat) -> tuple[IntArray, CountArray]:
     """Index of each reading's first byte, and the number of low bits in that byte that belong to the previous reading.
 
-    Both arrays are (readings,).
+    Both arrays have the shape (readings,).
     """
     first, shift = np.divmod(np.arange(layout.readings) * layout.bits, 8)
     return first, shift.astype(np.uint32)

@@ -1,10 +1,10 @@
 """Finds complete messages in a stream of bytes that may be damaged, cut, or begin in the middle of a message.
 
-A message begins with two fixed bytes (the magic), and a byte for its kind. A run of bytes that begins so is a
-candidate. It is a message if its CRC matches. Otherwise the search continues one byte further, so that no complete
-message after a damaged one is lost. Less than one message is kept from one piece of the stream to the next.
+A message begins with two fixed bytes (the magic) and a byte that gives its type. Bytes that begin in this way are a
+candidate, which is a message if its CRC matches. Otherwise the search continues one byte further on, so that no
+complete message after a damaged one is lost. From one piece of the stream to the next, less than one message is kept.
 
-A false candidate delays the following bytes until its full length has arrived.
+If a candidate turns out not to be a message, the bytes after its start have waited until its full length arrived.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from collections.abc import Mapping
 from fabrication.driver.link.protocol import MAGIC, is_whole
 
 Message = tuple[int, bytes]
-"""A message from the board: byte 2, which gives its kind, and all its bytes."""
+"""A message from the board: its byte 2, which gives its type, and all its bytes."""
 
 HEAD_BYTES = 3
 
@@ -24,7 +24,7 @@ class Scanner:
 
     Parameters
     ----------
-    lengths : length in bytes of each kind of message; the key is byte 2 of the message
+    lengths : length in bytes of each type of message, by the message's byte 2
     magic : the two bytes with which a message begins
     """
 
@@ -33,13 +33,13 @@ class Scanner:
         self._magic = magic
         self._kept = b""
         self.damaged = 0
-        """Number of byte sequences so far that began as a message but whose CRC did not match."""
+        """Number of byte sequences so far that began like a message but had a wrong CRC."""
         self.skipped_bytes = 0
         """Number of bytes so far that belong to no message; bytes of a message still arriving are not counted."""
 
     @property
     def kept_bytes(self) -> int:
-        """Number of bytes received of a possible message whose end has not arrived."""
+        """Number of bytes received so far of a possible message that is not yet complete."""
         return len(self._kept)
 
     def forget(self) -> None:

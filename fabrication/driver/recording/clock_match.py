@@ -1,19 +1,19 @@
-"""Offset between the clocks of a stage's log and a recording, from the touches in both.
+"""Finds the offset between the clocks of a stage's log and of a recording, from the touches in both.
 
-The signals show touches. The first half second, which must be untouched, gives the untouched signals and their noise.
-Later half seconds without a touch update these, so that drift does not count as touch. A frame counts as touched if its
-change, less the part that changed gains explain (`gain_pattern`), is far above the noise. In the log a touch begins and
-ends where the depth crosses 0.
+Touches are detected in the signals of the recording. The first half second, which must be untouched, gives the
+untouched signals and their noise. Later half seconds without a touch update the untouched signals, so that drift does
+not count as touch. A frame counts as touched if its change, less the part that changed gains explain (`gain_pattern`),
+is far above the noise. In the log, a touch begins and ends when the depth crosses 0.
 
 Signals and log are each converted to a time series that is 1 while the pad is touched, and 0 otherwise. The two series
-are correlated at every shift at which at least half of the shorter one overlaps. The best shifts are then refined by
-means of edges, which are the begins and ends of touches. Each edge of the signals is paired with the log's nearest edge
-of the same kind. The offset is the mean of the median lag of the begins and that of the ends. The signals show a touch
-only slightly below the surface, so its begin is late and its end is early. If the tip is equally fast both ways, these
-two errors cancel in the mean.
+are correlated at every shift at which at least half of the shorter one overlaps. The best shifts are then refined with
+the edges, which are the starts and ends of touches. Each edge in the signals is paired with the nearest edge of the
+same type in the log. The median lag is computed for the starts and for the ends, and the offset is the mean of the two.
+The signals show a touch only from slightly below the surface, so its start is late and its end is early. If the tip
+moves equally fast in both directions, these two errors cancel out.
 
 The match fails if there are too few edges, if they do not match, or if they match at several shifts. If a stage presses
-in one exact rhythm, shifts by a whole press cannot be distinguished.
+in an exactly regular rhythm, shifts by a whole press cannot be distinguished.
 """
 
 from __future__ import annotations
@@ -31,23 +31,23 @@ from fabrication.driver.recording.position_log import PositionLog
 Mask = BoolArray
 
 STEP_S = 0.02
-"""Time step of the series of touches that are correlated [s]."""
+"""Time step of the correlated time series [s]."""
 
 BASELINE_S = 0.5
 TOUCHED_EXCESS = 6.0
-"""A frame counts as touched if the mean square of its change exceeds that of noise by this factor [-].
+"""A frame counts as touched if the mean square of its change is above this multiple of that of noise [-].
 
-The part of the change that changed gains explain is subtracted first.
+The part of the change that is explained by changed gains is subtracted first.
 """
 
 LEAST_FRAMES = 5
 LEAST_NOISE_COUNTS = 0.5
 SHORTEST_S = 0.1
-"""Shortest touch, and shortest pause between touches [s]; shorter ones are attributed to noise of single frames."""
+"""Shortest touch, and shortest pause between touches [s]; shorter ones are attributed to noise in single frames."""
 
 LEAST_TOUCHES = 2
 WINDOW_S = 1.0
-"""Largest time between a touch's begin or end in the signals and the same event in the log [s]."""
+"""Largest time between the start or end of a touch in the signals and the same event in the log [s]."""
 
 LEAST_SHARE = 0.8
 LARGEST_SPREAD_S = 0.15
@@ -59,14 +59,14 @@ CANDIDATES = 8
 
 @dataclass(frozen=True, kw_only=True)
 class ClockMatch:
-    """Match of a recording's clock and a log's clock, from the begins and ends (edges) of touches.
+    """Match of a recording's clock and a log's clock, from the starts and ends (edges) of touches.
 
     Attributes
     ----------
-    offset_s : the recording's clock less the log's [s]
-    spread_s : standard deviation of the lags of single edges, estimated robustly [s]
-    share : fraction of the edges in the common time that have a partner [-]
-    edges : number of edges in the common time, of the signals or of the log, whichever has more
+    offset_s : the recording's clock minus the log's [s]
+    spread_s : robust estimate of the standard deviation of the edges' lags [s]
+    share : fraction of the edges in the common time span that have a partner [-]
+    edges : number of edges in the common time span, in the signals or in the log, whichever has more
     """
 
     offset_s: float
@@ -76,7 +76,7 @@ class ClockMatch:
 
     @property
     def is_good(self) -> bool:
-        """Whether most begins and ends of touches have a partner, with nearly equal time lags."""
+        """Whether most starts and ends of touches have a partner, with nearly equal time lags."""
         return self.share >= LEAST_SHARE and self.spread_s <= LARGEST_SPREAD_S
 
     def rivals(self, best: ClockMatch) -> bool:
@@ -88,15 +88,14 @@ class ClockMatch:
 
 @dataclass(frozen=True, kw_only=True)
 class Touches:
-    """Begin and end times of touches, and the span of time in which they were observed [s]."""
+    """Start and end times of touches, and the first and last time of the observation [s]."""
 
     begin_s: FloatArray
     end_s: FloatArray
     span_s: tuple[float, float]
 
     def course(self, step_s: float) -> FloatArray:
-        """Time series of touches, (n,): 1 while touched, else 0, in steps of `step_s` [s] from the start of the
-        span."""
+        """Time series of shape (n,), 1 while touched and 0 otherwise, in steps of `step_s` [s] from `span_s[0]`."""
         grid = np.arange(self.span_s[0], self.span_s[1], step_s)
         begun = np.searchsorted(np.sort(self.begin_s), grid, side="right")
         ended = np.searchsorted(np.sort(self.end_s), grid, side="right")
@@ -110,18 +109,18 @@ class Touches:
 
 
 def touches_of_log(log: PositionLog) -> Touches:
-    """Touches according to the depth in a stage's log."""
+    """Touches, from the depth in a stage's log."""
     begin_s, end_s = log.crossings_s()
     return Touches(begin_s=begin_s, end_s=end_s, span_s=(float(log.time_s[0]), float(log.time_s[-1])))
 
 
 def touches_of_signals(time_s: FloatArray, signals: FloatArray, full_scale: float = np.inf) -> Touches:
-    """Touches according to the signals; the first half second must be untouched.
+    """Touches detected in the signals; the first half second must be untouched.
 
     Parameters
     ----------
-    time_s : (time,) rising times of the frames [s]
-    signals : (time, emitter, receiver) signals [counts]
+    time_s : times of the frames in increasing order, shape (n,) [s]
+    signals : signals of the frames, shape (n, emitters, receivers) [counts]
     full_scale : pairs whose untouched signal is this or more are not used [counts]
     """
     touched = _lasting(time_s, _touched(time_s, signals, full_scale))
@@ -168,7 +167,7 @@ def found_offset(signals: Touches, log: Touches) -> ClockMatch:
 def match_at(signals: Touches, log: Touches, shift_s: float) -> ClockMatch:
     """Match the touches of signals and log near a given clock offset [s].
 
-    Each begin or end is paired with the nearest of the same kind, at most a second away.
+    Each start is paired with the nearest start, and each end with the nearest end, at most a second away.
     """
     kinds = ((signals.begin_s, log.begin_s + shift_s), (signals.end_s, log.end_s + shift_s))
     low = max(signals.span_s[0], log.span_s[0] + shift_s)
@@ -193,7 +192,7 @@ def match_at(signals: Touches, log: Touches, shift_s: float) -> ClockMatch:
 
 
 def require_in_step(signals: Touches, log: Touches) -> ClockMatch:
-    """Check that touches of log and recording match without a clock offset, and return the match.
+    """Check that the touches of log and recording match without a clock offset, and return the match.
 
     Raises
     ------
@@ -209,7 +208,7 @@ def require_in_step(signals: Touches, log: Touches) -> ClockMatch:
 
 
 def _touched(time_s: FloatArray, signals: FloatArray, full_scale: float) -> Mask:
-    """Whether each frame is touched, as an array (time,).
+    """Whether the pad is touched in each frame, shape (n,).
 
     Half seconds without any touch update the untouched signals.
     """
@@ -237,7 +236,7 @@ def _why_out_of_step(signals: Touches, log: Touches, found: ClockMatch) -> str:
 
 
 def _lasting(time_s: FloatArray, touched: Mask) -> Mask:
-    """Remove touches and pauses that are too short from `touched`, (time,): whether each frame is touched."""
+    """Remove touches and pauses that are too short from `touched`, which says for each frame if the pad is touched."""
     lasting = touched.copy()
     for wanted in (False, True):  # pauses first: a touch with a flickering edge is one touch
         edges = [0, *(np.flatnonzero(lasting[1:] != lasting[:-1]) + 1), len(lasting)]
@@ -249,9 +248,9 @@ def _lasting(time_s: FloatArray, touched: Mask) -> Mask:
 
 
 def _nearest(seen: FloatArray, said: FloatArray) -> FloatArray:
-    """Time lags of the edges in `seen` to the nearest in `said` [s].
+    """Times of the edges in `seen` minus the times of the nearest edges in `said` [s].
 
-    Only pairs of edges that are each other's nearest, within `WINDOW_S`, are included.
+    Only edges that are each other's nearest, at most `WINDOW_S` apart, are included.
     """
     if not seen.size or not said.size:
         return np.zeros(0)
@@ -279,8 +278,8 @@ def _likely_shifts(signals: Touches, log: Touches) -> list[float]:
 
 
 def _agreement(seen: FloatArray, said: FloatArray) -> FloatArray:
-    """Correlation coefficient of two series of 0 and 1 at every shift; -inf if less than half of the shorter
-    overlaps."""
+    """Correlation coefficient of two series of 0 and 1 at every shift; -inf at shifts with an overlap of less than half
+    of the shorter series."""
     ones = np.ones(len(seen)), np.ones(len(said))
     n, both = _sums(ones[0], ones[1]), _sums(seen, said)
     a, b = _sums(seen, ones[1]), _sums(ones[0], said)

@@ -1,4 +1,4 @@
-"""Export of a recording as netCDF or CSV, for `optopad compare` and learners (docs/reference/files.md).
+"""Exports a recording as netCDF or CSV, for `optopad compare` and machine learning (see docs/reference/files.md).
 
 netCDF needs xarray."""
 
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 US_PER_S = 1e6
 CLOCK_SLACK_S = 1.0
-"""Largest step back in the times of successive records that is tolerated [s]; a larger one means that the clock was set
+"""Largest tolerated step back in time between successive records [s]; a larger one means that the clock was set
 back."""
 
 COMPRESSION = {"zlib": True, "complevel": 4}
@@ -38,21 +38,21 @@ COMPRESSION = {"zlib": True, "complevel": 4}
 
 @dataclass(frozen=True, kw_only=True)
 class Recorded:
-    """A recording's frames as arrays.
+    """The n frames of a recording, as arrays.
 
     Attributes
     ----------
     config : driver configuration of the sensor
-    counts : (time, state, receiver) readings [counts]
-    connection : (time,) number of the connection, from 1
-    sequence : (time,) number of the frame within its connection
-    device_s : (time,) the board's clock since its reset [s]
-    host_s : (time,) host's clock since 1970 [s]
+    counts : readings, shape (n, states, receivers) [counts]
+    connection : connection number of each frame, from 1
+    sequence : sequence number of each frame within its connection
+    device_s : time of each frame by the board's clock, since its reset [s]
+    host_s : time of each frame by the host's clock, since 1970 [s]
     labels : press of each frame; None if the recording contains no presses
     lost : number of frames missing, by their sequence numbers
     doubled : number of frames that arrived twice; one of the two is kept
     stray_bytes : number of bytes in the file that belong to no complete record
-    ended_cleanly : whether the recorder closed the file regularly
+    ended_cleanly : whether the recorder closed the file normally
     """
 
     config: DriverConfig
@@ -69,16 +69,16 @@ class Recorded:
 
     @property
     def press_mm(self) -> FloatArray | None:
-        """(time, 3) press of each frame: x, y, depth [mm]; None if the recording contains no presses."""
+        """Press of each frame (x, y, depth), shape (n, 3) [mm]; None if the recording contains no presses."""
         return None if self.labels is None else self.labels.press_mm
 
     @property
     def signals(self) -> FloatArray:
-        """(time, emitter, receiver) readings less the dark state's [counts]."""
+        """Readings minus those in the dark state, shape (n, emitters, receivers) [counts]."""
         return signals_of(self.counts.astype(np.float64))
 
     def only(self, kept: BoolArray) -> Recorded:
-        """The recording with only the frames selected by `kept` (time,); the numbers of lost and doubled frames do not
+        """The recording with only the frames for which `kept` is True; the numbers of lost and doubled frames do not
         change."""
         values = {field.name: getattr(self, field.name) for field in fields(self)}
         cut: dict[str, Any] = {
@@ -92,7 +92,7 @@ def read_recorded(file: Path, path: FingerPath | None = None) -> Recorded:
 
     Parameters
     ----------
-    path : presses over time by the board's clock; None takes the presses in the recording
+    path : presses over time by the board's clock; if None, the presses in the recording are used
 
     Raises
     ------
@@ -128,7 +128,7 @@ def read_recorded(file: Path, path: FingerPath | None = None) -> Recorded:
 
 
 def dataset_of(recorded: Recorded, name: str) -> xr.Dataset:
-    """The recording as an xarray data set with named axes and units; `name` is the attribute `source`."""
+    """The recording as an xarray data set with named axes and units; `name` is stored in the attribute `source`."""
     import xarray as xr
 
     said = descriptor_of(recorded.config)
@@ -177,7 +177,7 @@ def _label(dataset: xr.Dataset, labels: PressLabels) -> None:
 
 
 def write_netcdf(recorded: Recorded, out: Path, name: str) -> None:
-    """Write frames as netCDF, in a complete file or none.
+    """Write frames as netCDF; the file is written completely or not at all.
 
     Parameters
     ----------
@@ -200,10 +200,10 @@ def write_netcdf(recorded: Recorded, out: Path, name: str) -> None:
 
 
 def write_csv(recorded: Recorded, out: Path, name: str) -> None:
-    """Write frames as a table for `optopad compare`: one row per frame, one column per pair.
+    """Write frames as a table for `optopad compare`, with one table row per frame and one column per pair.
 
-    Signals are readings less the dark state's [counts]. Positions are included if the recording has them [mm].
-    Parameters and errors are those of `write_netcdf`.
+    Signals are readings minus those in the dark state [counts]. Positions are included if the recording has them [mm].
+    For parameters and errors see `write_netcdf`.
     """
     require_suffix(out, (".csv",))
     said, labels = descriptor_of(recorded.config), recorded.labels
@@ -249,9 +249,9 @@ def _without_repeats(records: list[Record]) -> list[Record]:
 
 
 def _connections(records: list[Record], found: Unpacked) -> IntArray:
-    """Number of each frame's connection to the board, (time,), from 1.
+    """Connection number of each frame, from 1, shape (n,).
 
-    The number rises at every hello (identification of the board), and where the sequence number decreases.
+    The number increases after every hello (identification of the board), and if a sequence number does not increase.
     """
     begins, number = np.zeros(len(found.sequence), dtype=bool), 0
     is_new = False
@@ -286,7 +286,7 @@ def _fits(record: Record, frame_bytes: int) -> bool:
 def _presses(records: list[Record], host_s: FloatArray) -> PressLabels | None:
     """Press of each frame: the last press recorded before it. Frames before the first press are untouched.
 
-    Returns None if the recording contains no presses.
+    None if the recording contains no presses.
     """
     said = [record for record in records if record.kind == RecordKind.PRESS]
     if not said:

@@ -1,7 +1,8 @@
 """Joins a stage's log to a recording: each frame gets the tip's position, the set and the press number from the log.
 
-A frame's time is its arrival on the host, some 5 to 20 ms after the measurement. At 5 mm/s the tip moves up to 0.1 mm
-in this time; stop the stage during frames if that matters. Frames whose position is not known are left out and counted.
+A frame's time is its arrival at the host, about 5 to 20 ms after the measurement. At 5 mm/s, the tip moves by up to
+0.1 mm in this time; if that matters, hold the tip still during frames. Frames without a known position are left out and
+counted.
 """
 
 from __future__ import annotations
@@ -26,30 +27,30 @@ from fabrication.driver.recording.export import Recorded
 from fabrication.driver.recording.position_log import PositionLog
 
 LATE_S = 0.05
-"""A frame counts as delayed if it arrives later than frames near it by more than this time [s].
+"""A frame counts as delayed if its delay exceeds the shortest delay of frames near it by more than this [s].
 
-Such delays arise if this machine is busy or asleep.
+Such delays occur when the computer is busy or asleep.
 """
 
 LAG_S = 2.0
-"""Length of the blocks of time in which the shortest delay of a frame is searched [s].
+"""Length of the time intervals in each of which the shortest delay of a frame is determined [s].
 
-Over two blocks, a clock error of 0.5 % changes the delay by 20 ms.
+Over two intervals, a clock error of 0.5 % changes the delay by 20 ms.
 """
 
 Offset = float | Literal["auto"] | None
-"""Clock offset: the recording machine's clock less the log's [s]. `auto` finds the offset from the touches. None states
-that both use the same clock, which is checked."""
+"""Clock offset: clock of the recording's computer minus the log's clock [s]. With "auto", the offset is found from the
+touches. None means that both use the same clock, which is checked."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class JoinedLog:
-    """A recording whose frames have the positions of a stage's log.
+    """A recording whose frames have positions from a stage's log.
 
     Attributes
     ----------
     recorded : the frames with a known position
-    offset_s : clock offset that was used: the recording machine's clock less the log's [s]
+    offset_s : clock offset that was used: clock of the recording's computer minus the log's clock [s]
     match : match of the touches in recording and log, near that offset
     left_out : number of frames without a known position
     """
@@ -65,8 +66,8 @@ def joined(recorded: Recorded, log: PositionLog, offset: Offset = None) -> Joine
 
     Raises
     ------
-    InputError : recording and log have no common time, their touches do not match, or the clock offset is not found or
-        is ambiguous.
+    InputError : recording and log do not overlap in time, their touches do not match, or the clock offset cannot be
+        found or is ambiguous.
     """
     _require_rising(recorded.host_s)
     host_s = _measured_s(recorded)
@@ -92,9 +93,9 @@ def joined(recorded: Recorded, log: PositionLog, offset: Offset = None) -> Joine
 
 
 def _measured_s(recorded: Recorded) -> FloatArray:
-    """Arrival time of each frame by the host's clock, (time,) [s].
+    """Arrival time of each frame by the host's clock, shape (n,) [s].
 
-    Frames that had to wait because the host was busy get a time from the board's clock.
+    For frames that had to wait because the host was busy, the time is derived from the board's clock.
     """
     late_s = np.zeros(len(recorded.host_s))
     for number in np.unique(recorded.connection):

@@ -1,15 +1,15 @@
 """Reads the log of any stage: the positions of its tip over time.
 
-The file is CSV with a heading; lines that start with # are remarks. Required are a time and the three coordinates:
+The file is CSV with a heading; lines that start with # are comments. Required are a time and the three coordinates:
 
     time_s               seconds since 1970, or of any other clock with a known or found offset (also _ms, _us, _ns, and
-                         t for time); a counter of 32 bits may wrap around
-    time                 instead of time_s: ISO 8601 with its zone, 2026-05-04T14:03:07.250+02:00 (also timestamp)
-    x_mm y_mm depth_mm   location in the cavity frame, depth positive into the pad (also _um, _m)
+                         t for time); a 32-bit counter may wrap around
+    time                 instead of time_s: ISO 8601 with time zone, 2026-05-04T14:03:07.250+02:00 (also timestamp)
+    x_mm y_mm depth_mm   location in the cavity's coordinate system, depth positive into the pad (also _um, _m)
 
-Optional columns are `set` (name), `place` (whole number of the press within its set), `role` (train, test), `pattern`
-(grid, random) and `ambient` (yes, no). A row with an empty `set` or `place` belongs to no press: the stage is moving
-between presses.
+Optional columns are `set` (name), `place` (number of the press within its set), `role` (train, test), `pattern`
+(grid, random) and `ambient` (yes, no). A table row with an empty `set` or `place` belongs to no press, because the
+stage is moving between presses.
 """
 
 from __future__ import annotations
@@ -30,17 +30,17 @@ LENGTHS_MM = {"_mm": 1.0, "_um": 1e-3, "_m": 1e3}
 TICKS_S = {"_s": 1.0, "_ms": 1e-3, "_us": 1e-6, "_ns": 1e-9}
 CLOCKS_S = {name + unit: tick for name in ("time", "t") for unit, tick in TICKS_S.items()}
 MOMENTS = ("time", "timestamp")
-"""Names of the columns with times in ISO 8601."""
+"""Permitted names of a column with ISO 8601 times."""
 LAST_S = 4.1e9
-"""Latest accepted time, in seconds since 1970 (the year 2100); a later one indicates a wrong unit [s]."""
+"""Latest accepted time, about the end of the year 2099 [s since 1970]; a later one indicates a wrong unit."""
 COUNTER_TICKS = 2.0**32
 YES, NO = {"yes", "true", "1"}, {"no", "false", "0"}
 
 LONGEST_GAP_S = 1.0
-"""Longest interval between two rows over which a moving tip's position is interpolated [s]."""
+"""Longest interval between two table rows over which a moving tip's position is interpolated [s]."""
 
 STILL_MM = 0.02
-"""Largest distance between the positions in two successive rows at which the tip counts as not moving [mm]."""
+"""Largest distance between the positions in successive table rows for which the tip counts as not moving [mm]."""
 
 NOWHERE = -1
 NEEDED = (
@@ -50,15 +50,16 @@ NEEDED = (
 
 @dataclass(frozen=True, kw_only=True)
 class PositionLog:
-    """Positions of a stage's tip over time, as read from its log.
+    """Positions of a stage's tip at n times, as read from its log.
 
     Attributes
     ----------
-    file : name of the log's file
-    time_s : (row,) rising times [s]
-    press_mm : (row, 3) x, y, depth in the cavity frame [mm]
-    set_number : (row,) index of the row's set in `sets`, -1 without one; None if the log has no sets
-    place_number : (row,) number of the row's press within its set, -1 without one; None if the log has no such column
+    file : name of the log file
+    time_s : times in increasing order, shape (n,) [s]
+    press_mm : positions (x, y, depth) in the cavity's coordinate system, shape (n, 3) [mm]
+    set_number : for each position, the index of its set in `sets`, or -1 without a set; None if the log has no sets
+    place_number : for each position, the number of its press within the set, or -1 without a press; None if the log has
+        no such column
     sets : the sets of presses
     """
 
@@ -70,10 +71,10 @@ class PositionLog:
     sets: tuple[SetEntry, ...] = ()
 
     def labels_at(self, time_s: FloatArray) -> tuple[PressLabels, BoolArray]:
-        """Positions and set numbers at given times (time,) of the log's clock [s], and whether each is known, (time,).
+        """Positions and sets at given times of the log's clock [s], and for each time whether the position is known.
 
-        Positions are interpolated linearly between rows. They are unknown outside the log, in a long gap in which the
-        tip moved, and in rows that belong to no set.
+        Positions are interpolated linearly. They are unknown outside the log, in a long gap during which the tip moved,
+        and at times that belong to no press.
         """
         after = np.clip(np.searchsorted(self.time_s, time_s, side="right"), 1, len(self.time_s) - 1)
         gap_s = self.time_s[after] - self.time_s[after - 1]
@@ -91,7 +92,7 @@ class PositionLog:
         )
 
     def crossings_s(self) -> tuple[FloatArray, FloatArray]:
-        """Times at which the depth rises above 0, and times at which it returns to 0 or less [s]."""
+        """Times at which the depth rises above 0, and times at which it falls to 0 or less [s]."""
         depth, touched = self.press_mm[:, 2], self.press_mm[:, 2] > 0
         at = np.flatnonzero(touched[1:] != touched[:-1])
         share = depth[at] / (depth[at] - depth[at + 1])
@@ -104,7 +105,7 @@ def read_position_log(file: Path) -> PositionLog:
 
     Raises
     ------
-    InputError : the file cannot be read, a column or number is missing, or the times do not rise.
+    InputError : the file cannot be read, a column or number is missing, or the times do not increase.
     """
     table = read_csv(file, needed=NEEDED, fewest_rows=2, lower=True)
     time_s = _times(table)
@@ -220,9 +221,9 @@ def _sets(table: CsvTable) -> tuple[tuple[SetEntry, ...], IntArray | None]:
 
 
 def set_entry(where: str, row: dict[str, str]) -> SetEntry:
-    """Set of presses named in the column `set` of a row, with `role`, `pattern` and `ambient` if present.
+    """The set of presses that a table row describes in its column `set` and, if present, `role`, `pattern`, `ambient`.
 
-    `where` names file and row in errors.
+    `where` names the file and table row in error messages.
     """
     ambient = (row.get("ambient") or "yes").lower()
     if ambient not in YES | NO:
@@ -246,11 +247,11 @@ def _places(table: CsvTable) -> IntArray | None:
 
 
 def whole_place(where: str, text: str) -> int:
-    """Parse the number of a press, from 0; spreadsheets may write 3 as 3.0.
+    """Parse the number of a press; spreadsheets may write 3 as 3.0.
 
     Raises
     ------
-    InputError : the text is not a whole number from 0.
+    InputError : the text is not a whole number, 0 or greater.
     """
     if not is_number(text) or not 0 <= float(text) < 2**53 or float(text) % 1:
         raise InputError(f"{where}: 'place' is {shown(text)}, needs a whole number from 0")

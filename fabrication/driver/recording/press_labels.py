@@ -1,4 +1,4 @@
-"""Press of each frame of a recording: location, depth, and its set in a press protocol."""
+"""The press during each frame of a recording: location, depth, and set of presses."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from design.recordings import SetEntry
 
 @dataclass(frozen=True, kw_only=True)
 class PressLabels:
-    """Press of each frame of a recording.
+    """The press during each of n frames of a recording.
 
     Attributes
     ----------
-    press_mm : (time, 3) x, y, depth by the stage [mm]; depth 0 or less is untouched
-    set_number : (time,) index of the set in `sets`; None if unknown
-    place_number : (time,) number of the press within its set; None if unknown
+    press_mm : x, y and depth according to the stage, shape (n, 3) [mm]; the pad is untouched if depth is 0 or less
+    set_number : index of the set in `sets`, shape (n,); None if unknown
+    place_number : number of the press within its set, shape (n,); None if unknown
     sets : the sets of presses
     """
 
@@ -26,7 +26,7 @@ class PressLabels:
     sets: tuple[SetEntry, ...] = ()
 
     def only(self, kept: BoolArray) -> PressLabels:
-        """The presses of the frames selected by `kept` (time,), with all sets."""
+        """The presses of the frames for which `kept` is True, with all sets."""
         return PressLabels(
             press_mm=self.press_mm[kept],
             set_number=None if self.set_number is None else self.set_number[kept],

@@ -1,16 +1,16 @@
 """Writes and reads recordings of the raw stream: every frame as it arrived over the line, with its CRC.
 
-    one line of JSON, ended by a line feed:  kind of the file, and the complete driver configuration
-    records:  B5 6B, kind u8, length u16, time of this machine f64 [s], content, CRC-32 over all of the record
+    one line of JSON, ended by a line feed:  file format, and the complete driver configuration
+    records:  B5 6B, type u8, length u16, host's time f64 [s], content, CRC-32 over all of the record
 
-Kinds of records:
+Types of records:
 
 - 0, a frame
 - 1, a hello: the board's identification, with which a connection begins
 - 2, a press: x, y, depth as f64 [mm], valid until the next press
-- 3, the regular end: numbers of frames and of lost frames, each u64.
+- 3, the normal end: numbers of frames and of lost frames, each u64.
 
-A truncated file keeps every complete record. A damaged record is skipped, and its bytes are counted.
+In a truncated file, every complete record remains readable. A damaged record is skipped, and its bytes are counted.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ NEEDED = f"a recording of `optopad driver record` ({SUFFIX})"
 MOST_BYTES = 8_000_000_000
 """Largest size of a recording that is read [bytes]."""
 FLUSH_S = 0.25
-"""Interval at which records are handed to the operating system [s]; the required maximum is 0.5 s."""
+"""Interval at which records are written to the file [s]; it must not exceed 0.5 s."""
 
 MAGIC = b"\xb5\x6b"
 _HEAD = struct.Struct("<2sBHd")
@@ -52,15 +52,15 @@ _PRESS = struct.Struct("<3d")
 _END = struct.Struct("<2Q")
 PRESS_BYTES = _PRESS.size
 LONGEST_HEADER = 10_000_000
-"""Longest header of a recording [bytes]: the largest configuration takes some 30 kB."""
+"""Longest header of a recording that is read [bytes]; the largest configuration is about 30 kB."""
 
 Press = tuple[float, float, float]
 OpenFile = Callable[[Path], IO[bytes]]
-"""Function that opens a new file, unbuffered."""
+"""Function that creates a file and opens it without buffering."""
 
 
 class RecordKind(IntEnum):
-    """Kinds of records in a recording."""
+    """Types of records in a recording."""
 
     FRAME = 0
     HELLO = 1
@@ -70,7 +70,7 @@ class RecordKind(IntEnum):
 
 @dataclass(frozen=True, kw_only=True)
 class Record:
-    """One record of a recording: its kind, this machine's time at its arrival [s], and its content."""
+    """One record of a recording: its type, the host's time at its arrival [s], and its content."""
 
     kind: RecordKind
     host_s: float
@@ -78,7 +78,7 @@ class Record:
 
     @property
     def size(self) -> int:
-        """Number of bytes of the record in the file."""
+        """Number of bytes that the record occupies in the file."""
         return _HEAD.size + len(self.content) + _CRC.size
 
 
@@ -91,14 +91,14 @@ def packed_record(kind: RecordKind, host_s: float, content: bytes) -> bytes:
 class Recorder:
     """Writes a recording of the raw stream; a context manager.
 
-    A separate thread writes the records to the disk, so that a stalled disk does not delay the reading of the port.
+    A separate thread writes the records to the disk, so that a slow disk does not delay the reading of the port.
     The methods may be called from several threads.
 
     Parameters
     ----------
     file : name of the new file; an existing file is refused
     config : driver configuration of the sensor
-    opened : function that opens the file, replaced in tests
+    opened : function that opens the file; tests replace it
 
     Attributes
     ----------
@@ -162,11 +162,13 @@ class Recorder:
         self._append(packed_record(RecordKind.HELLO, host_s, message))
 
     def press(self, x_mm: float, y_mm: float, depth_mm: float, host_s: float | None = None) -> None:
-        """Record the press that is valid from `host_s` on, or from now on if None; depth 0 or less is untouched.
+        """Record the press that is valid from the time `host_s` [s] on, or from now on if that is None.
+
+        A depth of 0 or less means that the pad is untouched.
 
         Raises
         ------
-        OutputError : the recording had failed earlier.
+        OutputError : the recording has failed earlier.
         """
         content = _PRESS.pack(x_mm, y_mm, depth_mm)
         self._append(packed_record(RecordKind.PRESS, time.time() if host_s is None else host_s, content))
@@ -174,7 +176,7 @@ class Recorder:
             raise self.failure
 
     def flush(self) -> None:
-        """Write all pending records to the system; if that fails, truncate the file to its last complete record."""
+        """Write all pending records to the file; if that fails, truncate it after its last complete record."""
         with self._writing:
             with self._lock:
                 records, self._pending = self._pending, []
@@ -185,7 +187,7 @@ class Recorder:
                 self._fail(err)
 
     def close(self, *, is_clean: bool = True) -> None:
-        """Flush everything to the disk; with `is_clean`, mark the regular end of the recording first.
+        """Flush everything to the disk and close the file; if `is_clean`, first mark the recording's normal end.
 
         Raises
         ------
@@ -228,7 +230,7 @@ class Recorder:
 
 
 def read_records(file: Path) -> tuple[dict[str, Any], DriverConfig, list[Record], int]:
-    """Read a recording: header, driver configuration, complete records, number of bytes outside complete records.
+    """Read a recording; return header, driver configuration, complete records, and number of bytes outside records.
 
     Raises
     ------
@@ -243,7 +245,7 @@ def read_records(file: Path) -> tuple[dict[str, Any], DriverConfig, list[Record]
 
 
 def press_of(record: Record) -> Press:
-    """Press that a record of the kind PRESS contains: x, y, depth [mm]."""
+    """Press (x, y, depth) that a record of type PRESS contains [mm]."""
     x_mm, y_mm, depth_mm = _PRESS.unpack(record.content)
     return x_mm, y_mm, depth_mm
 

@@ -1,12 +1,12 @@
 """A simulated board, which sends the firmware's messages for a pad with simulated light.
 
 The board supports the full protocol: a hello (its identification) at the reset and once per second until it is started,
-frames at the requested interval, replies between frames. A reading is a signal from the press table, an ambient level
-and noise, rounded and limited as by the converter. The board takes bytes and times and returns bytes; `port.FakePort`
-connects it to a port.
+frames at the requested interval, and replies between frames. A reading is the sum of a signal from the press table, an
+ambient level and noise, rounded and limited as by the converter. The board takes bytes and times and returns bytes;
+`port.FakePort` connects it to a port.
 
-The simulation has no settling of LED and amplifier, no drift and no baud rate; only the timing budget limits the frame
-rate.
+Settling of LED and amplifier, drift and baud rate are not simulated; the frame rate is limited only by the timing
+budget.
 """
 
 from __future__ import annotations
@@ -51,20 +51,20 @@ US_PER_S = 1e6
 REFERENCE_V, SUPPLY_V = 1.1, 5.0
 FREE_RAM_BYTES = 4096
 FIRMWARE = (0, 0)
-"""Version 0.0 marks the simulated board, which has no firmware."""
+"""Firmware version that the simulated board reports; 0.0 means that it has no firmware."""
 
 
 class FakeBoard:
-    """A simulated sensor board, on whose pad a simulated finger moves.
+    """A simulated sensor board with a pad on which a simulated finger moves.
 
     Parameters
     ----------
     config : driver configuration of the simulated design
-    table : signals of the design's pad under presses
+    table : signals of the design's pad, by location and depth of the press
     path : path of the finger over time
     faults : faults of the simulated unit; None for a unit without faults
     seed : seed of the noise
-    digest : digest that the board reports; None for the digest in `config`
+    digest : design digest that the board reports; if None, that in `config`
     clock_offset_us : device time at the reset, to test the counter's wrap [us]
     sequence_offset : sequence number of the first frame, to test the counter's wrap
     """
@@ -97,7 +97,7 @@ class FakeBoard:
         self.reset(0.0)
 
     def reset(self, now_s: float) -> None:
-        """Restart the board at time `now_s` [s] of any clock that only rises; opening the port has the same effect."""
+        """Restart the board at time `now_s` of any clock that never goes back [s]; opening the port does the same."""
         self._reset_s = now_s
         self._due_s = now_s
         self._is_started = False
@@ -108,7 +108,7 @@ class FakeBoard:
 
     @property
     def due_s(self) -> float:
-        """Time of the next message that the board sends by itself [s]."""
+        """Time of the next message that the board sends without a request [s]."""
         return self._due_s
 
     @property
@@ -117,19 +117,19 @@ class FakeBoard:
         return self._is_started
 
     def press_mm(self, now_s: float) -> FloatArray:
-        """(3,) x, y, depth of the finger in the cavity frame [mm]."""
+        """Position of the finger (x, y, depth) at time `now_s` [s], in the cavity's coordinate system [mm]."""
         found: FloatArray = self._path.at(now_s - self._reset_s)
         return found
 
     def heard(self, piece: bytes, now_s: float) -> bytes:
-        """Process the host's bytes at time `now_s` [s] and return the reply."""
+        """Process bytes from the host at time `now_s` [s] and return the reply."""
         answer = b""
         for _, message in self._scanner.feed(piece):
             answer += self._obeyed(*unpack_command(message), now_s)
         return answer
 
     def spoken(self, now_s: float) -> bytes:
-        """Bytes that the board sends by itself at time `now_s` [s]; empty before `due_s`."""
+        """Bytes that the board sends without a request at time `now_s` [s]; empty before `due_s`."""
         if now_s < self._due_s:
             return b""
         if not self._is_started:
@@ -145,7 +145,7 @@ class FakeBoard:
         return frame
 
     def counts(self, now_s: float) -> NDArray[np.uint16]:
-        """(state, receiver) readings at time `now_s` [s], in the states that the board sends [counts]."""
+        """Readings at time `now_s` [s] in all states that the board sends, shape (states, receivers) [counts]."""
         signals = self._faults.applied(self._table.at(self.press_mm(now_s))[0])
         light = np.zeros((self._layout.states, signals.shape[1]))
         light[[emitter is not None for emitter in self._layout.lit]] = signals

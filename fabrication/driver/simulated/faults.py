@@ -3,7 +3,7 @@
 swap:E1,E2        wires of two emitters exchanged; swap:R1,R2 wires of two receivers
 dead:E3, dead:R4  a part without any signal
 saturated:R5      an amplifier that stays at full scale
-dim:E2            an emitter at a fifth of its light
+dim:E2            a part with a fifth of its signal
 """
 
 from __future__ import annotations
@@ -28,10 +28,10 @@ class Faults:
 
     Attributes
     ----------
-    emitter_of_pin : (emitter,) index of the emitter that lights in state i
-    receiver_of_channel : (receiver,) index of the receiver that channel j reads
-    emitter_share, receiver_share : (n,) remaining share of a part's signal [-]
-    is_saturated : (receiver,) whether channel j stays at full scale
+    emitter_of_pin : for each emitter pin, the index of the emitter that is connected to it
+    receiver_of_channel : for each channel, the index of the receiver that is connected to it
+    emitter_share, receiver_share : for each part, the fraction of its signal that remains [-]
+    is_saturated : for each channel, whether it stays at full scale
     """
 
     emitter_of_pin: NDArray[np.intp]
@@ -41,9 +41,9 @@ class Faults:
     is_saturated: BoolArray
 
     def applied(self, signals: FloatArray) -> FloatArray:
-        """Signals of the faulty unit, (..., state, channel), for `signals` without faults, (..., emitter, receiver).
+        """Signals of the faulty unit from `signals` without faults, both of shape (..., emitters, receivers) [counts].
 
-        Both are in counts.
+        The axes of the result are emitter pins and channels.
         """
         left = signals * self.emitter_share[:, None] * self.receiver_share
         found: FloatArray = left[..., self.emitter_of_pin, :][..., self.receiver_of_channel]
@@ -59,11 +59,11 @@ class _Draft:
 
 
 def faults_of(config: DriverConfig, texts: Iterable[str] = ()) -> Faults:
-    """Parse faults from texts such as `swap:E1,E2` (kinds: swap, dead, saturated, dim).
+    """Parse faults from texts such as `swap:E1,E2` (types of faults: swap, dead, saturated, dim).
 
     Raises
     ------
-    InputError : a kind or part is unknown, or the number of parts is wrong for the kind.
+    InputError : a fault's type or part is unknown, or a fault has the wrong number of parts.
     """
     names = {"E": [e.name for e in config.emitters], "R": [r.name for r in config.receivers]}
     draft = _Draft(emitters=list(range(len(names["E"]))), receivers=list(range(len(names["R"]))))

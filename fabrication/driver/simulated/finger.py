@@ -1,6 +1,6 @@
-"""A moving finger for the simulated board: presses along a path in time, repeated forever.
+"""A moving finger for the simulated board, which follows a path of presses over time and repeats it forever.
 
-A path is linear between its points. Its file is CSV with the heading `t_s,x_mm,y_mm,depth_mm` and times rising from 0.
+A path is linear between its points. Its file is CSV with the heading `t_s,x_mm,y_mm,depth_mm`; times increase from 0.
 """
 
 from __future__ import annotations
@@ -19,14 +19,14 @@ from fabrication.driver_file import WorkspaceLimits
 
 HEADING = ("t_s", "x_mm", "y_mm", "depth_mm")
 HOVER_MM = -1.0
-"""Depth of a lifted finger [mm]; 0 or less is untouched."""
+"""Depth of a lifted finger [mm]; at a depth of 0 or less, the pad is untouched."""
 
 
 class Finger(Protocol):
     """Interface of an object that presses the simulated pad."""
 
     def at(self, time_s: ArrayLike) -> FloatArray:
-        """(n, 3) x, y, depth [mm] at times since the board's reset [s]."""
+        """Positions (x, y, depth) at n times since the board's reset [s]; shape (n, 3) [mm]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -35,15 +35,15 @@ class FingerPath:
 
     Attributes
     ----------
-    time_s : (n,) times rising from 0; the last one is the period after which the path repeats [s]
-    press_mm : (n, 3) x, y, depth in the cavity frame [mm]
+    time_s : times of the n points, increasing from 0; the path repeats after the last one [s]
+    press_mm : positions (x, y, depth) of the points in the cavity's coordinate system, shape (n, 3) [mm]
     """
 
     time_s: FloatArray
     press_mm: FloatArray
 
     def at(self, time_s: ArrayLike) -> FloatArray:
-        """(n, 3) x, y, depth [mm] at times since the board's reset [s]; the path repeats from its end."""
+        """Positions (x, y, depth) at n times since the board's reset [s]; shape (n, 3) [mm]."""
         period = self.time_s[-1]
         within = np.asarray(time_s, dtype=np.float64) % period if period > 0 else np.zeros(np.shape(time_s))
         return np.stack([np.interp(within, self.time_s, column) for column in self.press_mm.T], axis=-1)
@@ -59,13 +59,13 @@ NO_FINGER = FingerPath(time_s=np.zeros(1), press_mm=np.array([[0.0, 0.0, HOVER_M
 
 
 def demo_path(workspace: WorkspaceLimits, rest_s: float = 2.0) -> FingerPath:
-    """A path for demonstrations: rest, deepest presses at the middle and near the corners, a stroke across the pad.
+    """A path for demonstrations: rest, deepest presses in the middle and near the corners, a stroke across the pad.
 
     The path takes 14 s plus `rest_s`.
 
     Parameters
     ----------
-    rest_s : untouched time at the start, for a baseline [s]
+    rest_s : time at the start during which the pad is untouched, for a baseline [s]
     """
     x0, x1, y0, y1 = workspace.x0_mm, workspace.x1_mm, workspace.y0_mm, workspace.y1_mm
     deep = workspace.max_depth_mm
@@ -91,7 +91,8 @@ def read_path(file: Path) -> FingerPath:
 
     Raises
     ------
-    InputError : the file cannot be read, its heading differs, a value is not a number, or the times do not rise from 0.
+    InputError : the file cannot be read, a column is missing, a value is not a number, or the times do not increase
+        from 0.
     """
     table = read_csv(file, needed=f"a CSV table with {','.join(HEADING)}, one point per row", lower=True)
     if missing := [name for name in HEADING if name not in table.heading]:

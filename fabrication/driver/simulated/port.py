@@ -1,4 +1,4 @@
-"""A simulated device on a port: a pseudo-terminal, or a local socket on Windows, which has no pseudo-terminals.
+"""Connects a simulated device to a port: a pseudo-terminal or, on Windows, which has none, a local socket.
 
 Opening the port resets the board, as on an Arduino. A host that does not read loses bytes, as on a serial line.
 """
@@ -18,12 +18,12 @@ from typing import Protocol, Self
 from design.errors import DeviceError, InputError
 
 IDLE_S = 0.02
-"""Polling interval of a port that no host has open [s]."""
+"""Interval at which a port is polled while no host has it open [s]."""
 
 LONGEST_WAIT_S = 0.05
 LARGEST_READ = 4096
 QUEUE_BYTES = 16384
-"""Bytes that a board queues for a slow host before it drops messages."""
+"""Number of bytes queued for a slow host above which new messages are discarded."""
 
 
 class Device(Protocol):
@@ -31,20 +31,20 @@ class Device(Protocol):
 
     @property
     def due_s(self) -> float:
-        """Time of the next message that the device sends by itself [s]."""
+        """Time of the next message that the device sends without a request [s]."""
 
     def reset(self, now_s: float) -> None:
         """Restart the device at time `now_s` [s], because the port was opened."""
 
     def spoken(self, now_s: float) -> bytes:
-        """Bytes that the device sends by itself at time `now_s` [s]; may be empty."""
+        """Bytes that the device sends without a request at time `now_s` [s]; may be empty."""
 
     def heard(self, piece: bytes, now_s: float) -> bytes:
-        """Process the host's bytes at time `now_s` [s] and return the reply."""
+        """Process bytes from the host at time `now_s` [s] and return the reply."""
 
 
 def queued(unsent: bytes, sent: bytes) -> bytes:
-    """Bytes to send next: those not sent yet, followed by a new message unless more than 16 KiB already wait."""
+    """Bytes to send next: those not yet sent and, unless they are more than 16 KiB, the new message `sent`."""
     return unsent if len(unsent) > QUEUE_BYTES else unsent + sent
 
 
@@ -57,10 +57,10 @@ class Wire(Protocol):
         """Whether a host has the other end open."""
 
     def exchange(self, sent: bytes, wait_s: float) -> bytes:
-        """Send as many of the bytes as the host accepts, wait up to a time [s], and return the host's bytes."""
+        """Send the bytes that the host accepts, wait up to `wait_s` for bytes from the host [s], and return these."""
 
     def close(self) -> None:
-        """Close the device's end; for the host, the board is unplugged."""
+        """Close the device's end; to the host, the board appears to be unplugged."""
 
 
 class PtyWire:
@@ -68,7 +68,7 @@ class PtyWire:
 
     Parameters
     ----------
-    link : symbolic link that gives the pseudo-terminal a fixed name; None makes no link
+    link : path of a symbolic link that gives the pseudo-terminal a fixed name; if None, no link is made
     """
 
     def __init__(self, link: Path | None = None) -> None:
@@ -99,9 +99,9 @@ class PtyWire:
         return bool(piece)
 
     def exchange(self, sent: bytes, wait_s: float) -> bytes:
-        """Send what the system's buffer accepts, wait up to `wait_s` [s], and return the host's bytes.
+        """Send the bytes that the system's buffer accepts, wait up to `wait_s` [s], and return the host's bytes.
 
-        The rest is sent in the next call.
+        The remaining bytes are sent in the next call.
         """
         self._unsent = queued(self._unsent, sent)
         if self._unsent:
@@ -128,7 +128,7 @@ class PtyWire:
 
 
 class SocketWire:
-    """A socket that listens on this machine only; the host opens `socket://localhost:<port>`."""
+    """A socket that listens only on this computer; the host opens `socket://localhost:<port>`."""
 
     def __init__(self, port: int = 0) -> None:
         try:
@@ -156,7 +156,7 @@ class SocketWire:
     def exchange(self, sent: bytes, wait_s: float) -> bytes:
         """Send the bytes that the host accepts, wait up to `wait_s` [s], and return the host's bytes.
 
-        The rest is sent in the next call.
+        The remaining bytes are sent in the next call.
         """
         host = self._host
         if host is None:
@@ -185,7 +185,7 @@ class SocketWire:
 
 
 def new_wire(*, use_socket: bool = False, link: Path | None = None) -> Wire:
-    """A pseudo-terminal, or a socket if it is requested or the system has no pseudo-terminals."""
+    """A pseudo-terminal, or a socket if it is requested or if the system has no pseudo-terminals."""
     if use_socket or os.name != "posix":
         if link is not None:
             raise InputError("--link: names a pseudo-terminal; leave it out with a socket")
@@ -213,12 +213,12 @@ def serve(board: Device, wire: Wire, is_over: threading.Event) -> None:
 
 
 class FakePort:
-    """A simulated board that can be opened under `name` while the block runs.
+    """A port with a simulated board, which the host can open under `name` while the `with` block runs.
 
     Parameters
     ----------
     board : the simulated device
-    wire : the device's end of the line; None makes a pseudo-terminal, or a socket on systems without them
+    wire : the device's end of the line; if None, a pseudo-terminal is made, or a socket if the system has none
     """
 
     def __init__(self, board: Device, wire: Wire | None = None) -> None:
@@ -252,11 +252,13 @@ class FakePort:
 
 
 def require_free(link: Path, option: str = "--link") -> None:
-    """Check that a name is free for the link to a simulated port. A broken link that an ended run left may be replaced.
+    """Check that a name is available for the symbolic link to a simulated port.
+
+    A broken link left behind by an earlier run may be replaced.
 
     Raises
     ------
-    InputError : the name is that of a file or of another board's link, or its folder does not exist.
+    InputError : a file or another board's link has this name, or the folder does not exist.
     """
     if link.exists() and not link.is_symlink():
         raise InputError(f"{option} {link}: exists and is no link; choose another name")

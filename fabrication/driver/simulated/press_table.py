@@ -1,8 +1,8 @@
-"""Table of a pad's signals over location and depth of a press: the input of the simulated board.
+"""Table of a pad's signals by location and depth of a press, which the simulated board uses.
 
-The table is interpolated linearly in x, y and depth. Presses outside the table's grid take the nearest values, and
-depth 0 or less is the untouched pad. Real signals are not linear over depth steps of 0.2 mm, so the table serves to
-test software, not to judge a layout.
+The table is interpolated linearly in x, y and depth. Presses outside the table's grid get the nearest values, and a
+depth of 0 or less is the untouched pad. Real signals are not linear over depth steps of 0.2 mm, so the table is only
+suitable for testing software, not for judging a layout.
 """
 
 from __future__ import annotations
@@ -24,18 +24,19 @@ if TYPE_CHECKING:
 MOST_BYTES = 500_000_000
 """Largest size of the unpacked arrays of a signal file [bytes]; 6,000 presses with 1,024 pairs need 50 MB."""
 SAME_MM = 1e-6
-"""Tolerance within which two coordinates of the grid are equal [mm]."""
+"""Coordinates of the grid that differ by less than this are considered equal [mm]."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class PressTable:
-    """Signals over a full grid of presses in x, y and depth.
+    """Signals for a full grid of presses in x, y and depth.
 
     Attributes
     ----------
-    x_mm, y_mm, depth_mm : (nx,), (ny,), (nd,) rising coordinates of the grid in the cavity frame [mm]; the first depth
-        is 0
-    counts : (nx, ny, nd, emitter, receiver) signals without ambient light, not clipped [counts]
+    x_mm, y_mm, depth_mm : coordinates of the grid in the cavity's coordinate system, in increasing order [mm]; the
+        first depth is 0
+    counts : signals without ambient light, not limited to full scale; shape (number of x, number of y, number of
+        depths, emitters, receivers) [counts]
     """
 
     x_mm: FloatArray
@@ -45,19 +46,21 @@ class PressTable:
 
     @property
     def untouched(self) -> FloatArray:
-        """(emitter, receiver) signals of the untouched pad [counts]."""
+        """Signals of the untouched pad, shape (emitters, receivers) [counts]."""
         found: FloatArray = self.counts[0, 0, 0]
         return found
 
     @property
     def knows_presses(self) -> bool:
-        """Whether the table contains any press, and not only the untouched pad."""
+        """Whether the table contains presses, not only the untouched pad."""
         return len(self.depth_mm) > 1
 
     def at(self, presses: ArrayLike) -> FloatArray:
-        """(n, emitter, receiver) signals under presses, interpolated linearly [counts].
+        """Signals during n presses, interpolated linearly; shape (n, emitters, receivers) [counts].
 
-        presses : (n, 3) x, y, depth [mm]
+        Parameters
+        ----------
+        presses : x, y and depth of each press, shape (n, 3) [mm]
         """
         rows = np.atleast_2d(np.asarray(presses, dtype=np.float64))
         found = np.zeros((len(rows), *self.counts.shape[3:]))
@@ -80,7 +83,7 @@ def _neighbours(line: FloatArray, values: FloatArray) -> list[tuple[NDArray[np.i
 
 
 def untouched_table(config: DriverConfig) -> PressTable:
-    """Table with only the untouched pad's signals, as a driver configuration contains them.
+    """Table with only the untouched pad's simulated signals, which a driver configuration contains.
 
     Raises
     ------
@@ -101,9 +104,10 @@ def table_of(presses: FloatArray, counts: FloatArray, *, is_whole: bool = True) 
 
     Parameters
     ----------
-    presses : (state, 3) x, y, depth of each press [mm]; the least depth must be 0
-    counts : (state, emitter, receiver) signals [counts]
-    is_whole : True requires every location of the grid; with False, a missing location gets the signals of the nearest
+    presses : x, y and depth of n presses, shape (n, 3) [mm]; the smallest depth must be 0
+    counts : signals during each press, shape (n, emitters, receivers) [counts]
+    is_whole : if True, every location of the grid is required; if False, a missing location gets the signals of the
+        nearest one
 
     Raises
     ------
@@ -127,7 +131,7 @@ def table_of(presses: FloatArray, counts: FloatArray, *, is_whole: bool = True) 
 
 
 def _squared(presses: FloatArray, counts: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Presses and signals on a full rectangular grid; a missing location gets the signals of the nearest one."""
+    """Presses and signals for a full rectangular grid; a missing location gets the signals of the nearest one."""
     there = np.unique(presses[:, :2], axis=0)
     every = np.array([(x, y) for x in np.unique(presses[:, 0]) for y in np.unique(presses[:, 1])])
     absent = [place for place in every if not (np.abs(there - place).max(axis=1) < SAME_MM).any()]
@@ -141,9 +145,9 @@ def _squared(presses: FloatArray, counts: FloatArray) -> tuple[FloatArray, Float
 
 
 def table_from_signals(file: Path, config: DriverConfig) -> PressTable:
-    """Table of the simulated signals in `file` (a bundle's `sims/signals.nc`), with the configuration's gains.
+    """Table of the simulated signals in `file` (a bundle's `sims/signals.nc`), using the configuration's gains.
 
-    Needs xarray.
+    This function needs xarray.
 
     Raises
     ------
@@ -183,11 +187,11 @@ def _numbers(array: xr.DataArray) -> FloatArray:
 
 
 def gains_of(config: DriverConfig) -> FloatArray:
-    """Reading of each receiver if it got all of an emitter's power, (receiver,) [counts].
+    """Reading of each receiver if it got all of an emitter's power, shape (receivers,) [counts].
 
     Raises
     ------
-    InputError : the configuration has no gains, because it was written before a simulation.
+    InputError : the configuration has no gains, because it was written before the design was simulated.
     """
     gain = config.gain
     each = gain.receiver_counts_per_flux or (gain.counts_per_flux,) * config.frame.receivers
