@@ -364,7 +364,7 @@ class PartFile:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Finding:
+class MoldCheck:
     """Comparison of one measured value with its limit.
 
     Attributes
@@ -396,7 +396,7 @@ class Checks:
     """
 
     digest: str
-    findings: tuple[Finding, ...]
+    findings: tuple[MoldCheck, ...]
     volumes_mm3: dict[str, dict[str, float]]
     prints: dict[str, dict[str, float]] = field(default_factory=dict)
 
@@ -425,7 +425,7 @@ def check_parts(design: SensorDesign, parts: tuple[PartFile, ...], *, bed_mm: Be
     bed_mm : build volume of the printer (x, y, height) for the size check; if None, that of a typical printer
     """
     bed, bridged = bed_mm or usual_bed_mm(), bridged_mm2(design)
-    findings: list[Finding] = []
+    findings: list[MoldCheck] = []
     volumes = {}
     for part in parts:
         loaded = trimesh.load_mesh(io.BytesIO(part.stl), file_type="stl")
@@ -464,7 +464,7 @@ def with_slices(
     return replace(checks, findings=tuple(findings), prints=prints)
 
 
-def _slicing(part: PartFile, one: Sliced) -> list[Finding]:
+def _slicing(part: PartFile, one: Sliced) -> list[MoldCheck]:
     """Comparisons of the slicer's volumes with the formula, and the slicer's own warnings."""
     ratio = one.extruded_mm3 / part.formula_mm3
     is_whole = EXTRUDED_LOW <= ratio <= EXTRUDED_HIGH
@@ -476,7 +476,7 @@ def _slicing(part: PartFile, one: Sliced) -> list[Finding]:
             SLICER_VOLUME_LIMIT,
             "share",
         ),
-        Finding(
+        MoldCheck(
             name=f"{part.name}: extruded by a solid print",
             value=round(ratio, 4),
             limit=EXTRUDED_HIGH if ratio > 1 else EXTRUDED_LOW,
@@ -484,7 +484,7 @@ def _slicing(part: PartFile, one: Sliced) -> list[Finding]:
             state="ok" if is_whole else "warning",
             note="" if is_whole else "thin walls are dropped or doubled; see mold.min_web_mm",
         ),
-        Finding(
+        MoldCheck(
             name=f"{part.name}: warnings of the slicer",
             value=len(one.warnings),
             limit=0,
@@ -495,10 +495,10 @@ def _slicing(part: PartFile, one: Sliced) -> list[Finding]:
     ]
 
 
-def design_findings(design: SensorDesign) -> tuple[Finding, ...]:
+def design_findings(design: SensorDesign) -> tuple[MoldCheck, ...]:
     """Findings from the design's numbers alone: thinnest webs, lid, lettering, and bodies outside the clear layer."""
     webs = [
-        Finding(
+        MoldCheck(
             name=f"mold: {one.name}",
             value=round(one.value_mm, 4),
             limit=one.needed_mm,
@@ -518,12 +518,12 @@ def design_findings(design: SensorDesign) -> tuple[Finding, ...]:
     )
 
 
-def _lid(design: SensorDesign) -> Iterator[Finding]:
+def _lid(design: SensorDesign) -> Iterator[MoldCheck]:
     """Findings about the thinnest parts of a lid, and about the optical smoothness of its concave face."""
     for one in lid_clearances(design):
         state: State = "ok" if one.is_kept else "warning"
         note = "" if one.is_kept else f"raise {one.field}; dowels in the fixing holes replace the pins"
-        yield Finding(
+        yield MoldCheck(
             name=f"lid: {one.name}",
             value=round(one.value_mm, 4),
             limit=one.needed_mm,
@@ -540,7 +540,7 @@ def _lid(design: SensorDesign) -> Iterator[Finding]:
     )
     straight = cavity.plan.top.straight
     turned = straight is not None and any(notch.frame.is_facet for notch in size.notches)
-    yield Finding(
+    yield MoldCheck(
         name="lid: steps of layers in the dish, as printed",
         value=THIN_LAYER_MM,
         limit=0.0,
@@ -553,7 +553,7 @@ def _lid(design: SensorDesign) -> Iterator[Finding]:
     )
 
 
-def _lettering(design: SensorDesign) -> Iterator[Finding]:
+def _lettering(design: SensorDesign) -> Iterator[MoldCheck]:
     """Findings about strokes and gaps of the lettering, parts without a name, and channels for leads."""
     outline, narrowest = outline_of(design), printer("narrowest_stroke").value
     widths = {"numbers": [one.stroke_mm for one in outline.numbers]}
@@ -578,14 +578,14 @@ def _lettering(design: SensorDesign) -> Iterator[Finding]:
     yield _count("leads without a channel below the mold", bare, "put the mold on feet; see mold.floor_mm")
 
 
-def _at_least(name: str, value: float, limit: float) -> Finding:
+def _at_least(name: str, value: float, limit: float) -> MoldCheck:
     state: State = "ok" if value >= limit - ROUNDING_MM else "error"
-    return Finding(name=name, value=round(value, 4), limit=limit, unit="mm", state=state)
+    return MoldCheck(name=name, value=round(value, 4), limit=limit, unit="mm", state=state)
 
 
-def _count(name: str, parts: tuple[str, ...], meaning: str) -> Finding:
+def _count(name: str, parts: tuple[str, ...], meaning: str) -> MoldCheck:
     note = f"{', '.join(parts)}: {meaning}" if parts else ""
-    return Finding(
+    return MoldCheck(
         name=f"mold: {name}",
         value=len(parts),
         limit=0,
@@ -595,8 +595,8 @@ def _count(name: str, parts: tuple[str, ...], meaning: str) -> Finding:
     )
 
 
-def _exact(name: str, value: float, wanted: float, unit: str, note: str = "") -> Finding:
-    return Finding(
+def _exact(name: str, value: float, wanted: float, unit: str, note: str = "") -> MoldCheck:
+    return MoldCheck(
         name=name,
         value=value,
         limit=wanted,
@@ -608,13 +608,13 @@ def _exact(name: str, value: float, wanted: float, unit: str, note: str = "") ->
 
 def _at_most(
     name: str, value: float, limit: float, unit: str, note: str = "", beyond: State = "error"
-) -> Finding:
-    return Finding(
+) -> MoldCheck:
+    return MoldCheck(
         name=name, value=value, limit=limit, unit=unit, state="ok" if value <= limit else beyond, note=note
     )
 
 
-def _body(name: str, loaded: trimesh.Trimesh) -> list[Finding]:
+def _body(name: str, loaded: trimesh.Trimesh) -> list[MoldCheck]:
     mesh = manifold3d.Mesh(
         np.asarray(loaded.vertices, dtype=np.float32), np.asarray(loaded.faces, dtype=np.uint32)
     )
@@ -628,7 +628,7 @@ def _body(name: str, loaded: trimesh.Trimesh) -> list[Finding]:
     ]
 
 
-def _volumes(part: PartFile, stl_mm3: float) -> list[Finding]:
+def _volumes(part: PartFile, stl_mm3: float) -> list[MoldCheck]:
     return [
         _at_most(
             f"{part.name}: volume of the file against the formula",
@@ -657,7 +657,7 @@ def bridged_mm2(design: SensorDesign) -> dict[str, float]:
     return {"mold": below + numbers, "mold_base": below, "mold_frame": numbers}
 
 
-def _printing(name: str, mesh: Mesh, bed_mm: Bed, bridged: float) -> list[Finding]:
+def _printing(name: str, mesh: Mesh, bed_mm: Bed, bridged: float) -> list[MoldCheck]:
     """Findings about overhanging area and print bed; `bridged` is the area of ceilings that need no support [mm2]."""
     size = np.ptp(mesh.vertices, axis=0)
     fits = max(size[:2]) <= max(bed_mm[:2]) and min(size[:2]) <= min(bed_mm[:2]) and size[2] <= bed_mm[2]
@@ -673,7 +673,7 @@ def _printing(name: str, mesh: Mesh, bed_mm: Bed, bridged: float) -> list[Findin
             ),
             "warning",
         ),
-        Finding(
+        MoldCheck(
             name=f"{name}: print bed",
             value=round(float(max(size[:2])), 3),
             limit=max(bed_mm[:2]),
@@ -694,7 +694,7 @@ def overhang_area_mm2(mesh: Mesh) -> float:
     return float(areas[above_bed & (lean > OVERHANG_DEG + 1e-3)].sum())
 
 
-def _mold_size(design: SensorDesign, extents: np.ndarray[Any, Any]) -> list[Finding]:
+def _mold_size(design: SensorDesign, extents: np.ndarray[Any, Any]) -> list[MoldCheck]:
     outline = outline_of(design)
     wanted = (design.mold.outer_length_mm, design.mold.outer_width_mm, outline.highest_mm - outline.bottom_mm)
     return [
@@ -708,7 +708,7 @@ def _mold_size(design: SensorDesign, extents: np.ndarray[Any, Any]) -> list[Find
     ]
 
 
-def _cavity(design: SensorDesign, mesh: Mesh) -> list[Finding]:
+def _cavity(design: SensorDesign, mesh: Mesh) -> list[MoldCheck]:
     agreement = cavity_agreement(design, mesh)
     flat = _at_most(
         "mold: cavity walls against the optical model",
@@ -726,7 +726,7 @@ def _cavity(design: SensorDesign, mesh: Mesh) -> list[Finding]:
     ]
 
 
-def _dish(design: SensorDesign, mesh: Mesh) -> Finding:
+def _dish(design: SensorDesign, mesh: Mesh) -> MoldCheck:
     agreement = dish_agreement(design, mesh)
     return _at_most(
         "lid: dish against the top of the optical model",

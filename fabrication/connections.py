@@ -108,7 +108,7 @@ def connections_of(design: SensorDesign) -> Connections:
 
     Raises
     ------
-    DesignError : the catalogue does not have a part, or the board does not have a pin.
+    DesignError : a part is not in the catalogue, or the board lacks a required pin.
     """
     cavity = cavity_of(design)
     (pins, _), paths = assigned_pins(design), receiver_paths(design)

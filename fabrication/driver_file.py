@@ -319,7 +319,7 @@ def load_driver_config(path: str | os.PathLike[str], *, digest: str | None = Non
 
     Raises
     ------
-    InputError : the file is missing, damaged, of another format version, or of another design.
+    InputError : the file is missing or damaged, has another format version, or is for another design.
     """
     file = Path(path)
     config = config_from_document(_document(file), where=str(file))

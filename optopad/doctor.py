@@ -29,7 +29,7 @@ State = Literal["ok", "missing", "warning"]
 
 
 @dataclass(frozen=True)
-class Finding:
+class Requirement:
     """One result of the examination of this machine.
 
     The state `missing` prevents `optopad run`; `warning` costs time or an optional step.
@@ -143,7 +143,7 @@ TOOLS = (
 )
 
 
-def examine(outputs: Path = Path("outputs")) -> list[Finding]:
+def examine(outputs: Path = Path("outputs")) -> list[Requirement]:
     """All findings about this machine, in the order in which problems should be fixed."""
     return [
         python_finding(),
@@ -159,14 +159,14 @@ def examine(outputs: Path = Path("outputs")) -> list[Finding]:
     ]
 
 
-def python_finding(version: tuple[int, ...] = sys.version_info[:3]) -> Finding:
+def python_finding(version: tuple[int, ...] = sys.version_info[:3]) -> Requirement:
     """Finding on whether the dependencies support this version of Python."""
     first, beyond = PYTHON_RANGE
     detail = ".".join(map(str, version))
     if first <= version < beyond:
-        return Finding("python", "ok", detail)
+        return Requirement("python", "ok", detail)
     way_out = f"install Python {first[0]}.{first[1]} to {beyond[0]}.{beyond[1] - 1}, then `make clean setup`"
-    return Finding("python", "missing", detail, way_out)
+    return Requirement("python", "missing", detail, way_out)
 
 
 def cpu_count() -> int:
@@ -176,14 +176,14 @@ def cpu_count() -> int:
     return os.cpu_count() or 1
 
 
-def cpu_finding() -> Finding:
+def cpu_finding() -> Requirement:
     """Finding on the number of processors; the light model uses all of them."""
     count = cpu_count()
     if count == 1:
-        return Finding(
+        return Requirement(
             "processors", "warning", "1", "runs take about twice the times stated for 2 processors"
         )
-    return Finding("processors", "ok", str(count))
+    return Requirement("processors", "ok", str(count))
 
 
 def memory_gb(limit_file: Path = Path("/sys/fs/cgroup/memory.max")) -> float:
@@ -193,34 +193,34 @@ def memory_gb(limit_file: Path = Path("/sys/fs/cgroup/memory.max")) -> float:
     return min(machine, int(limit) if limit.isdigit() else machine) / 1e9
 
 
-def memory_finding() -> Finding:
+def memory_finding() -> Requirement:
     """Finding on whether the memory suffices for the CAD solids and the contact model."""
     memory = memory_gb()
     detail = f"{memory:.1f} GB"
     if memory >= MEMORY_ADVISED_GB:
-        return Finding("memory", "ok", detail)
-    return Finding(
+        return Requirement("memory", "ok", detail)
+    return Requirement(
         "memory", "warning", detail, f"{MEMORY_ADVISED_GB:g} GB or more is advised; close other programs"
     )
 
 
-def package_findings() -> Iterator[Finding]:
+def package_findings() -> Iterator[Requirement]:
     """One finding per declared dependency."""
     failures = import_failures([package.module for package in PACKAGES])
     for package, failure in zip(PACKAGES, failures, strict=True):
         yield package_finding(package, installed_version(package.distribution), failure)
 
 
-def package_finding(package: Package, version: str, failure: Failure | None) -> Finding:
+def package_finding(package: Package, version: str, failure: Failure | None) -> Requirement:
     """Finding on one package, from its version ("" if not installed) and the failure of its import (None if none)."""
     if not version:
-        return Finding(package.distribution, "missing", "not installed", "run `make setup`")
+        return Requirement(package.distribution, "missing", "not installed", "run `make setup`")
     if failure:
-        return Finding(package.distribution, "missing", f"{version}: {failure.reason}", failure.way_out)
+        return Requirement(package.distribution, "missing", f"{version}: {failure.reason}", failure.way_out)
     if release(version) < release(package.at_least):
         detail = f"{version}, needs >= {package.at_least}"
-        return Finding(package.distribution, "missing", detail, "run `make setup`")
-    return Finding(package.distribution, "ok", version)
+        return Requirement(package.distribution, "missing", detail, "run `make setup`")
+    return Requirement(package.distribution, "ok", version)
 
 
 def installed_version(distribution: str) -> str:
@@ -319,7 +319,7 @@ def library_way_out(stem: str) -> str:
     )
 
 
-def folder_finding(name: str, folder: Path, way_out: str, *, state: State = "missing") -> Finding:
+def folder_finding(name: str, folder: Path, way_out: str, *, state: State = "missing") -> Requirement:
     """Finding on whether files can be written to a folder, and whether its disk has room.
 
     Parameters
@@ -327,61 +327,63 @@ def folder_finding(name: str, folder: Path, way_out: str, *, state: State = "mis
     state : state of the finding if the folder cannot be written to
     """
     if fault := folder_fault(folder):
-        return Finding(name, state, f"{folder}: {fault}", way_out)
+        return Requirement(name, state, f"{folder}: {fault}", way_out)
     free = shutil.disk_usage(nearest_existing(folder)).free / 1e9
     if free < DISK_ADVISED_GB:
-        return Finding(name, "warning", f"{folder}: {free:.2f} GB free", f"free some space, or {way_out}")
-    return Finding(name, "ok", str(folder))
+        return Requirement(name, "warning", f"{folder}: {free:.2f} GB free", f"free some space, or {way_out}")
+    return Requirement(name, "ok", str(folder))
 
 
-def kept_finding(name: str, folder: Path, lost: str) -> Finding:
+def kept_finding(name: str, folder: Path, lost: str) -> Requirement:
     """Finding on a folder with stored data for later runs, which also work without the folder."""
     way_out = f"set {CACHE_VARIABLE} to a folder you can write to; otherwise {lost}"
     if folder.is_relative_to(NO_HOME):
-        return Finding(name, "warning", "none: this user has no home folder", f"set HOME, or {way_out}")
+        return Requirement(name, "warning", "none: this user has no home folder", f"set HOME, or {way_out}")
     return folder_finding(name, folder, way_out, state="warning")
 
 
-def temporary_finding() -> Finding:
+def temporary_finding() -> Requirement:
     """Finding on whether temporary files can be written; mold, firmware and studio need them."""
     way_out = "set TMPDIR to a folder you can write to"
     try:
         return folder_finding("temporary folder", Path(tempfile.gettempdir()), way_out)
     except OSError as err:
-        return Finding("temporary folder", "missing", str(err.strerror), way_out)
+        return Requirement("temporary folder", "missing", str(err.strerror), way_out)
 
 
-def light_finding() -> Finding:
+def light_finding() -> Requirement:
     """Finding on the stored results of light tracing: their size, how to remove them, how to avoid storing them."""
     from sims.cache import SIZE_VARIABLE, light_store
 
     try:
         store = light_store()
     except InputError as err:
-        return Finding("light cache", "missing", str(err), f"set {SIZE_VARIABLE} to a number, or unset it")
+        return Requirement(
+            "light cache", "missing", str(err), f"set {SIZE_VARIABLE} to a number, or unset it"
+        )
     if store is None:
-        return Finding("light cache", "ok", f"off: {SIZE_VARIABLE} is 0")
+        return Requirement("light cache", "ok", f"off: {SIZE_VARIABLE} is 0")
     if folder_fault(store.path.parent):
         return kept_finding("light cache", store.path.parent, "every run traces all light again")
     used_mb = os.path.getsize(store.path) / 1e6 if os.path.isfile(store.path) else 0.0
     held = f"{store.rows()} rows, {used_mb:.1f} of at most {store.size_mb:g} MB"
-    return Finding(
+    return Requirement(
         "light cache", "ok", f"{held}, in {store.path} (delete it to clear; {SIZE_VARIABLE}=0: off)"
     )
 
 
-def kernel_finding() -> Finding:
+def kernel_finding() -> Requirement:
     """Finding on whether the compiled code of the light model is stored for later processes."""
     return kept_finding("kernel cache", kernel_folder(), "every run compiles the kernels again")
 
 
-def tool_finding(tool: Tool) -> Finding:
+def tool_finding(tool: Tool) -> Requirement:
     """Finding on whether an optional program is on the search path."""
     name = tool.commands[0]
     found = next(filter(None, map(shutil.which, tool.commands)), None)
     if found:
-        return Finding(name, "ok", f"{found}, for {tool.purpose}")
-    return Finding(
+        return Requirement(name, "ok", f"{found}, for {tool.purpose}")
+    return Requirement(
         name,
         "warning",
         f"not found; only {tool.purpose} needs it",

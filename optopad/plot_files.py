@@ -12,7 +12,7 @@ from design.io import write_text_atomically
 from design.shape.cavity import cavity_of
 from design.spec import SensorDesign
 from sims.bounds.observability import PadBounds
-from sims.plots.maps import plot_bound_sheet, plot_felt_map
+from sims.plots.maps import plot_bound_sheet, plot_detection_map
 from sims.plots.style import plain_style, svg_text
 
 PNG_DPI = 160
@@ -36,8 +36,8 @@ def write_bound_plots(design: SensorDesign, bounds: PadBounds, folder: Path) -> 
     with plain_style():
         written += write_plot(plot_bound_sheet(bounds, cavity, "location"), folder / "bounds-location")
         written += write_plot(plot_bound_sheet(bounds, cavity, "depth"), folder / "bounds-depth")
-        if bounds.felt is not None:
-            figure = plot_felt_map(bounds.felt, cavity).get_figure(root=True)
+        if bounds.detection is not None:
+            figure = plot_detection_map(bounds.detection, cavity).get_figure(root=True)
             assert figure is not None
             written += write_plot(figure, folder / "felt-force")
     return written

@@ -15,7 +15,7 @@ class Finding:
     """An error, a warning or a note about a design.
 
     A design with an error cannot be manufactured or simulated. A warning names a problem that does not prevent this. A
-    note states a limitation that every usual design has.
+    note states a limitation of all ordinary designs.
 
     Attributes
     ----------
@@ -63,7 +63,7 @@ def warning(field: str, message: str, *, value: object, limit: object, way_out: 
 
 
 def note(field: str, message: str, *, value: object, limit: object, way_out: str) -> Finding:
-    """Make a finding of severity `note`, about a limitation that every usual design has."""
+    """Make a finding of severity `note`, about a limitation of all ordinary designs."""
     return replace(warning(field, message, value=value, limit=limit, way_out=way_out), severity="note")
 
 

@@ -90,7 +90,7 @@ def span_findings(design: SensorDesign) -> Iterator[Finding]:
 
 
 def shape_findings(design: SensorDesign) -> Iterator[Finding]:
-    """Findings that prevent casting of a pad with round walls or a crown, or the requested presses on it."""
+    """Reasons why a pad with round walls or a crown cannot be cast, or cannot be pressed as requested."""
     plan = cavity_of(design).plan
     if plan.is_block:
         return

@@ -399,7 +399,7 @@ def betters(base: Judged, judged: Judged, accuracy: str, safe: float = SAFE_MARG
 
 
 def _is_stronger(judged: Judged, other: Judged) -> bool:
-    """Whether the margin of `judged`, at most `AMPLE_MARGIN`, exceeds that of `other` by more than `WORTH_MARGIN`."""
+    """Whether the margin of `judged`, capped at `AMPLE_MARGIN`, exceeds that of `other` by the share `WORTH_MARGIN`."""
     return min(margin_of(judged), AMPLE_MARGIN) > (1.0 + WORTH_MARGIN) * margin_of(other)
 
 

@@ -70,7 +70,7 @@ class Top:
         return (self.kx + self.ky) / 2
 
     def sag_mm(self, x_mm: ArrayLike, y_mm: ArrayLike) -> FloatArray:
-        """Depth (...,) of the top at locations below its highest point [mm]; NaN beyond the crown's radius."""
+        """How far (...,) the top is below its highest point, at each location [mm]; NaN beyond the crown's radius."""
         x, y, root = self._from_apex(x_mm, y_mm)
         fall: FloatArray = (self.kx * x * x + self.ky * y * y) / (1.0 + root)
         return fall

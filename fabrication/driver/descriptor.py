@@ -37,7 +37,7 @@ class Descriptor:
     ----------
     states : for each state in `Frame.counts`, the name of the lit emitter; "off" for the last state, in which none is
     full_scale : largest reading [counts]
-    wanted_rate_hz : frame rate required by the design [Hz]; `Sensor.rate_hz` is the measured one
+    required_rate_hz : frame rate required by the design [Hz]; `Sensor.rate_hz` is the measured one
     possible_rate_hz : largest frame rate according to the timing budget [Hz]; the firmware is slightly faster
     surface : shape of the untouched top surface; None if the configuration is too old to describe it
     expected_counts : simulated readings without contact, shape (emitters, receivers) [counts]; None if not simulated
@@ -52,11 +52,16 @@ class Descriptor:
     workspace: WorkspaceLimits
     surface: SurfaceEntry | None
     full_scale: int
-    wanted_rate_hz: float
+    required_rate_hz: float
     possible_rate_hz: float
     expected_counts: FloatArray | None
     units: dict[str, str]
     config_crc: int | None = None
+
+    @property
+    def wanted_rate_hz(self) -> float:
+        """The earlier name of `required_rate_hz` [Hz]."""
+        return self.required_rate_hz
 
 
 UNITS = {
@@ -81,7 +86,7 @@ def descriptor_of(config: DriverConfig) -> Descriptor:
         workspace=config.workspace,
         surface=config.surface,
         full_scale=(1 << config.frame.bits_per_reading) - 1,
-        wanted_rate_hz=config.timing.wanted_hz,
+        required_rate_hz=config.timing.wanted_hz,
         possible_rate_hz=config.timing.possible_hz,
         expected_counts=None if expected is None else np.array(expected.untouched_counts),
         units=UNITS,

@@ -32,7 +32,7 @@ from fabrication.driver.recording.export import Recorded, write_netcdf
 from fabrication.driver.recording.press_labels import PressLabels
 from fabrication.driver.sensor import Sensor
 from fabrication.driver_file import DriverConfig
-from fabrication.stage.stage import Position, Press, PressList, Stage
+from fabrication.stage.stage import Position, PressList, Stage, StagePress
 
 FORMAT, VERSION = "optopad-collection", 1
 PLAN = "plan.json"
@@ -316,7 +316,7 @@ class Collector:
             self._parts.remove()
         return found
 
-    def _made(self, stage: Stage, press: Press) -> tuple[list[Frame], list[Position]]:
+    def _made(self, stage: Stage, press: StagePress) -> tuple[list[Frame], list[Position]]:
         for _ in range(TRIES):
             frames: list[Frame] = []
             at: list[Position] = []

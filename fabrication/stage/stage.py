@@ -36,7 +36,7 @@ ONE_SET = "collected"
 
 
 @dataclass(frozen=True, kw_only=True)
-class Press:
+class StagePress:
     """One press of a collection: a sequence of positions to which the tip moves.
 
     Attributes
@@ -56,7 +56,7 @@ class PressList:
     """Presses of a collection in the order in which they are made, and their sets."""
 
     sets: tuple[SetEntry, ...]
-    presses: tuple[Press, ...]
+    presses: tuple[StagePress, ...]
 
     @property
     def digest(self) -> str:
@@ -89,7 +89,7 @@ def press_list(rows: Iterable[tuple[SetEntry, int, Position]]) -> PressList:
     ]
     sets = tuple(dict.fromkeys(entry for entry, _, _ in grouped))
     presses = tuple(
-        Press(set_number=sets.index(entry), place_number=place, steps_mm=steps)
+        StagePress(set_number=sets.index(entry), place_number=place, steps_mm=steps)
         for entry, place, steps in grouped
     )
     if not presses:

@@ -13,7 +13,7 @@ from design.progress import OnStep
 from design.shape.cavity import workspace_of
 from design.shape.outline import Outline, rectangle
 from design.spec import SensorDesign
-from optopad.results.prediction import Accuracy, ModelAccuracy, accuracy_of
+from optopad.results.prediction import ModelAccuracy, PredictedAccuracy, accuracy_of
 from sims.learning.inference.header import require_design as require_model_of
 from sims.learning.inference.model_file import load_model
 from sims.learning.inference.touch_model import TouchModel
@@ -27,7 +27,7 @@ FEWEST_SAMPLES = 10
 
 def evaluate(
     file: Path, models: Sequence[Path], design: SensorDesign | None, *, on_step: OnStep
-) -> tuple[Accuracy, Outline]:
+) -> tuple[PredictedAccuracy, Outline]:
     """Evaluate trained models on a data set with known presses.
 
     Parameters
@@ -58,7 +58,7 @@ def evaluate(
         for accuracy in accuracies(model, tested, workspace, on_step=on_step, learner=name)
     )
     return (
-        Accuracy(
+        PredictedAccuracy(
             name=design.name if design is not None else file.stem,
             digest=data.design_digest,
             found=found,

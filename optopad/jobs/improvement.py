@@ -133,7 +133,7 @@ def improve(
         seed=seed,
         figures=("margin", "usable_depth_mm"),
     )
-    again = JudgedAgain(space, accuracy, seed=seed, tell=on_step or silent)
+    again = Confirmation(space, accuracy, seed=seed, tell=on_step or silent)
     before = again.before
     if before.verdict == "OUT_OF_MODEL_SCOPE":
         raise InputError(f"{design.name}: {before.reason}; improve needs a design that the models cover")
@@ -244,7 +244,7 @@ def _write_design(file: Path, text: str, base: SensorDesign, changes: Mapping[st
     load_design(file)
 
 
-class JudgedAgain:
+class Confirmation:
     """Full scores of designs from a search, with the light model of `optopad score`; each is computed once.
 
     Parameters

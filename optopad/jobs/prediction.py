@@ -31,7 +31,7 @@ from optopad.plot_files import write_plot
 from optopad.prediction_cost import QUICK_PROTOCOL, STEM
 from optopad.report.accuracy import accuracy_page
 from optopad.report.sections.drawings import Drawing
-from optopad.results.prediction import Accuracy, ModelAccuracy, accuracy_of
+from optopad.results.prediction import ModelAccuracy, PredictedAccuracy, accuracy_of
 from sims.learning.chain_bounds import bounds_by_depth
 from sims.learning.inference.model_file import save_model
 from sims.learning.inference.signal_map import KIND as SIGNAL_MAP
@@ -47,7 +47,7 @@ from sims.readings.protocol import ProtocolCurves, draw, protocol_curves
 from sims.readings.signal_chain import chain_of
 
 
-def write_accuracy(found: Accuracy, workspace: Outline, folder: Path, stem: str) -> tuple[Path, ...]:
+def write_accuracy(found: PredictedAccuracy, workspace: Outline, folder: Path, stem: str) -> tuple[Path, ...]:
     """Write ``<stem>.json``, ``<stem>.html`` and the pictures ``<stem>-*`` into a folder; returns the files.
 
     Parameters
@@ -65,7 +65,7 @@ def write_accuracy(found: Accuracy, workspace: Outline, folder: Path, stem: str)
     return tuple(folder / name for name in names)
 
 
-def _figures(found: Accuracy, workspace: Outline) -> dict[str, tuple[Figure, str]]:
+def _figures(found: PredictedAccuracy, workspace: Outline) -> dict[str, tuple[Figure, str]]:
     pooled = found.pooled()
     first = pooled[found.learners[0]]
     sets = {one.test_set: one.touch for one in found.found if one.learner == first.learner}
@@ -127,7 +127,7 @@ def predict(
     draws: int = 1,
     seed: int = 0,
     on_step: OnStep,
-) -> tuple[Accuracy, Path]:
+) -> tuple[PredictedAccuracy, Path]:
     """Simulate a press protocol, train and test models; write tables, page, pictures and models into the bundle.
 
     Parameters
@@ -160,7 +160,7 @@ def predict(
         for name, (_, tables) in of_draw.items():
             for one in tables:
                 judged.setdefault((name, one.test_set), []).append(one)
-    found = Accuracy(
+    found = PredictedAccuracy(
         name=design.name,
         digest=design.digest,
         found=tuple(_pooled(parts) for parts in judged.values()),

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 from optopad.report.sections.drawings import Drawing, figure_of
 from optopad.report.words import Html, bullets, element, section, still_page, table
-from optopad.results.prediction import Accuracy, ModelAccuracy, bound_text
+from optopad.results.prediction import ModelAccuracy, PredictedAccuracy, bound_text
 from sims.learning.tables import WITHIN_MM, ErrorRow, Spread
 
 TITLES = {
@@ -25,7 +25,7 @@ BOUND_WORDS = (
 HALF_MM = f"{WITHIN_MM:g} mm"
 
 
-def accuracy_page(found: Accuracy, drawings: Mapping[str, Drawing]) -> str:
+def accuracy_page(found: PredictedAccuracy, drawings: Mapping[str, Drawing]) -> str:
     """The page on accuracy as HTML text.
 
     Parameters
@@ -42,7 +42,7 @@ def accuracy_page(found: Accuracy, drawings: Mapping[str, Drawing]) -> str:
     return still_page("accuracy", found.name, found.digest or "", TITLES, _banner(found), sections)
 
 
-def _banner(found: Accuracy) -> Html:
+def _banner(found: PredictedAccuracy) -> Html:
     learner, best = min(found.pooled().items(), key=lambda item: _mean_location(item[1].errors))
     told = [row for row in best.errors if row.location is not None and row.depth is not None]
     words = "; ".join(
@@ -65,7 +65,7 @@ def _mean_location(rows: tuple[ErrorRow, ...]) -> float:
     return sum(known) / len(known) if known else float("inf")
 
 
-def _touch_section(found: Accuracy, drawings: Mapping[str, Drawing]) -> Html:
+def _touch_section(found: PredictedAccuracy, drawings: Mapping[str, Drawing]) -> Html:
     names = [one.title for one in found.found]
     rows = []
     for number, row in enumerate(found.found[0].touch):
@@ -98,7 +98,7 @@ def _share(one: ModelAccuracy, number: int) -> str:
     return f"{row.right:.2f}" + ("" if row.right_error is None else f" ± {row.right_error:.2f}")
 
 
-def _error_section(found: Accuracy, drawings: Mapping[str, Drawing]) -> Html:
+def _error_section(found: PredictedAccuracy, drawings: Mapping[str, Drawing]) -> Html:
     heads = (
         "depth [mm]", "location: median", "mean", "sd", "95 %", "depth: median", "mean", "sd", f"within {HALF_MM}",
         "found", "found, location: median", "found, depth: median",
@@ -156,6 +156,6 @@ def _four(one: Spread | None) -> tuple[str, str, str, str]:
     )
 
 
-def _pictures(kind: str, title: str, found: Accuracy, drawings: Mapping[str, Drawing]) -> Html:
+def _pictures(kind: str, title: str, found: PredictedAccuracy, drawings: Mapping[str, Drawing]) -> Html:
     shown = [figure_of(drawings[f"{kind}-{learner}"], learner) for learner in found.learners]
     return section(kind, title, *shown)

@@ -14,7 +14,7 @@ from design.spec import SensorDesign
 from optopad.report.words import Html, element, section, table
 from optopad.results.comparison import Comparison, shown_value
 from optopad.results.improvement import Figures, Improvement
-from optopad.screen.verdict_sentences import answer_of, changes_words
+from optopad.screen.verdict_sentences import changes_words, sentences_of
 from sims.plots.maps import plot_margin_map
 from sims.plots.signal import plot_signal
 from sims.plots.style import plain_style, svg_text
@@ -103,8 +103,8 @@ def before_and_after(made: Improvement) -> Html:
     ]
     rows = [
         ["changes", *changes],
-        ["verdict", *(answer_of(*both).verdict for both in zip(designs, scores, strict=True))],
-        ["confidence", *(answer_of(*both).sure for both in zip(designs, scores, strict=True))],
+        ["verdict", *(sentences_of(*both).verdict for both in zip(designs, scores, strict=True))],
+        ["confidence", *(sentences_of(*both).confidence for both in zip(designs, scores, strict=True))],
         ["usable depth [mm]", *(_number(score.usable_depth_mm) for score in scores)],
         ["deadband [mm]", *(_number(score.deadband_total_mm) for score in scores)],
         ["margin [sigma]", *(_number(score.margin) for score in scores)],

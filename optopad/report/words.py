@@ -30,8 +30,8 @@ from string import Template
 from typing import Any
 
 from design.spec import SensorDesign
-from optopad.screen.verdict_sentences import answer_of, counted, signed, spans
-from sims.bounds.observability import Figure, PadBounds
+from optopad.screen.verdict_sentences import counted, sentences_of, signed, spans
+from sims.bounds.observability import BoundFigure, PadBounds
 from sims.score.result import ContinuityScore, JudgedPair, Verdict
 from sims.verdict.builds import BuildStudy
 from sims.verdict.depth_curve import DEADBAND_MIN_LENGTH_MM, DEADBAND_THRESHOLD
@@ -450,7 +450,7 @@ def _gap_tile(score: ContinuityScore, of: str) -> Tile:
 
 def banner(design: SensorDesign, score: ContinuityScore) -> Html:
     """The verdict as a box: word, symbol, the sentences that the terminal shows, and the rule behind the verdict."""
-    said = answer_of(design, score)
+    said = sentences_of(design, score)
     word = element(
         "p",
         element("span", SYMBOLS[score.verdict], class_="symbol", aria_hidden="true"),
@@ -460,8 +460,8 @@ def banner(design: SensorDesign, score: ContinuityScore) -> Html:
     after = said.verdict.removeprefix(score.verdict).lstrip(":, ")
     lines = [element("p", _sentence(after), class_="meaning")]
     why = said.why if score.causes or not said.why else f"margin: {said.why}"
-    worth = f"resolution: {said.worth}" if said.worth else ""
-    lines += [element("p", _sentence(text)) for text in (why, said.fix, said.sure, worth) if text]
+    resolution = f"resolution: {said.resolution}" if said.resolution else ""
+    lines += [element("p", _sentence(text)) for text in (why, said.fix, said.confidence, resolution) if text]
     if score.verdict != "OUT_OF_MODEL_SCOPE":
         lines.append(element("p", RULE, class_="note"))
     rests = rests_on(score)
@@ -515,7 +515,7 @@ def bounds_words(score: ContinuityScore) -> list[Html]:
     parts = (
         [_depth_alone_words(bounds)] if score.is_facing_rows else [_pad_words(bounds), _volume_words(bounds)]
     )
-    if bounds.felt is not None:
+    if bounds.detection is not None:
         parts.append(_detection_words(bounds))
     return [element("p", " ".join(parts))]
 
@@ -553,7 +553,7 @@ def _volume_words(bounds: PadBounds) -> str:
 
 
 def _detection_words(bounds: PadBounds) -> str:
-    detection = bounds.felt
+    detection = bounds.detection
     assert detection is not None
     row, column = detection.worst
     at, force = (
@@ -612,7 +612,7 @@ def _both(place_mm: float, depth_mm: float) -> str:
     return f"{_number(place_mm)}, {_number(depth_mm)} mm"
 
 
-def _span(figure: Figure) -> str:
+def _span(figure: BoundFigure) -> str:
     if math.isinf(figure.value):
         return "not resolved"
     high = "open" if math.isinf(figure.high) else _number(figure.high)

@@ -12,7 +12,7 @@ from design.spec import SensorDesign
 from optopad.results.score import Score
 from optopad.results.shown import Result, block, number, table
 from optopad.screen.verdict import labelled, row
-from optopad.screen.verdict_sentences import answer_of, changes_words, verdict_words
+from optopad.screen.verdict_sentences import changes_words, sentences_of, verdict_words
 from sims.score.result import ContinuityScore
 
 Figures = dict[str, float | None]
@@ -151,7 +151,7 @@ class Improvement(Result):
         """Text of `optopad improve`: the original design, up to four alternatives with costs, and the next command."""
         judged = f"; {self.tried} designs judged, {self.judged_again} of them at score accuracy"
         lines = row("design", f"{self.design.name} ({self.design.digest[:8]}){judged}", WHOLE)
-        lines += row("before", answer_of(self.design, self.before.found).verdict, WHOLE)
+        lines += row("before", sentences_of(self.design, self.before.found).verdict, WHOLE)
         for place, one in enumerate(self.alternatives, 1):
             lines += row(str(place), f"{one.kind}: {changes_words(self.design, one.changes)}", WHOLE)
             lines += row("", self._resolution(one), WHOLE)
@@ -175,8 +175,8 @@ class Improvement(Result):
         return row("next", "widen a range with --vary FIELD=A:B, allow --more-parts, or raise --budget")
 
     def _resolution(self, one: Alternative) -> str:
-        said = answer_of(one.design, one.score)
-        parts = [verdict_words(one.score), said.sure.partition(":")[0]]
+        said = sentences_of(one.design, one.score)
+        parts = [verdict_words(one.score), said.confidence.partition(":")[0]]
         parts.append(
             f"margin {number(one.score.margin, 1)} sigma (was {number(self.before.found.margin, 1)})"
         )

@@ -63,7 +63,7 @@ class ModelAccuracy:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Accuracy:
+class PredictedAccuracy:
     """Accuracy of all models on all test sets.
 
     Attributes
@@ -202,7 +202,7 @@ def accuracy_of(
     )
 
 
-def accuracy_lines(found: Accuracy) -> list[str]:
+def accuracy_lines(found: PredictedAccuracy) -> list[str]:
     """The accuracy as text: findings first, then a table of each model over all test sets together."""
     lines = [f"finding   {text}" for text in found.findings()]
     for learner, one in found.pooled().items():
@@ -225,7 +225,7 @@ def _touch_lines(rows: Sequence[TouchRow], published: PublishedTouch | None) -> 
     return lines
 
 
-def _error_lines(rows: Sequence[ErrorRow], found: Accuracy) -> list[str]:
+def _error_lines(rows: Sequence[ErrorRow], found: PredictedAccuracy) -> list[str]:
     bound = "   bound" if found.bound_mm else ""
     lines = [f"  depth [mm]   location: median mean sd{bound}   depth: median mean sd{bound} [mm]   found"]
     for row in rows:
@@ -274,7 +274,7 @@ class Prediction:
     """
 
     design: SensorDesign
-    found: Accuracy
+    found: PredictedAccuracy
     folder: Path
 
     @property

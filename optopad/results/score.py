@@ -13,7 +13,7 @@ from design.shape.cavity import cavity_of
 from design.spec import SensorDesign
 from optopad.results.shown import WIDTH_IN, block, drawn, picture, table
 from optopad.screen.verdict import checks_line, verdict_screen
-from optopad.screen.verdict_sentences import answer_of, counted
+from optopad.screen.verdict_sentences import counted, sentences_of
 from sims.score.result import ContinuityScore, JudgedPair, KeyFigures
 
 if TYPE_CHECKING:
@@ -169,9 +169,9 @@ class Score(KeyFigures):
         return "\n".join(verdict_screen(self.design, self.found, ()))
 
     def _repr_html_(self) -> str:
-        said = answer_of(self.design, self.found)
+        said = sentences_of(self.design, self.found)
         head = f"{self.found.name} ({self.found.digest[:8]})"
-        rest = [text for text in (said.verdict, said.why, said.sure, said.worth) if text]
+        rest = [text for text in (said.verdict, said.why, said.confidence, said.resolution) if text]
         if self.verdict == "OUT_OF_MODEL_SCOPE":
             return block(head, rest)
         return block(head, rest, picture(self._sheet, f"score-{self.design.digest[:8]}"))

@@ -15,10 +15,10 @@ from design.circuit.pins import board_of, faster_boards, frame_rate_hz
 from design.spec import SensorDesign
 from optopad.prediction_cost import STEM, quick_prediction_s
 from optopad.screen.verdict_sentences import (
-    answer_of,
     at_mm,
     command_words,
     counted,
+    sentences_of,
     unit_of,
     unresolved,
     verdict_words,
@@ -30,7 +30,7 @@ from sims.verdict.depth_curve import NUMERICAL
 if TYPE_CHECKING:
     from design.fields.finding import Finding
     from sims.bounds.detection_threshold import DetectionThreshold
-    from sims.bounds.observability import Figure, PadBounds
+    from sims.bounds.observability import BoundFigure, PadBounds
     from sims.score.result import ContinuityScore, JudgedPair
     from sims.verdict.builds import BuildStudy
     from sims.verdict.tolerance import Effect, FieldSteps
@@ -66,17 +66,17 @@ def verdict_screen(
     is_built : whether the bundle already contains mold and report
     learner : sentence on a learner's predicted errors from `learner_line`, shown if there is room
     """
-    said = answer_of(design, score)
+    said = sentences_of(design, score)
     head = [
         *row("design", f"{score.name} ({score.digest[:8]})"),
         *row("verdict", said.verdict, 2 if score.causes or score.reason == "" else 4),
     ]
-    figures = [*row("confidence", said.sure, 2), *row("resolution", said.worth, 2)]
+    figures = [*row("confidence", said.confidence, 2), *row("resolution", said.resolution, 2)]
     onward = _next(score, command, said.fix, is_built=is_built) if command else ""
     foot = [*closing, *row("next", onward, 2)]
     left = LINES - len(head) - len(figures) - len(foot) - 1
     head += [*row("cause" if score.causes else "margin", said.why, max(left, 2)), *figures]
-    reached = row("learner", learner, 2) if said.worth and not score.is_facing_rows else []
+    reached = row("learner", learner, 2) if said.resolution and not score.is_facing_rows else []
     if len(head) + len(reached) + len(foot) < LINES:  # one line is left for warnings
         head += reached
     room = max(LINES - len(head) - len(foot), 1)
@@ -353,7 +353,7 @@ def bound_lines(bounds: PadBounds, *, is_facing: bool) -> list[str]:
     For facing rows, which are pressed at known locations, only the bound of the depth is reported.
     """
     lines = [_depth_alone_line(bounds)] if is_facing else [_median_line(bounds), _volume_line(bounds)]
-    lines += [] if bounds.felt is None else [_contact_line(bounds.felt)]
+    lines += [] if bounds.detection is None else [_contact_line(bounds.detection)]
     return lines if is_facing or bounds.worst_loss is None else [*lines, _loss_line(bounds)]
 
 
@@ -413,7 +413,7 @@ def _loss_line(bounds: PadBounds) -> str:
     )
 
 
-def _span(figure: Figure) -> str:
+def _span(figure: BoundFigure) -> str:
     if math.isinf(figure.value):
         return "not resolved"
     return f"{_mm(figure.value)} ({figure.low:.4f} to {'open' if math.isinf(figure.high) else f'{figure.high:.4f}'})"

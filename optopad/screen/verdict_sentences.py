@@ -79,7 +79,7 @@ NAMES = {
 
 
 @dataclass(frozen=True, kw_only=True)
-class Answer:
+class VerdictSentences:
     """A verdict in sentences; a sentence that does not apply is empty.
 
     Attributes
@@ -87,28 +87,30 @@ class Answer:
     verdict : the verdict, with the location and the depths that decide it
     why : the mechanism of the worst deadband; for a pad without a deadband, its margin
     fix : changes of the design that help according to a trial computation, and the verdict with them
-    sure : the confidence: whether an unmeasured parameter or the numerical error of the light model changes the
+    confidence : the confidence: whether an unmeasured parameter or the numerical error of the light model changes the
         verdict, and how accurately to measure which parameter
-    worth : the resolution: the Cramér-Rao bound for one frame, due to noise alone
+    resolution : the resolution: the Cramér-Rao bound for one frame, due to noise alone
     """
 
     verdict: str
     why: str
     fix: str
-    sure: str
-    worth: str
+    confidence: str
+    resolution: str
 
 
-def answer_of(design: SensorDesign, score: ContinuityScore) -> Answer:
+def sentences_of(design: SensorDesign, score: ContinuityScore) -> VerdictSentences:
     """The sentences that report a design's score: verdict, cause, fix, confidence and resolution."""
     if score.verdict == "OUT_OF_MODEL_SCOPE":
-        return Answer(verdict=f"OUT_OF_MODEL_SCOPE: {score.reason}", why="", fix="", sure="", worth="")
-    return Answer(
+        return VerdictSentences(
+            verdict=f"OUT_OF_MODEL_SCOPE: {score.reason}", why="", fix="", confidence="", resolution=""
+        )
+    return VerdictSentences(
         verdict=_verdict(design, score),
         why=_why(score),
         fix=fix_words(score.trial),
-        sure=_sure(design, score),
-        worth=_worth(score),
+        confidence=_confidence(design, score),
+        resolution=_resolution(score),
     )
 
 
@@ -215,7 +217,7 @@ def cause_sentence(cause: Cause) -> str:
             return f"too little change: the signal of {under} changes by {change:.1f} sigma there at most"
 
 
-def _sure(design: SensorDesign, score: ContinuityScore) -> str:
+def _confidence(design: SensorDesign, score: ContinuityScore) -> str:
     if score.is_open:
         does = "cause the deadband" if score.verdict == "DEADBAND" else "hide a deadband"
         return f"undecided: the numerical error of the light model may {does} {_doubtful(score)}; use --fine"
@@ -300,12 +302,12 @@ def _plain(value: Any) -> str:
     return f"{value:g}" if isinstance(value, int | float) else str(value)
 
 
-def _worth(score: ContinuityScore) -> str:
+def _resolution(score: ContinuityScore) -> str:
     if score.bounds is None:
         return ""
     contact = ""
-    if score.bounds.felt is not None:
-        force = float(score.bounds.felt.force_n[score.bounds.felt.worst])
+    if score.bounds.detection is not None:
+        force = float(score.bounds.detection.force_n[score.bounds.detection.worst])
         contact = (
             "; at some locations no contact is detected"
             if math.isinf(force)

@@ -17,7 +17,7 @@ import numpy as np
 
 from design.arrays import FloatArray
 from design.shape.cavity import CavityGeometry, PlacedPart, outline_mm
-from optopad.studio.session import Press
+from optopad.studio.session import LivePress
 from sims.score.objective import PlaceCurves
 from sims.score.result import ContinuityScore, JudgedPair
 from sims.verdict.depth_curve import DEADBAND_THRESHOLD
@@ -175,9 +175,9 @@ def quantity(name: str, score: ContinuityScore) -> Quantity | None:
     if bounds is None:
         return None
     if name == "detection threshold":
-        if bounds.felt is None:
+        if bounds.detection is None:
             return None
-        detection = bounds.felt
+        detection = bounds.detection
         return Quantity(
             title="detection threshold",
             unit="N",
@@ -232,7 +232,7 @@ def _middle(values: FloatArray) -> float:
     return float(np.median(finite)) if finite.size else 1.0
 
 
-def map_svg(cavity: CavityGeometry, shown: Quantity | None, press: Press, bad: Sequence[str] = ()) -> str:
+def map_svg(cavity: CavityGeometry, shown: Quantity | None, press: LivePress, bad: Sequence[str] = ()) -> str:
     """The pad from above: a quantity at each location of the workspace, components with names, and the tip.
 
     Parameters
@@ -332,7 +332,7 @@ def _part(part: PlacedPart, x: Place, y: Place, *, is_bad: bool) -> str:
     )
 
 
-def nearest_place(pad: PadMap, press: Press) -> int:
+def nearest_place(pad: PadMap, press: LivePress) -> int:
     """Index of the map's location that is nearest to a press."""
     away = [(place.x_mm - press.x_mm) ** 2 + (place.y_mm - press.y_mm) ** 2 for place in pad.places]
     return int(np.argmin(away))

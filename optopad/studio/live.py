@@ -249,7 +249,7 @@ class LiveSensor:
         self._port = port
         self._board = BoardProcess(design, bundles, seed, self._say) if port == FAKE else None
         self._expected = self._said.expected_counts
-        self._silence_s = max(SILENCE_S, 3.0 / self._said.wanted_rate_hz)
+        self._silence_s = max(SILENCE_S, 3.0 / self._said.required_rate_hz)
         self._view: LiveView | None = None
         self._over, self._rebase = threading.Event(), threading.Event()
         self._thread = threading.Thread(target=self._run, name="optopad live", daemon=True)

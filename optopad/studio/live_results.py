@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from design.arrays import FloatArray, IntArray
-from optopad.studio.session import Press
+from optopad.studio.session import LivePress
 from sims.score.objective import PlaceCurves
 from sims.score.result import ContinuityScore
 
@@ -26,7 +26,7 @@ class Look:
     """
 
     digest: str
-    press: Press
+    press: LivePress
     points_mm: FloatArray
     triangles: IntArray
     force_n: float
@@ -55,7 +55,7 @@ class Rays:
     """Sample paths of light under a press."""
 
     digest: str
-    press: Press
+    press: LivePress
     rays: tuple[Ray, ...]
 
 
@@ -69,13 +69,13 @@ class Readings:
     """
 
     digest: str
-    press: Press
+    press: LivePress
     untouched: FloatArray
     pressed: FloatArray
 
 
 @dataclass(frozen=True, kw_only=True)
-class Judged:
+class LiveVerdict:
     """A verdict on a design.
 
     Attributes
@@ -106,4 +106,4 @@ class Failed:
     text: str
 
 
-Answer = Look | Curves | Rays | Readings | Judged | Progress | Failed
+Result = Look | Curves | Rays | Readings | LiveVerdict | Progress | Failed

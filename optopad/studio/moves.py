@@ -136,7 +136,7 @@ def _singles_of(places: Iterable[Placement]) -> list[dict[str, Any]]:
 
 
 def _turned(design: SensorDesign, part: PlacedPart, angle_deg: float, *, with_row: bool) -> dict[str, Any]:
-    """Changes that move a component of a round wall, or its whole pattern, to another direction."""
+    """Changes that move a component, or its whole pattern, to another angle around a round wall."""
     if not math.isfinite(angle_deg):
         raise InputError(f"{part.name}: angle_deg: {angle_deg} is refused: must be a finite number")
     turn = _around(angle_deg - (part.angle_deg or 0.0))

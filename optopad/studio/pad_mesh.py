@@ -1,7 +1,7 @@
 """Meshes of the untouched pad for display: outline in plan, walls, layers and top; lengths in mm.
 
-The outline is a polygon that contains the plan's corners. Under a crown, straight walls are divided into short sides,
-so that their upper edges follow the crown.
+The outline is a polygon whose vertices include the plan's corners. Under a crown, straight walls are divided into
+short sides, so that their upper edges follow the crown.
 
 The module also cuts meshes open along a plane, to show the inside.
 """
@@ -53,7 +53,9 @@ def _turned(triangles: IntArray, marked: BoolArray) -> IntArray:
 
 
 def _crossing(points: FloatArray, height: FloatArray, start: IntArray, end: IntArray) -> FloatArray:
-    """Points where edges cross the plane; `height` is each point's distance from it, `start` and `end` are indices."""
+    """Points where edges of a mesh cross a plane.
+
+    `height` is the signed distance of each vertex from the plane; `start` and `end` are the vertices of each edge."""
     share = (height[start] / (height[start] - height[end]))[:, None]
     return np.asarray(points[start] + share * (points[end] - points[start]), dtype=np.float64)
 

@@ -8,10 +8,10 @@ from html import escape
 
 from design.shape.cavity import PlacedPart
 from optopad.screen.stages import STAGE_TITLES
-from optopad.screen.verdict_sentences import answer_of, verdict_words
+from optopad.screen.verdict_sentences import sentences_of, verdict_words
 from optopad.sensor.touch_view import touch_line
 from optopad.studio.live import LiveView
-from optopad.studio.live_results import Judged, Progress
+from optopad.studio.live_results import LiveVerdict, Progress
 from optopad.studio.session import Said, Version
 
 RED, GREEN, AMBER, GREY = "#d1242f", "#1a7f37", "#9a6700", "#6e7781"
@@ -22,7 +22,7 @@ LEVELS = {
 }
 
 
-def verdict_html(now: Version, judged: Judged | None, failed: str, progress: Progress | None) -> str:
+def verdict_html(now: Version, judged: LiveVerdict | None, failed: str, progress: Progress | None) -> str:
     """The verdict on the present design, or the reason why there is none, and the progress of running work."""
     parts = [errors_html(now)] if now.errors else []
     if not now.errors:
@@ -39,10 +39,10 @@ def verdict_html(now: Version, judged: Judged | None, failed: str, progress: Pro
     return _wrapped("".join(parts))
 
 
-def _judged(now: Version, judged: Judged) -> str:
+def _judged(now: Version, judged: LiveVerdict) -> str:
     colour, badge, tells = LEVELS[judged.level]
     is_old = judged.digest != now.design.digest
-    said = answer_of(now.design, judged.score) if not is_old else None
+    said = sentences_of(now.design, judged.score) if not is_old else None
     if said is None:
         words = [f"of the design before: {verdict_words(judged.score)}"]
         return _block(GREY, "updating", words)
@@ -50,8 +50,8 @@ def _judged(now: Version, judged: Judged) -> str:
     words = [_label("cause" if judged.score.causes else "margin", said.why)]
     words.append(_label("fix", said.fix))
     if judged.level != "draft":
-        words.append(_label("confidence", said.sure))
-    words.append(_label("resolution", said.worth))
+        words.append(_label("confidence", said.confidence))
+    words.append(_label("resolution", said.resolution))
     good = GREEN if judged.score.verdict == "CONTIGUOUS" else RED
     body = "".join(f'<div style="margin-top:3px">{text}</div>' for text in words if text)
     mark = (
@@ -95,7 +95,7 @@ def curves_title(
     )
 
 
-def pins_html(pinned: Sequence[Version], now: Version, found: Mapping[str, Judged]) -> str:
+def pins_html(pinned: Sequence[Version], now: Version, found: Mapping[str, LiveVerdict]) -> str:
     """Table of pinned designs in comparison with the present design."""
     if not pinned:
         return ""

@@ -53,7 +53,7 @@ class Version:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Press:
+class LivePress:
     """Location (x, y) of the tip in the coordinate system of the cavity, and depth of the press [mm]."""
 
     x_mm: float
@@ -97,7 +97,7 @@ class Session:
         self.pinned: tuple[Version, ...] = ()
         self.said = Said(text="")
         size, deepest = file.saved.cavity, file.saved.operating.max_depth_mm
-        middle = Press(x_mm=size.length_mm / 2, y_mm=size.width_mm / 2, depth_mm=round(0.4 * deepest, 2))
+        middle = LivePress(x_mm=size.length_mm / 2, y_mm=size.width_mm / 2, depth_mm=round(0.4 * deepest, 2))
         self.press = self._within(middle)
         if start is not None and start.digest != file.saved.digest:
             self._push(_version(start, "as on the command line"), "")
@@ -196,7 +196,7 @@ class Session:
         with self._lock:
             now = self.press
             self.press = self._within(
-                Press(
+                LivePress(
                     x_mm=_hundredth(x_mm, now.x_mm),
                     y_mm=_hundredth(y_mm, now.y_mm),
                     depth_mm=_hundredth(depth_mm, now.depth_mm),
@@ -303,14 +303,14 @@ class Session:
         self._merge = ("", 0.0)
         self.press = self._within(self.press)
 
-    def _within(self, wanted: Press) -> Press:
+    def _within(self, wanted: LivePress) -> LivePress:
         """The nearest press in the workspace; if the pad has no workspace, the nearest press in the pad."""
         size, space = self.design.cavity, workspace_of(self.design)
         if space.is_empty:
             space = space.in_box((0.0, 0.0, size.length_mm, size.width_mm))
         x_mm, y_mm = space.clamped(*wanted.place_mm)
         deepest = self.design.operating.max_depth_mm
-        return Press(x_mm=x_mm, y_mm=y_mm, depth_mm=min(max(wanted.depth_mm, 0.0), deepest))
+        return LivePress(x_mm=x_mm, y_mm=y_mm, depth_mm=min(max(wanted.depth_mm, 0.0), deepest))
 
     def _say(self, text: str, *, is_bad: bool = False) -> None:
         self.said = Said(text=text, is_bad=is_bad)

@@ -23,10 +23,20 @@ from design.arrays import FloatArray
 from design.errors import DesignError, OptopadError
 from design.shape.cavity import cavity_of, pair_name
 from design.spec import SensorDesign
-from optopad.studio.live_results import Answer, Curves, Failed, Judged, Look, Progress, Ray, Rays, Readings
-from optopad.studio.session import Press
+from optopad.studio.live_results import (
+    Curves,
+    Failed,
+    LiveVerdict,
+    Look,
+    Progress,
+    Ray,
+    Rays,
+    Readings,
+    Result,
+)
+from optopad.studio.session import LivePress
 
-Post = Callable[[Answer], None]
+Post = Callable[[Result], None]
 TOLD_EVERY_S = 0.15
 OF_A_PRESS = ("curves", "look", "rays", "readings", "fine curves")
 """Names of the pieces of work that a new press makes outdated."""
@@ -47,7 +57,7 @@ class Request:
     """
 
     design: SensorDesign
-    press: Press
+    press: LivePress
     with_rays: bool = False
     with_readings: bool = False
     is_thorough: bool = True
@@ -76,7 +86,7 @@ class Workshop:
         self._key: tuple[object, ...] = ()
         self._digest = ""
         self._is_nested = False
-        self._draft: Judged | None = None
+        self._draft: LiveVerdict | None = None
         self._untouched: tuple[str, FloatArray] | None = None
         self._told_at = 0.0
         self._jobs = 0
@@ -141,7 +151,7 @@ class Workshop:
         return True
 
     def _do(
-        self, name: str, key: tuple[object, ...], do: Callable[[Request], Answer | None], request: Request
+        self, name: str, key: tuple[object, ...], do: Callable[[Request], Result | None], request: Request
     ) -> None:
         former = (self._under_way, self._key)
         self._under_way, self._key = name, key
@@ -178,7 +188,7 @@ class Workshop:
 
     def _next(
         self, request: Request | None
-    ) -> tuple[str, tuple[object, ...], Callable[[Request], Answer | None]] | None:
+    ) -> tuple[str, tuple[object, ...], Callable[[Request], Result | None]] | None:
         if request is None:
             return None
         done = self._done if request.design.digest == self._digest else set()
@@ -186,10 +196,10 @@ class Workshop:
 
     def _pieces(
         self, request: Request
-    ) -> list[tuple[str, tuple[object, ...], Callable[[Request], Answer | None]]]:
+    ) -> list[tuple[str, tuple[object, ...], Callable[[Request], Result | None]]]:
         """Pieces of work for a request, in order, as (name, key, function); a result with an old key is outdated."""
         press = request.press
-        pieces: list[tuple[str, tuple[object, ...], Callable[[Request], Answer | None]]] = [
+        pieces: list[tuple[str, tuple[object, ...], Callable[[Request], Result | None]]] = [
             ("curves", ("curves", press.place_mm), self._curves),
             ("look", ("look", press), self._look),
         ]
@@ -332,14 +342,14 @@ class Workshop:
         share = np.where(flux[0] > 0, flux[1] / np.where(flux[0] > 0, flux[0], 1.0), 1.0)
         return Readings(digest=design.digest, press=press, untouched=untouched, pressed=untouched * share)
 
-    def _draft_map(self, request: Request) -> Judged:
+    def _draft_map(self, request: Request) -> LiveVerdict:
         from sims.score.objective import draft_score
 
         found = draft_score(request.design, seed=self._seed, on_step=self._step)
-        self._draft = Judged(digest=request.design.digest, level="draft", score=found)
+        self._draft = LiveVerdict(digest=request.design.digest, level="draft", score=found)
         return self._draft
 
-    def _draft_bounds(self, request: Request) -> Judged | None:
+    def _draft_bounds(self, request: Request) -> LiveVerdict | None:
         from sims.score.objective import with_draft_bounds
 
         if self._draft is None or self._draft.score.pad_map is None:
@@ -348,7 +358,7 @@ class Workshop:
             self._draft, score=with_draft_bounds(request.design, self._draft.score, on_step=self._step)
         )
 
-    def _score(self, request: Request) -> Judged:
+    def _score(self, request: Request) -> LiveVerdict:
         """The score as by `optopad score`, posted first without and then with tolerance."""
         from sims.score.build_tolerance import with_tolerance
         from sims.score.field_steps import with_field_steps
@@ -358,9 +368,9 @@ class Workshop:
         design = request.design
         found = score(design, tolerance=False, seed=self._seed, on_step=self._step)
         if found.verdict == "OUT_OF_MODEL_SCOPE":
-            return Judged(digest=design.digest, level="whole", score=found)
-        self._post(Judged(digest=design.digest, level="score", score=found))
+            return LiveVerdict(digest=design.digest, level="whole", score=found)
+        self._post(LiveVerdict(digest=design.digest, level="score", score=found))
         found = with_tolerance(design, found, seed=self._seed, on_step=self._step)
         found = with_field_steps(design, found, seed=self._seed, on_step=self._step)
         found = with_trial(design, found, seed=self._seed, on_step=self._step)
-        return Judged(digest=design.digest, level="whole", score=found)
+        return LiveVerdict(digest=design.digest, level="whole", score=found)

@@ -19,7 +19,7 @@ resolved* at the accuracy of this trace.
 
 The error of a bound follows from d(F⁻¹) = -F⁻¹ dF F⁻¹. With v = F⁻¹eᵢ, the variance (F⁻¹)ᵢᵢ changes by -vᵀdF v. This is
 a sum over pairs of w (Jv)((a + b)v) + w (av)(bv). The variance of each term is w² (2 (Jv)² s² + s⁴), where s² = var(av)
-is estimated by half of ((a - b)v)². A direction whose information is within `TOLD_FROM_ZERO` standard errors of zero
+is estimated by half of ((a - b)v)². A direction whose information is within `ZERO_SIGMAS` standard errors of zero
 counts as not resolved, so bounds tend to be too large rather than too small.
 
 Not modelled: information in the variance of the readings (σ depends on c; at a relative noise of 0.003 it adds 2e-5 of
@@ -98,7 +98,7 @@ SPIKE: Final = 5.0
 """Trace error above which a pair is left out of a voxel's bounds [noise units]. [M]: at the draft setting this leaves
 out 2 pairs of 960, one of which would have made its voxel unresolved."""
 
-TOLD_FROM_ZERO: Final = 2.0
+ZERO_SIGMAS: Final = 2.0
 """Number of the light trace's standard errors within which Fisher information counts as zero [-]."""
 
 BAND: Final = 2.0
@@ -324,23 +324,23 @@ def information_error(answers: Sensitivity, direction: FloatArray) -> FloatArray
     return np.asarray(np.sqrt(spread.sum(axis=-1)))
 
 
-def bounds_of(answers: Sensitivity, told_from_zero: float = TOLD_FROM_ZERO) -> Bounds:
+def bounds_of(answers: Sensitivity, zero_sigmas: float = ZERO_SIGMAS) -> Bounds:
     """Cramér-Rao bounds of location and depth.
 
     Parameters
     ----------
     answers : derivatives of the readings of all pairs, from independent halves
-    told_from_zero : number of the trace's standard errors by which information must exceed zero in every direction
+    zero_sigmas : number of the trace's standard errors by which information must exceed zero in every direction
         [-]; otherwise the press counts as not resolved
     """
     fisher = information(answers)
-    is_seen = _is_seen(answers, fisher, told_from_zero)
+    is_seen = _is_seen(answers, fisher, zero_sigmas)
     inverse = np.linalg.inv(np.where(is_seen[..., None, None], fisher, np.eye(3)))
     variance = np.diagonal(inverse, axis1=-2, axis2=-1)
     slips = [information_error(answers, inverse[..., axis]) for axis in range(3)]
     location, location_error = _rooted(variance[..., 0] + variance[..., 1], np.hypot(*slips[:2]), is_seen)
     depth, depth_error = _rooted(variance[..., 2], slips[2], is_seen)
-    alone, alone_error = _depth_alone(answers, fisher[..., 2, 2], told_from_zero)
+    alone, alone_error = _depth_alone(answers, fisher[..., 2, 2], zero_sigmas)
     return Bounds(
         location_mm=location,
         location_error_mm=location_error,
@@ -351,12 +351,11 @@ def bounds_of(answers: Sensitivity, told_from_zero: float = TOLD_FROM_ZERO) -> B
     )
 
 
-def _is_seen(answers: Sensitivity, fisher: FloatArray, told_from_zero: float) -> BoolArray:
+def _is_seen(answers: Sensitivity, fisher: FloatArray, zero_sigmas: float) -> BoolArray:
     """(...) whether a press is resolved: in every direction of (x, y, depth), information exceeds the trace's error."""
     least, vectors = np.linalg.eigh(fisher)
     clear = [
-        least[..., axis] > told_from_zero * information_error(answers, vectors[..., axis])
-        for axis in range(3)
+        least[..., axis] > zero_sigmas * information_error(answers, vectors[..., axis]) for axis in range(3)
     ]
     return np.asarray(np.all(clear, axis=0) & (least[..., 0] > 1e-12 * np.abs(least[..., 2])))
 
@@ -368,10 +367,10 @@ def _rooted(variance: FloatArray, error: FloatArray, is_seen: BoolArray) -> tupl
 
 
 def _depth_alone(
-    answers: Sensitivity, depth_information: FloatArray, told_from_zero: float
+    answers: Sensitivity, depth_information: FloatArray, zero_sigmas: float
 ) -> tuple[FloatArray, FloatArray]:
     error = information_error(answers, np.broadcast_to([0.0, 0.0, 1.0], (*depth_information.shape, 3)))
-    is_seen = (depth_information > told_from_zero * error) & (depth_information > 0.0)
+    is_seen = (depth_information > zero_sigmas * error) & (depth_information > 0.0)
     known = np.where(is_seen, depth_information, 1.0)
     return _rooted(1.0 / known, error / known**2, is_seen)
 

@@ -47,7 +47,7 @@ ROUND_OFF_DIGITS = 12
 
 
 @dataclass(frozen=True, kw_only=True)
-class Figure:
+class BoundFigure:
     """A summary of the bounds, with the low and high end of its error band; infinite where not resolved."""
 
     value: float
@@ -59,12 +59,12 @@ class Figure:
         same = round(100 * self.low) == round(100 * self.high)
         return f"{self.value:.0%}" if same else f"{self.value:.0%} ({self.low:.0%} to {self.high:.0%})"
 
-    def complement(self) -> Figure:
+    def complement(self) -> BoundFigure:
         """One minus this share, with the ends of the band swapped and round-off removed."""
         value, low, high = (
             max(0.0, round(1.0 - share, ROUND_OFF_DIGITS)) for share in (self.value, self.high, self.low)
         )
-        return Figure(value=value, low=low, high=high)
+        return BoundFigure(value=value, low=low, high=high)
 
 
 def depth_weights(depth_mm: Sequence[float] | FloatArray, max_depth_mm: float) -> FloatArray:
@@ -80,17 +80,17 @@ def depth_weights(depth_mm: Sequence[float] | FloatArray, max_depth_mm: float) -
     return np.asarray(np.diff(edges) / max_depth_mm)
 
 
-def median_of(values: FloatArray, errors: FloatArray, weight: FloatArray) -> Figure:
+def median_of(values: FloatArray, errors: FloatArray, weight: FloatArray) -> BoundFigure:
     """Weighted median of bounds; its low and high ends are the medians of all bounds shifted by `BAND` errors."""
     low, high = _ends(values, errors)
-    return Figure(
+    return BoundFigure(
         value=_median(values, weight),
         low=_median(low, weight),
         high=_median(high, weight),
     )
 
 
-def share_of(bounds: Bounds, location_mm: float, depth_mm: float, weight: FloatArray) -> Figure:
+def share_of(bounds: Bounds, location_mm: float, depth_mm: float, weight: FloatArray) -> BoundFigure:
     """Share of the volume that is resolved, with location and depth bounds below the given limits [-]."""
     location_low, location_high = _ends(bounds.location_mm, bounds.location_error_mm)
     depth_low, depth_high = _ends(bounds.depth_mm, bounds.depth_error_mm)
@@ -99,7 +99,7 @@ def share_of(bounds: Bounds, location_mm: float, depth_mm: float, weight: FloatA
         is_inside = np.isfinite(location) & (location < location_mm) & (depth < depth_mm)
         return float(weight[is_inside].sum())
 
-    return Figure(
+    return BoundFigure(
         value=share(bounds.location_mm, bounds.depth_mm),
         low=share(location_high, depth_high),
         high=share(location_low, depth_low),
@@ -133,9 +133,9 @@ class PartLoss:
     """
 
     part: str
-    coverage: Figure
-    median_location_mm: Figure
-    median_depth_mm: Figure
+    coverage: BoundFigure
+    median_location_mm: BoundFigure
+    median_depth_mm: BoundFigure
     blind_share: float
 
 
@@ -226,7 +226,7 @@ class PadBounds:
     location_error_mm, depth_error_mm, depth_alone_error_mm : (ny, nx, nd) standard errors of these, due to the light
         trace [mm]
     losses : summaries without each emitter and receiver in turn, emitters first; empty if not computed
-    felt : detection threshold at each location; None if not computed
+    detection : detection threshold at each location; None if not computed
     limits : limits of covered and of dead voxels
     pairs : names of the pairs that are used, such as E1-R3
     steps : offsets of the presses for the derivatives [mm]
@@ -246,7 +246,7 @@ class PadBounds:
     depth_alone_mm: FloatArray
     depth_alone_error_mm: FloatArray
     losses: tuple[PartLoss, ...]
-    felt: DetectionThreshold | None
+    detection: DetectionThreshold | None
     limits: Limits
     pairs: tuple[str, ...]
     steps: Steps
@@ -284,34 +284,34 @@ class PadBounds:
         )
 
     @property
-    def median_location_mm(self) -> Figure:
+    def median_location_mm(self) -> BoundFigure:
         """Median location bound over the volume [mm]; infinite if half of it is not resolved."""
         return median_of(self.location_mm, self.location_error_mm, self.weight)
 
     @property
-    def median_depth_mm(self) -> Figure:
+    def median_depth_mm(self) -> BoundFigure:
         """Median depth bound over the volume if the location is unknown [mm]; infinite if half is not resolved."""
         return median_of(self.depth_bound_mm, self.depth_error_mm, self.weight)
 
     @property
-    def median_depth_alone_mm(self) -> Figure:
+    def median_depth_alone_mm(self) -> BoundFigure:
         """Median depth bound over the volume if the location is known [mm]; infinite if half is not resolved."""
         return median_of(self.depth_alone_mm, self.depth_alone_error_mm, self.weight)
 
     @property
-    def coverage(self) -> Figure:
+    def coverage(self) -> BoundFigure:
         """Share of the volume with location and depth bounds below the limits of a covered voxel [-]."""
         limits = self.limits
         return share_of(self.bounds, limits.covered_location_mm, limits.covered_depth_mm, self.weight)
 
     @property
-    def dead_share(self) -> Figure:
+    def dead_share(self) -> BoundFigure:
         """Share of the volume that is dead [-]: not resolved, or with a location or depth bound above its limit."""
         limits = self.limits
         return share_of(self.bounds, limits.dead_location_mm, limits.dead_depth_mm, self.weight).complement()
 
     @property
-    def dead_depth_share(self) -> Figure:
+    def dead_depth_share(self) -> BoundFigure:
         """Share of the volume that is not resolved or whose depth bound (location unknown) is above its limit [-]."""
         return share_of(self.bounds, np.inf, self.limits.dead_depth_mm, self.weight).complement()
 
@@ -372,7 +372,7 @@ def pad_bounds(
     accuracies: Sequence[str | Accuracy] = BOUND_ACCURACIES,
     seed: int = 0,
     readout: Readout | None = None,
-    felt: DetectionThreshold | None = None,
+    detection: DetectionThreshold | None = None,
     limits: Limits | None = None,
     steps: Steps | None = None,
     with_losses: bool = True,
@@ -389,7 +389,7 @@ def pad_bounds(
         uncertain with one are traced again with the next
     seed : random seed of the first half of the presses
     readout : common gain; if omitted, it is set on the untouched pad, which takes one more trace
-    felt : detection threshold, only copied into the result
+    detection : detection threshold, only copied into the result
     limits, steps : limits of covered and dead voxels, and offsets of the presses
     with_losses : whether to compute the summaries without each emitter and receiver in turn
     on_step : called with the share of the work done, 0 to 1
@@ -434,7 +434,7 @@ def pad_bounds(
         depth_alone_mm=on_grid(found.depth_alone_mm, inside),
         depth_alone_error_mm=on_grid(found.depth_alone_error_mm, inside),
         losses=losses,
-        felt=felt,
+        detection=detection,
         limits=limits,
         pairs=pair_names(cavity),
         steps=steps,
@@ -489,13 +489,13 @@ def bounds_json(bounds: PadBounds) -> dict[str, Any]:
         "depth_place_known_error_mm": _layers(bounds.depth_alone_error_mm),
         "losses": [_loss_json(loss) for loss in bounds.losses],
         "worst_loss": None if worst is None else worst.part,
-        "felt": None if bounds.felt is None else _felt_json(bounds.felt),
+        "felt": None if bounds.detection is None else _detection_json(bounds.detection),
         "accuracies": list(bounds.accuracies),
         "steps_mm": vars(bounds.steps),
     }
 
 
-def figure_json(figure: Figure) -> dict[str, float | None]:
+def figure_json(figure: BoundFigure) -> dict[str, float | None]:
     """Value, low and high end of a summary for JSON; infinity becomes None."""
     return {"value": _number(figure.value), "low": _number(figure.low), "high": _number(figure.high)}
 
@@ -522,12 +522,12 @@ def _loss_json(loss: PartLoss) -> dict[str, Any]:
     }
 
 
-def _felt_json(felt: DetectionThreshold) -> dict[str, Any]:
-    row, column = felt.worst
+def _detection_json(detection: DetectionThreshold) -> dict[str, Any]:
+    row, column = detection.worst
     maps = ("depth_mm", "force_n", "force_error_low_n", "force_error_high_n", "low_n", "high_n")
     return {
-        "threshold_noise_units": felt.threshold,
-        "worst_place_mm": [felt.x_mm[column], felt.y_mm[row]],
-        "worst_force_n": _number(float(felt.force_n[row, column])),
-        "median_force_n": _number(float(np.nanmedian(felt.force_n))),
-    } | {name: [[_number(value) for value in values] for values in getattr(felt, name)] for name in maps}
+        "threshold_noise_units": detection.threshold,
+        "worst_place_mm": [detection.x_mm[column], detection.y_mm[row]],
+        "worst_force_n": _number(float(detection.force_n[row, column])),
+        "median_force_n": _number(float(np.nanmedian(detection.force_n))),
+    } | {name: [[_number(value) for value in values] for values in getattr(detection, name)] for name in maps}

@@ -344,7 +344,7 @@ class RoundLayer:
         self._solve = splu(matrix[self._free][:, self._free]).solve
 
     def field(self, pressure: Weight) -> LayerField:
-        """Displacement field under a downward pressure on the top, given over the shear modulus."""
+        """Displacement field under a downward pressure on the top, divided by the shear modulus as `pressure`."""
         count = len(self._r.nodes), len(self._z.nodes)
         nodes = count[0] * count[1]
         load = np.zeros(self._size)

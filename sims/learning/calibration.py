@@ -79,7 +79,7 @@ from scipy.linalg import block_diag
 from design.arrays import FloatArray
 from design.progress import OnStep
 from design.spec import SensorDesign
-from sims.bounds.fisher import SEED_GAP, TOLD_FROM_ZERO
+from sims.bounds.fisher import SEED_GAP, ZERO_SIGMAS
 from sims.learning.calibration_problem import (
     HALVES,
     LIGHTS,
@@ -268,12 +268,12 @@ def fitted(
     halves = [problem.slopes(state.values, half) for half in range(HALVES)]
     state.slopes = 0.5 * (halves[0] + halves[1])
     state.look_around()
-    state.polish(state.told(halves))
+    state.polish(state.fisher(halves))
     gains = state.gain_covariance()
     problem.on_step("calibration", 1.0)
     return Fitted(
         values=state.values,
-        covariance=state.told(halves).covariance,
+        covariance=state.fisher(halves).covariance,
         gains=np.exp(problem.parts @ state.log_gains),
         gain_spread=np.sqrt(np.einsum("ki,ij,kj->k", problem.parts, gains, problem.parts)),
         offset_mm=state.offset_mm.reshape(-1, 3),
@@ -283,7 +283,7 @@ def fitted(
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Told:
+class FisherInformation:
     """Fisher information that the data hold on the parameters, along independent directions.
 
     Parameters are in prior standard deviations.
@@ -302,7 +302,7 @@ class Told:
     @property
     def share(self) -> FloatArray:
         """Significant share (direction,) of the information, 0 to 1: the part that exceeds two standard errors [-]."""
-        shown = np.maximum(self.information - TOLD_FROM_ZERO * self.error, 0.0)
+        shown = np.maximum(self.information - ZERO_SIGMAS * self.error, 0.0)
         return np.asarray(shown / np.where(shown > 0.0, self.information, 1.0))
 
     @property
@@ -458,16 +458,16 @@ class _State:
             held[:names] |= at_end
         return step
 
-    def polish(self, told: Told) -> None:
+    def polish(self, fisher: FisherInformation) -> None:
         """Take the last steps, with fixed slopes, the mean light of several seeds, and significant information only."""
         problem = self.problem
         for _ in range(POLISH):
             self._settle()
-            matrix = told.combined(told.share * (told.information + told.error) + 1.0)
+            matrix = fisher.combined(fisher.share * (fisher.information + fisher.error) + 1.0)
             level = np.exp(problem.parts @ self.log_gains) * problem.weight
             own = problem.whitened(np.moveaxis(self.slopes * level, 0, 2))
             residual = self._residual(self.flux, self.log_gains, self.offset_mm)
-            step = self._held(matrix, told.combined(told.share) @ (own.T @ residual) - self.values)
+            step = self._held(matrix, fisher.combined(fisher.share) @ (own.T @ residual) - self.values)
             self.values = np.clip(self.values + step, problem.low, problem.high)
         self._settle()
 
@@ -481,7 +481,7 @@ class _State:
         names, gains = len(self.values), self.problem.parts.shape[1]
         return np.asarray(np.linalg.inv(self._normal()[0])[names : names + gains, names : names + gains])
 
-    def told(self, halves: list[FloatArray]) -> Told:
+    def fisher(self, halves: list[FloatArray]) -> FisherInformation:
         """Fisher information on the parameters, from two independent slope estimates (unknown, sample, pair)."""
         nuisance, gains = self._columns(self.flux, self.log_gains, self.offset_mm)
         level = np.exp(self.problem.parts @ self.log_gains) * self.problem.weight
@@ -491,7 +491,7 @@ class _State:
         product = first.T @ second - shared[0].T @ np.linalg.solve(inner, shared[1])
         information, vectors = np.linalg.eigh(0.5 * (product + product.T))
         error = _information_error(first @ vectors, second @ vectors, self.problem.shared.sums)
-        return Told(vectors=vectors, information=information, error=error)
+        return FisherInformation(vectors=vectors, information=information, error=error)
 
 
 def _information_error(

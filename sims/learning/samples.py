@@ -30,27 +30,27 @@ learner's error.
 """
 
 
-def location_error_mm(told_mm: FloatArray, press_mm: FloatArray) -> FloatArray:
+def location_error_mm(estimated_mm: FloatArray, press_mm: FloatArray) -> FloatArray:
     """Distances (n,) in x and y between estimated and true presses (n, 3) [mm]."""
-    return np.asarray(np.hypot(*(told_mm[:, :2] - press_mm[:, :2]).T))
+    return np.asarray(np.hypot(*(estimated_mm[:, :2] - press_mm[:, :2]).T))
 
 
-def held_out_figures(told_mm: FloatArray, press_mm: FloatArray) -> dict[str, float]:
+def held_out_figures(estimated_mm: FloatArray, press_mm: FloatArray) -> dict[str, float]:
     """Median errors of location and of depth [mm], for a model's header; only for depths from `FROM_DEPTH_MM` on."""
     deep = press_mm[:, 2] >= FROM_DEPTH_MM
     if not deep.any():
         return {}
-    told_mm, press_mm = told_mm[deep], press_mm[deep]
+    estimated_mm, press_mm = estimated_mm[deep], press_mm[deep]
     return {
-        "held_out_location_mm": float(np.median(location_error_mm(told_mm, press_mm))),
-        "held_out_depth_mm": float(np.median(np.abs(told_mm[:, 2] - press_mm[:, 2]))),
+        "held_out_location_mm": float(np.median(location_error_mm(estimated_mm, press_mm))),
+        "held_out_depth_mm": float(np.median(np.abs(estimated_mm[:, 2] - press_mm[:, 2]))),
     }
 
 
-def mean_error_mm(told_mm: FloatArray, press_mm: FloatArray) -> float:
+def mean_error_mm(estimated_mm: FloatArray, press_mm: FloatArray) -> float:
     """Mean distance in x and y plus mean absolute error of depth [mm], a single number that a search can minimise."""
-    depth = np.abs(told_mm[:, 2] - press_mm[:, 2])
-    return float(location_error_mm(told_mm, press_mm).mean() + depth.mean())
+    depth = np.abs(estimated_mm[:, 2] - press_mm[:, 2])
+    return float(location_error_mm(estimated_mm, press_mm).mean() + depth.mean())
 
 
 LEAST_SCALE_COUNTS = 1.0

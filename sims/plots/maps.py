@@ -130,7 +130,7 @@ def plot_usable_map(pad_map: PadMap, cavity: CavityGeometry, ax: Axes | None = N
     return _plot_map(ax, pad_map, cavity, usable, norm, "usable depth [mm]", pad_map.weakest)
 
 
-def plot_felt_map(detection: DetectionThreshold, cavity: CavityGeometry, ax: Axes | None = None) -> Axes:
+def plot_detection_map(detection: DetectionThreshold, cavity: CavityGeometry, ax: Axes | None = None) -> Axes:
     """Detection threshold at each location [N]."""
     ax = axes_or_new(ax, _height_in(cavity))
     norm = _log_scale(detection.force_n)

@@ -122,7 +122,7 @@ class Settings:
     settled : which locations of the map are traced again: "open" are those that the numerical error leaves undecided,
         "close" those with a margin near the deadband threshold, and "none" stands for no location
     doubts : accuracy settings for tracing these locations again, tried in turn while a location is undecided
-    has_felt : whether the detection threshold is computed along with the bounds
+    has_detection : whether the detection threshold is computed along with the bounds
     has_losses : whether bounds are also computed with each component failed
     """
 
@@ -140,7 +140,7 @@ class Settings:
     near_tips: float | None = None
     settled: Literal["open", "close", "none"] = "none"
     doubts: tuple[Accuracy, ...] = ()
-    has_felt: bool = False
+    has_detection: bool = False
     has_losses: bool = False
 
     def for_pairs(self, count: int) -> Settings:
@@ -188,7 +188,7 @@ _SCORE = Settings(
     bound_depths_mm=COARSE_DEPTHS_MM,
     settled="open",
     doubts=(MAP_ACCURACY, *DOUBT_ACCURACIES),
-    has_felt=True,
+    has_detection=True,
     has_losses=True,
 )
 _FULL = replace(_SCORE, map_step_mm=STEP_MM, map_places=FINE_PLACES, bound_places=FINE_PLACES)
@@ -209,7 +209,7 @@ SETTINGS = {
         near_tips=NEAR_TIPS,
         settled="close",
         doubts=DOUBT_ACCURACIES[:1],
-        has_felt=True,
+        has_detection=True,
     ),
     "search": Settings(
         untouched=_QUICK,
@@ -572,11 +572,11 @@ class Judge:
             seed=self.seed,
             readout=self.readout,
             with_losses=settings.has_losses,
-            felt=self._felt() if settings.has_felt else None,
+            detection=self._detection() if settings.has_detection else None,
             on_step=lambda share: self.tell("bounds", share),
         )
 
-    def _felt(self) -> DetectionThreshold:
+    def _detection(self) -> DetectionThreshold:
         """The detection threshold at the map's locations, computed from the light of the map."""
         pad_map, light = self.pad_map, self.pad_signals
         depth_mm = light.presses[: len(light.presses) // len(pad_map.places), 2]

@@ -72,7 +72,7 @@ def maps_dataset(design: SensorDesign, score: ContinuityScore) -> xr.Dataset:
     dataset = _map_part(score)
     if score.bounds is not None:
         dataset = dataset.merge(bounds_dataset(score.bounds), join="exact")
-        if score.bounds.felt is not None:
+        if score.bounds.detection is not None:
             dataset = dataset.assign(_detection(score.bounds))
         dataset.attrs["accuracies_of_bounds"] = ", ".join(score.bounds.accuracies)
     names = pair_names_of(design)
@@ -120,7 +120,7 @@ def _map_part(score: ContinuityScore) -> xr.Dataset:
 
 
 def _detection(bounds: PadBounds) -> dict[str, Any]:
-    detection, axes = bounds.felt, ("y", "x")
+    detection, axes = bounds.detection, ("y", "x")
     assert detection is not None
     return {
         "felt_depth": (axes, detection.depth_mm, _of("least depth at which a press is detected")),

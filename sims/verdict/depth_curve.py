@@ -562,9 +562,9 @@ def _inner_extremes(
 def _shares_below(
     at_first: FloatArray, at_last: FloatArray, threshold: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Part of each cell where all lines of all pairs are below a threshold.
+    """Interval of each depth cell in which the changes of all pairs, linear within a cell, are below a threshold.
 
-    The result is its start and its end, as shares of the cell from 0 to 1.
+    Returns the start and the end of the interval, as fractions of the cell from 0 to 1.
     """
     rise = at_last - at_first
     crossing = (threshold - at_first) / np.where(rise == 0.0, np.inf, rise)

@@ -15,7 +15,7 @@ from design.errors import DesignError, InputError
 from optopad.jobs import compare as comparing
 from optopad.jobs import sweep as sweeping
 from optopad.results.comparison import labelled
-from optopad.results.prediction import Accuracy, Prediction, accuracy_of
+from optopad.results.prediction import PredictedAccuracy, Prediction, accuracy_of
 from optopad.results.score import Score
 from sims.learning.tables import JudgedPresses
 from sims.score import scoring
@@ -174,7 +174,9 @@ def presses_off_by(location_mm, depths_mm=(0.5, 1.0, 2.0), places=4):
 
 def test_a_prediction_has_tables_with_named_axes(tmp_path):
     model = accuracy_of("kernel-ridge", "random", False, [presses_off_by(0.3)])
-    found = Prediction(design=PAIR, found=Accuracy(name="pad", digest=None, found=(model,)), folder=tmp_path)
+    found = Prediction(
+        design=PAIR, found=PredictedAccuracy(name="pad", digest=None, found=(model,)), folder=tmp_path
+    )
     assert found.errors.location_error.dims == ("learner", "depth")
     assert float(found.errors.location_error.sel(depth=1.0)[0]) == pytest.approx(0.3)
     assert float(found.touch.sel(depth=1.0)[0]) == 1.0

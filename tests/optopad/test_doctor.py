@@ -17,7 +17,7 @@ import pytest
 
 from optopad import doctor
 from optopad.cli import main
-from optopad.doctor import Failure, Finding, Package, explain_import_error
+from optopad.doctor import Failure, Package, Requirement, explain_import_error
 from sims.cache import LightStore
 
 ROOT = Path(__file__).parents[2]
@@ -34,7 +34,7 @@ def child_cpu_s() -> float:
 
 
 @pytest.fixture(scope="module")
-def examined() -> tuple[list[Finding], float]:
+def examined() -> tuple[list[Requirement], float]:
     """What the doctor finds here, and the processor time it takes: the clock of a busy machine says little."""
     before = child_cpu_s()
     findings = doctor.examine()
@@ -43,7 +43,7 @@ def examined() -> tuple[list[Finding], float]:
 
 @pytest.mark.slow
 def test_every_finding_that_is_not_ok_has_a_way_out_and_it_takes_less_than_10_s(
-    examined: tuple[list[Finding], float],
+    examined: tuple[list[Requirement], float],
 ) -> None:
     findings, taken_s = examined
     assert taken_s < 10
@@ -204,7 +204,7 @@ FOLDERS = {
 """Folders that a run relies on: what names them, what they are where they cannot be written, and the way out."""
 
 
-def found(name: str, folder: Path, monkeypatch: pytest.MonkeyPatch) -> Finding:
+def found(name: str, folder: Path, monkeypatch: pytest.MonkeyPatch) -> Requirement:
     """The finding on a folder that is put there."""
     if FOLDERS[name][0]:
         monkeypatch.setenv(FOLDERS[name][0], str(folder))
@@ -319,7 +319,7 @@ def test_the_cache_folder_can_be_chosen(tmp_path: Path, monkeypatch: pytest.Monk
 def test_kernels_are_kept_in_the_cache_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
     monkeypatch.setenv("OPTOPAD_CACHE", str(tmp_path))
-    assert doctor.kernel_finding() == Finding("kernel cache", "ok", str(tmp_path / "kernels"))
+    assert doctor.kernel_finding() == Requirement("kernel cache", "ok", str(tmp_path / "kernels"))
 
 
 def test_a_container_limit_below_the_machine_counts(tmp_path: Path) -> None:

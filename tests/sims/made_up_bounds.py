@@ -9,7 +9,7 @@ from design.shape.cavity import CavityGeometry, cavity_of
 from design.spec import SensorDesign
 from sims.bounds.detection_threshold import DetectionThreshold
 from sims.bounds.fisher import Steps
-from sims.bounds.observability import Figure, Limits, PadBounds, PartLoss, pair_names
+from sims.bounds.observability import BoundFigure, Limits, PadBounds, PartLoss, pair_names
 from sims.verdict.pad_map import map_grid_mm
 
 DEPTHS_MM = (0.2, 0.7, 1.5, 2.8, 4.9)
@@ -39,7 +39,7 @@ def made_up_bounds(design: SensorDesign | None = None, *, places: int = 5) -> Pa
         depth_alone_mm=alone,
         depth_alone_error_mm=np.where(np.isfinite(alone), 0.01 * alone, np.inf),
         losses=tuple(_loss(number, part.name) for number, part in enumerate(cavity.parts)),
-        felt=made_up_felt(cavity, places),
+        detection=made_up_detection(cavity, places),
         limits=Limits(),
         pairs=pair_names(cavity),
         steps=Steps(),
@@ -49,7 +49,7 @@ def made_up_bounds(design: SensorDesign | None = None, *, places: int = 5) -> Pa
     )
 
 
-def made_up_felt(cavity: CavityGeometry, places: int = 5) -> DetectionThreshold:
+def made_up_detection(cavity: CavityGeometry, places: int = 5) -> DetectionThreshold:
     """A press felt from 0.02 mm and 0.01 N on, later towards the middle."""
     x_mm, y_mm = map_grid_mm(cavity, places)
     reach = np.minimum.outer(np.minimum(y_mm, y_mm[::-1]), np.minimum(x_mm, x_mm[::-1]))
@@ -74,8 +74,8 @@ def _loss(number: int, name: str) -> PartLoss:
     share, place = 0.95 - 0.002 * number, 0.0105 + 0.0001 * number
     return PartLoss(
         part=name,
-        coverage=Figure(value=share, low=share - 0.01, high=share + 0.01),
-        median_location_mm=Figure(value=place, low=0.98 * place, high=1.02 * place),
-        median_depth_mm=Figure(value=0.005, low=0.0049, high=0.0051),
+        coverage=BoundFigure(value=share, low=share - 0.01, high=share + 0.01),
+        median_location_mm=BoundFigure(value=place, low=0.98 * place, high=1.02 * place),
+        median_depth_mm=BoundFigure(value=0.005, low=0.0049, high=0.0051),
         blind_share=0.04,
     )

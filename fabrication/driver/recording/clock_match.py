@@ -134,7 +134,7 @@ def touches_of_signals(time_s: FloatArray, signals: FloatArray, full_scale: floa
 
 
 def found_offset(signals: Touches, log: Touches) -> ClockMatch:
-    """Find the clock offset at which the touches of signals and log match.
+    """Find the clock offset at which the touches in the signals match those in the log.
 
     Raises
     ------

@@ -168,7 +168,7 @@ def bound_maps(score: ContinuityScore) -> list[DepthMap]:
     if bounds is None:
         return []
     found = [_depth_alone(bounds)] if score.is_facing_rows else [_location(bounds), _depth(bounds)]
-    return found if bounds.felt is None else [*found, _detection(bounds.felt)]
+    return found if bounds.detection is None else [*found, _detection(bounds.detection)]
 
 
 def _location(bounds: PadBounds) -> DepthMap:

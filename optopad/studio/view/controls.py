@@ -23,7 +23,7 @@ from optopad.studio.actions import Ghost, Task
 from optopad.studio.drawings import QUANTITIES, curves_svg, map_svg, quantity, readings_svg
 from optopad.studio.editable_fields import EditableField, editable_fields_of
 from optopad.studio.live import LiveSensor, LiveView
-from optopad.studio.live_results import Answer, Curves, Failed, Judged, Look, Progress, Readings
+from optopad.studio.live_results import Curves, Failed, LiveVerdict, Look, Progress, Readings, Result
 from optopad.studio.sentences import bad_parts, curves_title, pins_html, said_html, sensor_html, verdict_html
 from optopad.studio.session import Session
 
@@ -189,16 +189,16 @@ class AnswersPanel:
         """Whether the press follows the sensor's touch."""
         return bool(self._follows.value)
 
-    def draw_words(self, answers: Mapping[type, Answer], judged: Mapping[str, Judged]) -> None:
+    def draw_words(self, answers: Mapping[type, Result], judged: Mapping[str, LiveVerdict]) -> None:
         """Show message, verdict and pinned designs."""
         session, now = self._session, self._session.now
         failed, progress = answers.get(Failed), answers.get(Progress)
         why_not = failed.text if isinstance(failed, Failed) and failed.digest == now.design.digest else ""
-        found = judged.get(now.design.digest) or answers.get(Judged)
+        found = judged.get(now.design.digest) or answers.get(LiveVerdict)
         self._said.content = said_html(session.said, words=now.words, is_saved=session.is_saved)
         self._verdict.content = verdict_html(
             now,
-            found if isinstance(found, Judged) else None,
+            found if isinstance(found, LiveVerdict) else None,
             why_not,
             progress if isinstance(progress, Progress) else None,
         )
@@ -209,7 +209,7 @@ class AnswersPanel:
             (NO_PIN, *(f"pin {k + 1}: {_short(one.design.digest)}" for k, one in enumerate(session.pinned))),
         )
 
-    def draw_curves(self, answers: Mapping[type, Answer]) -> None:
+    def draw_curves(self, answers: Mapping[type, Result]) -> None:
         """Show the signals of the pairs under the tip; curves of an earlier design are faint."""
         curves, look, press = answers.get(Curves), answers.get(Look), self._session.press
         if not isinstance(curves, Curves):
@@ -226,7 +226,7 @@ class AnswersPanel:
         faint = ";opacity:0.4" if is_old else ""
         self._curves.content = _padded(curves_svg(curves.found, press.depth_mm), faint)
 
-    def draw_map(self, judged: Mapping[str, Judged]) -> None:
+    def draw_map(self, judged: Mapping[str, LiveVerdict]) -> None:
         """Show the selected quantity at each location of the pad."""
         now = self._session.now
         found = judged.get(now.design.digest)
@@ -243,7 +243,7 @@ class AnswersPanel:
         self._choose.visible = bool(ghosts)
         _offer(self._choose, (NO_GHOST, *(_title(number, ghost) for number, ghost in enumerate(ghosts))))
 
-    def draw_sensor(self, view: LiveView, answers: Mapping[type, Answer], bad: Sequence[str]) -> None:
+    def draw_sensor(self, view: LiveView, answers: Mapping[type, Result], bad: Sequence[str]) -> None:
         """Show the state of the connection, and every pair's live and simulated reading."""
         self._sensor.content = sensor_html(view)
         if view.signals is None:

@@ -21,12 +21,12 @@ from design.shape.cavity import cavity_of
 from optopad.studio import live_results as found_by_work
 from optopad.studio.actions import Ghost, MoldShop, Task
 from optopad.studio.live import LiveSensor, LiveView
-from optopad.studio.live_results import Answer, Failed, Judged, Look, Rays, Readings
+from optopad.studio.live_results import Failed, LiveVerdict, Look, Rays, Readings, Result
 from optopad.studio.sentences import bad_parts
 from optopad.studio.session import Said, Session
 from optopad.studio.view.controls import AnswersPanel, BackgroundJobs, Controls
 from optopad.studio.view.local_server import local_server
-from optopad.studio.view.scene import Scene
+from optopad.studio.view.scene import PadScene
 from optopad.studio.workshop import Request, Workshop
 
 FRAME_S = 1.0 / 30.0
@@ -47,7 +47,7 @@ OF_ANSWER: dict[type, tuple[str, ...]] = {
     found_by_work.Curves: ("curves",),
     Rays: ("rays",),
     Readings: (),
-    Judged: ("map", "words"),
+    LiveVerdict: ("map", "words"),
     found_by_work.Progress: ("words",),
     Failed: ("press", "words"),
 }
@@ -77,8 +77,8 @@ class Page:
         self._wake, self._lock = threading.Event(), threading.Lock()
         self._todo: dict[str, tuple[float, Callable[[], object]]] = {}
         self._is_closing, self._is_folded = False, False
-        self._answers: dict[type, Answer] = {}
-        self._judged: dict[str, Judged] = {}
+        self._answers: dict[type, Result] = {}
+        self._judged: dict[str, LiveVerdict] = {}
         self._ghosts: tuple[Ghost, ...] = ()
         self._dirty = set(EVERYTHING)
         self._drawn_live: LiveView | None = None
@@ -141,7 +141,7 @@ class Page:
             )
         self._left.dock_left()
         self._left.set_width(LEFT_PX)
-        self._scene = Scene(
+        self._scene = PadScene(
             self.server,
             self.session,
             later=lambda name, do: self._later(name, do, 0.0),
@@ -189,13 +189,13 @@ class Page:
         self.workshop.want(self._request())
         self._mark(*OF_SESSION)
 
-    def _post(self, answer: Answer) -> None:
+    def _post(self, answer: Result) -> None:
         with self._lock:
             self._answers[type(answer)] = answer
-            if isinstance(answer, Judged):
+            if isinstance(answer, LiveVerdict):
                 self._judged[answer.digest] = answer
                 self._forget_some()
-            if isinstance(answer, (Judged, Look)):  # there is a result again
+            if isinstance(answer, (LiveVerdict, Look)):  # there is a result again
                 self._answers.pop(Failed, None)
         if isinstance(answer, Readings) and self._live is not None and self._live.expected is None:
             self._live.set_expected(answer.untouched)
@@ -276,7 +276,7 @@ class Page:
             if self._live is not None:
                 self._draw_live(self._live.latest(), answers)
 
-    def _draw_scene(self, answers: dict[type, Answer], *, is_new: bool) -> None:
+    def _draw_scene(self, answers: dict[type, Result], *, is_new: bool) -> None:
         now, look = self.session.now, answers.get(Look)
         try:
             cavity = cavity_of(now.design)
@@ -294,7 +294,7 @@ class Page:
         else:
             self._scene.draw_untouched_top(now.design, is_bad=bool(now.errors))
 
-    def _draw_rays(self, answers: dict[type, Answer]) -> None:
+    def _draw_rays(self, answers: dict[type, Result]) -> None:
         rays, shown = answers.get(Rays), self._controls.shows_rays
         fits = (
             isinstance(rays, Rays)
@@ -313,7 +313,7 @@ class Page:
             self._later("mold", lambda: self._molds.want(self.session.design), MOLD_AFTER_S)
         self._scene.draw_mold(now.design, shown)
 
-    def _draw_live(self, view: LiveView | None, answers: dict[type, Answer]) -> None:
+    def _draw_live(self, view: LiveView | None, answers: dict[type, Result]) -> None:
         if view is None or view is self._drawn_live:
             return
         self._drawn_live = view

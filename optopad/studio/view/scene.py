@@ -21,7 +21,7 @@ from fabrication.driver.touch_reader import Touch
 from optopad.studio.actions import Ghost
 from optopad.studio.live_results import Look, Rays
 from optopad.studio.pad_mesh import cut_open, side_walls, slab, struck_place, untouched_top
-from optopad.studio.session import Press, Session
+from optopad.studio.session import LivePress, Session
 from optopad.studio.view.shapes import (
     along_normal,
     along_one_way,
@@ -52,7 +52,7 @@ FACE_MM = 0.25
 """Thickness of a component's active face in the picture [mm]."""
 
 
-class Scene:
+class PadScene:
     """The 3D picture, synchronised with the session.
 
     Parameters
@@ -228,7 +228,7 @@ class Scene:
             cast_shadow=False,
         )
 
-    def draw_tip(self, design: SensorDesign, press: Press) -> None:
+    def draw_tip(self, design: SensorDesign, press: LivePress) -> None:
         """Draw the tip at the press, along the normal of the untouched top at this location."""
         shape = design.indenter.model_dump_json()
         if self._tip is None or shape != self._tip_shape:

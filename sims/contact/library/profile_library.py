@@ -142,7 +142,9 @@ Chart = tuple[slice, CubicSpline]
 
 
 def _charts(layers: FloatArray) -> tuple[Chart, Chart]:
-    """For thin and for thick layers, split at `CORNER`: slice of the entries, and splines for their weights."""
+    """Interpolation over layer thickness, for layers thinner and thicker than `CORNER`.
+
+    Each is the slice of the library's entries that it uses, and splines for the weights of these entries."""
     corner = int(np.argmin(np.abs(layers - CORNER)))
     thin, thick = slice(0, corner + 1), slice(corner, len(layers))
     # abscissae of a spline must increase, so 1/layer is taken in reverse order

@@ -9,7 +9,7 @@ tried scale with the data: γ times the median L1 distance between two training 
 own numbers depend on its units. The final fit uses samples of all presses. The mean of the targets is subtracted, so
 that far from every sample the estimate is the mean press, not the origin.
 
-`touch_told` and `begun` are the first steps of all fits: data check, touch classifier, choice of samples in contact.
+`touch_prepared` and `begun` begin every fit: data check, touch classifier, choice of samples in contact.
 
 Cholesky factor of a large symmetric matrix in its own memory
 -------------------------------------------------------------
@@ -98,7 +98,7 @@ class Begun(ToldTouch):
     samples: PressSamples
 
 
-def touch_told(
+def touch_prepared(
     train: PressData, fit_touch: FitTouch, *, seed: int, settings: FitSettings, on_step: OnStep
 ) -> ToldTouch:
     """Check the training data and fit the touch classifier with the function `fit_touch`.
@@ -116,13 +116,13 @@ def touch_told(
 
 def begun(train: PressData, seed: int, settings: FitSettings, on_step: OnStep) -> Begun:
     """Start the fit of trees or a network: check data, fit the tuned touch classifier, choose samples in contact."""
-    told = touch_told(train, fit_tuned_touch, seed=seed, settings=settings, on_step=on_step)
-    samples = press_samples(told.data, settings.network_samples, told.rng)
+    prepared = touch_prepared(train, fit_tuned_touch, seed=seed, settings=settings, on_step=on_step)
+    samples = press_samples(prepared.data, settings.network_samples, prepared.rng)
     return Begun(
-        data=told.data,
-        rng=told.rng,
-        touch=told.touch,
-        facts=told.facts | {"fit_samples": len(samples)},
+        data=prepared.data,
+        rng=prepared.rng,
+        touch=prepared.touch,
+        facts=prepared.facts | {"fit_samples": len(samples)},
         samples=samples,
     )
 
@@ -368,8 +368,8 @@ def fit_kernel_ridge(
     ------
     InputError : there are too few data or usable pairs, or the signals hardly vary.
     """
-    told = touch_told(train, fit_plain_touch, seed=seed, settings=settings, on_step=on_step)
-    data, rng = told.data, told.rng
+    prepared = touch_prepared(train, fit_plain_touch, seed=seed, settings=settings, on_step=on_step)
+    data, rng = prepared.data, prepared.rng
     scaling = counts_scaling(data.kept)
     touched = np.flatnonzero(data.is_touched)
     searched = searched_grid(
@@ -390,7 +390,7 @@ def fit_kernel_ridge(
     )
     on_step("fit", 1.0)
     facts = (
-        told.facts
+        prepared.facts
         | searched
         | {
             "method": solved.method,
@@ -402,7 +402,7 @@ def fit_kernel_ridge(
         facts["largest_residual"] = solved.largest_residual
     return KernelRidgeModel(
         header=trained_header("kernel-ridge", data, facts, seed),
-        touch=told.touch,
+        touch=prepared.touch,
         scaling=scaling,
         samples=features[solved.kept].astype(np.float32),
         weights=solved.weights,

@@ -3,8 +3,8 @@
 Inputs are the readings, each pair standardised by its spread (at least the spread of the noise). Outputs are
 standardised too. The loss is the squared error plus α |W|², minimised by Adam. Its step size is reduced in stages along
 a cosine, as otherwise the last steps' noise would remain in the weights. The number of passes over the data is fixed,
-because early stopping by held-out samples would test locations that the network was trained on. Sources: Rumelhart,
-Hinton and Williams, Nature 323 (1986); Kingma and Ba, Adam, ICLR 2015.
+because early stopping on held-out samples would test locations at which the network has seen other samples. Sources:
+Rumelhart, Hinton and Williams, Nature 323 (1986); Kingma and Ba, Adam, ICLR 2015.
 """
 
 from __future__ import annotations

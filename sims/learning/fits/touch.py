@@ -200,30 +200,32 @@ def trust_of(model: KnowsSpread, samples: PressSamples) -> tuple[SigmaTable, dic
     """Deviation factors and figures for the header, from a model that was fitted without the held-out samples."""
     held_out = samples.is_held_out
     press_mm = samples.press_mm[held_out]
-    told_mm, spread_mm = model.press_and_spread_mm(samples.signals[held_out])
-    return sigma_table(told_mm, spread_mm, press_mm), held_out_figures(told_mm, press_mm)
+    estimated_mm, spread_mm = model.press_and_spread_mm(samples.signals[held_out])
+    return sigma_table(estimated_mm, spread_mm, press_mm), held_out_figures(estimated_mm, press_mm)
 
 
 def sigma_table(
-    told_mm: FloatArray, spread_mm: FloatArray, press_mm: FloatArray, bins: int = BINS
+    estimated_mm: FloatArray, spread_mm: FloatArray, press_mm: FloatArray, bins: int = BINS
 ) -> SigmaTable:
-    """Factors by estimated depth from raw deviations to errors, measured on held-out samples.
+    """Factors that scale the model's raw deviations to its actual errors, tabulated by estimated depth.
+
+    They are measured on held-out samples.
 
     Parameters
     ----------
-    told_mm, spread_mm : (n, 3) the model's estimates of x, y, depth and their raw deviations, which are above 0 [mm]
+    estimated_mm, spread_mm : (n, 3) the model's estimates of x, y, depth and their raw deviations, all above 0 [mm]
     press_mm : (n, 3) true x, y, depth [mm]
     bins : number of depth bins, with equal numbers of samples
     """
-    order = np.argsort(told_mm[:, 2], kind="stable")
+    order = np.argsort(estimated_mm[:, 2], kind="stable")
     parts = [part for part in np.array_split(order, bins) if len(part)]
-    depth_mm = np.array([told_mm[part, 2].mean() for part in parts])
-    factor = np.array([_factor(told_mm[part], spread_mm[part], press_mm[part]) for part in parts])
+    depth_mm = np.array([estimated_mm[part, 2].mean() for part in parts])
+    factor = np.array([_factor(estimated_mm[part], spread_mm[part], press_mm[part]) for part in parts])
     rising = np.concatenate([[True], np.diff(depth_mm) > 0.0])
     return SigmaTable(depth_mm=depth_mm[rising], factor=factor[rising])
 
 
-def _factor(told_mm: FloatArray, spread_mm: FloatArray, press_mm: FloatArray) -> FloatArray:
-    error = np.sqrt(np.mean((told_mm - press_mm) ** 2, axis=0))
+def _factor(estimated_mm: FloatArray, spread_mm: FloatArray, press_mm: FloatArray) -> FloatArray:
+    error = np.sqrt(np.mean((estimated_mm - press_mm) ** 2, axis=0))
     spread = np.sqrt(np.mean(spread_mm**2, axis=0))
     return np.asarray(np.maximum(error / spread, LEAST_FACTOR))

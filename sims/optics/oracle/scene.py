@@ -257,7 +257,7 @@ POWER_TOLERANCE = 1e-6
 """Largest deviation of a radiance table's power from 1 [-], as tables may have been rounded."""
 
 
-class Scene(NamedTuple):
+class OracleScene(NamedTuple):
     """`OpticalScene` as a tuple for compiled code; only the attributes that differ from `OpticalScene` are listed.
 
     Attributes
@@ -289,7 +289,7 @@ class Scene(NamedTuple):
     receiver_response: FloatArray
 
 
-def lower_scene(scene: OpticalScene) -> Scene:
+def lower_scene(scene: OpticalScene) -> OracleScene:
     """Check a scene and convert it to a tuple for compiled code.
 
     Raises
@@ -311,7 +311,7 @@ def lower_scene(scene: OpticalScene) -> Scene:
     for i, m in enumerate(order):
         _require(f"emitter_order[{i}]", float(m), 0.0, np.inf)
     radiance = _lowered_patterns(scene)
-    return Scene(
+    return OracleScene(
         walls,
         arcs,
         crown,
@@ -333,7 +333,7 @@ def lower_scene(scene: OpticalScene) -> Scene:
 
 
 def _lowered_form(scene: OpticalScene) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Attributes `walls`, `arcs` and `crown` of `Scene`, after checking the pad's."""
+    """Attributes `walls`, `arcs` and `crown` of `OracleScene`, after checking the pad's."""
     form = scene.form
     if form is None:
         walls = rectangle_walls(float(scene.length_mm), float(scene.width_mm))
@@ -419,7 +419,7 @@ def _check_patches(scene: OpticalScene, kind: str) -> None:
 
 
 @njit()
-def untouched_top(scene: Scene, x: float, y: float) -> float:
+def untouched_top(scene: OracleScene, x: float, y: float) -> float:
     """Height of the untouched top at a point [mm]."""
     kx, ky, apex_x, apex_y = scene.crown
     if kx == ky == 0.0:
@@ -428,7 +428,7 @@ def untouched_top(scene: Scene, x: float, y: float) -> float:
 
 
 @njit()
-def inward_normal(scene: Scene, face: int, x: float, y: float) -> tuple[float, float, float]:
+def inward_normal(scene: OracleScene, face: int, x: float, y: float) -> tuple[float, float, float]:
     """Unit normal of a wall or the bottom at a point, pointing into the elastomer."""
     if face == BOTTOM_FACE:
         return 0.0, 0.0, 1.0
@@ -441,7 +441,7 @@ def inward_normal(scene: Scene, face: int, x: float, y: float) -> tuple[float, f
 
 
 @njit(forceinline=True)
-def emission_point(scene: Scene, emitter: int, u: float, v: float) -> tuple[float, float, float]:
+def emission_point(scene: OracleScene, emitter: int, u: float, v: float) -> tuple[float, float, float]:
     """Point of an emitter's rectangle at fractions u, v in [0, 1) of its width and height."""
     along, height, half_width, half_height = scene.emitter_patch[emitter]
     along += (2.0 * u - 1.0) * half_width
@@ -452,7 +452,7 @@ def emission_point(scene: Scene, emitter: int, u: float, v: float) -> tuple[floa
 
 @njit(forceinline=True)
 def face_hit(
-    scene: Scene, x: float, y: float, z: float, dx: float, dy: float, dz: float
+    scene: OracleScene, x: float, y: float, z: float, dx: float, dy: float, dz: float
 ) -> tuple[float, int]:
     """Distance to the nearest wall or the bottom [mm], and its code; walls are taken as endless upward."""
     best, face = math.inf, NO_FACE
@@ -487,7 +487,7 @@ def _round_distance(arc: FloatArray, x: float, y: float, dx: float, dy: float) -
 
 
 @njit(forceinline=True)
-def receiver_at(scene: Scene, face: int, x: float, y: float, z: float) -> int:
+def receiver_at(scene: OracleScene, face: int, x: float, y: float, z: float) -> int:
     """Number of the receiver that covers a point of a wall below the undisturbed top; -1 if there is none."""
     if face >= 0 and z <= untouched_top(scene, x, y):
         ox, oy, tx, ty, _, _ = scene.walls[face]

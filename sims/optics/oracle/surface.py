@@ -552,7 +552,7 @@ def _cone_hit(s: Surface, side: float, ray: Ray, limit: float) -> Meeting:
 
 @njit()
 def _cone_normal(cone: FloatArray, side: float, r: float, z: float) -> tuple[float, float]:
-    """Radial and vertical part of the unit normal at a point of a cone."""
+    """Radial and vertical components of the unit normal at a point of a cone."""
     r0, z0, kr, kz, length, angle0, angle1, _ = cone
     share = min(max(((r - r0) * kr + (z - z0) * kz) / length, 0.0), 1.0)
     angle = angle0 + share * (angle1 - angle0)

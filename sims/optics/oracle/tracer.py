@@ -43,7 +43,7 @@ from sims.kernels import entry_points
 from sims.optics.oracle import chance, scene, surface, top
 from sims.optics.oracle import walk as walk_file
 from sims.optics.oracle.chance import ray_stream
-from sims.optics.oracle.scene import Scene, lower_scene
+from sims.optics.oracle.scene import OracleScene, lower_scene
 from sims.optics.oracle.surface import Surface
 from sims.optics.oracle.top import Presses, lower_presses
 from sims.optics.oracle.walk import CROSSING, FATES, UNSUBMERGED, VOLUME, walk
@@ -64,7 +64,7 @@ BATCHES = 256
 
 @entry_points(MODULES, parallel=True)
 def trace_emitter(
-    scene: Scene, top: Surface, seed: int, state: int, emitter: int, rays: int
+    scene: OracleScene, top: Surface, seed: int, state: int, emitter: int, rays: int
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Trace the rays of one emitter; return sums over the rays of each batch.
 
@@ -90,7 +90,14 @@ def trace_emitter(
 
 @entry_points(MODULES, nogil=True)
 def next_path(
-    scene: Scene, top: Surface, emitter: int, wanted: BoolArray, seed: int, ray: int, tries: int, places: int
+    scene: OracleScene,
+    top: Surface,
+    emitter: int,
+    wanted: BoolArray,
+    seed: int,
+    ray: int,
+    tries: int,
+    places: int,
 ) -> tuple[int, int, int, FloatArray]:
     """Trace rays from number `ray` on until one ends as requested; return number, fate (-1: none), receiver, points."""
     vertices = np.empty((places, 3))

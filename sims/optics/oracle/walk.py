@@ -41,7 +41,7 @@ from sims.optics.oracle.chance import direction_about, draw, lobe_direction, pat
 from sims.optics.oracle.scene import (
     BOTTOM_FACE,
     NO_FACE,
-    Scene,
+    OracleScene,
     emission_point,
     face_hit,
     fresnel_reflectance,
@@ -73,7 +73,7 @@ AIR_STEP_LIMIT = 1_000
 
 @njit()
 def fly(
-    scene: Scene,
+    scene: OracleScene,
     top: Surface,
     stream: np.uint64,
     place: tuple[float, float, float],
@@ -135,7 +135,7 @@ def fly(
 
 @njit()
 def _passes_over(
-    scene: Scene,
+    scene: OracleScene,
     face: int,
     distance: float,
     x: float,
@@ -199,7 +199,7 @@ STEP_LIMIT = 10_000
 
 
 @njit()
-def emission_direction(scene: Scene, emitter: int, u: float, v: float) -> tuple[float, float, float]:
+def emission_direction(scene: OracleScene, emitter: int, u: float, v: float) -> tuple[float, float, float]:
     """Random direction of an emitter's light, by its table or its Lambertian order; u, v are random in [0, 1)."""
     nx, ny, nz = inward_normal(scene, scene.emitter_wall[emitter], 0.0, 0.0)  # a flat wall's, at any point
     if scene.emitter_pattern.shape[2] > 0 and not math.isnan(scene.emitter_pattern[0, emitter, 0]):
@@ -210,7 +210,7 @@ def emission_direction(scene: Scene, emitter: int, u: float, v: float) -> tuple[
 
 @njit(forceinline=True)
 def walk(
-    scene: Scene, top: Surface, emitter: int, stream: np.uint64, vertices: FloatArray
+    scene: OracleScene, top: Surface, emitter: int, stream: np.uint64, vertices: FloatArray
 ) -> tuple[int, int, float, int]:
     """Follow one ray from an emitter to its end.
 
@@ -251,7 +251,7 @@ def walk(
 
 @njit(forceinline=True)
 def walk_inside(
-    scene: Scene,
+    scene: OracleScene,
     top: Surface,
     path: int,
     weight: float,
@@ -327,7 +327,7 @@ def walk_inside(
 
 
 @njit()
-def _counted_share(scene: Scene, receiver: int, cosine: float) -> float:
+def _counted_share(scene: OracleScene, receiver: int, cosine: float) -> float:
     """Share that a receiver counts of light arriving at a cosine to its normal [-]."""
     if scene.receiver_response.shape[1] == 0:
         return 1.0

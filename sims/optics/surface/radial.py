@@ -160,7 +160,7 @@ def wall_hit(
 ) -> tuple[float, int]:
     """Distance to the nearest wall or the bottom [mm], and the surface met: 0-3 walls, 4 bottom, -1 none.
 
-    The code does not branch on the signs, which a processor could not predict.
+    The code has no branches on the signs of the ray's direction, because a processor could not predict them.
     """
     per_x = 1.0 / dx if dx != 0.0 else NEVER
     per_y = 1.0 / dy if dy != 0.0 else NEVER

@@ -10,14 +10,14 @@ from design.shape.outline import rectangle
 from optopad.cli import main
 from optopad.jobs.evaluation import _named
 from optopad.jobs.prediction import write_accuracy
-from optopad.results.prediction import Accuracy, accuracy_lines, accuracy_of
+from optopad.results.prediction import PredictedAccuracy, accuracy_lines, accuracy_of
 from sims.learning.tables import JudgedPresses, published_touch
 from tests.sims.learning.made_up_models import made_up_kernel_ridge
 
 SPACE = rectangle((6.0, 6.0, 26.0, 26.0))
 
 
-def found_accuracy(**changes) -> Accuracy:
+def found_accuracy(**changes) -> PredictedAccuracy:
     depth = np.tile([-0.4, 0.1, 1.0, 3.0], 9)
     place = np.repeat([(x, y) for x in (8.0, 16.0, 24.0) for y in (8.0, 16.0, 24.0)], 4, axis=0)
     press = np.column_stack([place, depth])
@@ -29,7 +29,7 @@ def found_accuracy(**changes) -> Accuracy:
         session_number=np.zeros(36, dtype=np.int64),
     )
     one = accuracy_of("kernel-ridge", "set $x_1$ \\frac $y", False, [presses])
-    return replace(Accuracy(name="made-up", digest="ab" * 32, found=(one,)), **changes)
+    return replace(PredictedAccuracy(name="made-up", digest="ab" * 32, found=(one,)), **changes)
 
 
 def test_a_bound_that_is_open_is_null_in_json_and_a_word_for_people(tmp_path):

@@ -13,8 +13,8 @@ from design.spec.cheap_fields import CLEAR
 from optopad.jobs.compare import compare
 from optopad.jobs.sweep import run_sweep
 from optopad.results.sweep import table_row
-from optopad.studio.live_results import Judged
-from optopad.studio.session import Press
+from optopad.studio.live_results import LiveVerdict
+from optopad.studio.session import LivePress
 from sims.score.objective import judge
 from sims.score.result import ContinuityScore
 from sims.score.scoring import score, verdict_of
@@ -83,9 +83,11 @@ def studio_score(design: SensorDesign) -> ContinuityScore:
         shop.want(
             Request(
                 design=design,
-                press=Press(x_mm=design.cavity.length_mm / 2, y_mm=design.cavity.width_mm / 2, depth_mm=0.5),
+                press=LivePress(
+                    x_mm=design.cavity.length_mm / 2, y_mm=design.cavity.width_mm / 2, depth_mm=0.5
+                ),
             )
         )
-        place = answers.wait(lambda one: isinstance(one, Judged) and one.level == "score")
+        place = answers.wait(lambda one: isinstance(one, LiveVerdict) and one.level == "score")
         found: ContinuityScore = answers.all[place].score
         return found

@@ -9,7 +9,7 @@ import numpy as np
 from design.preset import preset
 from sims.bounds.detection_threshold import DetectionThreshold
 from sims.bounds.fisher import Steps
-from sims.bounds.observability import Figure, Limits, PadBounds, PartLoss
+from sims.bounds.observability import BoundFigure, Limits, PadBounds, PartLoss
 from sims.score.result import ContinuityScore
 from tests.sims.made_up_scores import dead_score
 
@@ -26,7 +26,7 @@ def bounded_score() -> ContinuityScore:
     place[0, 0, -1] = np.inf
     error = np.where(np.isfinite(place), 0.01 * place, np.inf)
     shape = place.shape[:2]
-    felt = DetectionThreshold(
+    detection = DetectionThreshold(
         x_mm=pad.x_mm,
         y_mm=pad.y_mm,
         depth_mm=np.full(shape, 0.05),
@@ -39,8 +39,8 @@ def bounded_score() -> ContinuityScore:
         high_n=np.full(shape, 0.03),
         threshold=3.0,
     )
-    figure = Figure(value=0.9, low=0.85, high=0.95)
-    small = Figure(value=0.05, low=0.04, high=0.06)
+    figure = BoundFigure(value=0.9, low=0.85, high=0.95)
+    small = BoundFigure(value=0.05, low=0.04, high=0.06)
     loss = PartLoss(
         part="E3", coverage=figure, median_location_mm=small, median_depth_mm=small, blind_share=0.02
     )
@@ -56,7 +56,7 @@ def bounded_score() -> ContinuityScore:
         depth_alone_mm=0.1 * place,
         depth_alone_error_mm=0.1 * error,
         losses=(loss,),
-        felt=felt,
+        detection=detection,
         limits=Limits(),
         pairs=(),
         steps=Steps(),

@@ -20,7 +20,7 @@ from optopad.report.sections.drawings import drawings_of, shown_pairs
 from optopad.report.sections.load import force_section
 from optopad.report.sections.published import PIACENZA_2017, compared, published_load
 from optopad.report.words import Html, bullets, element, governing, headline, ranked, rests_on, table
-from optopad.screen.verdict_sentences import answer_of
+from optopad.screen.verdict_sentences import sentences_of
 from sims.score.result import ContinuityScore
 from tests.optopad.report.page_reader import Page
 from tests.sims.made_up_scores import (
@@ -244,23 +244,23 @@ def test_a_contiguous_pad_says_so_and_has_no_deadband_map(tmp_path: Path) -> Non
 
 def test_a_pad_whose_numerical_error_may_hide_a_deadband_is_called_undecided() -> None:
     score = contiguous_score()
-    assert "light model may hide" not in answer_of(PAD, score).sure
+    assert "light model may hide" not in sentences_of(PAD, score).confidence
     first, *others = score.pad_map.places
     doubtful = replace(first, depths=made_up_depths(is_open=True))
     pad_map = replace(score.pad_map, places=(doubtful, *others))
-    words = answer_of(PAD, replace(score, is_open=True, pad_map=pad_map)).sure
+    words = sentences_of(PAD, replace(score, is_open=True, pad_map=pad_map)).confidence
     assert words.endswith(f"may hide a deadband at ({first.x_mm:g}, {first.y_mm:g}) mm; use --fine")
 
 
 def test_contiguous_facing_pairs_say_so() -> None:
-    words = answer_of(PAIR, contiguous_score(PAIR)).verdict
+    words = sentences_of(PAIR, contiguous_score(PAIR)).verdict
     assert words == "CONTIGUOUS: every facing pair resolves depth until its signal no longer changes"
 
 
 def test_a_facing_pair_beside_the_middle_one_is_named_when_only_it_is_dead() -> None:
     score = contiguous_score(PAIR)
     dead = replace(score.pairs[2], score=made_up_pair(onset_mm=3.0).score)
-    words = answer_of(PAIR, replace(score, verdict="DEADBAND", pairs=(*score.pairs[:2], dead))).verdict
+    words = sentences_of(PAIR, replace(score, verdict="DEADBAND", pairs=(*score.pairs[:2], dead))).verdict
     assert words.startswith("DEADBAND: E3-R3 does not resolve depth from")
 
 

@@ -8,7 +8,7 @@ import pytest
 
 from design.preset import preset
 from optopad.screen.verdict import verdict_screen
-from optopad.screen.verdict_sentences import answer_of, fix_words, no_fix_words, tool_words
+from optopad.screen.verdict_sentences import fix_words, no_fix_words, sentences_of, tool_words
 from sims.verdict.trial import Move, Trial, TriedMove
 from tests.sims.made_up_scores import dead_score
 
@@ -67,7 +67,7 @@ def test_the_next_command_makes_the_move_that_helps():
         "next optopad score pad.toml --set receivers.height_mm=5.1 "
         "(moves R1-R8; trial: CONTIGUOUS to 5 mm, margin 6.2 sigma)"
     ) in said
-    assert answer_of(PAD, replace(dead_score(), trial=FOUND)).fix == fix_words(FOUND)
+    assert sentences_of(PAD, replace(dead_score(), trial=FOUND)).fix == fix_words(FOUND)
     more = replace(FOUND, found="more parts", moves=(MORE,))
     lines = verdict_screen(PAD, replace(dead_score(), trial=more), [], command="pad.toml")
     assert "optopad improve pad.toml --more-parts" in " ".join(" ".join(lines).split())

@@ -20,7 +20,7 @@ from optopad.screen.verdict import (
     score_lines,
     verdict_screen,
 )
-from optopad.screen.verdict_sentences import answer_of, cause_sentence, unit_of
+from optopad.screen.verdict_sentences import cause_sentence, sentences_of, unit_of
 from sims.verdict.causes import Cause, Witness
 from tests.design.for_each import for_each
 from tests.optopad.plain_words import words_of
@@ -115,23 +115,23 @@ def test_the_mechanism_is_named_with_what_is_missing():
 
 def test_it_says_which_value_to_measure_and_how_well():
     # margin 4.1 at 2.0 mm and 1.0 at 1.0 mm: 3 is met (4.1 - 3) / 3.1 of the way, 0.35 mm from the design's value
-    assert answer_of(PAD, contiguous_score()).sure == (
+    assert sentences_of(PAD, contiguous_score()).confidence == (
         "undecided: part_measurements.sunled-xscwd23mb.active_height_mm changes the verdict; measure it to within "
         "0.35 mm with a measuring microscope"
     )
     firm = replace(contiguous_score().tolerance, rows=contiguous_score().tolerance.rows[2:])
-    words = answer_of(PAD, replace(contiguous_score(), tolerance=firm)).sure
+    words = sentences_of(PAD, replace(contiguous_score(), tolerance=firm)).confidence
     assert words == (
         "robust: the one unmeasured parameter does not change the verdict; 1 parameter has no uncertainty band"
     )
     more = replace(firm, rows=firm.rows * 9)
-    assert answer_of(PAD, replace(contiguous_score(), tolerance=more)).sure.startswith(
+    assert sentences_of(PAD, replace(contiguous_score(), tolerance=more)).confidence.startswith(
         "robust: none of the 9 unmeasured parameters changes the verdict on its own; 1 parameter has"
     )
 
 
 def test_an_undecided_verdict_asks_for_finer_light():
-    assert answer_of(PAD, replace(contiguous_score(), is_open=True)).sure.startswith(
+    assert sentences_of(PAD, replace(contiguous_score(), is_open=True)).confidence.startswith(
         "undecided: the numerical error of the light model"
     )
 
@@ -181,7 +181,7 @@ def test_an_undecided_verdict_of_facing_rows_names_the_pair():
     score = replace(dead_score(PAIR), is_open=True, verdict="CONTIGUOUS")
     doubtful = next(pair.name for pair in score.pairs if pair.score.possible_deadbands_mm)
     assert (
-        answer_of(PAIR, score).sure
+        sentences_of(PAIR, score).confidence
         == f"undecided: the numerical error of the light model may hide a deadband of {doubtful}; use --fine"
     )
 
@@ -193,10 +193,10 @@ def test_the_screen_says_what_share_is_not_resolved():
     if bounds.blind_share < 0.01:
         share = "in less than 1 % of the volume x, y and depth together are not resolved"
     assert share in re.sub(r"\s+", " ", " ".join(verdict_screen(PAD, score, [])))
-    assert share in answer_of(PAD, score).worth
+    assert share in sentences_of(PAD, score).resolution
     assert share in "\n".join(bound_lines(bounds, is_facing=False))
     resolved = replace(bounds, location_mm=np.where(np.isinf(bounds.location_mm), 0.1, bounds.location_mm))
-    assert "not resolved" not in answer_of(PAD, replace(score, bounds=resolved)).worth
+    assert "not resolved" not in sentences_of(PAD, replace(score, bounds=resolved)).resolution
 
 
 def test_warnings_of_a_pad_that_would_not_work_come_first():
@@ -207,20 +207,24 @@ def test_warnings_of_a_pad_that_would_not_work_come_first():
 
 def test_no_line_of_bounds_has_a_number_that_is_none():
     bounds = made_up_bounds(PAD)
-    felt = bounds.felt
+    detection = bounds.detection
     none = np.full_like(bounds.location_mm, np.inf)
     cases = [
-        replace(bounds, felt=replace(felt, force_error_high_n=np.full_like(felt.force_n, np.inf))),
+        replace(
+            bounds, detection=replace(detection, force_error_high_n=np.full_like(detection.force_n, np.inf))
+        ),
         replace(
             bounds,
-            felt=replace(felt, **dict.fromkeys(("force_n", "depth_mm"), np.full_like(felt.force_n, np.inf))),
+            detection=replace(
+                detection, **dict.fromkeys(("force_n", "depth_mm"), np.full_like(detection.force_n, np.inf))
+            ),
         ),
         replace(bounds, location_error_mm=none, depth_error_mm=none, depth_alone_error_mm=none),
         replace(bounds, location_mm=none, depth_bound_mm=none, depth_alone_mm=none),
     ]
     for case in cases:
         said = [line for facing in (False, True) for line in bound_lines(case, is_facing=facing)]
-        said.append(answer_of(PAD, replace(contiguous_score(), bounds=case)).worth)
+        said.append(sentences_of(PAD, replace(contiguous_score(), bounds=case)).resolution)
         said += map(str, bounds_words(replace(contiguous_score(), bounds=case)))
         assert not re.search(r"\b(nan|inf)\b", " ".join(said))
 
@@ -235,7 +239,7 @@ def test_no_screen_has_a_word_of_the_list(design, score, lack):
         if one.usable_depth_mm is not None:
             one = replace(one, usable_depth_mm=4.3, usable_range_mm=(3.9, 4.6))
         shown += [*verdict_screen(design, one, [], command="pad.toml"), *score_lines(one)]
-        shown += list(vars(answer_of(design, one)).values())
+        shown += list(vars(sentences_of(design, one)).values())
     assert len(shown) > 10
     assert {line: found for line in shown if (found := words_of(line))} == {}
 

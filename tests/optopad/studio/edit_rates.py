@@ -15,7 +15,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from optopad.studio.design_file import DesignFile
-from optopad.studio.live_results import Answer, Curves, Judged
+from optopad.studio.live_results import Curves, LiveVerdict, Result
 from optopad.studio.session import Session
 from optopad.studio.workshop import Request, Workshop
 
@@ -50,7 +50,7 @@ def _parts(session: Session) -> tuple:
     return cavity_of(session.design).parts
 
 
-def _wait(answers: queue.Queue[Answer], kind: type, digest: str) -> Answer:
+def _wait(answers: queue.Queue[Result], kind: type, digest: str) -> Result:
     while True:
         found = answers.get(timeout=120.0)
         if isinstance(found, kind) and found.digest == digest:
@@ -63,14 +63,14 @@ def answer_times(seed: int, count: int = EDITS) -> tuple[list[float], list[float
     shop = Workshop(answers.put)
     shop.start()
     shop.want(Request(design=session.design, press=session.press, is_thorough=False))
-    _wait(answers, Judged, session.design.digest)  # kernels are compiled or loaded
+    _wait(answers, LiveVerdict, session.design.digest)  # kernels are compiled or loaded
     to_curves, to_map = [], []
     for _ in edits(session, count, seed):
         began = time.perf_counter()
         shop.want(Request(design=session.design, press=session.press, is_thorough=False))
         _wait(answers, Curves, session.design.digest)
         to_curves.append(time.perf_counter() - began)
-        _wait(answers, Judged, session.design.digest)
+        _wait(answers, LiveVerdict, session.design.digest)
         to_map.append(time.perf_counter() - began)
         time.sleep(0.3)
     shop.close()
@@ -83,7 +83,7 @@ def burst(seed: int, count: int = BURST, seconds: float = BURST_S) -> tuple[int,
     shop = Workshop(answers.put)
     shop.start()
     shop.want(Request(design=session.design, press=session.press))
-    _wait(answers, Judged, session.design.digest)
+    _wait(answers, LiveVerdict, session.design.digest)
     gc.collect()
     before = _memory_mb()
     began = time.perf_counter()
@@ -93,7 +93,7 @@ def burst(seed: int, count: int = BURST, seconds: float = BURST_S) -> tuple[int,
     running, last = shop.running_jobs, time.perf_counter()
     _wait(answers, Curves, session.design.digest)
     waited = time.perf_counter() - last
-    _wait(answers, Judged, session.design.digest)
+    _wait(answers, LiveVerdict, session.design.digest)
     while not answers.empty():
         answers.get()
     gc.collect()

@@ -23,10 +23,10 @@ from design.spec import SensorDesign
 from fabrication.driver.pattern import Problem
 from optopad.studio.drawings import QUANTITIES, curves_svg, map_svg, nearest_place, quantity, readings_svg
 from optopad.studio.live import LiveView
-from optopad.studio.live_results import Judged, Progress
+from optopad.studio.live_results import LiveVerdict, Progress
 from optopad.studio.pad_mesh import cut_open
 from optopad.studio.sentences import bad_parts, curves_title, pins_html, said_html, sensor_html, verdict_html
-from optopad.studio.session import Press, Said, Version
+from optopad.studio.session import LivePress, Said, Version
 from optopad.studio.surface_mesh import pressed_top
 from sims.readings.readout import Readout
 from sims.score.objective import PlaceCurves
@@ -38,7 +38,7 @@ from tests.sims.made_up_scores import dead_score, made_up_depths, made_up_pair, 
 PAD, OBLONG = "piacenza2017-pad", "oblong-60x40"
 DEAD, BOUNDED, REFUSED = dead_score(), bounded_score(), out_of_scope_score()
 NASTY = """<b>"E1" & 'co'</b>"""
-PRESS = Press(x_mm=11.0, y_mm=20.0, depth_mm=2.0)
+PRESS = LivePress(x_mm=11.0, y_mm=20.0, depth_mm=2.0)
 DEEPEST_MM = 5.0
 
 
@@ -172,7 +172,7 @@ def test_a_map_shows_every_part_by_name_and_the_bad_ones_red() -> None:
 
 def test_a_map_is_the_pad_seen_from_above() -> None:
     cavity = cavity_of(preset(PAD))
-    root = drawn(map_svg(cavity, None, Press(x_mm=8.0, y_mm=24.0, depth_mm=1.0)))
+    root = drawn(map_svg(cavity, None, LivePress(x_mm=8.0, y_mm=24.0, depth_mm=1.0)))
     (tip,) = [one for one, _ in titled(root, "circle")]
     scale = (400 - 52) / 32.0
     assert float(tip.attrib["cx"]) == pytest.approx(26 + scale * 8.0, abs=0.06)
@@ -185,13 +185,15 @@ def test_a_map_that_is_the_same_everywhere_is_drawn(name: str) -> None:
     score = BOUNDED
     assert score.pad_map is not None
     assert score.bounds is not None
-    assert score.bounds.felt is not None
+    assert score.bounds.detection is not None
     places = tuple(
         replace(place, depths=made_up_depths(usable_mm=0.0, margin=0.0)) for place in score.pad_map.places
     )
-    felt = replace(score.bounds.felt, force_n=np.zeros_like(score.bounds.felt.force_n))
+    detection = replace(score.bounds.detection, force_n=np.zeros_like(score.bounds.detection.force_n))
     flat = replace(
-        score, pad_map=replace(score.pad_map, places=places), bounds=replace(score.bounds, felt=felt)
+        score,
+        pad_map=replace(score.pad_map, places=places),
+        bounds=replace(score.bounds, detection=detection),
     )
     root = drawn(map_svg(cavity_of(preset(PAD)), quantity(name, flat), PRESS))
     assert len(titled(root, "rect")) == 25
@@ -239,7 +241,7 @@ def test_the_nearest_place_is_the_nearest() -> None:
     pad = DEAD.pad_map
     assert pad is not None
     for number, place in enumerate(pad.places):
-        press = Press(x_mm=place.x_mm + 0.9, y_mm=place.y_mm - 0.9, depth_mm=1.0)
+        press = LivePress(x_mm=place.x_mm + 0.9, y_mm=place.y_mm - 0.9, depth_mm=1.0)
         assert nearest_place(pad, press) == number
 
 
@@ -305,7 +307,7 @@ def sentences_of(words: str) -> Iterator[str]:
     design = preset(PAD)
     now = version(design, words)
     score = replace(REFUSED, reason=words)
-    judged = Judged(digest=design.digest, level="draft", score=score)
+    judged = LiveVerdict(digest=design.digest, level="draft", score=score)
     yield verdict_html(now, None, words, None)
     yield verdict_html(now, judged, words, Progress(stage=words, share=0.5))
     fault = error("cavity.length_mm", words, value=words, limit=words, way_out=words)
@@ -330,7 +332,7 @@ def test_what_is_said_is_text_whatever_it_is(number: int) -> None:
 def test_the_verdict_is_in_the_words_of_a_score_and_says_how_fine_it_is() -> None:
     design = preset(PAD)
     for level, badge in (("draft", "draft"), ("score", "score"), ("whole", "score")):
-        judged = Judged(digest=design.digest, level=level, score=DEAD)  # type: ignore[arg-type]
+        judged = LiveVerdict(digest=design.digest, level=level, score=DEAD)  # type: ignore[arg-type]
         words = Words(verdict_html(version(design), judged, "", None)).text
         assert "DEADBAND: at 10 of 25 locations" in words
         assert badge in words
@@ -338,7 +340,7 @@ def test_the_verdict_is_in_the_words_of_a_score_and_says_how_fine_it_is() -> Non
 
 def test_a_verdict_of_the_design_before_says_so_until_there_is_one() -> None:
     design = preset(PAD)
-    judged = Judged(digest="0" * 64, level="draft", score=DEAD)
+    judged = LiveVerdict(digest="0" * 64, level="draft", score=DEAD)
     assert "of the design before: DEADBAND" in Words(verdict_html(version(design), judged, "", None)).text
     assert Words(verdict_html(version(design), None, "", None)).text == "computing the first result"
     told = Words(verdict_html(version(design), judged, "too deep", None)).text
@@ -347,7 +349,7 @@ def test_a_verdict_of_the_design_before_says_so_until_there_is_one() -> None:
 
 def test_a_press_without_an_answer_leaves_the_verdict_standing() -> None:
     design = preset(PAD)
-    judged = Judged(digest=design.digest, level="score", score=DEAD)
+    judged = LiveVerdict(digest=design.digest, level="score", score=DEAD)
     told = Words(verdict_html(version(design), judged, "too near the wall", None)).text
     assert "DEADBAND: at 10 of 25 locations" in told
     assert "of this press: too near the wall" in told
@@ -367,7 +369,7 @@ def test_errors_are_in_the_words_of_check_and_count_as_many_as_there_are() -> No
 def test_pins_stand_beside_the_design_with_figures_of_the_judged_ones() -> None:
     design, other = preset(PAD), preset(PAD).with_(**{"cavity.clear_thickness_mm": 9.0})
     score = BOUNDED
-    judged = Judged(digest=design.digest, level="score", score=score)
+    judged = LiveVerdict(digest=design.digest, level="score", score=score)
     html = pins_html([version(design, "as in the file")], version(other), {design.digest: judged})
     assert html.count("<tr>") == 3
     words = Words(html)
@@ -505,6 +507,6 @@ def test_a_press_that_the_contact_model_does_not_cover_is_refused() -> None:
 def test_a_score_out_of_scope_is_said_with_its_reason() -> None:
     design = preset(PAD)
     score: ContinuityScore = REFUSED
-    judged = Judged(digest=design.digest, level="whole", score=score)
+    judged = LiveVerdict(digest=design.digest, level="whole", score=score)
     told = Words(verdict_html(version(design), judged, "", None)).text
     assert f"OUT_OF_MODEL_SCOPE: {score.reason}" in told

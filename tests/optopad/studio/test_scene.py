@@ -16,16 +16,16 @@ from optopad.studio.design_file import DesignFile
 from optopad.studio.moves import moved, part_named
 from optopad.studio.session import Session
 from optopad.studio.view.local_server import local_server
-from optopad.studio.view.scene import Scene
+from optopad.studio.view.scene import PadScene
 from optopad.studio.view.shapes import facing, tip_apex_mm
 
 
 @contextmanager
-def scene_of(name: str) -> Iterator[tuple[Scene, Session, viser.ViserServer]]:
+def scene_of(name: str) -> Iterator[tuple[PadScene, Session, viser.ViserServer]]:
     """A scene on a preset, with a server that nobody visits."""
     session, server = Session(DesignFile(name)), local_server(0)
     try:
-        scene = Scene(server, session, later=lambda _name, do: do(), with_row=lambda: False)
+        scene = PadScene(server, session, later=lambda _name, do: do(), with_row=lambda: False)
         yield scene, session, server
     finally:
         server.stop()

@@ -12,7 +12,7 @@ import viser
 from design.io import load_design
 from design.preset import SHAPED_PRESETS, preset_text
 from design.shape.cavity import cavity_of
-from optopad.screen.verdict_sentences import answer_of
+from optopad.screen.verdict_sentences import sentences_of
 from optopad.studio.design_file import DesignFile
 from optopad.studio.moves import part_named
 from optopad.studio.session import Session
@@ -62,7 +62,7 @@ def test_a_layer_made_thicker_tells_the_words_of_its_score_and_a_dragged_part_is
 
         browser.fill("clear layer [mm]", 11)
         thick = before.with_(**{"cavity.clear_thickness_mm": 11.0})
-        browser.wait_for_text(answer_of(thick, score(thick, tolerance=False)).verdict, 120)
+        browser.wait_for_text(sentences_of(thick, score(thick, tolerance=False)).verdict, 120)
         assert page.session.design.digest == thick.digest
 
         receiver = part_named(thick, "R3")

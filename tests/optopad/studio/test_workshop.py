@@ -15,8 +15,8 @@ import pytest
 from design.preset import preset
 from design.spec import SensorDesign
 from optopad.studio import workshop as workshop_module
-from optopad.studio.live_results import Answer, Curves, Failed, Judged, Look, Progress, Rays, Readings
-from optopad.studio.session import Press
+from optopad.studio.live_results import Curves, Failed, LiveVerdict, Look, Progress, Rays, Readings, Result
+from optopad.studio.session import LivePress
 from optopad.studio.workshop import Request, Workshop
 from sims.score import objective as draft
 from sims.score.objective import curves_under, draft_score
@@ -24,7 +24,7 @@ from sims.score.result import ContinuityScore
 from sims.score.scoring import score
 
 PAIR = preset("piacenza2017-pair")
-PRESS = Press(x_mm=9.0, y_mm=11.0, depth_mm=2.0)
+PRESS = LivePress(x_mm=9.0, y_mm=11.0, depth_mm=2.0)
 CLEAR = "cavity.clear_thickness_mm"
 PATIENCE_S = 120.0
 
@@ -33,19 +33,19 @@ class Answers:
     """What a workshop posts, and waiting for it."""
 
     def __init__(self) -> None:
-        self.all: list[Answer] = []
+        self.all: list[Result] = []
         self.threads: set[str] = set()
         self._changed = threading.Condition()
-        self.on_each: Callable[[Answer], None] = lambda _answer: None
+        self.on_each: Callable[[Result], None] = lambda _answer: None
 
-    def put(self, answer: Answer) -> None:
+    def put(self, answer: Result) -> None:
         self.on_each(answer)
         with self._changed:
             self.all.append(answer)
             self.threads.add(threading.current_thread().name)
             self._changed.notify_all()
 
-    def wait(self, is_it: Callable[[Answer], bool], after: int = 0, seconds: float = PATIENCE_S) -> int:
+    def wait(self, is_it: Callable[[Result], bool], after: int = 0, seconds: float = PATIENCE_S) -> int:
         """The number of the first such answer."""
 
         def found() -> int | None:
@@ -66,7 +66,7 @@ class Answers:
     def names(self) -> list[str]:
         """Kinds of the answers, verdicts by their level, without word of progress."""
         told = [one for one in self.all if not isinstance(one, Progress)]
-        return [one.level if isinstance(one, Judged) else type(one).__name__ for one in told]
+        return [one.level if isinstance(one, LiveVerdict) else type(one).__name__ for one in told]
 
 
 @contextmanager
@@ -84,12 +84,12 @@ def working(request: Request | None = None, seed: int = 0) -> Iterator[tuple[Wor
         assert not shop._thread.is_alive()
 
 
-def request_of(design: SensorDesign = PAIR, press: Press = PRESS, **options: bool) -> Request:
+def request_of(design: SensorDesign = PAIR, press: LivePress = PRESS, **options: bool) -> Request:
     return Request(design=design, press=press, **({"is_thorough": False} | options))
 
 
-def is_level(level: str) -> Callable[[Answer], bool]:
-    return lambda one: isinstance(one, Judged) and one.level == level
+def is_level(level: str) -> Callable[[Result], bool]:
+    return lambda one: isinstance(one, LiveVerdict) and one.level == level
 
 
 @pytest.fixture(scope="module")
@@ -164,7 +164,7 @@ def test_answers_come_in_order_and_are_of_the_wish(slow_score: dict[str, Any]) -
 def test_answers_are_those_of_the_physics_asked_directly() -> None:
     with working(request_of(), seed=5) as (_, answers):
         answers.wait_idle(answers.wait(is_level("draft")))
-        (found,), (judged,) = answers.of(Curves), answers.of(Judged)
+        (found,), (judged,) = answers.of(Curves), answers.of(LiveVerdict)
     true = curves_under(PAIR, PRESS.place_mm, seed=5)
     assert [pair.name for pair in found.found.pairs] == [pair.name for pair in true.pairs]
     for here, there in zip(found.found.pairs, true.pairs, strict=True):
@@ -187,7 +187,7 @@ def test_a_finished_wish_is_not_worked_at_again() -> None:
 def test_a_deeper_press_is_a_new_look_and_no_new_curves() -> None:
     with working(request_of()) as (shop, answers):
         end = answers.wait_idle(answers.wait(is_level("draft")))
-        deeper = Press(x_mm=PRESS.x_mm, y_mm=PRESS.y_mm, depth_mm=3.0)
+        deeper = LivePress(x_mm=PRESS.x_mm, y_mm=PRESS.y_mm, depth_mm=3.0)
         shop.want(request_of(press=deeper))
         answers.wait_idle(answers.wait(lambda one: isinstance(one, Look), end + 1))
         assert answers.names() == ["Curves", "Look", "draft", "Look"]
@@ -195,7 +195,7 @@ def test_a_deeper_press_is_a_new_look_and_no_new_curves() -> None:
 
 
 def test_back_at_a_former_press_its_answers_come_again() -> None:
-    other = Press(x_mm=11.0, y_mm=9.0, depth_mm=2.0)
+    other = LivePress(x_mm=11.0, y_mm=9.0, depth_mm=2.0)
     with working(request_of()) as (shop, answers):
         end = answers.wait_idle(answers.wait(is_level("draft")))
         for press in (other, PRESS):
@@ -206,7 +206,7 @@ def test_back_at_a_former_press_its_answers_come_again() -> None:
 
 
 def test_an_untouched_pad_is_flat_and_bears_nothing() -> None:
-    with working(request_of(press=Press(x_mm=9.0, y_mm=11.0, depth_mm=0.0))) as (_, answers):
+    with working(request_of(press=LivePress(x_mm=9.0, y_mm=11.0, depth_mm=0.0))) as (_, answers):
         answers.wait(lambda one: isinstance(one, Look))
         (look,) = answers.of(Look)
         assert (look.force_n, look.contact_radius_mm) == (0.0, 0.0)
@@ -223,8 +223,8 @@ def test_after_many_quick_wishes_only_the_last_design_is_judged(slow_score: dict
             shop.want(request_of(design, is_thorough=True))
             time.sleep(0.01)
         answers.wait(is_level("whole"))
-    assert {one.digest for one in answers.of(Judged) if one.level != "draft"} == {designs[-1].digest}
-    assert {one.digest for one in answers.of(Judged)} == {designs[-1].digest}
+    assert {one.digest for one in answers.of(LiveVerdict) if one.level != "draft"} == {designs[-1].digest}
+    assert {one.digest for one in answers.of(LiveVerdict)} == {designs[-1].digest}
     assert slow_score["begun"] == slow_score["ended"] == 1
     assert max(running) == 1
     assert answers.of(Failed) == []
@@ -241,8 +241,8 @@ def test_a_newer_design_ends_a_score_that_is_under_way(slow_score: dict[str, Any
         assert time.monotonic() - began < 5.0
         assert (slow_score["begun"], slow_score["ended"]) == (1, 1)
         assert slow_score["steps"] < 6000
-        answers.wait(lambda one: isinstance(one, Judged) and one.digest == newer.digest)
-        assert {one.digest for one in answers.of(Judged) if one.level != "draft"} == set()
+        answers.wait(lambda one: isinstance(one, LiveVerdict) and one.digest == newer.digest)
+        assert {one.digest for one in answers.of(LiveVerdict) if one.level != "draft"} == set()
 
 
 @pytest.mark.parametrize("other", [None, request_of()], ids=["no request", "drafts alone"])
@@ -269,7 +269,7 @@ def test_a_new_press_is_served_while_a_score_is_under_way(slow_score: dict[str, 
         )
         for x_mm in (10.0, 11.0):
             before = len(answers.all)
-            press = Press(x_mm=x_mm, y_mm=9.0, depth_mm=2.5)
+            press = LivePress(x_mm=x_mm, y_mm=9.0, depth_mm=2.5)
             shop.want(request_of(press=press, is_thorough=True))
             look = answers.wait(lambda one: isinstance(one, Look), before)
             assert answers.all[look].press == press  # type: ignore[union-attr]
@@ -324,7 +324,7 @@ def test_rays_of_a_press_that_has_moved_on_are_given_up(monkeypatch: pytest.Monk
     monkeypatch.setattr("sims.rays.ray_states", stand_in)
     with working(request_of(with_rays=True)) as (shop, answers):
         answers.wait(lambda one: isinstance(one, Progress) and one.stage == "rays")
-        moved = Press(x_mm=11.0, y_mm=11.0, depth_mm=2.0)
+        moved = LivePress(x_mm=11.0, y_mm=11.0, depth_mm=2.0)
         shop.want(request_of(press=moved))
         answers.wait(is_level("draft"))
         assert answers.names() == ["Curves", "Look", "Curves", "Look", "draft"]
@@ -343,12 +343,12 @@ def test_a_design_outside_the_models_is_said_with_the_reason_and_the_work_goes_o
         (failed,) = answers.of(Failed)
         assert "less than a deadband's least length" in failed.text
         assert failed.digest == outside.digest
-        assert {one.score.verdict for one in answers.of(Judged)} == {"OUT_OF_MODEL_SCOPE"}
-        assert {one.score.reason for one in answers.of(Judged)} == {failed.text}
-        assert isinstance([one for one in answers.all if not isinstance(one, Progress)][-1], Judged)
+        assert {one.score.verdict for one in answers.of(LiveVerdict)} == {"OUT_OF_MODEL_SCOPE"}
+        assert {one.score.reason for one in answers.of(LiveVerdict)} == {failed.text}
+        assert isinstance([one for one in answers.all if not isinstance(one, Progress)][-1], LiveVerdict)
         end = len(answers.all)
         shop.want(request_of())
-        answers.wait(lambda one: isinstance(one, Judged) and one.score.verdict == "CONTIGUOUS", end)
+        answers.wait(lambda one: isinstance(one, LiveVerdict) and one.score.verdict == "CONTIGUOUS", end)
 
 
 def test_a_press_that_the_models_do_not_cover_leaves_the_design_judged(
@@ -366,7 +366,7 @@ def test_a_press_that_the_models_do_not_cover_leaves_the_design_judged(
         assert answers.names() == ["Curves", "Failed", "draft"]
         monkeypatch.undo()
         end = len(answers.all)
-        shop.want(request_of(press=Press(x_mm=10.0, y_mm=10.0, depth_mm=1.0)))
+        shop.want(request_of(press=LivePress(x_mm=10.0, y_mm=10.0, depth_mm=1.0)))
         answers.wait(lambda one: isinstance(one, Look), end)
 
 
@@ -447,14 +447,14 @@ def test_the_score_has_the_bits_of_a_score_without_a_studio_although_presses_wer
         for x_mm in (8.0, 11.0):
             time.sleep(2.0)
             end = len(answers.all)
-            shop.want(request_of(press=Press(x_mm=x_mm, y_mm=10.0, depth_mm=2.0), is_thorough=True))
+            shop.want(request_of(press=LivePress(x_mm=x_mm, y_mm=10.0, depth_mm=2.0), is_thorough=True))
             look = answers.wait(lambda one: isinstance(one, Look), end)
             served.append(type(answers.all[look]).__name__)
-            assert not any(isinstance(one, Judged) and one.level != "draft" for one in answers.all)
+            assert not any(isinstance(one, LiveVerdict) and one.level != "draft" for one in answers.all)
         whole = answers.all[answers.wait(is_level("whole"), seconds=600.0)]
         middle = answers.all[answers.wait(is_level("score"))]
-    assert isinstance(whole, Judged)
-    assert isinstance(middle, Judged)
+    assert isinstance(whole, LiveVerdict)
+    assert isinstance(middle, LiveVerdict)
     assert len(served) == 2
     assert whole.score.to_json() == true.to_json()
     told, whole_told = middle.score.to_json(), true.to_json()

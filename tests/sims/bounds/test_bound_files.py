@@ -9,7 +9,7 @@ import xarray as xr
 from design.preset import preset
 from design.shape.cavity import cavity_of
 from sims.bounds.observability import bound_depths_mm, bounds_json
-from sims.plots.maps import plot_bound_sheet, plot_felt_map
+from sims.plots.maps import plot_bound_sheet, plot_detection_map
 from sims.plots.style import plain_style
 from sims.readings.readout import save_dataset
 from sims.score.maps_file import bounds_dataset, provenance
@@ -69,7 +69,7 @@ def test_every_depth_gets_a_panel_and_blind_cells_are_hatched(bounds):
             0,
         ]
         assert plot_bound_sheet(bounds, cavity, "depth").axes[2].get_xlabel() == "x [mm]"
-        assert plot_felt_map(bounds.felt, cavity).get_ylabel() == "y [mm]"
+        assert plot_detection_map(bounds.detection, cavity).get_ylabel() == "y [mm]"
 
 
 def test_bound_depths_leave_room_for_the_presses_beside_them():

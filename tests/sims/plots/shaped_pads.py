@@ -42,10 +42,10 @@ def shaped_bounds(design: SensorDesign) -> PadBounds:
     first = tuple(np.argwhere(inside)[0])
     for name in BOUNDS:
         values[name][(*first, 0)] = np.inf
-    felt = bounds.felt
-    assert isinstance(felt, DetectionThreshold)
-    masked = {name: np.where(inside, getattr(felt, name), np.nan) for name in FELT}
-    return replace(bounds, felt=replace(felt, **masked), **values)
+    detection = bounds.detection
+    assert isinstance(detection, DetectionThreshold)
+    masked = {name: np.where(inside, getattr(detection, name), np.nan) for name in FELT}
+    return replace(bounds, detection=replace(detection, **masked), **values)
 
 
 def made_up_press(

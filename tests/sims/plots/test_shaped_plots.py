@@ -16,7 +16,7 @@ from sims.plots.maps import (
     outline_patch,
     plot_bound_sheet,
     plot_deadband_map,
-    plot_felt_map,
+    plot_detection_map,
     plot_margin_map,
     plot_usable_map,
 )
@@ -89,8 +89,8 @@ def test_only_blind_voxels_are_hatched():
     assert len([patch for patch in ax.patches if patch.get_hatch()]) == 1
     assert len(ax.texts) == int(bounds.inside.sum()) - 1
     assert any(isinstance(patch, Polygon) for patch in ax.patches)
-    assert bounds.felt is not None
-    ax = plot_felt_map(bounds.felt, cavity_of(DISC))
+    assert bounds.detection is not None
+    ax = plot_detection_map(bounds.detection, cavity_of(DISC))
     assert not any(patch.get_hatch() for patch in ax.patches)
     assert len(ax.texts) == int(bounds.inside.sum())
 

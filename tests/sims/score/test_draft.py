@@ -157,7 +157,7 @@ def test_bounds_are_added_to_a_pad_s_draft_and_leave_the_rest(pair_draft: Contin
     bounded = with_draft_bounds(design, found, on_step=lambda stage, _share: stages.append(stage))
     assert [stage for stage in dict.fromkeys(stages) if stage != "contact"] == ["map", "bounds"]
     assert bounded.bounds is not None
-    assert bounded.bounds.felt is not None
+    assert bounded.bounds.detection is not None
     assert np.isfinite(bounded.bounds.location_mm).all()
     assert bounded.bounds.location_mm.shape == (3, 3, 2)
     assert 0.0 < bounded.bounds.median_location_mm.value < 1.0

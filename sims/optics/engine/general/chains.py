@@ -43,10 +43,10 @@ from sims.optics.engine.general.rays import (
     UX,
     UY,
     WALL,
-    beside,
     landing,
     lobe,
     mirrored,
+    mirrored_unit,
     plan_exit,
     sees,
     window_point,
@@ -159,10 +159,10 @@ def _comes_near(
     nx, ny, nz = p[MX], p[MY], p[MZ]
     way = math.sqrt((p[PX] - x0) ** 2 + (p[PY] - y0) ** 2 + (p[PZ] - z0) ** 2)
     widens = WIDENS * size / way
-    dx, dy, dz = beside(p[PX] - x0, p[PY] - y0, p[PZ] - z0, nx, ny, nz)
+    dx, dy, dz = mirrored_unit(p[PX] - x0, p[PY] - y0, p[PZ] - z0, nx, ny, nz)
     x, y, z = p[PX] - 1e-7 * nx, p[PY] - 1e-7 * ny, p[PZ] - 1e-7 * nz
     for _ in range(MOST):
-        t, _ = _spare(x, y, z, dx, dy, dz, walls, arcs, top)
+        t, _ = _top_before_wall(x, y, z, dx, dy, dz, walls, arcs, top)
         if t >= NEVER:
             return STAYS_FAR
         way += t
@@ -202,16 +202,16 @@ def _follow(
     """
     pressed = top.numbers[OUTER] > 0.0
     nx, ny, nz = p[MX], p[MY], p[MZ]
-    dx, dy, dz = beside(p[PX] - x0, p[PY] - y0, p[PZ] - z0, nx, ny, nz)
+    dx, dy, dz = mirrored_unit(p[PX] - x0, p[PY] - y0, p[PZ] - z0, nx, ny, nz)
     x, y, z = p[PX] - 1e-7 * nx, p[PY] - 1e-7 * ny, p[PZ] - 1e-7 * nz
-    t, spare = _spare(x, y, z, dx, dy, dz, walls, arcs, top)
+    t, spare = _top_before_wall(x, y, z, dx, dy, dz, walls, arcs, top)
     if t >= NEVER:
         return False
     landed, is_whole = 0, not is_sample
     if is_whole:
         for side in range(SIDES):
             ax, ay, az = _side_place(side, x0, y0, z0, size_u, size_v, e)
-            ex, ey, ez = beside(p[PX] - ax, p[PY] - ay, p[PZ] - az, nx, ny, nz)
+            ex, ey, ez = mirrored_unit(p[PX] - ax, p[PY] - ay, p[PZ] - az, nx, ny, nz)
             put_ray(x, y, z, ex, ey, ez, side, work)
     if spare < 0.0 and not (is_whole and _goes_on(spare, walls, arcs, top, work)):
         return False
@@ -291,7 +291,7 @@ def _follow(
                 k = LANDED + 3 * landed
                 work[k], work[k + 1], work[k + 2] = float(row), float(j), brings
                 landed += 1
-        t, spare = _spare(x, y, z, dx, dy, dz, walls, arcs, top)
+        t, spare = _top_before_wall(x, y, z, dx, dy, dz, walls, arcs, top)
         if t >= NEVER or (spare < 0.0 and not (is_whole and _goes_on(spare, walls, arcs, top, work))):
             break
     for n in range(landed):
@@ -430,7 +430,7 @@ def _goes_on(spare: float, walls: FloatArray, arcs: FloatArray, top: FormedTop, 
         most = 0.0
         for side in range(2 * pair, 2 * pair + 2):
             k = RAYS + 6 * side
-            near, beyond = _spare(
+            near, beyond = _top_before_wall(
                 work[k],
                 work[k + 1],
                 work[k + 2],
@@ -448,7 +448,7 @@ def _goes_on(spare: float, walls: FloatArray, arcs: FloatArray, top: FormedTop, 
 
 
 @inlined
-def _spare(
+def _top_before_wall(
     x: float, y: float, z: float, dx: float, dy: float, dz: float, walls: FloatArray, arcs: FloatArray,
     top: FormedTop,
 ) -> tuple[float, float]:  # fmt: skip

@@ -77,14 +77,14 @@ from sims.optics.engine.general.top import (
     NEVER,
     OUTER,
     FormedTop,
-    fall,
+    dimple,
     into,
     is_contact,
     is_open,
     is_skirt,
     normal_at,
     out_of,
-    rise,
+    sag,
 )
 from sims.optics.surface.radial import inlined, kernel
 
@@ -134,7 +134,7 @@ def mirrored_flux(
             continue
         if pressed:
             x, y, _ = into(top, p[PX], p[PY], p[PZ])
-            work[AT], work[AT + 1], work[AT + 2] = x, y, rise(top, x * x + y * y)[0]
+            work[AT], work[AT + 1], work[AT + 2] = x, y, dimple(top, x * x + y * y)[0]
             work[IS_LIT] = 1.0 if _is_open(0, top, work) else 0.0
         along = abs((p[PX] - e[CX]) * e[UX] + (p[PY] - e[CY]) * e[UY])
         beside, above = max(along - e[HALF_U], 0.0), max(abs(p[PZ] - e[CZ]) - e[HALF_V], 0.0)
@@ -270,7 +270,7 @@ def _put_sight(window: FloatArray, number: int, top: FormedTop, work: FloatArray
     for k in range(4):
         px, py, pz = window_point(window, 1.0 if k % 2 == 0 else -1.0, 1.0 if k < 2 else -1.0)
         qx, qy, qz = into(top, px, py, pz)
-        around, most = max(around, math.hypot(qx - x, qy - y)), max(most, qz + fall(top, qx, qy))
+        around, most = max(around, math.hypot(qx - x, qy - y)), max(most, qz + sag(top, qx, qy))
     k = SIGHTS + SIGHT * number
     work[k], work[k + 1], work[k + 2], work[k + 3] = x, y, around, most
 
@@ -435,9 +435,9 @@ def top_points(at: FloatArray, top: FormedTop, out: FloatArray) -> None:
     """
     for n in range(at.shape[0]):
         x, y = at[n, 0], at[n, 1]
-        down, _ = rise(top, x * x + y * y)
+        down, _ = dimple(top, x * x + y * y)
         nx, ny, nz = normal_at(top, x, y)
-        height = down - fall(top, x, y)
+        height = down - sag(top, x, y)
         px, py, pz = out_of(top, x, y, height)
         out[n, PX], out[n, PY], out[n, PZ] = px + top.origin[0], py + top.origin[1], pz + top.origin[2]
         out[n, MX], out[n, MY], out[n, MZ] = out_of(top, nx, ny, nz)

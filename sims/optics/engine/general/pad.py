@@ -100,7 +100,10 @@ class FormedPad:
         return np.asarray(straight_matrix(self.emitters, self.receivers, wanted, absorbs, *top, *rules))
 
     def mirrored(self, top: FormedTop, wanted: BoolArray, at: FloatArray) -> FloatArray:
-        """(2, batch, emitter, receiver) light that a top mirrors at points `at` (n, 5), in press coordinates."""
+        """(2, batch, emitter, receiver) light mirrored at points of a top: by its smooth part, and by the skirt.
+
+        `at` (n, 5) has the points in press coordinates; `GridPoints.in_frame` explains the columns.
+        """
         from sims.optics.engine.general.kernels import mirrored_matrix, points_on
 
         scene = self.scene

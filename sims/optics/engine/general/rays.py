@@ -110,7 +110,9 @@ def mirrored(x: float, y: float, z: float, nx: float, ny: float, nz: float) -> t
 
 
 @inlined
-def beside(x: float, y: float, z: float, nx: float, ny: float, nz: float) -> tuple[float, float, float]:
+def mirrored_unit(
+    x: float, y: float, z: float, nx: float, ny: float, nz: float
+) -> tuple[float, float, float]:
     """Mirror a vector in a plane with a unit normal and scale it to length 1."""
     per = 1.0 / math.sqrt(x * x + y * y + z * z)
     return mirrored(x * per, y * per, z * per, nx, ny, nz)

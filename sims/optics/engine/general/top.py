@@ -8,9 +8,9 @@ normal (`PadForm.press_frame`). In them the top is
 
     z = -c(x, y) + d(r),     r² = x² + y²
 
-where c is the crown's fall below its tangent plane and d the height of the pressed top above the untouched crown. In
-the contact of a hemisphere of radius a at depth p, d = a - p - √(a² - r²) + m(r), with m the fall of the mean crown.
-For a spherical crown m is c itself, so the top follows the tip exactly. For a cylindrical crown m is the fall of a
+where c is the crown's sag below its tangent plane and d the height of the pressed top above the untouched crown. In
+the contact of a hemisphere of radius a at depth p, d = a - p - √(a² - r²) + m(r), with m the sag of the mean crown.
+For a spherical crown m is c itself, so the top follows the tip exactly. For a cylindrical crown m is the sag of a
 sphere of twice its radius. Beyond the contact, d is a C1 cubic through the points of the press's curve, as in
 `sims.optics.surface.curves`, and ends in a tail.
 
@@ -120,7 +120,7 @@ def out_of(top: FormedTop, x: float, y: float, z: float) -> tuple[float, float, 
 
 
 @inlined
-def fall(top: FormedTop, x: float, y: float) -> float:
+def sag(top: FormedTop, x: float, y: float) -> float:
     """Distance of the untouched crown below its tangent plane [mm]; far outside the pad it continues steeply."""
     kind = top.numbers[KIND]
     if kind == FLAT:
@@ -143,7 +143,7 @@ def crown_slopes(top: FormedTop, x: float, y: float) -> tuple[float, float]:
 
 
 @inlined
-def rise(top: FormedTop, r2: float) -> tuple[float, float]:
+def dimple(top: FormedTop, r2: float) -> tuple[float, float]:
     """Height d of the pressed top above the crown at a squared radius r2 [mm], and (dd/dr) / r [1/mm]."""
     if r2 >= top.numbers[OUTER] * top.numbers[OUTER]:
         return 0.0, 0.0
@@ -184,7 +184,7 @@ def crown_exit(top: FormedTop, x: float, y: float, z: float, dx: float, dy: floa
 @inlined
 def above(top: FormedTop, x: float, y: float, z: float) -> float:
     """Height of a point above the pad's top [mm]; negative inside the elastomer. The point is in press coordinates."""
-    return z + fall(top, x, y) - rise(top, x * x + y * y)[0]
+    return z + sag(top, x, y) - dimple(top, x * x + y * y)[0]
 
 
 @inlined
@@ -193,8 +193,8 @@ def above_along(
 ) -> tuple[float, float]:
     """Height of a point in press coordinates above the pad's top [mm], and its derivative along a direction."""
     sx, sy = crown_slopes(top, x, y)
-    height, turned = rise(top, x * x + y * y)
-    return z + fall(top, x, y) - height, dz + (sx - turned * x) * dx + (sy - turned * y) * dy
+    height, turned = dimple(top, x * x + y * y)
+    return z + sag(top, x, y) - height, dz + (sx - turned * x) * dx + (sy - turned * y) * dy
 
 
 @kernel
@@ -219,7 +219,7 @@ def top_hit(
                 first, last = max((-b - root) / a, 0.0), (-b + root) / a
         if last > first and leaves > first:
             if leaves < NEVER:
-                lower = _aloof(top, x, y, z, dx, dy, dz, a, b, min(leaves, limit), leaves)
+                lower = _clear_before(top, x, y, z, dx, dy, dz, a, b, min(leaves, limit), leaves)
                 if lower > 0.0:
                     return (
                         NEVER if leaves - lower > limit else _settled(top, x, y, z, dx, dy, dz, leaves, limit)
@@ -233,7 +233,7 @@ def top_hit(
 
 
 @kernel
-def _aloof(
+def _clear_before(
     top: FormedTop, x: float, y: float, z: float, dx: float, dy: float, dz: float, a: float, b: float, end: float,
     leaves: float,
 ) -> float:  # fmt: skip
@@ -279,8 +279,8 @@ def _march(
     across = math.sqrt(a)
     t = first
     px, py = x + t * dx, y + t * dy
-    u = z + t * dz + fall(top, px, py)
-    clear = rise(top, px * px + py * py)[0] - u
+    u = z + t * dz + sag(top, px, py)
+    clear = dimple(top, px * px + py * py)[0] - u
     if clear < 0.0 and t > 1e-9:
         return t
     step = stop - t
@@ -288,8 +288,8 @@ def _march(
         step = min(step, stop - t)
         end = t + step
         px, py = x + end * dx, y + end * dy
-        end_u = z + end * dz + fall(top, px, py)
-        end_clear = rise(top, px * px + py * py)[0] - end_u
+        end_u = z + end * dz + sag(top, px, py)
+        end_clear = dimple(top, px * px + py * py)[0] - end_u
         turn_at = min(max(-b / a, t), end) if a > 1e-14 else t
         qx, qy = x + turn_at * dx, y + turn_at * dy
         low, steep, cup = _bounds(top, qx * qx + qy * qy)
@@ -379,7 +379,7 @@ def _between(
 def normal_at(top: FormedTop, x: float, y: float) -> tuple[float, float, float]:
     """Unit normal out of the elastomer at a point (x, y) of the top, in press coordinates."""
     sx, sy = crown_slopes(top, x, y)
-    turned = rise(top, x * x + y * y)[1]
+    turned = dimple(top, x * x + y * y)[1]
     nx, ny = sx - turned * x, sy - turned * y
     per = 1.0 / math.sqrt(1.0 + nx * nx + ny * ny)
     return nx * per, ny * per, per
