@@ -2,6 +2,7 @@
 # Another interpreter: `make clean setup PYTHON=python3.12`. Package index and proxy: pip's own settings and PIP_* variables.
 
 VENV := .venv
+comma := ,
 BIN := $(VENV)/bin
 # what a run needs; what development needs besides
 RUNS := $(VENV)/.runs
@@ -99,7 +100,7 @@ validate: setup ## the figures of docs/validation, made anew (hours; interrupted
 pins: ## renew constraints.txt from a fresh environment (oldest supported Python: its versions serve the newer ones)
 	@$(call find_python,$(if $(PYTHON),$(PYTHON),python3.11)); \
 	rm -rf build/pins && "$$python" -m venv build/pins && \
-	build/pins/bin/python -m pip install -e ".[dev]" && \
+	build/pins/bin/python -m pip install -e ".[design,dev]" && \
 	{ sed -n '/^#/p' constraints.txt; build/pins/bin/python -m pip freeze --exclude-editable; } > build/constraints.txt && \
 	mv build/constraints.txt constraints.txt && rm -rf build/pins
 
@@ -152,9 +153,9 @@ $(RUNS): pyproject.toml constraints.txt
 	$(environment)
 	$(call install,numba numpy platformdirs pydantic scipy tomlkit)
 	@PYTHONPATH=. $(BIN)/python -m sims.optics.compiling --alone </dev/null >/dev/null 2>&1 &
-	$(call install,-e .)
+	$(call install,-e ".[design]")
 	@touch $@
 
 $(READY): $(RUNS)
-	$(call install,-e ".[dev]")
+	$(call install,-e ".[design$(comma)dev]")
 	@touch $@

@@ -1,4 +1,4 @@
-"""Functions of `import optopad`: load, check, score, sweep, compare, improve, predict, run.
+"""Functions of `import optopad`: load, check, score, sweep, compare, improve, predict, run, load_model, read_recording.
 
 Most functions take a design and return a result; nothing is printed. Long computations take `on_step`, a function that
 is called with a step's name and its finished fraction. They write files into the bundles in the folder `out`, as the
@@ -16,11 +16,13 @@ from design.progress import OnStep, silent
 
 if TYPE_CHECKING:
     from design.spec import SensorDesign
+    from fabrication.driver.recording.export import Recorded
     from optopad.results.comparison import Comparison
     from optopad.results.improvement import Improvement
     from optopad.results.prediction import Prediction
     from optopad.results.score import Bundle, Checked, Score
     from optopad.results.sweep import Sweep
+    from sims.learning.inference.touch_model import TouchModel
 
 OUT = "outputs"
 """Default folder of the bundles (designs' output folders), the same as on the command line."""
@@ -246,3 +248,27 @@ def run(
     from optopad.jobs.pipeline import run as make
 
     return make(design, Path(out), fine=fine, seed=seed, on_step=on_step or silent)
+
+
+def load_model(file: str | PathLike[str]) -> TouchModel:
+    """Read a trained model, which `optopad.TouchReader` applies to a sensor's frames.
+
+    Raises
+    ------
+    InputError : the file is missing or damaged, or has a version or kind of model that this optopad does not support.
+    """
+    from sims.learning.inference.model_file import load_model as read
+
+    return read(file)
+
+
+def read_recording(file: str | PathLike[str]) -> Recorded:
+    """Read the frames of a recording of `optopad driver record`, or of `Sensor.record`.
+
+    Raises
+    ------
+    InputError : the file is not a recording, or contains no complete frame.
+    """
+    from fabrication.driver.recording.export import read_recorded
+
+    return read_recorded(Path(file))

@@ -214,12 +214,12 @@ def package_findings() -> Iterator[Requirement]:
 def package_finding(package: Package, version: str, failure: Failure | None) -> Requirement:
     """Finding on one package, from its version ("" if not installed) and the failure of its import (None if none)."""
     if not version:
-        return Requirement(package.distribution, "missing", "not installed", "run `make setup`")
+        return Requirement(package.distribution, "missing", "not installed", INSTALL)
     if failure:
         return Requirement(package.distribution, "missing", f"{version}: {failure.reason}", failure.way_out)
     if release(version) < release(package.at_least):
         detail = f"{version}, needs >= {package.at_least}"
-        return Requirement(package.distribution, "missing", detail, "run `make setup`")
+        return Requirement(package.distribution, "missing", detail, INSTALL)
     return Requirement(package.distribution, "ok", version)
 
 
@@ -268,6 +268,7 @@ def import_failure(*modules: str) -> Failure | None:
 
 
 REINSTALL = "reinstall it: `make clean setup`"
+INSTALL = "run `make setup`, or `pip install '.[design]'` in the checkout"
 
 PROBE_MARK = "optopad-probe: "
 
@@ -299,7 +300,7 @@ def diagnose(err: ImportError) -> Failure:
     """Find the cause of a failed import: a missing package or system library, an old system, or another error."""
     message, name = str(err), err.name or "a package"
     if isinstance(err, ModuleNotFoundError):
-        return Failure(f"the Python package {err.name or message} is not installed", "run `make setup`")
+        return Failure(f"the Python package {err.name or message} is not installed", INSTALL)
     if found := MISSING_ON_LINUX.search(message) or MISSING_ON_MACOS.search(message):
         return Failure(f"{name} needs the system library {found['file']}", library_way_out(found["stem"]))
     if found := TOO_OLD_SYSTEM.search(message):

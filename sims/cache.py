@@ -31,8 +31,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from types import ModuleType
 
-from platformdirs import user_cache_path
-
 from design.errors import InputError
 
 CACHE_VARIABLE = "OPTOPAD_CACHE"
@@ -45,6 +43,8 @@ NO_HOME = Path(os.devnull) / "no home folder"
 
 def cache_folder() -> Path:
     """The folder that `OPTOPAD_CACHE` names, or else the system's cache folder for optopad. It may not exist yet."""
+    from platformdirs import user_cache_path  # an installation of the driver alone lacks it
+
     if chosen := os.environ.get(CACHE_VARIABLE):
         return Path(os.path.expanduser(chosen))
     try:

@@ -1,11 +1,9 @@
 """Predicts touch, location, depth and force for each frame of a sensor, with a trained model and drift tracking.
 
-from fabrication.driver import Sensor
-from fabrication.driver.touch_reader import TouchReader
-from sims.learning.inference.model_file import load_model
+    import optopad
 
-with Sensor("driver.toml") as sensor, ...:
-    for touch in TouchReader(sensor, load_model("pad.optomodel")):
+    with optopad.Sensor("driver.toml") as sensor:
+        for touch in optopad.TouchReader(sensor, optopad.load_model("pad.optomodel")):
         if touch.is_touched:
             print(touch.press_mm, touch.sigma_mm)
 """

@@ -17,7 +17,7 @@ import pytest
 
 from optopad import doctor
 from optopad.cli import main
-from optopad.doctor import Failure, Package, Requirement, explain_import_error
+from optopad.doctor import INSTALL, Failure, Package, Requirement, explain_import_error
 from sims.cache import LightStore
 
 ROOT = Path(__file__).parents[2]
@@ -73,7 +73,8 @@ def test_doctor_speaks_json(capsys: pytest.CaptureFixture[str]) -> None:
 
 def test_packages_and_their_oldest_versions_are_those_of_pyproject() -> None:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
-    declared = [line.split(",")[0].split(">=") for line in project["dependencies"]]
+    lines = sorted(project["dependencies"] + project["optional-dependencies"]["design"])
+    declared = [line.split(",")[0].split(">=") for line in lines]
     assert [[package.distribution, package.at_least] for package in doctor.PACKAGES] == declared
 
 
@@ -121,7 +122,7 @@ def test_a_system_that_is_too_old_is_told_so() -> None:
 
 def test_a_missing_python_package_is_not_taken_for_a_library() -> None:
     err = ModuleNotFoundError("No module named 'mujoco'", name="mujoco")
-    assert explain_import_error(err) == "the Python package mujoco is not installed; run `make setup`"
+    assert explain_import_error(err) == f"the Python package mujoco is not installed; {INSTALL}"
 
 
 def test_another_import_error_keeps_its_own_words() -> None:
@@ -298,7 +299,7 @@ def test_no_home_folder_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
     for name in ("OPTOPAD_CACHE", "NUMBA_CACHE_DIR"):
         monkeypatch.delenv(name, raising=False)
     for missing in (no_home, lambda _name: Path("~/.cache/optopad")):
-        monkeypatch.setattr("sims.cache.user_cache_path", missing)
+        monkeypatch.setattr("platformdirs.user_cache_path", missing)
         findings = {one.name: one for one in doctor.examine()}
         for name in ("cache folder", "kernel cache", "light cache"):
             assert (findings[name].state, findings[name].detail) == (
