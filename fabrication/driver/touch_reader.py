@@ -4,8 +4,8 @@
 
     with optopad.Sensor("driver.toml") as sensor:
         for touch in optopad.TouchReader(sensor, optopad.load_model("pad.optomodel")):
-        if touch.is_touched:
-            print(touch.press_mm, touch.sigma_mm)
+            if touch.is_touched:
+                print(touch.press_mm, touch.sigma_mm)
 """
 
 from __future__ import annotations

@@ -51,7 +51,7 @@ def test_one_line_opens_the_maps_and_the_next_select_from_them(tmp_path):
 def test_a_few_lines_answer_by_a_model_with_numpy_alone(tmp_path):
     save_model(tmp_path / "paper.optomodel", made_up_kernel_ridge())
     (block,) = re.findall(r"```python\n(.*?)```", LEARNING.read_text(encoding="utf-8"), flags=re.DOTALL)
-    checks = "\nassert told.press_mm.shape == (1, 3)\nimport sys\nassert 'scipy' not in sys.modules"
+    checks = "\nassert found.press_mm.shape == (1, 3)\nimport sys\nassert 'scipy' not in sys.modules"
     done = subprocess.run(
         [sys.executable, "-c", block + checks], cwd=tmp_path, capture_output=True, text=True, check=False
     )
