@@ -16,7 +16,7 @@ from design.progress import OnStep, silent
 
 if TYPE_CHECKING:
     from design.spec import SensorDesign
-    from fabrication.driver.recording.export import Recorded
+    from fabrication.driver.recording.recorded import Recorded
     from optopad.results.comparison import Comparison
     from optopad.results.improvement import Improvement
     from optopad.results.prediction import Prediction

@@ -28,7 +28,7 @@ from fabrication.driver.link.frames import Frame, FrameDecoder
 from fabrication.driver.link.link import ANSWER_S, Link, check_hello, interval_us, require_digest
 from fabrication.driver.link.ports import GATHER_S, GUESSED, Port, find_port, is_guess, on_standard_error
 from fabrication.driver.link.protocol import Hello, SelfTest, frame_format
-from fabrication.driver.recording.raw import Recorder
+from fabrication.driver.recording.recorder import Recorder
 from fabrication.driver.stream import LinkCounts, Stream
 from fabrication.driver_file import DriverConfig, load_driver_config
 
@@ -101,13 +101,13 @@ class Sensor:
         self._not_ports = tuple(not_ports)
         self._on_wait = on_wait or on_standard_error
         self._gather_s = gather_s
-        self._decoder = FrameDecoder(frame_format(self.config))
+        self._decoder = _decoder_of(self.config)
         self._stream: Stream | None = None
         self._found_port: str | None = None
 
     def __enter__(self) -> Self:
         self._found_port = None
-        self._decoder = FrameDecoder(frame_format(self.config))
+        self._decoder = _decoder_of(self.config)
         self._stream = Stream(self._connected, self._decoder, interval_us(self._rate_hz), self._checked)
         try:
             self._stream.begin()
@@ -280,3 +280,7 @@ class Sensor:
         except BaseException:
             port.close()
             raise
+
+
+def _decoder_of(config: DriverConfig) -> FrameDecoder:
+    return FrameDecoder(frame_format(config), config.timing.frame_ms / 1e3)

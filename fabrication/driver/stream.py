@@ -22,7 +22,7 @@ from fabrication.driver.link.link import Link
 from fabrication.driver.link.ports import PortLostError
 from fabrication.driver.link.protocol import Command, Hello, Kind, SelfTest, unpack_hello, unpack_self_test
 from fabrication.driver.link.scanner import Message
-from fabrication.driver.recording.raw import Recorder
+from fabrication.driver.recording.recorder import Recorder
 
 LOOK_EVERY_S = 0.1
 """Time between two searches for the board after its port was lost [s]."""

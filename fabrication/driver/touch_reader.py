@@ -1,11 +1,11 @@
 """Predicts touch, location, depth and force for each frame of a sensor, with a trained model and drift tracking.
 
-    import optopad
+import optopad
 
-    with optopad.Sensor("driver.toml") as sensor:
-        for touch in optopad.TouchReader(sensor, optopad.load_model("pad.optomodel")):
-            if touch.is_touched:
-                print(touch.press_mm, touch.sigma_mm)
+with optopad.Sensor("driver.toml") as sensor:
+    for touch in optopad.TouchReader(sensor, optopad.load_model("pad.optomodel")):
+        if touch.is_touched:
+            print(touch.press_mm, touch.sigma_mm)
 """
 
 from __future__ import annotations

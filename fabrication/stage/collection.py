@@ -28,8 +28,9 @@ from design.files import own_folder, whole_file, write_whole
 from design.plain_arrays import plain_arrays
 from design.recordings import SetEntry
 from fabrication.driver.link.frames import US_PER_S, Frame
-from fabrication.driver.recording.export import Recorded, write_netcdf
+from fabrication.driver.recording.export import write_netcdf
 from fabrication.driver.recording.press_labels import PressLabels
+from fabrication.driver.recording.recorded import Recorded
 from fabrication.driver.sensor import Sensor
 from fabrication.driver_file import DriverConfig
 from fabrication.stage.stage import Position, PressList, Stage, StagePress

@@ -10,7 +10,7 @@ import xarray as xr
 
 from design.preset import preset
 from fabrication.driver.link.protocol import FrameFormat, pack_frames
-from fabrication.driver.recording.raw import Recorder
+from fabrication.driver.recording.recorder import Recorder
 from fabrication.driver_config import dump_driver_config
 from sims.learning.inference.extra_trees import ExtraTreesModel, Forest
 from sims.learning.inference.feature_scaling import FeatureScaling

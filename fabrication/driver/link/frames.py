@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from dataclasses import dataclass
 
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 from design.arrays import BoolArray, FloatArray
 from design.errors import DeviceError
 from design.recordings import signals_of
+from fabrication.driver.link.clock import BoardClock
 from fabrication.driver.link.counters import Repeats, WrappingCounter
 from fabrication.driver.link.protocol import FrameFormat, unpack_frames
 
@@ -37,6 +39,8 @@ class Frame:
     signals : readings minus those in the dark state, shape (emitters, receivers) [counts]
     saturated : whether each reading is at full scale, shape (states, receivers)
     baseline : signals of the untouched pad, shape (emitters, receivers) [counts]; None if no baseline was taken
+    began_s : time of the frame's first conversion by the host's clock, since 1970, by `BoardClock` [s]
+    began_error_s : bound of its error by the drift of the clocks [s]
     """
 
     connection: int
@@ -48,6 +52,8 @@ class Frame:
     signals: NDArray[np.int32]
     saturated: BoolArray
     baseline: FloatArray | None = None
+    began_s: float = math.nan
+    began_error_s: float = math.inf
 
     @property
     def normalised(self) -> FloatArray:
@@ -80,10 +86,16 @@ class FrameDecoder:
     connection : connection number of the next frame
     baseline : untouched signals that are attached to the next frames, shape (emitters, receivers) [counts]; None if no
         baseline was taken
+
+    Parameters
+    ----------
+    layout : shape of the frames
+    least_delay_s : time from a frame's first conversion to its arrival, without waiting [s]
     """
 
-    def __init__(self, layout: FrameFormat) -> None:
+    def __init__(self, layout: FrameFormat, least_delay_s: float = 0.0) -> None:
         self._layout = layout
+        self._clock = BoardClock(least_delay_s)
         self.frames = 0
         self.lost = 0
         self.doubled = 0
@@ -96,6 +108,7 @@ class FrameDecoder:
         self.connection += 1
         self._sequence = WrappingCounter(goes_back=True)
         self._time = WrappingCounter(goes_back=False)
+        self._clock.restart()
         self._recent_us: deque[int] = deque(maxlen=RATE_FRAMES)
         self._repeats = Repeats()
 
@@ -141,6 +154,8 @@ class FrameDecoder:
                 signals=signals[k],
                 saturated=saturated[k],
                 baseline=self.baseline,
+                began_s=self._clock.began_s(device_us / US_PER_S, host_s),
+                began_error_s=self._clock.error_s,
             )
             frames.append(frame)
         self.frames += len(frames)

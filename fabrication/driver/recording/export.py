@@ -6,98 +6,54 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Iterable
-from dataclasses import dataclass, fields, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from design.arrays import BoolArray, FloatArray, IntArray
+from design.arrays import FloatArray, IntArray
 from design.errors import InputError, OutputError
 from design.files import require_suffix, whole_file
-from design.recordings import sets_json, signals_of
+from design.recordings import sets_json
 from fabrication.driver.descriptor import UNITS, descriptor_of
 from fabrication.driver.link.counters import Repeats, WrappingCounter, restarts
 from fabrication.driver.link.protocol import Unpacked, frame_format, unpack_frames
+from fabrication.driver.recording.mcap_file import MCAP_SUFFIX, read_mcap
 from fabrication.driver.recording.press_labels import PressLabels
 from fabrication.driver.recording.raw import PRESS_BYTES, Record, RecordKind, press_of, read_records
+from fabrication.driver.recording.recorded import Recorded, labels_at, press_labels
 from fabrication.driver.simulated.finger import FingerPath
-from fabrication.driver_file import DriverConfig
 
 if TYPE_CHECKING:
     import xarray as xr
 
 US_PER_S = 1e6
+
 CLOCK_SLACK_S = 1.0
-"""Largest tolerated step back in time between successive records [s]; a larger one means that the clock was set
-back."""
+"""Largest backward step in the times of successive records that is tolerated [s]; a larger step means that the clock
+was set back."""
 
 COMPRESSION = {"zlib": True, "complevel": 4}
 
 
-@dataclass(frozen=True, kw_only=True)
-class Recorded:
-    """The n frames of a recording, as arrays.
-
-    Attributes
-    ----------
-    config : driver configuration of the sensor
-    counts : readings, shape (n, states, receivers) [counts]
-    connection : connection number of each frame, from 1
-    sequence : sequence number of each frame within its connection
-    device_s : time of each frame by the board's clock, since its reset [s]
-    host_s : time of each frame by the host's clock, since 1970 [s]
-    labels : press of each frame; None if the recording contains no presses
-    lost : number of frames missing, by their sequence numbers
-    doubled : number of frames that arrived twice; one of the two is kept
-    stray_bytes : number of bytes in the file that belong to no complete record
-    ended_cleanly : whether the recorder closed the file normally
-    """
-
-    config: DriverConfig
-    counts: NDArray[np.uint16]
-    connection: IntArray
-    sequence: IntArray
-    device_s: FloatArray
-    host_s: FloatArray
-    labels: PressLabels | None
-    lost: int
-    stray_bytes: int
-    ended_cleanly: bool
-    doubled: int = 0
-
-    @property
-    def press_mm(self) -> FloatArray | None:
-        """Press of each frame (x, y, depth), shape (n, 3) [mm]; None if the recording contains no presses."""
-        return None if self.labels is None else self.labels.press_mm
-
-    @property
-    def signals(self) -> FloatArray:
-        """Readings minus those in the dark state, shape (n, emitters, receivers) [counts]."""
-        return signals_of(self.counts.astype(np.float64))
-
-    def only(self, kept: BoolArray) -> Recorded:
-        """The recording with only the frames for which `kept` is True; the numbers of lost and doubled frames do not
-        change."""
-        values = {field.name: getattr(self, field.name) for field in fields(self)}
-        cut: dict[str, Any] = {
-            name: value[kept] for name, value in values.items() if isinstance(value, np.ndarray)
-        }
-        return replace(self, labels=None if self.labels is None else self.labels.only(kept), **cut)
-
-
-def read_recorded(file: Path, path: FingerPath | None = None) -> Recorded:
-    """Read all complete records of a recording.
+def read_recorded(file: Path, path: FingerPath | None = None, topic: str | None = None) -> Recorded:
+    """Read all complete frames of a recording: ``.optorec``, ``.mcap``, or a ROS 2 bag's folder.
 
     Parameters
     ----------
     path : presses over time by the board's clock; if None, the presses in the recording are used
+    topic : topic of the frames in an MCAP file with several sensors
 
     Raises
     ------
     InputError : the file is not a recording, or contains no complete frame.
     """
+    if file.is_dir() or file.suffix.lower() == MCAP_SUFFIX:
+        found = read_mcap(file, topic)
+        return found if path is None else replace(found, labels=PressLabels(press_mm=path.at(found.device_s)))
+    if topic is not None:
+        raise InputError(f"--topic {topic}: {file} is not an MCAP file; leave --topic out")
     _, config, every, stray = read_records(file)
     layout = frame_format(config)
     records = [record for record in every if _fits(record, layout.total_bytes)]
@@ -107,14 +63,14 @@ def read_recorded(file: Path, path: FingerPath | None = None) -> Recorded:
     frames = [record for record in records if record.kind == RecordKind.FRAME]
     if not frames:
         raise InputError(f"{file}: holds no whole frame")
-    found = unpack_frames(layout, [record.content for record in frames])
-    connection = _connections(records, found)
-    sequence, device_us, lost = _unwrapped(found, connection)
+    unpacked = unpack_frames(layout, [record.content for record in frames])
+    connection = _connections(records, unpacked)
+    sequence, device_us, lost = _unwrapped(unpacked, connection)
     host_s = np.array([record.host_s for record in frames])
     device_s = device_us / US_PER_S
     return Recorded(
         config=config,
-        counts=found.counts,
+        counts=unpacked.counts,
         connection=connection,
         sequence=sequence,
         device_s=device_s,
@@ -284,10 +240,7 @@ def _fits(record: Record, frame_bytes: int) -> bool:
 
 
 def _presses(records: list[Record], host_s: FloatArray) -> PressLabels | None:
-    """Press of each frame: the last press recorded before it. Frames before the first press are untouched.
-
-    None if the recording contains no presses.
-    """
+    """Press of each frame; None if the recording contains no presses."""
     said = [record for record in records if record.kind == RecordKind.PRESS]
     if not said:
         return None
@@ -295,8 +248,5 @@ def _presses(records: list[Record], host_s: FloatArray) -> PressLabels | None:
     steps_s = np.diff([record.host_s for record in records])
     if (steps_s < -CLOCK_SLACK_S).any():  # the clock was set back: the file's order is used
         kinds = np.array([record.kind for record in records])
-        before = (np.cumsum(kinds == RecordKind.PRESS) - 1)[kinds == RecordKind.FRAME]
-    else:
-        before = np.searchsorted([record.host_s for record in said], host_s, side="right") - 1
-    untouched = np.array([values[0, 0], values[0, 1], 0.0])
-    return PressLabels(press_mm=np.where((before >= 0)[:, None], values[np.maximum(before, 0)], untouched))
+        return labels_at(values, (np.cumsum(kinds == RecordKind.PRESS) - 1)[kinds == RecordKind.FRAME])
+    return press_labels(values, np.array([record.host_s for record in said]), host_s)

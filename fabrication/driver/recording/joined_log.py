@@ -23,8 +23,8 @@ from fabrication.driver.recording.clock_match import (
     touches_of_log,
     touches_of_signals,
 )
-from fabrication.driver.recording.export import Recorded
 from fabrication.driver.recording.position_log import PositionLog
+from fabrication.driver.recording.recorded import Recorded
 
 LATE_S = 0.05
 """A frame counts as delayed if its delay exceeds the shortest delay of frames near it by more than this [s].

@@ -83,6 +83,7 @@ class FakeBoard:
     ) -> None:
         self._config = config
         self._layout = frame_format(config)
+        self._reading_s = (config.timing.frame_ms - config.timing.link_ms) / 1e3
         self._table = table
         self._path = path
         self._faults = faults or faults_of(config)
@@ -156,8 +157,9 @@ class FakeBoard:
         return found
 
     def _frame(self, now_s: float) -> bytes:
-        device_us = self._clock_offset_us + round((now_s - self._reset_s) * US_PER_S)
-        (frame,) = pack_frames(self._layout, [self._sequence], [device_us], self.counts(now_s)[None])
+        began_s = max(now_s - self._reading_s, self._reset_s)
+        device_us = self._clock_offset_us + round((began_s - self._reset_s) * US_PER_S)
+        (frame,) = pack_frames(self._layout, [self._sequence], [device_us], self.counts(began_s)[None])
         return frame
 
     def _obeyed(self, command: Command, argument: int, now_s: float) -> bytes:

@@ -22,7 +22,8 @@ from design.preset import PRESETS
 from fabrication.driver import Sensor
 from fabrication.driver.link.protocol import FrameFormat, pack_frames
 from fabrication.driver.recording.export import read_recorded, write_csv, write_netcdf
-from fabrication.driver.recording.raw import Recorder, RecordKind, packed_record, read_records
+from fabrication.driver.recording.raw import RecordKind, packed_record, read_records
+from fabrication.driver.recording.recorder import Recorder
 from fabrication.driver.simulated.finger import FingerPath
 from fabrication.driver.simulated.port import FakePort, PtyWire
 from fabrication.driver_file import config_from_document
@@ -101,7 +102,9 @@ def test_frames_that_a_recording_holds_twice_are_read_once_and_counted(tmp_path:
 
 @pytest.mark.parametrize("name", ["data.csv", "data.nc", "data", "data.optorec.gz"])
 def test_a_recording_s_name_promises_no_other_content(name: str, tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"output files here end in \.optorec; use .*data.*\.optorec"):
+    with pytest.raises(
+        InputError, match=r"output files here end in \.optorec or \.mcap; use .*data.*\.optorec"
+    ):
         Recorder(tmp_path / name, CONFIG)
     recorded = Path(tmp_path / "a.optorec")
     written(recorded, 3)
