@@ -22,6 +22,7 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any, TypeVar
 from weakref import WeakSet
 
@@ -207,3 +208,27 @@ def _read(path: Path) -> dict[str, Any]:
         except (ValueError, KeyError, TypeError):
             continue  # incomplete, because the program was interrupted
     return found
+
+
+RECORDINGS = (".optorec", ".mcap")
+"""Suffixes of recordings, which `as_netcdf` converts; a folder is the bag of a ROS 2 recorder."""
+
+
+@contextmanager
+def as_netcdf(file: Path) -> Iterator[Path]:
+    """Convert a recording to netCDF, in a temporary folder; other files are given as they are.
+
+    An `InputError` that is raised in the `with` block names the recording, not the temporary file.
+    """
+    if file.suffix.lower() not in RECORDINGS and not file.is_dir():
+        yield file
+        return
+    from fabrication.driver.recording.export import read_recorded, write_netcdf
+
+    with TemporaryDirectory(prefix="optopad-") as folder:
+        made = Path(folder) / f"{file.stem}.nc"
+        write_netcdf(read_recorded(file), made, file.name)
+        try:
+            yield made
+        except InputError as err:
+            raise InputError(str(err).replace(str(made), str(file))) from None

@@ -14,7 +14,12 @@ from optopad.work import read_design
 
 
 def evaluate(
-    data: Annotated[Path, typer.Argument(metavar="DATA", help="Data set with known presses (.nc).")],
+    data: Annotated[
+        Path,
+        typer.Argument(
+            metavar="DATA", help="Data set or recording with known presses (.nc, .optorec, .mcap)."
+        ),
+    ],
     model: Annotated[
         list[Path], typer.Option("--model", metavar="FILE", help="Trained model (.optomodel). Repeatable.")
     ],
@@ -100,7 +105,10 @@ def predict(
 def calibrate(
     design: options.Design,
     data: Annotated[
-        Path, typer.Argument(metavar="DATA", help="Recording of 10 to 50 presses of the built pad (.nc).")
+        Path,
+        typer.Argument(
+            metavar="DATA", help="Recording of 10 to 50 presses of the built pad (.nc, .optorec, .mcap)."
+        ),
     ],
     no_model: Annotated[
         bool, typer.Option("--no-model", help="Only fit; do not trace the map for the pad's model.")
@@ -137,7 +145,8 @@ def train(
     data: Annotated[
         list[Path],
         typer.Argument(
-            metavar="DATA", help="Data sets or recordings with known presses (.nc), of one sensor."
+            metavar="DATA",
+            help="Data sets or recordings with known presses (.nc, .optorec, .mcap), of one sensor.",
         ),
     ],
     learner: Annotated[

@@ -262,14 +262,15 @@ def _listed(span: str) -> list[Any]:
     return [parsed_value(text) for text in texts]
 
 
-RECORDINGS = (".nc", ".csv")
+RECORDINGS = (".nc", ".csv", ".optorec", ".mcap")
 
 
 def compare(
     what: Annotated[
         list[str],
         typer.Argument(
-            metavar="DESIGN...", help="Designs, bundles or presets; or one and a RECORDING (.nc, .csv)."
+            metavar="DESIGN...",
+            help="Designs, bundles or presets; or one and a RECORDING (.nc, .csv, .optorec, .mcap).",
         ),
     ],
     with_: Annotated[

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from rich.console import RenderableType
 
     from fabrication.driver.recording.joined_log import JoinedLog
+    from fabrication.driver.recording.recorded import Recorded
     from fabrication.driver.sensor import Sensor
     from fabrication.driver.simulated.board import FakeBoard
     from fabrication.driver.simulated.finger import Finger, FingerPath
@@ -118,8 +119,8 @@ def record(
         typer.Option(
             "--out",
             metavar="FILE",
-            help="A new file (.optorec); default: the design's name and the time.",
-            callback=options.file_name(".optorec"),
+            help="A new file (.optorec, or .mcap for ROS 2 and Foxglove); default: the design's name and the time.",
+            callback=options.file_name(".optorec", ".mcap"),
         ),
     ] = None,
     rate: options.Rate = None,
@@ -556,14 +557,19 @@ def _serve(board: FakeBoard, wire: Wire, seconds: float | None) -> None:
 
 
 def export(
-    recording: Annotated[Path, typer.Argument(metavar="RECORDING", help="A file of `driver record`.")],
+    recording: Annotated[
+        Path,
+        typer.Argument(
+            metavar="RECORDING", help="A file of `driver record`, or a ROS 2 bag (.mcap, folder)."
+        ),
+    ],
     out: Annotated[
         Path | None,
         typer.Option(
             "--out",
             metavar="FILE",
-            help="netCDF (.nc) or a table (.csv); by default .nc, next to the recording.",
-            callback=options.file_name(".nc", ".csv"),
+            help="netCDF (.nc), a table (.csv) or ROS 2 messages (.mcap); default: .nc, next to the recording.",
+            callback=options.file_name(".nc", ".csv", ".mcap"),
         ),
     ] = None,
     presses: Annotated[
@@ -586,11 +592,16 @@ def export(
         str | None,
         typer.Option("--offset", metavar="S", help="This machine's clock minus the log's; `auto` finds it."),
     ] = None,
+    topic: Annotated[
+        str | None,
+        typer.Option("--topic", metavar="NAME", help="Topic of the frames, in a bag of several sensors."),
+    ] = None,
     as_json: options.Json = False,
 ) -> None:
-    """Export the whole frames of a recording as netCDF or CSV, for `compare` and `train`."""
+    """Export the whole frames of a recording as netCDF or CSV, for `compare` and `train`, or as MCAP."""
     from fabrication.driver.recording.export import read_recorded, write_csv, write_netcdf
     from fabrication.driver.recording.joined_log import joined
+    from fabrication.driver.recording.mcap_file import write_mcap
     from fabrication.driver.recording.position_log import read_position_log
     from fabrication.driver.simulated.finger import read_path
 
@@ -604,10 +615,11 @@ def export(
         raise InputError("--offset: shifts a stage's log; give --stage, too")
     shift = _parsed_offset(offset)
     log = None if stage is None else read_position_log(stage)
-    found = read_recorded(recording, None if presses is None else read_path(presses))
+    found = read_recorded(recording, None if presses is None else read_path(presses), topic)
     join = None if log is None else joined(found, log, shift)
     found = found if join is None else join.recorded
-    write = write_csv if target.suffix.lower() == ".csv" else write_netcdf
+    writers: dict[str, Callable[[Recorded, Path, str], None]] = {".csv": write_csv, ".mcap": write_mcap}
+    write = writers.get(target.suffix.lower(), write_netcdf)
     write(found, target, recording.name)
     document = {
         "file": str(target),

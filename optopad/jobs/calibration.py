@@ -10,6 +10,7 @@ from typing import Any
 from design.io import save_design, write_text_atomically, written_together
 from design.progress import OnStep
 from design.spec import SensorDesign
+from optopad.work import as_netcdf
 from sims.learning.calibration import Calibration, CalibrationReport, calibrated, report_of
 from sims.learning.inference.model_file import save_model
 from sims.learning.inference.signal_map import SignalMapModel
@@ -71,7 +72,8 @@ def calibrate(
     ------
     InputError : the data are of another design or have too few presses or untouched frames, or nothing can be fitted.
     """
-    data = read_data(file, design)
+    with as_netcdf(file) as netcdf:
+        data = read_data(netcdf, design)
     notes = [*require_design(data, design, what=str(file)), *data_notes(data)]
     found = calibrated(design, data, seed=seed, on_step=on_step)
     model = build_model(found, data, quick=quick, seed=seed, on_step=on_step) if with_model else None

@@ -14,6 +14,7 @@ from design.shape.cavity import workspace_of
 from design.shape.outline import Outline, rectangle
 from design.spec import SensorDesign
 from optopad.results.prediction import ModelAccuracy, PredictedAccuracy, accuracy_of
+from optopad.work import as_netcdf
 from sims.learning.inference.header import require_design as require_model_of
 from sims.learning.inference.model_file import load_model
 from sims.learning.inference.touch_model import TouchModel
@@ -43,7 +44,8 @@ def evaluate(
     ------
     InputError : data or models cannot be read or are of different designs, or there are too few samples.
     """
-    data = read_data(file, design)
+    with as_netcdf(file) as netcdf:
+        data = read_data(netcdf, design)
     notes = [*(require_design(data, design, what=str(file)) if design is not None else ())]
     loaded = [(str(path), load_model(path)) for path in models]
     for name, model in loaded:

@@ -21,7 +21,7 @@ from design.progress import OnStep
 from design.rules.check import require_valid
 from design.spec import SensorDesign
 from fabrication.bundle import bundle, bundle_name
-from optopad.work import source_digest
+from optopad.work import as_netcdf, source_digest
 from sims.learning.recorded_press import RecordedPair, RecordedPress, recorded_press
 from sims.readings.recording import read_recording
 
@@ -147,7 +147,8 @@ def compare_recording(
     from sims.plots.style import plain_style
 
     require_valid(design)
-    recording = read_recording(file, design)
+    with as_netcdf(file) as netcdf:
+        recording = read_recording(netcdf, design)
     on_step("light", 0.0)
     press = recorded_press(design, recording, pairs=tuple(pairs), at_mm=_parsed_place(at), seed=seed)
     on_step("light", 1.0)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -11,6 +12,7 @@ from design.errors import InputError
 from design.files import made_folder
 from design.progress import OnStep, silent
 from design.spec import SensorDesign
+from optopad.work import as_netcdf
 from sims.learning.inference.header import ForceCurve, ModelHeader
 from sims.learning.inference.model_file import save_model
 from sims.learning.inference.touch_model import TouchModel
@@ -187,7 +189,8 @@ def _files(names: Sequence[str], files: Sequence[Path], out: Path | None) -> dic
 
 
 def _training_data(files: Sequence[Path], design: SensorDesign | None) -> tuple[PressData, tuple[str, ...]]:
-    data = joined([read_data(file, design) for file in files])
+    with ExitStack() as opened:
+        data = joined([read_data(opened.enter_context(as_netcdf(file)), design) for file in files])
     notes = () if design is None else require_design(data, design)
     train = data.role("train")
     if not len(train):

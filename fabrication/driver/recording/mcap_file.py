@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import io
 import json
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from functools import cache
 from pathlib import Path
 from typing import IO, Any
@@ -23,6 +23,8 @@ import numpy as np
 
 from design.arrays import FloatArray
 from design.errors import InputError, OutputError
+from design.files import require_suffix, whole_file
+from fabrication.driver.link.clock import BoardClock
 from fabrication.driver.link.frames import Frame, FrameDecoder
 from fabrication.driver.link.protocol import frame_format
 from fabrication.driver.recording.press_labels import PressLabels
@@ -85,6 +87,42 @@ class McapSink:
         if records[-1].kind != RecordKind.END:
             self._out.flush()
 
+    def write_recorded(self, recorded: Recorded) -> None:
+        """Write all frames and presses of a recording, and the file's index."""
+        clock, connection = BoardClock(recorded.config.timing.frame_ms / 1e3), 0
+        press_mm, before = recorded.press_mm, np.full(3, np.nan)
+        lost = np.diff(recorded.sequence, prepend=recorded.sequence[0] - 1) - 1
+        self._put(SENSOR, sensor_message(self._config, float(recorded.host_s[0])), float(recorded.host_s[0]))
+        for k, host_s in enumerate(recorded.host_s.tolist()):
+            if recorded.connection[k] != connection:
+                connection = int(recorded.connection[k])
+                clock.restart()
+                lost[k] = 0
+            if press_mm is not None and (press_mm[k] != before).any():
+                before = press_mm[k]
+                self._put(PRESS, _press_message(before, host_s), host_s)
+            message = {
+                "header": {
+                    "stamp": stamp(clock.began_s(float(recorded.device_s[k]), host_s)),
+                    "frame_id": FRAME_ID,
+                },
+                "arrived": stamp(host_s),
+                "connection": connection,
+                "sequence": int(recorded.sequence[k]),
+                "device_us": round(recorded.device_s[k] * 1e6),
+                "lost_before": int(lost[k]),
+                "states": recorded.counts.shape[1],
+                "receivers": recorded.counts.shape[2],
+                "counts": recorded.counts[k].ravel().tolist(),
+                "normalised": [],
+            }
+            self._put(FRAME, message, host_s, int(recorded.sequence[k]))
+        self._end()
+
+    def _end(self) -> None:
+        self._writer.finish()  # type: ignore[no-untyped-call]
+        self._out.flush()
+
     def _put_record(self, record: Record) -> None:
         if not self._has_sensor:
             self._has_sensor = True
@@ -98,10 +136,9 @@ class McapSink:
                 for frame in self._decoder.decoded([record.content], record.host_s):
                     self._put(FRAME, frame_message(frame), frame.host_s, frame.sequence)
             case RecordKind.PRESS:
-                self._put(PRESS, _press_message(record), record.host_s)
+                self._put(PRESS, _press_message(press_of(record), record.host_s), record.host_s)
             case RecordKind.END:
-                self._writer.finish()  # type: ignore[no-untyped-call]
-                self._out.flush()
+                self._end()
 
     def _put(self, name: str, message: dict[str, Any], host_s: float, sequence: int = 0) -> None:
         time_ns = nanoseconds(host_s)
@@ -158,10 +195,24 @@ def frame_message(frame: Frame, frame_id: str = FRAME_ID) -> dict[str, Any]:
     }
 
 
-def _press_message(record: Record) -> dict[str, Any]:
-    x_mm, y_mm, depth_mm = press_of(record)
-    header = {"stamp": stamp(record.host_s), "frame_id": FRAME_ID}
+def _press_message(press_mm: Sequence[float] | FloatArray, host_s: float) -> dict[str, Any]:
+    x_mm, y_mm, depth_mm = (float(value) for value in press_mm)
+    header = {"stamp": stamp(host_s), "frame_id": FRAME_ID}
     return {"header": header, "x_mm": x_mm, "y_mm": y_mm, "depth_mm": depth_mm}
+
+
+def write_mcap(recorded: Recorded, out: Path, _name: str = "") -> None:
+    """Write a recording's frames, and a press where the known press changes, as a complete MCAP file or none.
+
+    Raises
+    ------
+    OutputError : the folder cannot be written, or the package mcap-ros2-support is missing.
+    """
+    require_suffix(out, (MCAP_SUFFIX,))
+    mcap_sink()
+    with whole_file(out) as hidden, hidden.open("wb", buffering=0) as stream:
+        sink = McapSink(stream, recorded.config)
+        sink.write_recorded(recorded)
 
 
 def read_mcap(file: Path, topic: str | None = None) -> Recorded:

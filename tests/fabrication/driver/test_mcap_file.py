@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import sys
 from pathlib import Path
 from typing import Any
@@ -19,6 +20,9 @@ from fabrication.driver.recording.mcap_file import nanoseconds, read_mcap, secon
 from fabrication.driver.recording.recorder import Recorder
 from fabrication.driver.simulated.port import FakePort
 from fabrication.ros2.messages import COMMON, definition, names
+from optopad.cli import main
+from optopad.work import as_netcdf
+from sims.readings.recording import read_recording
 from tests.fabrication.driver.made_up_pad import board, pad_config
 
 CONFIG = pad_config()
@@ -203,3 +207,24 @@ def test_without_the_package_mcap_is_refused_before_a_port_is_opened(
     with pytest.raises(OutputError, match="pip install mcap mcap-ros2-support"):
         Recorder(tmp_path / "a.mcap", CONFIG)
     assert not list(tmp_path.iterdir())
+
+
+def test_an_export_and_a_comparison_take_recordings_as_they_are(
+    tmp_path: Path, both: tuple[Path, Path], capsys: pytest.CaptureFixture[str]
+) -> None:
+    again = tmp_path / "again.mcap"
+    assert main(["driver", "export", str(both[0]), "--out", str(again), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["frames"] == 400
+    assert_equal(read_recorded(both[0]), read_recorded(again))
+    with as_netcdf(both[1]) as netcdf, as_netcdf(both[0]) as other:
+        one, two = read_recording(netcdf), read_recording(other)
+        assert one.counts.keys() == two.counts.keys()
+        np.testing.assert_array_equal(one.depth_mm, two.depth_mm)
+    with pytest.raises(InputError, match=r"a\.mcap: needs"), as_netcdf(both[1]) as netcdf:
+        raise InputError(f"{netcdf}: needs something")
+    assert (
+        main(["driver", "export", str(both[1]), "--topic", "/left/frame", "--out", str(tmp_path / "x.nc")])
+        == 2
+    )
+    assert "on /left/frame; it has /optopad/sensor" in capsys.readouterr().err
+    assert not (tmp_path / "x.nc").exists()
