@@ -38,7 +38,7 @@ def record(file: Path, *, is_clean: bool = True) -> None:
     for k, message in enumerate(FRAMES):
         host_s = BEGUN_S + 0.005 * NUMBERS[k] + 1e-4 * (k % 7)
         if k in (50, 150, 250):
-            recorder.press(16.0 + k / 3.0, 7.1, 0.01 * k, host_s - 1e-3)
+            recorder.press(16.0 + k / 97.0, 7.1, 0.01 * k, host_s - 1e-3)
         recorder.frame(message, host_s)
     if is_clean:
         recorder.close()
