@@ -14,9 +14,7 @@ Parts, each importing only earlier ones: work, screen, results, report, jobs, se
 (terminal).
 """
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
-
+from optopad.api import __getattr__ as __getattr__
 from optopad.api import (
     check,
     compare,
@@ -31,10 +29,6 @@ from optopad.api import (
     score,
     sweep,
 )
-
-if TYPE_CHECKING:
-    from fabrication.driver.sensor import Sensor
-    from fabrication.driver.touch_reader import TouchReader
 
 __all__ = [
     "Sensor",
@@ -52,17 +46,3 @@ __all__ = [
     "score",
     "sweep",
 ]
-
-_DRIVER = {"Sensor": "fabrication.driver.sensor", "TouchReader": "fabrication.driver.touch_reader"}
-"""Modules of the driver's classes, which are imported when first used."""
-
-
-def __getattr__(name: str) -> Any:
-    if name not in _DRIVER:
-        raise AttributeError(f"module 'optopad' has no attribute {name!r}")
-    found = globals()[name] = getattr(import_module(_DRIVER[name]), name)
-    return found
-
-
-def __dir__() -> list[str]:
-    return __all__

@@ -8,6 +8,7 @@ command line does.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from importlib import import_module
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -272,3 +273,14 @@ def read_recording(file: str | PathLike[str]) -> Recorded:
     from fabrication.driver.recording.export import read_recorded
 
     return read_recorded(Path(file))
+
+
+_DRIVER = {"Sensor": "fabrication.driver.sensor", "TouchReader": "fabrication.driver.touch_reader"}
+"""Classes of `import optopad` that are imported when first used, and their modules."""
+
+
+def __getattr__(name: str) -> Any:
+    """A class of the driver, as an attribute of `optopad`."""
+    if name not in _DRIVER:
+        raise AttributeError(f"module 'optopad' has no attribute {name!r}")
+    return getattr(import_module(_DRIVER[name]), name)

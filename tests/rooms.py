@@ -62,7 +62,7 @@ FLOORS: dict[str, tuple[str, ...]] = {
         "trace_states",
     ),
     "sims/learning": ("inference", "samples", "fits", "calibration"),
-    "fabrication": ("driver_file", "sketch", "driver_config", "sheets", "driver", "stage"),
+    "fabrication": ("driver_file", "sketch", "driver_config", "sheets", "ros2", "driver", "stage"),
     "fabrication/driver": ("link", "simulated", "recording", "stream", "sensor"),
     "optopad": ("work", "screen", "results", "report", "jobs", "sensor", "studio", "api", "cli"),
     "optopad/report": ("words", "scenes", "sections", "page"),
@@ -78,7 +78,8 @@ Place = tuple[str, ...]
 def modules() -> dict[Place, Path]:
     """Every module of the house."""
     paths = (path for room in HOUSE for path in (ROOT / room).rglob("*.py"))
-    return {path.relative_to(ROOT).with_suffix("").parts: path for path in sorted(paths)}
+    ours = (path for path in sorted(paths) if "optopad_ros" not in path.parts)  # a package of ROS 2
+    return {path.relative_to(ROOT).with_suffix("").parts: path for path in ours}
 
 
 @cache

@@ -68,7 +68,7 @@ ALLOWED = {
     "sims/learning": {"numpy", "scipy", "sklearn"},
     "sims/learning/inference": {"numpy"},
     "fabrication": {"numpy", "pydantic", "tomlkit"},
-    "fabrication/driver": {"serial", "numpy", "xarray", "h5py"},
+    "fabrication/driver": {"serial", "numpy", "xarray", "h5py", "mcap", "mcap_ros2"},
     "fabrication/stage": {"numpy"},
     "optopad/studio/view": {"viser", "websockets", "msgspec", "numpy"},  # both are what viser speaks with
     "optopad": {"distributed", "typer", "rich", "tomlkit", "numpy", "platformdirs", "xarray", "matplotlib"},
@@ -78,6 +78,8 @@ ALLOWED = {
 MACHINE_PATH = re.compile(r"(?<![\w.])/(?:home|root|tmp|work|Users|mnt|opt)/\w|[A-Z]:\\{1,2}Users", re.ASCII)
 """A path that exists on one machine only."""
 
+FOR_ROS = "fabrication/ros2/optopad_ros/"
+"""A package of ROS 2, which is copied into a workspace and imported there."""
 SHAPE_ROOMS = ("design/spec/", "design/shape/", "cad/lid")
 """Where names of shapes may stand: the design file's own words, the room of shapes, and the lid that casts a crown."""
 SHAPE_NAMES = re.compile(
@@ -91,7 +93,8 @@ CODE_WORDS = re.compile("|".join([*sorted(REFUSED_MODULES | REFUSED_CALLS), "all
 
 
 def python_files(*folders: str) -> list[Path]:
-    return sorted(path for folder in folders for path in (ROOT / folder).rglob("*.py"))
+    found = sorted(path for folder in folders for path in (ROOT / folder).rglob("*.py"))
+    return [path for path in found if not name_of(path).startswith(FOR_ROS)]
 
 
 def name_of(path: Path) -> str:
@@ -209,13 +212,14 @@ def test_a_room_imports_only_the_libraries_it_is_allowed() -> None:
 def test_every_library_that_a_room_imports_is_declared() -> None:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
     extras = project["optional-dependencies"]
-    wanted = project["dependencies"] + extras["cluster"] + extras["studio"]
+    wanted = project["dependencies"] + extras["design"] + extras["cluster"] + extras["studio"]
     declared = {re.split(r"[<>=]", line)[0] for line in wanted} | {
         "OCP",
+        "mcap_ros2",
         "pydantic_core",
         "serial",
         "sklearn",
-    }  # parts of others; pyserial; scikit-learn
+    }  # parts of others; mcap-ros2-support; pyserial; scikit-learn
     used = set().union(*(third_party(tree_of(path)) for path in python_files(*ROOMS)))
     assert used <= declared
 
@@ -225,7 +229,8 @@ def test_pins_are_plain_and_cover_every_declared_dependency() -> None:
     pins = [line for line in lines if line and not line.startswith("#")]
     assert [line for line in pins if not re.fullmatch(r"[\w.-]+==[\w.!+]+(; \S.*)?", line)] == []
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
-    wanted = project["dependencies"] + project["optional-dependencies"]["dev"]
+    extras = project["optional-dependencies"]
+    wanted = project["dependencies"] + extras["design"] + extras["dev"]
     names = {line.partition("==")[0].lower() for line in pins}
     assert {re.split(r"[<>=]", line)[0].lower() for line in wanted} <= names
 

@@ -64,6 +64,7 @@ for verb in (
     sensor.export,
     collect.collect,
     sensor.fake,
+    sensor.ros2,
 ):
     driver.command()(verb)
 

@@ -683,3 +683,27 @@ def _join_line(join: JoinedLog) -> str:
         text += f"; {match.share:.0%} of {match.edges} touch edges match"
         text += f", {lag:+.3f} s late, scatter {match.spread_s:.3f} s"
     return text + f"; {join.left_out} frames without a known position left out"
+
+
+def ros2(
+    out: Annotated[
+        Path,
+        typer.Option(
+            "--out",
+            metavar="FOLDER",
+            help="The src folder of a ROS 2 workspace.",
+            callback=options.require_folder,
+        ),
+    ],
+    as_json: options.Json = False,
+) -> None:
+    """Write the ROS 2 packages of a sensor's node and its messages into a workspace."""
+    from fabrication.ros2.workspace import write_packages
+
+    made = write_packages(out)
+    if as_json:
+        print_json({"packages": [str(package) for package in made]})
+        return
+    say(f"packages  {', '.join(str(package) for package in made)}")
+    say("next      colcon build --packages-select optopad_msgs optopad_ros")
+    say("          ros2 launch optopad_ros sensor.launch.py config:=driver.toml")

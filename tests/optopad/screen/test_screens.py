@@ -29,7 +29,9 @@ CASES = {
 }
 NUMBER = r"\d+(?:\.\d+)?(?:e-?\d+)?"
 UNIT = r"(?:mm|noise units|sigma|N|%|counts|dB/cm|mW|nm|MPa|°|minutes|s)\b|[%°]"
-NOUN = r"(?:of \d+ )?(?:more |other |unmeasured )*(?:pairs?|locations?|parameters?|moves?|warnings?|errors?)\b"
+NOUN = (
+    r"(?:of \d+ )?(?:more |other |unmeasured )*(?:pairs?|locations?|parameters?|moves?|warnings?|errors?)\b"
+)
 FIELD = re.compile(r"(?<![\w/.-])[a-z_]+(?:\.[a-z0-9_-]+)+")
 FILE = re.compile(r"\.(?:toml|html|md|stl|json|3mf)$")
 

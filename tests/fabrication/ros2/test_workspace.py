@@ -1,0 +1,90 @@
+"""The packages that are written into a ROS 2 workspace."""
+
+from __future__ import annotations
+
+import ast
+import re
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+from xml.etree import ElementTree
+
+import pytest
+
+from fabrication.ros2.messages import definition, names
+from optopad.cli import main
+
+ROOT = Path(__file__).parents[3]
+AMENT = ("E", "W", "F", "D", "Q", "A", "C4", "I002")
+"""Rules of ament_flake8 that ruff has: style, errors, docstrings, quotes, built-in names, comprehensions."""
+LEFT_OUT = (
+    "D100",
+    "D101",
+    "D102",
+    "D103",
+    "D104",
+    "D105",
+    "D106",
+    "D107",
+    "D203",
+    "D212",
+    "D404",
+    "C416",
+    "A004",
+)
+"""Rules that ament_flake8 leaves out by its own configuration."""
+
+
+@pytest.fixture(scope="module")
+def src(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("ws") / "src"
+    assert main(["driver", "ros2", "--out", str(folder)]) == 0
+    return folder
+
+
+def test_the_packages_are_whole(src: Path) -> None:
+    assert sorted(one.name for one in src.iterdir()) == ["optopad_msgs", "optopad_ros"]
+    version = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["version"]
+    for package in src.iterdir():
+        manifest = ElementTree.parse(package / "package.xml").getroot()
+        assert (manifest.findtext("name"), manifest.findtext("license")) == (package.name, "MIT")
+        assert not list(package.rglob("__pycache__"))
+        assert manifest.findtext("version") == version
+    listed = re.findall(r'"((?:msg|srv)/\w+\.\w+)"', (src / "optopad_msgs" / "CMakeLists.txt").read_text())
+    there = [one.relative_to(src / "optopad_msgs").as_posix() for one in (src / "optopad_msgs").glob("*/*")]
+    assert sorted(listed) == sorted(there)
+    assert {f"optopad_msgs/msg/{Path(one).stem}" for one in listed if one.startswith("msg")} == set(names())
+    for name in names():
+        assert "MSG: std_msgs/Header" in definition(name)
+
+
+def test_every_import_of_the_node_is_a_dependency(src: Path) -> None:
+    manifest = ElementTree.parse(src / "optopad_ros" / "package.xml").getroot()
+    declared = {one.text for tag in ("depend", "exec_depend") for one in manifest.iter(tag)}
+    used = set()
+    for file in (src / "optopad_ros").rglob("*.py"):
+        for node in ast.walk(ast.parse(file.read_text())):
+            if isinstance(node, ast.Import):
+                used |= {one.name.split(".")[0] for one in node.names}
+            elif isinstance(node, ast.ImportFrom):
+                used.add(str(node.module).split(".")[0])
+    outside = {"design", "fabrication", "optopad", "setuptools"} | set(sys.stdlib_module_names)
+    assert used - outside == declared
+
+
+def test_the_package_has_the_style_of_ros(src: Path) -> None:
+    command = [
+        *(sys.executable, "-m", "ruff", "check", "--isolated", "--no-cache", "--preview"),
+        *("--select", ",".join(AMENT), "--ignore", ",".join(LEFT_OUT), "--line-length", "99"),
+        *("--config", "lint.flake8-quotes.inline-quotes = 'single'", str(src / "optopad_ros")),
+    ]
+    checked = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert checked.returncode == 0, checked.stdout
+
+
+def test_nothing_is_replaced(src: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (src / "optopad_ros" / "own.txt").write_text("mine")
+    assert main(["driver", "ros2", "--out", str(src)]) == 2
+    assert "optopad_msgs exists already; remove it, or choose another folder" in capsys.readouterr().err
+    assert (src / "optopad_ros" / "own.txt").read_text() == "mine"
