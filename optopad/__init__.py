@@ -31,6 +31,7 @@ from optopad.api import (
 )
 
 __all__ = [
+    "Observations",
     "Sensor",
     "TouchReader",
     "check",

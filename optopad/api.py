@@ -275,7 +275,11 @@ def read_recording(file: str | PathLike[str]) -> Recorded:
     return read_recorded(Path(file))
 
 
-_DRIVER = {"Sensor": "fabrication.driver.sensor", "TouchReader": "fabrication.driver.touch_reader"}
+_DRIVER = {
+    "Observations": "fabrication.driver.observations",
+    "Sensor": "fabrication.driver.sensor",
+    "TouchReader": "fabrication.driver.touch_reader",
+}
 """Classes of `import optopad` that are imported when first used, and their modules."""
 
 

@@ -68,7 +68,7 @@ ALLOWED = {
     "sims/learning": {"numpy", "scipy", "sklearn"},
     "sims/learning/inference": {"numpy"},
     "fabrication": {"numpy", "pydantic", "tomlkit"},
-    "fabrication/driver": {"serial", "numpy", "xarray", "h5py", "mcap", "mcap_ros2"},
+    "fabrication/driver": {"serial", "numpy", "xarray", "h5py", "mcap", "mcap_ros2", "pandas"},
     "fabrication/stage": {"numpy"},
     "optopad/studio/view": {"viser", "websockets", "msgspec", "numpy"},  # both are what viser speaks with
     "optopad": {"distributed", "typer", "rich", "tomlkit", "numpy", "platformdirs", "xarray", "matplotlib"},
@@ -212,7 +212,9 @@ def test_a_room_imports_only_the_libraries_it_is_allowed() -> None:
 def test_every_library_that_a_room_imports_is_declared() -> None:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
     extras = project["optional-dependencies"]
-    wanted = project["dependencies"] + extras["design"] + extras["cluster"] + extras["studio"]
+    wanted = (
+        project["dependencies"] + extras["design"] + extras["cluster"] + extras["studio"] + extras["lerobot"]
+    )
     declared = {re.split(r"[<>=]", line)[0] for line in wanted} | {
         "OCP",
         "mcap_ros2",

@@ -11,7 +11,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar, cast
 
 import typer
 
@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from rich.console import RenderableType
 
     from fabrication.driver.recording.joined_log import JoinedLog
+    from fabrication.driver.recording.lerobot import Take
     from fabrication.driver.recording.recorded import Recorded
     from fabrication.driver.sensor import Sensor
     from fabrication.driver.simulated.board import FakeBoard
@@ -596,19 +597,36 @@ def export(
         str | None,
         typer.Option("--topic", metavar="NAME", help="Topic of the frames, in a bag of several sensors."),
     ] = None,
+    lerobot: Annotated[
+        Path | None,
+        typer.Option("--lerobot", metavar="FOLDER", help="Write a LeRobot data set of one episode instead."),
+    ] = None,
+    fps: Annotated[
+        int, typer.Option("--fps", help="LeRobot: steps a second, as of the robot's cameras.")
+    ] = 30,
+    take: Annotated[
+        str, typer.Option("--take", help="LeRobot: mean, last, or all of the frames of a step.")
+    ] = "mean",
+    task: Annotated[
+        str, typer.Option("--task", metavar="TEXT", help="LeRobot: what the episode shows.")
+    ] = "touch",
     as_json: options.Json = False,
 ) -> None:
-    """Export the whole frames of a recording as netCDF or CSV, for `compare` and `train`, or as MCAP."""
+    """Export the whole frames of a recording: netCDF or CSV for `compare` and `train`, MCAP, or LeRobot."""
     from fabrication.driver.recording.export import read_recorded, write_csv, write_netcdf
     from fabrication.driver.recording.joined_log import joined
+    from fabrication.driver.recording.lerobot import write_lerobot
     from fabrication.driver.recording.mcap_file import write_mcap
     from fabrication.driver.recording.position_log import read_position_log
     from fabrication.driver.simulated.finger import read_path
 
-    target = out or recording.with_suffix(".nc")
+    if lerobot is not None and out is not None:
+        raise InputError("--lerobot and --out: two results; give one")
+    target = lerobot or out or recording.with_suffix(".nc")
     if target.resolve() == recording.resolve():
         raise InputError(f"--out {target}: is the recording itself; choose another name")
-    options.checked_out(target, presses, stage)
+    if lerobot is None:
+        options.checked_out(target, presses, stage)
     if presses is not None and stage is not None:
         raise InputError("--presses and --stage: two sources of positions; give one")
     if offset is not None and stage is None:
@@ -618,9 +636,11 @@ def export(
     found = read_recorded(recording, None if presses is None else read_path(presses), topic)
     join = None if log is None else joined(found, log, shift)
     found = found if join is None else join.recorded
-    writers: dict[str, Callable[[Recorded, Path, str], None]] = {".csv": write_csv, ".mcap": write_mcap}
-    write = writers.get(target.suffix.lower(), write_netcdf)
-    write(found, target, recording.name)
+    if lerobot is not None:
+        write_lerobot(found, lerobot, fps=fps, take=cast("Take", take), task=task)
+    else:
+        writers: dict[str, Callable[[Recorded, Path, str], None]] = {".csv": write_csv, ".mcap": write_mcap}
+        writers.get(target.suffix.lower(), write_netcdf)(found, target, recording.name)
     document = {
         "file": str(target),
         "frames": len(found.sequence),
