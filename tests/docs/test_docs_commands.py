@@ -44,6 +44,7 @@ RUN_WHOLE = {"README.md"}
 """Pages whose commands all run in every CI run; those of the others before a release."""
 QUICK_VERBS = {"new", "check", "schema", "migrate", "driver firmware"}
 RUN_ELSEWHERE = {
+    "driver ros2": "fabrication/ros2/test_workspace.py",
     "calibrate": "optopad/jobs/test_calibrate.py",
     "compare": "optopad/jobs/test_compare.py",
     "contact build": "optopad/jobs/test_contact_build.py",
