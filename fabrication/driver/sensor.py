@@ -51,7 +51,8 @@ class Sensor:
     Parameters
     ----------
     config : path of the design's driver.toml, or the configuration read from it
-    port : name of the port; if None, the board is found by its USB identity
+    port : name of the port, or ``serial:`` and the serial number of its USB device; if None, the board is found by its
+        USB identity
     rate_hz : frames per second; 0 for the board's highest rate. If None, the design's rate is used
     accept_digest : first 8 or more digits of the digest of another accepted design, or None
     baseline_s : time for which the untouched pad is read on opening [s]; 0 for no baseline

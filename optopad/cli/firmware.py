@@ -64,7 +64,7 @@ def flash(
         str | None,
         typer.Option(
             "--port",
-            help="Serial port, as /dev/ttyACM0 or COM3, or with a .uf2 file the boot drive; found if left out.",
+            help="Serial port, as /dev/ttyACM0 or serial:NUMBER, or with a .uf2 file the boot drive; found if left out.",
         ),
     ] = None,
     image: Annotated[
@@ -89,6 +89,7 @@ def flash(
     refused.
     """
     from design.parts.board_firmware import BoardFirmware
+    from fabrication.driver.link.ports import port_of_serial
     from fabrication.driver.link.printers import require_no_printer
     from fabrication.driver.sensor import PATIENCE_S
     from fabrication.flash import (
@@ -115,7 +116,11 @@ def flash(
         file = write_firmware(read, out, seed=seed).sketch
     if not dry_run:
         require_uploader(chip, file)
-    found = _found_port(board, is_agreed=yes or dry_run, may_ask=not as_json) if port is None else port
+    found = (
+        _found_port(board, is_agreed=yes or dry_run, may_ask=not as_json)
+        if port is None
+        else port_of_serial(port)
+    )
     command = (
         upload_command(avr, file, found)
         if isinstance(chip, BoardFirmware)

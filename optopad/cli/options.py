@@ -84,7 +84,11 @@ Config = Annotated[
 ]
 Port = Annotated[
     str | None,
-    typer.Option("--port", metavar="NAME", help="Serial port; default: found by the board's USB identity."),
+    typer.Option(
+        "--port",
+        metavar="NAME",
+        help="Serial port, or serial:NUMBER of its USB device; default: found by USB.",
+    ),
 ]
 Patience = Annotated[
     float | None,

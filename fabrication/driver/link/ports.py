@@ -39,14 +39,23 @@ class PortLostError(DeviceError):
 
 @dataclass(frozen=True, kw_only=True)
 class FoundPort:
-    """A serial port of this computer: name, USB "vendor:product" ("" if it has none), and the system's description."""
+    """A serial port of this computer.
+
+    Attributes
+    ----------
+    usb_id : USB "vendor:product"; "" if the port is not of a USB device
+    title : the system's description; "" if there is none
+    serial_number : serial number of the USB device; "" if it has none, as many copies of boards
+    """
 
     name: str
     usb_id: str
     title: str
+    serial_number: str = ""
 
     def __str__(self) -> str:
-        return f"{self.name} ({' '.join(filter(None, [self.usb_id, self.title])) or 'no USB device'})"
+        known = self.usb_id, self.title, self.serial_number and SERIAL + self.serial_number
+        return f"{self.name} ({' '.join(filter(None, known)) or 'no USB device'})"
 
 
 def ports_here() -> list[FoundPort]:
@@ -56,6 +65,7 @@ def ports_here() -> list[FoundPort]:
             name=port.device,
             usb_id="" if port.vid is None else f"{port.vid:04x}:{port.pid:04x}",
             title="" if port.description in (None, "n/a") else port.description,
+            serial_number=port.serial_number or "",
         )
         for port in list_ports.comports()
     ]
@@ -75,6 +85,38 @@ GUESSED = "Only the serial chip identifies this port, and printers and other dev
 def is_guess(port: FoundPort, board: BoardSetup) -> bool:
     """Whether a port is identified only by a type of serial chip that other devices, such as printers, also have."""
     return port.usb_id not in board.usb_ids or port.usb_id.partition(":")[0] in CHIP_MAKERS
+
+
+SERIAL = "serial:"
+"""Beginning of a port's name that gives the serial number of its USB device instead of a system's name."""
+
+
+def port_of_serial(name: str, ports: Iterable[FoundPort] | None = None) -> str:
+    """The system's name of a port that is given as ``serial:NUMBER``; other names are returned unchanged.
+
+    Unlike the system's names, the serial number stays the same when boards are plugged in in another order.
+
+    Parameters
+    ----------
+    ports : ports to choose from; if None, all ports of the system
+
+    Raises
+    ------
+    DeviceError : no port or several ports have the number; the message lists the ports.
+    """
+    if not name.startswith(SERIAL):
+        return name
+    here = ports_here() if ports is None else list(ports)
+    matching = [
+        port for port in here if port.serial_number and port.serial_number == name.removeprefix(SERIAL)
+    ]
+    if len(matching) > 1:
+        raise DeviceError(
+            f"{len(matching)} devices have the serial number of --port {name}: {_listed(matching)}; name a port"
+        )
+    if not matching:
+        raise DeviceError(f"no device has the serial number of --port {name}; ports here: {_listed(here)}")
+    return matching[0].name
 
 
 def find_port(
@@ -118,7 +160,7 @@ class Port:
 
     Parameters
     ----------
-    name : name of the port, or a pyserial URL
+    name : name of the port, a pyserial URL, or ``serial:`` and the serial number of a USB device
     baud : baud rate of the line
     gather_s : time to wait for more bytes after the first [s]
 
@@ -129,6 +171,7 @@ class Port:
     """
 
     def __init__(self, name: str, baud: int, gather_s: float = GATHER_S) -> None:
+        name = port_of_serial(name)
         self.name = name
         self._gather_s = gather_s
         self._is_socket = name.startswith(SOCKET)

@@ -20,7 +20,7 @@ import serial
 from design.errors import DeviceError, InputError
 from fabrication.driver import Sensor
 from fabrication.driver.link import link
-from fabrication.driver.link.ports import FoundPort, Port, find_port, is_guess
+from fabrication.driver.link.ports import FoundPort, Port, find_port, is_guess, port_of_serial
 from fabrication.driver.link.printers import printer_words, require_no_printer
 from fabrication.driver.link.protocol import FrameFormat, Hello, pack_frames, pack_hello
 from fabrication.driver.recording.export import read_recorded
@@ -350,3 +350,26 @@ def test_a_long_message_that_the_line_takes_in_pieces_arrives_whole() -> None:
     finally:
         os.close(host)
         wire.close()
+
+
+def test_a_port_is_found_by_the_serial_number_of_its_device(monkeypatch: pytest.MonkeyPatch) -> None:
+    left, right = (replace(MEGA, name=f"ttyACM{k}", serial_number=f"8573531{k}") for k in range(2))
+    here = [MOUSE, COPY, left, right]
+    assert port_of_serial("serial:85735311", here) == "ttyACM1"
+    assert port_of_serial("/dev/ttyACM7", here) == "/dev/ttyACM7"
+    with pytest.raises(
+        DeviceError, match=r"no device has the serial number of --port serial:1; ports here: ttyS0"
+    ):
+        port_of_serial("serial:1", here)
+    twins = [left, replace(right, serial_number=left.serial_number)]
+    with pytest.raises(
+        DeviceError, match=r"2 devices have the serial number .*ttyACM0.*ttyACM1.*name a port"
+    ):
+        port_of_serial("serial:85735310", twins)
+    with pytest.raises(DeviceError, match="no device has the serial number"):
+        port_of_serial("serial:", here)
+    with FakePort(board()) as port:
+        found = replace(MEGA, name=port.name, serial_number="42")
+        monkeypatch.setattr("fabrication.driver.link.ports.ports_here", lambda: [found])
+        with Sensor(CONFIG, "serial:42") as sensor:
+            assert sensor.port == port.name
