@@ -64,7 +64,7 @@ def flash(
         str | None,
         typer.Option(
             "--port",
-            help="Serial port, as /dev/ttyACM0 or serial:NUMBER, or with a .uf2 file the boot drive; found if left out.",
+            help="Serial port, as /dev/ttyACM0 or serial:NUMBER, or with a .uf2 file the boot drive; else found.",
         ),
     ] = None,
     image: Annotated[
