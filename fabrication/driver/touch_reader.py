@@ -46,8 +46,8 @@ class Touch:
         coordinate system; NaN if untouched, or if the driver configuration does not describe the top surface
     sigma_mm : standard deviations of x, y and depth [mm]; NaN if untouched, or if the model does not estimate them
     force_n : force from the model's force curve [N]; 0 if untouched; None if the model has no such curve
-    force_sigma_n : standard deviation of the force due to that of the depth [N]; NaN if untouched or unknown. It does
-        not include the error of the force curve itself, which is mainly due to the unit's Young's modulus
+    force_sigma_n : standard deviation of the force [N]; NaN if untouched or unknown. It includes that of the depth and,
+        if the modulus was fitted to a load cell, that of the modulus
     drift : the drift tracker's result for the frame
     latency_ms : time from the frame's arrival on this computer to this prediction [ms]
     """
@@ -191,13 +191,13 @@ class TouchReader:
         return np.array(point), np.array(normal)
 
     def _force_sigma_n(self, found: Prediction, k: int) -> float:
-        """Standard deviation of the force [N], from the forces at depths one standard deviation above and below."""
+        """Standard deviation of the force [N], from that of the depth and from the relative one of the force curve."""
         curve = self.model.header.force_curve
         if curve is None:
             return math.nan
         depth, sigma = float(found.press_mm[k, 2]), float(found.sigma_mm[k, 2])
-        low, high = curve.at(np.array([depth - sigma, depth + sigma]))
-        return float(high - low) / 2
+        low, force, high = curve.at(np.array([depth - sigma, depth, depth + sigma]))
+        return math.hypot((high - low) / 2, curve.relative_sigma * force)
 
 
 def require_fits(header: ModelHeader, said: Descriptor) -> None:

@@ -114,6 +114,15 @@ def calibrate(
         bool, typer.Option("--no-model", help="Only fit; do not trace the map for the pad's model.")
     ] = False,
     quick: Annotated[bool, typer.Option("--quick", help="A coarser map, in a third of the time.")] = False,
+    force: Annotated[
+        Path | None,
+        typer.Option(
+            "--force",
+            metavar="CSV",
+            help="A load cell's log of these presses (time, force_n): also fit the modulus.",
+        ),
+    ] = None,
+    offset: options.Offset = None,
     set_: options.Set = None,
     out: Annotated[
         Path | None,
@@ -128,17 +137,30 @@ def calibrate(
     as_json: options.Json = False,
 ) -> None:
     """Fit heights, LED size, reflectances, index and gains to presses of a built pad; writes its design and a model."""
+    from design.errors import InputError
     from optopad.jobs.calibration import calibrate as fit
     from optopad.jobs.calibration import earlier_model_note, write_calibration
 
     read = read_design(design, set_)
     folder = options.require_folder(out or data.with_name(f"{data.stem}-calibration"))
+    shift = options.parsed_offset(offset)
+    if offset is not None and force is None:
+        raise InputError("--offset: shifts a load cell's log; give --force, too")
     with progress(quiet=as_json) as step:
-        made = fit(read, data, with_model=not no_model, quick=quick, seed=seed, on_step=step)
+        made = fit(
+            read,
+            data,
+            with_model=not no_model,
+            quick=quick,
+            seed=seed,
+            on_step=step,
+            force=force,
+            offset=shift,
+        )
         files = write_calibration(made, read, folder)
         made = replace(made, notes=(*made.notes, *earlier_model_note(made, folder)))
     where = f"files     {folder} ({', '.join(one.name for one in files)})"
-    tell(as_json, lambda: made.to_json(read), lambda: [*made.report.lines, *made.notes, where])
+    tell(as_json, lambda: made.to_json(read), lambda: [*made.lines, where])
 
 
 def train(

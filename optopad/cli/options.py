@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated, TypeVar
+from typing import Annotated, Literal, TypeVar
 
 import typer
 
@@ -145,3 +145,24 @@ def parsed_press(text: str) -> tuple[float, float, float]:
     if not all(math.isfinite(number) for number in (x_mm, y_mm, depth_mm)):
         raise InputError(f"--press: {text!r} is refused: needs three finite numbers of millimetres")
     return x_mm, y_mm, depth_mm
+
+
+Offset = Annotated[
+    str | None,
+    typer.Option("--offset", metavar="S", help="This machine's clock minus the log's; `auto` finds it."),
+]
+
+
+def parsed_offset(text: str | None) -> float | Literal["auto"] | None:
+    """The clock offset [s] of `--offset`; raises InputError."""
+    if text is None:
+        return None
+    if text == "auto":
+        return "auto"
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise InputError(f"--offset: {text!r} is refused: seconds, or auto")
+    return value

@@ -11,7 +11,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar, cast
+from typing import TYPE_CHECKING, Annotated, Any, TypeVar, cast
 
 import typer
 
@@ -589,10 +589,7 @@ def export(
             help="A stage's log: time, x_mm, y_mm, depth_mm; optionally 'set', 'place'.",
         ),
     ] = None,
-    offset: Annotated[
-        str | None,
-        typer.Option("--offset", metavar="S", help="This machine's clock minus the log's; `auto` finds it."),
-    ] = None,
+    offset: options.Offset = None,
     topic: Annotated[
         str | None,
         typer.Option("--topic", metavar="NAME", help="Topic of the frames, in a bag of several sensors."),
@@ -631,7 +628,7 @@ def export(
         raise InputError("--presses and --stage: two sources of positions; give one")
     if offset is not None and stage is None:
         raise InputError("--offset: shifts a stage's log; give --stage, too")
-    shift = _parsed_offset(offset)
+    shift = options.parsed_offset(offset)
     log = None if stage is None else read_position_log(stage)
     found = read_recorded(recording, None if presses is None else read_path(presses), topic)
     join = None if log is None else joined(found, log, shift)
@@ -667,20 +664,6 @@ def export(
     if found.press_mm is None:
         say("presses   none; `optopad compare` needs them (--presses, --stage, or the recorder's press())")
     say(f"files     {target}")
-
-
-def _parsed_offset(text: str | None) -> float | Literal["auto"] | None:
-    if text is None:
-        return None
-    if text == "auto":
-        return "auto"
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
-    if not math.isfinite(value):
-        raise InputError(f"--offset: {text!r} is refused: seconds, or auto")
-    return value
 
 
 def _join_json(join: JoinedLog) -> dict[str, Any]:

@@ -108,9 +108,9 @@ def read_position_log(file: Path) -> PositionLog:
     InputError : the file cannot be read, a column or number is missing, or the times do not increase.
     """
     table = read_csv(file, needed=NEEDED, fewest_rows=2, lower=True)
-    time_s = _times(table)
+    time_s = times_of(table)
     press_mm = np.stack([_lengths(table, axis) for axis in ("x", "y", "depth")], axis=1)
-    _require_rising(table, time_s)
+    require_rising(table, time_s)
     _require_close(table, time_s, press_mm)
     sets, set_number = _sets(table)
     place_number = _places(table)
@@ -130,7 +130,8 @@ def read_position_log(file: Path) -> PositionLog:
     )
 
 
-def _times(table: CsvTable) -> FloatArray:
+def times_of(table: CsvTable, needed: str = NEEDED) -> FloatArray:
+    """Times of a log's rows [s], from the first column that states one; raises InputError."""
     for name, tick_s in CLOCKS_S.items():
         if name in table.heading:
             ticks = np.array(table.numbers(name))
@@ -140,7 +141,7 @@ def _times(table: CsvTable) -> FloatArray:
             return tick_s * ticks
     moments = [name for name in MOMENTS if name in table.heading]
     if not moments:
-        raise InputError(f"{table.file}: has no time; needs {NEEDED}; it has {', '.join(table.heading)}")
+        raise InputError(f"{table.file}: has no time; needs {needed}; it has {', '.join(table.heading)}")
     if is_number(first := table.column(moments[0])[0]):
         unit = next((unit for unit, tick_s in TICKS_S.items() if abs(float(first)) * tick_s < LAST_S), "_s")
         raise InputError(
@@ -163,7 +164,8 @@ def _require_unit(table: CsvTable, name: str, latest_s: float, tick_s: float) ->
         )
 
 
-def _require_rising(table: CsvTable, time_s: FloatArray) -> None:
+def require_rising(table: CsvTable, time_s: FloatArray) -> None:
+    """Raise InputError unless each row of a log is later than the row before it."""
     not_rising = np.flatnonzero(np.diff(time_s) <= 0)
     if not not_rising.size:
         return

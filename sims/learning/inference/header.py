@@ -25,10 +25,12 @@ class ForceCurve:
     ----------
     depth_mm : increasing depths, the first of them 0 [mm]
     force_n : force at these depths [N]
+    relative_sigma : standard error of the modulus, and so of every force, over its value [-]; 0 if it is not known
     """
 
     depth_mm: tuple[float, ...]
     force_n: tuple[float, ...]
+    relative_sigma: float = 0.0
 
     def at(self, depth_mm: FloatArray) -> FloatArray:
         """Force (n,) at depths (n,) [N]: interpolated linearly, 0 above the surface, constant beyond the deepest."""
@@ -84,7 +86,8 @@ class ModelHeader:
             "created_with": dict(self.created_with),
             "force_curve": None
             if curve is None
-            else {"depth_mm": list(curve.depth_mm), "force_n": list(curve.force_n)},
+            else {"depth_mm": list(curve.depth_mm), "force_n": list(curve.force_n)}
+            | ({"relative_sigma": curve.relative_sigma} if curve.relative_sigma else {}),
         }
 
 
@@ -173,4 +176,5 @@ def _force_curve(value: Any) -> ForceCurve | None:
     force_n = _numbers(value.get("force_n"), "force_curve.force_n")
     if len(depth_mm) != len(force_n) or len(depth_mm) < 2 or sorted(set(depth_mm)) != list(depth_mm):
         raise InputError("force_curve: needs two depths or more, rising, and a force for each")
-    return ForceCurve(depth_mm=depth_mm, force_n=force_n)
+    (sigma,) = _numbers([value.get("relative_sigma", 0.0)], "force_curve.relative_sigma")
+    return ForceCurve(depth_mm=depth_mm, force_n=force_n, relative_sigma=sigma)

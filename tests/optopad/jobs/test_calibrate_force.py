@@ -1,0 +1,85 @@
+"""`calibrate --force`: the log of a load cell joined to a recording, and its refusals."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from design.errors import InputError
+from fabrication.driver.recording.force_log import read_force_log
+from optopad.cli import main
+from optopad.jobs import calibration
+from optopad.jobs.calibration import _pressed_force
+from sims.learning.force_fit import fit_force
+from sims.learning.inference.header import ForceCurve, header_of_json
+from tests.fabrication.driver.made_up_model import header
+from tests.sims.learning.test_force_fit import PAD, pressed
+
+BEGUN_S = 1_790_000_000.0
+
+
+@pytest.fixture(scope="module")
+def files(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
+    """A recording's times and presses, and the force under them, by the same clock."""
+    folder = tmp_path_factory.mktemp("force")
+    time_s, press_mm, force_n = pressed(8, 0.8)
+    names = dict(zip(("press_x", "press_y", "press_depth"), press_mm.T, strict=True))
+    values = {"host_time": BEGUN_S + time_s} | names
+    dataset = xr.Dataset({name: ("time", value) for name, value in values.items()})
+    dataset.to_netcdf(folder / "a.nc", engine="h5netcdf")
+    return folder / "a.nc", write_log(folder / "cell.csv", BEGUN_S + time_s, force_n)
+
+
+def write_log(file: Path, time_s: np.ndarray, force: np.ndarray, name: str = "force_n") -> Path:
+    rows = [f"{at:.4f},{value:.5f}" for at, value in zip(time_s, force, strict=True)]
+    file.write_text("\n".join([f"time_s,{name}", *rows]) + "\n")
+    return file
+
+
+def test_a_log_by_the_same_clock_and_by_another_gives_the_same_modulus(
+    files: tuple[Path, Path], tmp_path: Path
+) -> None:
+    same = fit_force(PAD, *_pressed_force(files[0], read_force_log(files[1]), None))
+    log = read_force_log(files[1])
+    other = read_force_log(
+        write_log(tmp_path / "other.csv", log.time_s - BEGUN_S + 17.3, log.force_n * 1e3, "force_mN")
+    )
+    found = fit_force(PAD, *_pressed_force(files[0], other, "auto"))
+    assert same.modulus_mpa == pytest.approx(0.8 * same.design_mpa, rel=0.003)
+    assert found.modulus_mpa == pytest.approx(same.modulus_mpa, rel=0.01)
+
+
+def test_logs_that_do_not_fit_are_refused_with_a_way_out(files: tuple[Path, Path], tmp_path: Path) -> None:
+    log = read_force_log(files[1])
+    late = replace(log, time_s=log.time_s + 3600.0)
+    with pytest.raises(InputError, match=r"no time in common with the recording.*--offset auto"):
+        _pressed_force(files[0], late, None)
+    with pytest.raises(InputError, match=r"is out of step .* find the offset with --offset auto"):
+        _pressed_force(files[0], replace(log, time_s=log.time_s + 2.0), None)
+    for name, said in (
+        ("force_kg", "force_kg is a mass, needs a force; multiply by 9.80665 and name the column force_n"),
+        ("load", "has no force_n .or force_mn.; it has time_s, load"),
+    ):
+        with pytest.raises(InputError, match=said):
+            read_force_log(write_log(tmp_path / "bad.csv", log.time_s, log.force_n, name))
+    xr.Dataset({"press_x": ("time", [1.0])}).to_netcdf(tmp_path / "b.nc", engine="h5netcdf")
+    with pytest.raises(InputError, match="has no host_time, needs a recording of `driver record`"):
+        _pressed_force(tmp_path / "b.nc", log, None)
+
+
+def test_an_offset_without_a_log_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    command = ["calibrate", "piacenza2017-pad", str(tmp_path / "a.nc"), "--offset", "auto"]
+    assert main(command) == 2
+    assert "--offset: shifts a load cell's log; give --force, too" in capsys.readouterr().err
+
+
+def test_the_model_s_force_has_the_error_of_the_modulus() -> None:
+    curve = ForceCurve(depth_mm=(0.0, 1.0, 2.0), force_n=(0.0, 1.0, 4.0), relative_sigma=0.03)
+    again = header_of_json(header(force_curve=curve).to_json())
+    assert again.force_curve == curve
+    assert header_of_json(header().to_json()).force_curve == header().force_curve
+    assert calibration.MODEL_FILE.endswith(".optomodel")
