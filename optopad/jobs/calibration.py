@@ -107,11 +107,10 @@ def calibrate(
         data = read_data(netcdf, design)
         pressed = None if force is None else _pressed_force(netcdf, read_force_log(force), offset)
     notes = [*require_design(data, design, what=str(file)), *data_notes(data)]
+    fit = None if pressed is None else fit_force(design, *pressed, lambda share: on_step("force", share))
     found = calibrated(design, data, seed=seed, on_step=on_step)
     report = report_of(found)
-    fit = None
-    if pressed is not None:
-        fit = fit_force(found.design, *pressed, lambda share: on_step("force", share))
+    if fit is not None:
         found = replace(found, design=fit.applied(found.design))
     model = build_model(found, data, quick=quick, seed=seed, on_step=on_step) if with_model else None
     if model is not None and fit is not None and model.header.force_curve is not None:

@@ -150,15 +150,19 @@ class ForceFit:
             share = f"{self.relaxed_share:.3f} ± {self.share_sigma:.3f}"
             lines.append(f"relaxes   {share} of the force, in {self.time_constant_s:.2g}{sigma} s")
         lines.append(
-            f"force     is as uncertain as the modulus, {self.relative_sigma:.1%}; rms rest {1e3 * self.rms_n:.2g} mN; "
+            f"force     is as uncertain as the modulus, {_percent(self.relative_sigma)}; rms rest {1e3 * self.rms_n:.2g} mN; "
             f"zero of depth {self.offset_mm:+.3f} ± {self.offset_sigma_mm:.3f} mm"
         )
-        enough = f"{self.sufficient} presses give {GOOD_ERROR:.0%}"
+        enough = f"{self.sufficient} presses give {_percent(GOOD_ERROR)}"
         change, error = self.trend
         drifts = abs(change) > FOUND_SIGMAS * error
-        trend = f"; the modulus changed by {change:+.1%} ± {error:.1%} over the recording" if drifts else ""
+        trend = (
+            f"; the modulus changed by {100 * change:+.2g} ± {_percent(error)} over the recording"
+            if drifts
+            else ""
+        )
         lines.append(
-            f"repeat    when a check press is off by more than {2 * math.hypot(self.scatter, self.relative_sigma):.1%} "
+            f"repeat    when a check press is off by more than {_percent(2 * math.hypot(self.scatter, self.relative_sigma))} "
             f"({enough}{trend})"
         )
         return lines
@@ -261,13 +265,14 @@ def _sums(design: SensorDesign, time_s: FloatArray, press_mm: FloatArray, force_
     first = int(np.flatnonzero(touched)[0])
     y = force_n - force_n[:first].mean()
     place = press_mm[int(np.argmax(press_mm[:, 2])), :2]
-    deepest = float(press_mm[:, 2].max()) + float(OFFSETS_MM[-1])
+    deepest = float(press_mm[:, 2].max())
     solved = solved_press(design, deepest, at_mm=(float(place[0]), float(place[1])))
     depths = np.linspace(0.0, deepest, FORCE_DEPTHS)
     elastic = PchipInterpolator(depths, [solved.force_n(float(depth)) for depth in depths])
     found = np.empty((len(TIMES_S), len(OFFSETS_MM), SUMS))
     for j, offset in enumerate(OFFSETS_MM):
-        load = elastic(np.clip(press_mm[:, 2] + offset, 0.0, deepest)) * (press_mm[:, 2] + offset > 0.0)
+        depth = np.maximum(press_mm[:, 2] + offset, 0.0)
+        load = elastic(depth) * (depth > 0.0)  # beyond the deepest press the curve is continued
         for i, tau in enumerate(TIMES_S):
             solid = StandardLinearSolid(relaxed_share=0.5, time_constant_s=float(tau))  # its excess is 1
             relaxing = viscoelastic_load_n(time_s, load, solid) - load
@@ -333,3 +338,7 @@ def _jackknife(values: list[float]) -> float:
     """Standard error of an estimate from its values without each press in turn."""
     count = len(values)
     return float(np.sqrt((count - 1) / count * np.sum((np.array(values) - np.mean(values)) ** 2)))
+
+
+def _percent(share: float) -> str:
+    return f"{100 * share:.2g} %"
