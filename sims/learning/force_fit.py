@@ -150,21 +150,17 @@ class ForceFit:
             share = f"{self.relaxed_share:.3f} ± {self.share_sigma:.3f}"
             lines.append(f"relaxes   {share} of the force, in {self.time_constant_s:.2g}{sigma} s")
         lines.append(
-            f"force     is as uncertain as the modulus, {_percent(self.relative_sigma)}; rms rest {1e3 * self.rms_n:.2g} mN; "
+            f"force     is as uncertain as the modulus, {_percent(self.relative_sigma)}; "
+            f"rms rest {1e3 * self.rms_n:.2g} mN; "
             f"zero of depth {self.offset_mm:+.3f} ± {self.offset_sigma_mm:.3f} mm"
         )
-        enough = f"{self.sufficient} presses give {_percent(GOOD_ERROR)}"
         change, error = self.trend
         drifts = abs(change) > FOUND_SIGMAS * error
-        trend = (
-            f"; the modulus changed by {100 * change:+.2g} ± {_percent(error)} over the recording"
-            if drifts
-            else ""
-        )
-        lines.append(
-            f"repeat    when a check press is off by more than {_percent(2 * math.hypot(self.scatter, self.relative_sigma))} "
-            f"({enough}{trend})"
-        )
+        moved = f"{100 * change:+.2g} ± {_percent(error)}"
+        trend = f"; the modulus changed by {moved} over the recording" if drifts else ""
+        off = _percent(2 * math.hypot(self.scatter, self.relative_sigma))
+        enough = f"{self.sufficient} presses give {_percent(GOOD_ERROR)}"
+        lines.append(f"repeat    when a check press is off by more than {off} ({enough}{trend})")
         return lines
 
 
