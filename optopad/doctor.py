@@ -97,6 +97,8 @@ PACKAGES = (
     Package("h5py", "h5py", "3.12"),
     Package("manifold3d", "manifold3d", "3.1"),
     Package("matplotlib", "matplotlib.path", "3.10"),  # compiled, and builds no font list
+    Package("mcap", "mcap", "1.2"),
+    Package("mcap-ros2-support", "mcap_ros2", "0.5"),
     Package("mujoco", "mujoco", "4.0"),
     Package("numba", "numba", "0.61"),
     Package("numpy", "numpy", "2.1"),

@@ -22,14 +22,13 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any, TypeVar
 from weakref import WeakSet
 
 import design
 import sims
 from design.errors import InputError
-from design.files import unwritable
+from design.files import temporary_folder, unwritable
 from design.toml_text import parsed_toml
 
 if TYPE_CHECKING:
@@ -220,12 +219,13 @@ def as_netcdf(file: Path) -> Iterator[Path]:
 
     An `InputError` that is raised in the `with` block names the recording, not the temporary file.
     """
-    if file.suffix.lower() not in RECORDINGS and not file.is_dir():
+    is_bag = file.is_dir() and any(file.glob("*.mcap"))
+    if file.suffix.lower() not in RECORDINGS and not is_bag:
         yield file
         return
     from fabrication.driver.recording.export import read_recorded, write_netcdf
 
-    with TemporaryDirectory(prefix="optopad-") as folder:
+    with temporary_folder() as folder:
         made = Path(folder) / f"{file.stem}.nc"
         write_netcdf(read_recorded(file), made, file.name)
         try:

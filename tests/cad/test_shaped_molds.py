@@ -76,6 +76,7 @@ def mold_of(name):
     return build_mold(preset(name))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", presets(SHAPED_PRESETS))
 def test_every_file_of_a_shaped_preset_is_one_watertight_body_that_passes_its_checks(name, built_of):
     files = built_of(name).files

@@ -370,6 +370,7 @@ def test_the_firmware_reads_every_receiver_under_every_emitter(
     assert unpack_self_test(answer).config_crc == settings.config_crc()
 
 
+@pytest.mark.slow
 def test_a_chain_of_two_drivers_and_four_converters_is_read_whole(
     native_harness: None, tmp_path: Path
 ) -> None:
@@ -422,6 +423,7 @@ def test_a_state_beyond_the_pwm_period_is_warned_of_and_is_dark_in_between(
     assert (off_ns == 250).any()  # one step of 4 MHz
 
 
+@pytest.mark.slow
 def test_a_settle_time_that_leaves_out_the_drivers_delay_is_caught(
     native_harness: None, tmp_path: Path
 ) -> None:
@@ -454,6 +456,7 @@ def test_a_program_that_breaks_a_limit_of_a_chip_is_refused_by_the_simulation(
         run_of(design, tmp_path, change, duration_us=30_000)
 
 
+@pytest.mark.slow
 def test_the_hosts_driver_reads_sixteen_bits(native_harness: None, tmp_path: Path) -> None:
     design = portable_pad(spi_disc("ads8688", "tlc5947"))
     table = random_table(firmware_settings(design), seed=3)

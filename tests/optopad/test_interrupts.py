@@ -229,6 +229,7 @@ def test_ctrl_c_lets_what_is_no_computation_end_its_blocks() -> None:
     assert (done.returncode, done.stdout, done.stderr) == (130, "the tip is up\n", TOLD)
 
 
+@pytest.mark.slow
 def test_ctrl_c_does_not_wait_for_threads() -> None:
     done = command(WHERE_THREADS_ARE_WAITED_FOR, "doctor", "--json")
     assert (done.returncode, done.stdout, done.stderr) == (130, "", TOLD)

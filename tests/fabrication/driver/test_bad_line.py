@@ -246,6 +246,7 @@ class SlowBoard(FakeBoard):
         return b""
 
 
+@pytest.mark.slow
 def test_a_slow_boot_loader_is_waited_for_and_the_wait_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(link, "SAY_EVERY_S", 0.3)
     told: list[str] = []

@@ -118,6 +118,7 @@ def check_messages(node: Any) -> None:
     assert (kinds[0], set(kinds[1:])) == (1, {2})
 
 
+@pytest.mark.slow
 def test_a_touch_is_published_soon_after_its_last_conversion(
     made: Callable[..., Any], files: tuple[Path, Path]
 ) -> None:

@@ -180,6 +180,7 @@ def test_the_tip_is_lifted_at_the_end_and_after_an_error() -> None:
         assert made.printer.here_mm()[2] == pytest.approx(-TRAVEL_MM, abs=RESOLUTION_MM)
 
 
+@pytest.mark.slow
 def test_ctrl_c_in_the_middle_of_a_press_lifts_the_tip() -> None:
     import _thread
 

@@ -234,9 +234,9 @@ WRITTEN = {
     ("train",): ".optomodel",
     ("contact", "build"): ".npz",
     ("driver", "read"): ".jsonl or .ndjson",
-    ("driver", "record"): ".optorec",
+    ("driver", "record"): ".optorec or .mcap",
     ("driver", "check"): ".json",
-    ("driver", "export"): ".nc or .csv",
+    ("driver", "export"): ".nc, .csv or .mcap",
     ("driver", "collect"): ".nc",
     ("driver", "fake"): ".csv",
 }

@@ -32,6 +32,7 @@ def found_accuracy(**changes) -> PredictedAccuracy:
     return replace(PredictedAccuracy(name="made-up", digest="ab" * 32, found=(one,)), **changes)
 
 
+@pytest.mark.slow
 def test_a_bound_that_is_open_is_null_in_json_and_a_word_for_people(tmp_path):
     bounds = {0.1: (np.inf, np.inf), 1.0: (0.02, 0.01)}
     found = found_accuracy(bound_mm=bounds, published=published_touch(preset("piacenza2017-pad")))

@@ -89,6 +89,7 @@ def test_alternatives_are_files_with_comments_that_load_as_judged(design_file, f
     assert json.loads((Path(said["folder"]) / "improve.json").read_text()) == said
 
 
+@pytest.mark.slow
 def test_the_same_command_gives_the_same_files(design_file, capsys, found):
     first = found
     texts = [Path(one["file"]).read_bytes() for one in first["alternatives"]]
@@ -96,6 +97,7 @@ def test_the_same_command_gives_the_same_files(design_file, capsys, found):
     assert [Path(one["file"]).read_bytes() for one in first["alternatives"]] == texts
 
 
+@pytest.mark.slow
 def test_an_interrupted_search_goes_on_to_the_same_files(design_file, capsys, monkeypatch, found):
     whole = found
     seen: list[str] = []

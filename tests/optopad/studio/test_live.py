@@ -176,6 +176,7 @@ def test_rebase_takes_the_pad_as_it_is_now_for_untouched(bundles: Path) -> None:
     assert view.view_lost == 0
 
 
+@pytest.mark.slow
 @needs_pty
 def test_a_board_that_goes_is_told_and_read_again_when_it_is_back(bundles: Path, tmp_path: Path) -> None:
     link = tmp_path / "pad"

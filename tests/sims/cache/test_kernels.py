@@ -93,6 +93,7 @@ def test_of_two_processes_one_compiles(tmp_path: Path) -> None:
     assert said in ([["4.0"], ["compiled", "4.0"]],)
 
 
+@pytest.mark.slow
 def test_another_program_compiles_beside_what_is_not_there(tmp_path: Path) -> None:
     sources = Sources(tmp_path / "one", tmp_path / "kept")
     assert sources.run(BESIDE.format(kept=str(tmp_path / "kept"), patience=60.0)) == ["1"]

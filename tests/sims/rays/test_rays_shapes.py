@@ -51,6 +51,7 @@ def test_light_is_mirrored_on_the_top_that_is_drawn(states):
         assert over == pytest.approx(frame.top_mm(state.indentation, across, aside), abs=1e-3)
 
 
+@pytest.mark.slow
 def test_the_section_of_a_dome_is_curved_and_the_press_from_above_an_ellipse(states):
     cut = cut_of_pair(CAVITY, PAIR)
     ax = plot_ray_section(states[0], DOME, cut=cut)
