@@ -73,8 +73,8 @@ def test_doctor_speaks_json(capsys: pytest.CaptureFixture[str]) -> None:
 
 def test_packages_and_their_oldest_versions_are_those_of_pyproject() -> None:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
-    lines = sorted(project["dependencies"] + project["optional-dependencies"]["design"])
-    declared = [line.split(",")[0].split(">=") for line in lines]
+    lines = project["dependencies"] + project["optional-dependencies"]["design"]
+    declared = sorted(line.split(",")[0].split(">=") for line in lines)
     assert [[package.distribution, package.at_least] for package in doctor.PACKAGES] == declared
 
 

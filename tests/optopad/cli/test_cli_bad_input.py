@@ -236,7 +236,7 @@ WRITTEN = {
     ("driver", "read"): ".jsonl or .ndjson",
     ("driver", "record"): ".optorec or .mcap",
     ("driver", "check"): ".json",
-    ("driver", "export"): ".nc, .csv or .mcap",
+    ("driver", "export"): ".nc or .csv or .mcap",
     ("driver", "collect"): ".nc",
     ("driver", "fake"): ".csv",
 }
