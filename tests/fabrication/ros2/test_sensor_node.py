@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -154,7 +155,13 @@ def latencies_ms(made: Callable[..., Any], files: tuple[Path, Path], count: int)
 def test_what_is_wrong_is_logged_and_leaves_the_node_unconfigured(
     made: Callable[..., Any], files: tuple[Path, Path], tmp_path: Path
 ) -> None:
+    own = made_up_model()
+    save_model(tmp_path / "other.optomodel", replace(own, header=replace(own.header, design_digest="0" * 64)))
     cases = (
+        (
+            {"config": str(files[0]), "model": str(tmp_path / "other.optomodel")},
+            "model: is of design 00000000",
+        ),
         ({}, "config: is empty"),
         ({"config": str(tmp_path / "no.toml")}, "no.toml: no such file"),
         ({"config": str(files[0]), "model": str(tmp_path / "no.optomodel")}, "no.optomodel: no such file"),
