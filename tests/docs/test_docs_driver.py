@@ -27,48 +27,16 @@ ROOT = Path(__file__).parents[2]
 pytestmark = [pytest.mark.slow, pytest.mark.skipif(os.name != "posix", reason="needs pseudo-terminals")]
 PAGES = [
     ROOT / "docs" / "how-to" / f"{name}.md"
-    for name in ("read-sensor", "record-and-export", "collect-presses")
+    for name in ("read-sensor", "record-and-export", "collect-presses", "lerobot")
 ]
 TEXT = "".join(page.read_text(encoding="utf-8") for page in PAGES)
 PROGRAMS = re.findall(r"```python\n(.*?)```", TEXT, flags=re.DOTALL)
-ROS = """
-import sys
-MESSAGES = []
-
-class Float32MultiArray:
-    def __init__(self):
-        self.layout, self.data = type("Layout", (), {"dim": []})(), []
-
-class MultiArrayDimension:
-    def __init__(self, label, size, stride):
-        self.label, self.size, self.stride = label, size, stride
-
-class Publisher:
-    def publish(self, message):
-        MESSAGES.append((len(message.data), [d.size for d in message.layout.dim]))
-
-class Node:
-    def create_publisher(self, kind, topic, depth):
-        return Publisher()
-    def destroy_node(self):
-        print(len(MESSAGES), set((length, *sizes) for length, sizes in MESSAGES))
-
-def init(): pass
-def create_node(name): return Node()
-def ok(): return len(MESSAGES) < 5
-"""
 
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
     text = dump_driver_config(preset("piacenza2017-pad"), [1e5] * 8, np.minimum(untouched(), 1023))
     (tmp_path / "driver.toml").write_text(text, encoding="utf-8")
-    (tmp_path / "rclpy.py").write_text(ROS, encoding="utf-8")
-    (tmp_path / "std_msgs").mkdir()
-    (tmp_path / "std_msgs" / "__init__.py").write_text("", encoding="utf-8")
-    (tmp_path / "std_msgs" / "msg.py").write_text(
-        "from rclpy import Float32MultiArray, MultiArrayDimension\n", encoding="utf-8"
-    )
     return tmp_path
 
 
@@ -107,8 +75,8 @@ def test_the_plain_program_prints_rate_and_counts(folder: Path) -> None:
     assert re.search(r"LinkCounts\(frames=\d+, lost=0, damaged=0", said)
 
 
-def test_the_node_publishes_what_its_layout_says(folder: Path) -> None:
-    assert run(program("rclpy"), folder).strip() == "5 {(64, 8, 8)}"
+def test_the_observations_of_a_robot_s_steps_have_every_pair(folder: Path) -> None:
+    assert run(program("optopad.Observations"), folder).splitlines()[-3:] == ["(64,)"] * 3
 
 
 def test_the_program_that_reads_touches_prints_them(folder: Path) -> None:
