@@ -13,7 +13,7 @@ from design.errors import InputError
 from design.spec import SensorDesign
 from optopad.cli import options
 from optopad.cli.output import foretell_score, print_json, progress, say, tell
-from optopad.work import parsed_change, parsed_value, read_design
+from optopad.work import RECORDINGS, parsed_change, parsed_value, read_design
 
 if TYPE_CHECKING:
     from design.spec import SensorDesign
@@ -262,7 +262,7 @@ def _listed(span: str) -> list[Any]:
     return [parsed_value(text) for text in texts]
 
 
-RECORDINGS = (".nc", ".csv", ".optorec", ".mcap")
+PRESSES = (".nc", ".csv", *RECORDINGS)
 
 
 def compare(
@@ -296,7 +296,7 @@ def compare(
     as_json: options.Json = False,
 ) -> None:
     """Compare designs and their scores, or a measured press with the simulated curve."""
-    recordings = [name for name in what if Path(name).suffix.lower() in RECORDINGS]
+    recordings = [name for name in what if Path(name).suffix.lower() in PRESSES]
     if recordings:
         _recording(what, recordings, with_, pair, at, set_, out, seed, as_json)
         return

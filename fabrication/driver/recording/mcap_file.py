@@ -24,8 +24,9 @@ import numpy as np
 from design.arrays import FloatArray
 from design.errors import InputError, OutputError
 from design.files import require_suffix, whole_file
+from design.recordings import signals_of
 from fabrication.driver.link.clock import BoardClock
-from fabrication.driver.link.frames import Frame, FrameDecoder
+from fabrication.driver.link.frames import US_PER_S, Frame, FrameDecoder
 from fabrication.driver.link.protocol import frame_format
 from fabrication.driver.recording.press_labels import PressLabels
 from fabrication.driver.recording.raw import Record, RecordKind, Sink, press_of
@@ -92,6 +93,7 @@ class McapSink:
         clock, connection = BoardClock(recorded.config.timing.frame_ms / 1e3), 0
         press_mm, before = recorded.press_mm, np.full(3, np.nan)
         lost = np.diff(recorded.sequence, prepend=recorded.sequence[0] - 1) - 1
+        full_scale = frame_format(recorded.config).full_scale
         self._put(SENSOR, sensor_message(self._config, float(recorded.host_s[0])), float(recorded.host_s[0]))
         for k, host_s in enumerate(recorded.host_s.tolist()):
             if recorded.connection[k] != connection:
@@ -101,22 +103,19 @@ class McapSink:
             if press_mm is not None and (press_mm[k] != before).any():
                 before = press_mm[k]
                 self._put(PRESS, _press_message(before, host_s), host_s)
-            message = {
-                "header": {
-                    "stamp": stamp(clock.began_s(float(recorded.device_s[k]), host_s)),
-                    "frame_id": FRAME_ID,
-                },
-                "arrived": stamp(host_s),
-                "connection": connection,
-                "sequence": int(recorded.sequence[k]),
-                "device_us": round(recorded.device_s[k] * 1e6),
-                "lost_before": int(lost[k]),
-                "states": recorded.counts.shape[1],
-                "receivers": recorded.counts.shape[2],
-                "counts": recorded.counts[k].ravel().tolist(),
-                "normalised": [],
-            }
-            self._put(FRAME, message, host_s, int(recorded.sequence[k]))
+            counts, device_s = recorded.counts[k], float(recorded.device_s[k])
+            frame = Frame(
+                connection=connection,
+                sequence=int(recorded.sequence[k]),
+                device_us=round(device_s * US_PER_S),
+                host_s=host_s,
+                lost_before=int(lost[k]),
+                counts=counts,
+                signals=signals_of(counts.astype(np.int32)),
+                saturated=counts >= full_scale,
+                began_s=clock.began_s(device_s, host_s),
+            )
+            self._put(FRAME, frame_message(frame), host_s, frame.sequence)
         self._end()
 
     def _end(self) -> None:
@@ -227,20 +226,21 @@ def read_mcap(file: Path, topic: str | None = None) -> Recorded:
     InputError : no such file, a damaged one, or one without frames of optopad; or frames of several sensors.
     """
     read = _Bag(file)
-    frames = read.of(FRAME, topic)
-    space = next(name for name, (kind, _) in read.topics.items() if kind == FRAME).rpartition("/")[0]
-    sensors = read.of(SENSOR, None if topic is None else f"{topic.rpartition('/')[0]}/sensor")
-    config = config_from_document(
-        json.loads(sensors[-1][1].driver_config), where=f"{file}: the driver configuration in {space}/sensor"
-    )
-    layout = frame_format(config)
-    shape = (len(config.emitters) + 1, layout.receivers)
-    counts = np.array([message.counts for _, message in frames], dtype=np.uint16)
+    topic = read.topic_of_frames(topic)
+    frames, presses = read.messages(topic), read.messages(read.companion(topic, PRESS))
+    (_, sensor), *_ = read.messages(read.companion(topic, SENSOR)) or [(0, None)]
+    if sensor is None:
+        raise read.lacks(SENSOR)
+    config = _config(sensor.driver_config, f"{file}: the driver configuration of {topic}")
+    shape = (len(config.emitters) + 1, frame_format(config).receivers)
+    if any((message.states, message.receivers) != shape for _, message in frames):
+        raise InputError(
+            f"{file}: {topic} has frames of another sensor than its driver configuration; record again"
+        )
     host_s = np.array([_time_s(message.arrived) for _, message in frames])
-    presses = read.of(PRESS, None, at_least=0)
     return Recorded(
         config=config,
-        counts=counts.reshape(-1, *shape),
+        counts=np.array([message.counts for _, message in frames], dtype=np.uint16).reshape(-1, *shape),
         connection=np.array([message.connection for _, message in frames], dtype=np.int64),
         sequence=np.array([message.sequence for _, message in frames], dtype=np.int64),
         device_s=np.array([message.device_us for _, message in frames], dtype=np.int64) / 1e6,
@@ -250,6 +250,14 @@ def read_mcap(file: Path, topic: str | None = None) -> Recorded:
         stray_bytes=read.stray_bytes,
         ended_cleanly=read.ended_cleanly,
     )
+
+
+def _config(text: str, where: str) -> DriverConfig:
+    try:
+        document = json.loads(text)
+    except (ValueError, RecursionError) as err:
+        raise InputError(f"{where}: cannot be read: {err}; record again") from None
+    return config_from_document(document, where=where)
 
 
 def _labels(presses: list[tuple[int, Any]], host_s: FloatArray) -> PressLabels | None:
@@ -280,31 +288,44 @@ class _Bag:
         for one in _files(file):
             self._read(one)
 
-    def of(self, kind: str, topic: str | None, at_least: int = 1) -> list[tuple[int, Any]]:
-        """Messages of one type, of a topic or of the only topic that has them."""
-        found = {name: messages for name, (one, messages) in self.topics.items() if one == kind and messages}
-        if topic is not None:
-            found = {name: messages for name, messages in found.items() if name == topic}
+    def topic_of_frames(self, topic: str | None) -> str:
+        """The given topic, or the only one, with frames; raises InputError."""
+        found = [name for name in self._topics_of(FRAME) if topic in (None, name)]
         if len(found) > 1:
             raise InputError(
                 f"{self.file}: has frames of several sensors; give --topic, one of {', '.join(found)}"
             )
-        if not found and at_least:
-            has = ", ".join(f"{name} ({one})" for name, (one, _) in self.topics.items()) or "no messages"
-            where = "" if topic is None else f" on {topic}"
-            raise InputError(
-                f"{self.file}: has no {kind}{where}; it has {has}. Record the topics of optopad_ros, or use "
-                "`optopad driver record --out x.mcap`"
-            )
-        return next(iter(found.values()), [])
+        if not found:
+            raise self.lacks(FRAME, "" if topic is None else f" on {topic}")
+        return found[0]
+
+    def companion(self, topic: str, kind: str) -> str | None:
+        """The topic of another type for a topic of frames: the one in the same namespace, or else the only one."""
+        found = self._topics_of(kind)
+        near = [name for name in found if name.rpartition("/")[0] == topic.rpartition("/")[0]]
+        return near[0] if near else found[0] if len(found) == 1 else None
+
+    def messages(self, topic: str | None) -> list[tuple[int, Any]]:
+        """Messages of a topic with their log times [ns]; none without a topic."""
+        return [] if topic is None else self.topics[topic][1]
+
+    def lacks(self, kind: str, where: str = "") -> InputError:
+        """The error that the file has no messages of a type."""
+        has = ", ".join(f"{name} ({one})" for name, (one, _) in self.topics.items()) or "no messages"
+        return InputError(
+            f"{self.file}: has no {kind}{where}; it has {has}. Record the topics of optopad_ros, or use "
+            "`optopad driver record --out x.mcap`"
+        )
+
+    def _topics_of(self, kind: str) -> list[str]:
+        return [name for name, (one, messages) in self.topics.items() if one == kind and messages]
 
     def _read(self, file: Path) -> None:
-        from mcap.exceptions import EndOfFile, McapError
         from mcap.records import Channel, Footer, Message, Schema
 
         schemas: dict[int, Schema] = {}
         channels: dict[int, Channel] = {}
-        is_whole = False
+        is_whole, end = False, 0
         with file.open("rb") as stream:
             try:
                 for record in _records(stream):
@@ -315,13 +336,14 @@ class _Bag:
                         self.topics.setdefault(record.topic, (schemas[record.schema_id].name, []))
                     elif isinstance(record, Message):
                         self._add(channels[record.channel_id], schemas, record)
-                    is_whole = isinstance(record, Footer) or is_whole
-            except EndOfFile:
-                pass  # the end is missing
-            except (McapError, ValueError, KeyError) as err:
+                    is_whole, end = isinstance(record, Footer) or is_whole, stream.tell()
+            except InputError:
+                raise
+            except Exception as err:  # all, on purpose: of damaged bytes every decompressor raises its own
                 if not self.topics:
                     raise InputError(f"{file}: is not an MCAP file, or damaged: {err}") from None
         self.ended_cleanly &= is_whole
+        self.stray_bytes += 0 if is_whole else file.stat().st_size - end
 
     def _add(self, channel: Any, schemas: dict[int, Any], record: Any) -> None:
         schema = schemas[channel.schema_id]

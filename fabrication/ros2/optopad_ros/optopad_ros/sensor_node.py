@@ -150,6 +150,8 @@ class SensorNode(LifecycleNode):
             self._fault = str(err)
             self.get_logger().error(self._fault)
         finally:
+            if not self._over.is_set():
+                self._fault = self._fault or 'the thread that reads the sensor has ended'
             self._sensor = self._recorder = None
 
     def _publish_frames(self, sensor):
