@@ -129,6 +129,31 @@ def whole_file(file: Path, way_out: str = "choose another folder") -> Iterator[P
             Path(hidden).unlink(missing_ok=True)
 
 
+@contextmanager
+def whole_folder(folder: Path) -> Iterator[Path]:
+    """Context manager for a new folder, which gets its name if the `with` block succeeds and is removed otherwise.
+
+    Raises
+    ------
+    OutputError : the folder exists, or the folder that holds it cannot be written.
+    """
+    if folder.exists():
+        raise OutputError(f"{folder}: exists already; choose another folder")
+    made_folder(folder.parent)
+    try:
+        hidden = Path(tempfile.mkdtemp(dir=folder.parent, prefix=f".{folder.name[:40]}.", suffix=".partial"))
+    except OSError as err:
+        raise unwritable(folder, err) from err
+    try:
+        yield hidden
+        hidden.chmod(0o755)
+        hidden.rename(folder)
+    except OSError as err:
+        raise unwritable(folder, err) from err
+    finally:
+        shutil.rmtree(hidden, ignore_errors=True)
+
+
 def write_whole(file: Path, content: bytes) -> None:
     """Write a file completely or not at all; errors are as in `whole_file`."""
     with whole_file(file) as hidden:

@@ -6,8 +6,8 @@ import shutil
 from importlib.resources import as_file, files
 from pathlib import Path
 
-from design.errors import InputError, OutputError
-from design.files import folder_fault
+from design.errors import InputError
+from design.files import whole_folder
 
 PACKAGES = ("optopad_msgs", "optopad_ros")
 
@@ -30,13 +30,7 @@ def write_packages(folder: Path) -> list[Path]:
             raise InputError(
                 f"--out {folder}: {package.name} exists already; remove it, or choose another folder"
             )
-    if fault := folder_fault(folder):
-        raise OutputError(f"--out {folder}: cannot be written: {fault}; choose another folder")
-    folder.mkdir(parents=True, exist_ok=True)
     for package in made:
-        hidden = folder / f".{package.name}.new"
-        shutil.rmtree(hidden, ignore_errors=True)
-        with as_file(files("fabrication.ros2") / package.name) as source:
-            shutil.copytree(source, hidden, ignore=shutil.ignore_patterns("__pycache__"))
-        hidden.rename(package)
+        with whole_folder(package) as hidden, as_file(files("fabrication.ros2") / package.name) as source:
+            shutil.copytree(source, hidden, ignore=shutil.ignore_patterns("__pycache__"), dirs_exist_ok=True)
     return made

@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import json
 import math
-import shutil
 from pathlib import Path
 from typing import Any, Literal, get_args
 
@@ -21,7 +20,7 @@ from numpy.typing import NDArray
 
 from design.arrays import FloatArray, IntArray
 from design.errors import InputError, OutputError
-from design.files import folder_fault
+from design.files import whole_folder
 from fabrication.driver.descriptor import descriptor_of
 from fabrication.driver.recording.recorded import Recorded
 
@@ -108,10 +107,6 @@ def write_lerobot(
     OutputError : the folder exists or cannot be written, or pandas or pyarrow is missing.
     """
     checked_take(fps, take)
-    if folder.exists():
-        raise OutputError(f"--lerobot {folder}: exists already; choose another folder")
-    if fault := folder_fault(folder.parent):
-        raise OutputError(f"--lerobot {folder}: cannot be written: {fault}; choose another folder")
     said = descriptor_of(recorded.config)
     rows = (
         rows_of_step(1.0 / float(np.median(np.diff(recorded.device_s))), fps)
@@ -127,15 +122,11 @@ def write_lerobot(
         ("frame_index", "episode_index", "index", "task_index"), "int64"
     )
     features = own | {name: {"dtype": kind, "shape": [1], "names": None} for name, kind in scalars.items()}
-    hidden = folder.parent / f".{folder.name}.new"
-    shutil.rmtree(hidden, ignore_errors=True)
     try:
-        _write(hidden, columns, features, count, fps, task, said.design)
-        hidden.rename(folder)
+        with whole_folder(folder) as hidden:
+            _write(hidden, columns, features, count, fps, task, said.design)
     except ImportError as err:
         raise OutputError(f"--lerobot {folder}: Parquet needs pandas and pyarrow: {err}; {INSTALL}") from None
-    finally:
-        shutil.rmtree(hidden, ignore_errors=True)
     return count
 
 
