@@ -468,6 +468,8 @@ def pair_names(cavity: CavityGeometry) -> tuple[str, ...]:
 def bounds_json(bounds: PadBounds) -> dict[str, Any]:
     """All values of a `PadBounds` for JSON. Arrays become nested lists with the axes (depth, y, x), infinity None."""
     worst = bounds.worst_loss
+    detection = None if bounds.detection is None else _detection_json(bounds.detection)
+    unresolved = _number(bounds.blind_share)
     return {
         "x_mm": list(bounds.x_mm),
         "y_mm": list(bounds.y_mm),
@@ -479,7 +481,8 @@ def bounds_json(bounds: PadBounds) -> dict[str, Any]:
         "coverage": figure_json(bounds.coverage),
         "dead_share": figure_json(bounds.dead_share),
         "dead_depth_share": figure_json(bounds.dead_depth_share),
-        "blind_share": _number(bounds.blind_share),
+        "unresolved_share": unresolved,
+        "blind_share": unresolved,  # its earlier name, for one release
         "worst_voxel": _voxel_json(bounds.worst),
         "location_mm": _layers(bounds.location_mm),
         "location_error_mm": _layers(bounds.location_error_mm),
@@ -489,7 +492,8 @@ def bounds_json(bounds: PadBounds) -> dict[str, Any]:
         "depth_place_known_error_mm": _layers(bounds.depth_alone_error_mm),
         "losses": [_loss_json(loss) for loss in bounds.losses],
         "worst_loss": None if worst is None else worst.part,
-        "felt": None if bounds.detection is None else _detection_json(bounds.detection),
+        "detection": detection,
+        "felt": detection,  # its earlier name, for one release
         "accuracies": list(bounds.accuracies),
         "steps_mm": vars(bounds.steps),
     }
