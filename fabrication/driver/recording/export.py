@@ -19,7 +19,8 @@ from design.recordings import sets_json
 from fabrication.driver.descriptor import UNITS, descriptor_of
 from fabrication.driver.link.counters import Repeats, WrappingCounter, restarts
 from fabrication.driver.link.protocol import Unpacked, frame_format, unpack_frames
-from fabrication.driver.recording.mcap_file import MCAP_SUFFIX, read_mcap
+from fabrication.driver.recording.bag import read_mcap
+from fabrication.driver.recording.mcap_file import MCAP_SUFFIX
 from fabrication.driver.recording.press_labels import PressLabels
 from fabrication.driver.recording.raw import PRESS_BYTES, Record, RecordKind, press_of, read_records
 from fabrication.driver.recording.recorded import Recorded, labels_at, press_labels

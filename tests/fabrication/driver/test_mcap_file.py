@@ -15,8 +15,9 @@ import optopad
 from design.errors import InputError, OutputError
 from fabrication.driver.link.protocol import frame_format, pack_frames
 from fabrication.driver.recording import mcap_file
+from fabrication.driver.recording.bag import read_mcap
 from fabrication.driver.recording.export import read_recorded
-from fabrication.driver.recording.mcap_file import nanoseconds, read_mcap, seconds
+from fabrication.driver.recording.mcap_file import nanoseconds, seconds
 from fabrication.driver.recording.recorder import Recorder
 from fabrication.driver.simulated.port import FakePort
 from fabrication.ros2.messages import COMMON, definition, names
