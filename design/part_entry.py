@@ -21,6 +21,7 @@ from design.errors import InputError
 from design.fields.packaged import data_quantities
 from design.fields.quantity import Quantity
 from design.parts import catalog
+from design.parts.angular import FLAT_FACE_LEAST_DEG
 from design.parts.catalog import Part
 from design.parts.packages import Lens, Package, find_package, half_angle_in_elastomer
 from design.parts.photometry import (
@@ -330,7 +331,10 @@ def _lens_remark(sheet: Sheet, lens: Lens, angle: Quantity) -> str:
             f"the dome stays on. In silicone it keeps a sixth of its effect: about {angle.value:g} deg (estimated) "
             f"instead of {sheet.half_angle_deg:g} deg in air. Its tip is flush with the wall."
         )
-    return f"no dome: the half angle of {sheet.half_angle_deg:g} deg is used as the sheet states it."
+    said = f"no dome: the half angle of {sheet.half_angle_deg:g} deg is used as the sheet states it"
+    if sheet.half_angle_deg < FLAT_FACE_LEAST_DEG:
+        said += ", but so narrow a beam comes from a lens, which loses most of its effect in silicone"
+    return f"{said}."
 
 
 def _flush_remark(part: Part) -> str:

@@ -29,7 +29,7 @@ class Listed:
     kind : its group, such as emitters or silicones
     name : identifier
     figures : main figures with units
-    source : source of most of its values with the highest confidence
+    source : source of most of its values with the highest confidence; of a silicone, of index and modulus
     confidences : number of values by confidence
     """
 
@@ -77,8 +77,10 @@ def _all(entries: CatalogEntries) -> Iterator[tuple[str, str, Model]]:
 
 def _listed(kind: str, name: str, entry: Model) -> Listed:
     figures = next((say for model, say in _FIGURES.items() if isinstance(entry, model)), _first_numbers)
-    found = list(_sourced(entry.model_dump(mode="json")))
-    sources = Counter(found)
+    document = entry.model_dump(mode="json")
+    found = list(_sourced(document))
+    named = {name: document[name] for name in _SOURCES.get(type(entry), ())} or document
+    sources = Counter(_sourced(named))
     counted = Counter(confidence for _, confidence in found)
     return Listed(
         kind=kind,
@@ -169,6 +171,8 @@ def _ends(values: list[float]) -> str:
     return low if low == high else f"{low} to {high}"
 
 
+_SOURCES: dict[type[Model], tuple[str, ...]] = {Elastomer: ("index", "modulus")}
+"""Fields whose source is shown, where others have values, too."""
 _FIGURES: dict[type[Model], Callable[[Any], str]] = {
     Part: _part,
     Elastomer: _silicone,

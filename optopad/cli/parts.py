@@ -7,6 +7,7 @@ import re
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from textwrap import shorten
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -36,7 +37,7 @@ QUESTIONS = {
     "package": "Package (radial-5mm, radial-3mm, side-looking-5mm, side-looking-thin, plcc-2, 0805, coupler-...)",
     "intensity": "Intensity on the axis, with its unit (as 250mcd or 12mW/sr)",
     "viewing-angle": "Viewing angle 2θ½, the full angle of half intensity [deg]",
-    "wavelength": "Wavelength [nm] (white for a white LED)",
+    "wavelength": "Wavelength [nm] (of the responsivity; white for a white LED)",
     "current": "Test current of the intensity [mA]",
     "area": "Sensitive area (as 7.5 for mm2, or 2.65x2.65 for mm)",
     "responsivity": "Responsivity [A/W]",
@@ -70,6 +71,8 @@ LIMITS = {
     ),
 }
 """Range of each number, its unit and a remedy; a low end of 0 is excluded, except for dark currents."""
+SOURCE = 60
+"""Longest source in the overview of the whole catalogue [characters]."""
 _NUMBER = r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*"
 _UNITS = {"mcd": ("mcd", 1.0), "cd": ("mcd", 1e3), "mw/sr": ("mW/sr", 1.0), "w/sr": ("mW/sr", 1e3)}
 
@@ -386,14 +389,20 @@ def parts(
     from design.parts.listing import listed
 
     found = listed(packaged(), kind)
-    tell(as_json, lambda: {"entries": [asdict(one) for one in found]}, lambda: _overview(found))
+    tell(
+        as_json,
+        lambda: {"entries": [asdict(one) for one in found]},
+        lambda: _overview(found, is_whole=kind is None),
+    )
 
 
-def _overview(found: Sequence[Listed]) -> list[str]:
+def _overview(found: Sequence[Listed], *, is_whole: bool) -> list[str]:
+    """Two lines for each entry; the whole catalogue has its sources shortened."""
     lines: list[str] = []
     for number, one in enumerate(found):
         if number == 0 or found[number - 1].kind != one.kind:
             lines += [*([""] if lines else []), one.kind]
         counted = ", ".join(f"{count} {level}" for level, count in one.confidences.items())
-        lines += [f"  {one.name:<24}{one.figures}", f"  {'':<24}{one.source} ({counted})"]
+        source = shorten(one.source, SOURCE, placeholder=" ...") if is_whole else one.source
+        lines += [f"  {one.name:<24}{one.figures}", f"  {'':<24}{source} ({counted})"]
     return lines

@@ -7,6 +7,7 @@ import pytest
 from design.errors import InputError
 from design.part_entry import LedSheet, PhotodiodeSheet, part_entry
 from design.parts.catalog import packaged, parse_entries
+from design.parts.packages import packages
 from design.parts.photometry import Intensity
 from design.rules.check import check
 from design.shape.cavity import cavity_of
@@ -149,6 +150,22 @@ def test_the_least_pitch_is_the_nearest_without_an_error():
         layout = [{"pattern": "facing_rows", "count": 2, "pitch_mm": led.pitch_mm + spare_mm}]
         design = design.with_(layout=layout)
         assert len(messages(design, "web between the sockets")) == faults
+
+
+@pytest.mark.parametrize("name", packages())
+def test_a_part_in_any_package_has_a_socket_that_can_be_printed(name):
+    entry = part_entry(replaced(LEDS["red"], part_id="mine", package=name, half_angle_deg=60.0))
+    layer_mm = entry.part.body_height_mm.value + 2.0
+    changes = {
+        "emitters.part": "mine",
+        "emitters.height_mm": entry.flush_floor_mm + 1.0,
+        "cavity.clear_thickness_mm": max(layer_mm, 8.0),
+        "mold.outer_length_mm": good().cavity.length_mm + 2 * entry.wall_mm,
+    }
+    catalog = {"parts": {"mine": entry.part.model_dump(mode="json")}}
+    layout = [{"pattern": "facing_rows", "count": 2, "pitch_mm": entry.pitch_mm}]
+    findings = check(good(catalog=catalog, layout=layout, **changes))
+    assert [str(one) for one in findings if "E1" in one.message or "mine" in one.message] == []
 
 
 def test_the_heights_end_flush_with_both_faces_of_the_layer():
