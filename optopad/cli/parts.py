@@ -77,7 +77,7 @@ _NUMBER = r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*"
 _UNITS = {"mcd": ("mcd", 1.0), "cd": ("mcd", 1e3), "mw/sr": ("mW/sr", 1.0), "w/sr": ("mW/sr", 1e3)}
 
 
-@part.command()
+@part.command(short_help="Write a part's entry from its data sheet.")
 def new(
     name: Annotated[
         str, typer.Argument(metavar="NAME", help="Identifier of the part: small letters, digits, dashes.")
