@@ -14,6 +14,10 @@ The choice is conservative. The calculation uses the lower end of the forward vo
 neglects the transistor's own voltage drop. The emitter's current is therefore below its maximum. The supply's tolerance
 and any heating are not included. The receivers' amplifiers are in `design.circuit.transimpedance`.
 
+The transistor is the smallest of the catalogue that suits: its saturation voltage is stated at the emitter's largest
+current or above, with a base current of a tenth, and it bears the emitters' supply. The design may name another in
+`board.transistor`.
+
 With LED drivers, no emitter has a transistor or a series resistor. Each anode is connected to the supply, and each
 cathode to a constant-current output. One reference resistor on each driver sets the current of all outputs:
 
@@ -30,14 +34,18 @@ the emitter's resistor permits. The currents of the amplifiers and the board are
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
+from design.circuit.amplifier import Shortfall
 from design.circuit.pins import board_of, converter_of, driver_of, shift_register_of
 from design.fields.quantity import Quantity
 from design.parts.assumptions import assumption, standard_at_least, standard_at_most
-from design.parts.catalog import Board, Part
+from design.parts.catalog import Board, Part, find_transistor
+from design.parts.electronics import Transistor
 from design.shape.cavity import cavity_of
 from design.spec import SensorDesign
+from design.spec.properties import entries_of
 
 MA_PER_A = 1e3
 MW_PER_W = 1e3
@@ -97,6 +105,48 @@ def emitter_switch(part: Part, board: Board) -> EmitterSwitch:
         base_current_ma=(board.pin_v - assumption("base_emitter_v").value) / base_ohm * MA_PER_A,
         series_mw=current_a * max(left, 0.0) * MW_PER_W,
     )
+
+
+@dataclass(frozen=True, kw_only=True)
+class ChosenTransistor:
+    """The transistor that switches an emitter: its identifier and entry in the catalogue."""
+
+    transistor_id: str
+    entry: Transistor
+
+
+def transistor_of(design: SensorDesign, part: Part) -> ChosenTransistor:
+    """The transistor that the design names, or else the smallest that suits the emitter, or the largest there is.
+
+    Raises
+    ------
+    DesignError : the design names a transistor that is not in the catalogue.
+    """
+    entries, named = entries_of(design), design.board.transistor
+    if named is not None:
+        return ChosenTransistor(transistor_id=named, entry=find_transistor(entries, named))
+    by_size = sorted(entries.transistors.items(), key=lambda item: item[1].saturation_ma.value)
+    suits = (item for item in by_size if not any(transistor_shortfalls(design, item[1], part)))
+    name, entry = next(suits, by_size[-1])
+    return ChosenTransistor(transistor_id=name, entry=entry)
+
+
+def transistor_shortfalls(design: SensorDesign, transistor: Transistor, part: Part) -> Iterator[Shortfall]:
+    """Limits of an emitter's switch that a transistor does not keep."""
+    assert part.max_current_ma is not None, "the catalogue gives every emitter a current"
+    current_ma, supply_v = part.max_current_ma.value, board_of(design).emitter_v
+    if current_ma > transistor.saturation_ma.value:
+        yield Shortfall(
+            meaning="does not saturate at the current",
+            value=f"{current_ma:g} mA",
+            limit=f"at most {transistor.saturation_ma.value:g} mA",
+        )
+    if supply_v > transistor.most_collector_v:
+        yield Shortfall(
+            meaning="does not bear the supply",
+            value=f"{supply_v:g} V",
+            limit=f"at most {transistor.most_collector_v:g} V",
+        )
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -12,29 +12,48 @@ value if it is given near the emitter's wavelength. Otherwise silicon's quantum 
 too high by `silicon_blue_loss` at worst. For several types of emitter, the mean product of power and responsivity is
 used.
 
-The amplifier does not ring if CF >= sqrt((C_diode + C_in) / (2 pi RF GBW)), which gives a phase margin of at least 45
-degrees (Graeme, "Photodiode Amplifiers", 1996, ch. 3). It settles to half a count in time if RF CF ln 2^(bits + 1) <=
-settle time. The model does not include the dark current (2 nA, millivolts), the LED's fall time, or the stray
-capacitance of the resistor (about 0.2 pF in addition to CF).
+The capacitor CF is the largest standard value with RF CF ln 2^(bits + 1) <= settle time with which an amplifier of the
+catalogue settles in time, so that the noise is least; the amplifier is the slowest one that does
+(`design.circuit.amplifier`). If none does, the fastest one, or the one that the design names, has the CF with which it
+does not ring and settles soonest.
+The model does not include the dark current (2 nA, millivolts), the LED's fall time, or the stray capacitance of the
+resistor (about 0.2 pF in addition to CF).
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from design.circuit.amplifier import (
+    ChosenAmplifier,
+    Load,
+    chosen_amplifier,
+    least_feedback_pf,
+    one_count_pa,
+    settles_us,
+)
 from design.circuit.emitter_switch import CurrentSink, current_sink, emitter_switch
 from design.circuit.pins import adc_bits, board_of, converter_of, full_scale_v
 from design.errors import DesignError
 from design.fields.finding import Finding, error, warning
 from design.fields.quantity import Quantity, weakest
-from design.parts.assumptions import E12, assumption, standard_at_least, standard_at_most, standard_nearest
-from design.parts.catalog import Board, Part
+from design.parts.assumptions import (
+    E12,
+    assumption,
+    ohm_text,
+    standard_at_least,
+    standard_at_most,
+    standard_nearest,
+)
+from design.parts.catalog import Board, Part, find_amplifier
+from design.parts.electronics import Amplifier
 from design.shape.cavity import cavity_of
 from design.spec import SensorDesign
+from design.spec.properties import entries_of
 
 NEAR_NM = 25.0
 """Largest distance from a responsivity's stated wavelength at which the value is used unchanged.
@@ -42,9 +61,10 @@ NEAR_NM = 25.0
 It is half the spectral width of a usual LED.
 """
 W_PER_MW = 1e-3
-HZ_PER_MHZ = 1e6
 F_PER_PF = 1e-12
 S_PER_US = 1e-6
+MOST_STEPS_DOWN = 12
+"""Number of standard capacitors that are tried, from the largest on; they span a decade."""
 LEAST_SETTLE_US = 1e-3
 """Shortest time for which a capacitor is computed; no amplifier settles within it [us]."""
 
@@ -60,7 +80,8 @@ class Feedback:
     standard_ohm : nearest standard value, or the resistance given in the design
     counts_per_flux : required gain: counts if all emitted power reached the receiver
     capacitor_pf : standard value of the feedback capacitor
-    settles_us : time until the reading is within half a count of its final value
+    amplifier_id : amplifier that all receivers share, in the catalogue
+    settles_us : time until the reading of a step of full scale is within half a count of its final value
     is_in_time : whether `settles_us` is at most the design's settling time
     """
 
@@ -70,6 +91,7 @@ class Feedback:
     standard_ohm: float
     counts_per_flux: float
     capacitor_pf: float
+    amplifier_id: str
     settles_us: float
     is_in_time: bool
 
@@ -172,10 +194,60 @@ def feedbacks_of(
         if counts_per_flux is None:
             return None
         ohms = tuple(gain / each.value for gain, each in zip(counts_per_flux, per_ohm, strict=True))
-    parts = [one.part for one in cavity_of(design).receivers]
+    amplifier, loads = fitted_amplifier(design, ohms)
     return tuple(
-        _feedback(design, part, each, ohm) for part, each, ohm in zip(parts, per_ohm, ohms, strict=True)
+        _feedback(design, amplifier, load, each, ohm)
+        for load, each, ohm in zip(loads, per_ohm, ohms, strict=True)
     )
+
+
+def fitted_amplifier(
+    design: SensorDesign, exact_ohms: Sequence[float]
+) -> tuple[ChosenAmplifier, tuple[Load, ...]]:
+    """The amplifier of a design, and the feedback of each receiver with standard resistors and capacitors.
+
+    Parameters
+    ----------
+    exact_ohms : required feedback resistance of each receiver
+    """
+    settle_us, is_given = amplifier_settle_us(design), not isinstance(design.gain.feedback_ohm, str)
+    ohms = [ohm if is_given else standard_nearest(ohm) for ohm in exact_ohms]
+    tried = [_loads(design, ohms, step) for step in range(MOST_STEPS_DOWN)]
+    found = [(chosen_amplifier(design, wanted, settle_us), wanted) for wanted in tried]
+    best = next((one for one in found if not one[0].shortfalls), None)
+    best = best or next((one for one in found if one[0].is_in_time), None)
+    if best is not None:
+        return best
+    amplifier = found[0][0]
+    return amplifier, tuple(_soonest(design, load, amplifier.entry) for load in tried[0])
+
+
+def _loads(design: SensorDesign, ohms: Sequence[float], step: int) -> tuple[Load, ...]:
+    """Feedback of each receiver, with a capacitor of `step` standard steps below the largest that settles in time."""
+    constants, settle_us = math.log(2 ** (adc_bits(design) + 1)), amplifier_settle_us(design)
+    found = []
+    for receiver, ohm in zip(cavity_of(design).receivers, ohms, strict=True):
+        assert receiver.part.capacitance_pf is not None
+        most_pf = settle_us * S_PER_US / (ohm * constants) / F_PER_PF
+        feedback_pf = standard_at_most(most_pf * 10 ** (-step / len(E12)), E12)
+        input_pf = receiver.part.capacitance_pf.value + assumption("amplifier_input_pf").value
+        found.append(Load(ohm=ohm, feedback_pf=feedback_pf, input_pf=input_pf))
+    return tuple(found)
+
+
+def _soonest(design: SensorDesign, load: Load, amplifier: Amplifier) -> Load:
+    """The feedback with the standard capacitor with which the amplifier does not ring and settles soonest."""
+    least_pf = least_feedback_pf(amplifier, load.ohm, load.input_pf)
+    tried = [
+        replace(load, feedback_pf=standard_at_least(least_pf * 10 ** (step / len(E12)), E12))
+        for step in range(MOST_STEPS_DOWN)
+    ]
+    return min(tried, key=lambda one: settles_us(amplifier, one, adc_bits(design), full_scale_v(design)))
+
+
+def amplifier_settle_us(design: SensorDesign) -> float:
+    """Time within which the amplifiers must settle [us]: `board.settle_us` less that of a converter's input filter."""
+    return max(design.board.settle_us - filter_settles_us(design), LEAST_SETTLE_US)
 
 
 def gain_findings(design: SensorDesign) -> Iterator[Finding]:
@@ -228,14 +300,35 @@ def settling_findings(
         for one, part in zip(feedbacks, cavity_of(design).receivers, strict=False)
         if not one.is_in_time
     ]
+    named = design.board.amplifier
     if late:
         lower = "gain.target_counts" if given_ohms(design) is None else "gain.feedback_ohm"
+        faster = "" if named is None else "remove board.amplifier, so that a faster one is chosen, "
         yield warning(
             "board.settle_us",
             f"the amplifiers of {' '.join(name for _, name in late)} do not settle, so readings lag behind the light",
             value=f"{settle_us:g} us",
             limit=f"at least {math.ceil(max(late)[0] + filter_us)} us",
-            way_out=f"raise it, take a faster amplifier, or lower {lower}",
+            way_out=f"raise it, {faster}or lower {lower}",
+        )
+    if feedbacks:
+        yield from _bias_findings(design, feedbacks)
+
+
+def _bias_findings(design: SensorDesign, feedbacks: Sequence[Feedback]) -> Iterator[Finding]:
+    """Warning if the amplifier takes more bias current than one count is."""
+    ohms = [one.standard_ohm for one in feedbacks]
+    entry = find_amplifier(entries_of(design), feedbacks[0].amplifier_id)
+    count_pa = one_count_pa(design, max(ohms))
+    if entry.most_bias_pa > count_pa:
+        yield warning(
+            "board.amplifier",
+            f"{entry.name} takes more bias current than one count is, which shifts every reading with temperature",
+            value=f"{entry.most_bias_pa:.3g} pA",
+            limit=f"at most {count_pa:.3g} pA, one count at {ohm_text(max(ohms))}",
+            way_out="lower the resistor, as by more light"
+            if design.board.amplifier is None
+            else "remove board.amplifier, so that one with a CMOS or JFET input is chosen",
         )
 
 
@@ -268,41 +361,22 @@ def settle_words(design: SensorDesign) -> str:
     return f"{words} less {filter_us:.0f} us of the converter's input filter" if filter_us else words
 
 
-def _feedback(design: SensorDesign, part: Part, per_ohm: Quantity, exact_ohm: float) -> Feedback:
+def _feedback(
+    design: SensorDesign, amplifier: ChosenAmplifier, load: Load, per_ohm: Quantity, exact_ohm: float
+) -> Feedback:
     gain, is_given = per_ohm.value * exact_ohm, not isinstance(design.gain.feedback_ohm, str)
-    standard = exact_ohm if is_given else standard_nearest(exact_ohm)
-    constants = math.log(2 ** (adc_bits(design) + 1))
-    settle_us = max(design.board.settle_us - filter_settles_us(design), LEAST_SETTLE_US)
-    most_pf = settle_us * S_PER_US / (standard * constants) / F_PER_PF
-    capacitor = _capacitor_pf(_least_pf(part, standard), most_pf)
-    settles = standard * capacitor * F_PER_PF * constants / S_PER_US
+    settles = settles_us(amplifier.entry, load, adc_bits(design), full_scale_v(design))
     return Feedback(
         exact_ohm=exact_ohm,
         low_ohm=exact_ohm if is_given else gain / _high(per_ohm),
         high_ohm=exact_ohm if is_given else gain / _low(per_ohm),
-        standard_ohm=standard,
+        standard_ohm=load.ohm,
         counts_per_flux=gain,
-        capacitor_pf=capacitor,
+        capacitor_pf=load.feedback_pf,
+        amplifier_id=amplifier.amplifier_id,
         settles_us=settles,
-        is_in_time=settles <= settle_us * (1 + 1e-9),
+        is_in_time=settles <= amplifier_settle_us(design) * (1 + 1e-9),
     )
-
-
-def _least_pf(part: Part, ohm: float) -> float:
-    """Smallest feedback capacitance at which the amplifier does not ring [pF]."""
-    assert part.capacitance_pf is not None
-    input_f = (part.capacitance_pf.value + assumption("amplifier_input_pf").value) * F_PER_PF
-    bandwidth_hz = assumption("amplifier_bandwidth_mhz").value * HZ_PER_MHZ
-    return math.sqrt(input_f / (2 * math.pi * ohm * bandwidth_hz)) / F_PER_PF
-
-
-def _capacitor_pf(least_pf: float, most_pf: float) -> float:
-    """The largest standard value up to `most_pf`, which gives the least noise and still settles in time.
-
-    If that is below `least_pf`, the smallest standard value of at least `least_pf` is returned, for stability.
-    """
-    most = standard_at_most(most_pf, E12)
-    return most if most >= least_pf else standard_at_least(least_pf, E12)
 
 
 def _scaled(quantity: Quantity, factor: float, unit: str, how: str) -> Quantity:

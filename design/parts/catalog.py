@@ -70,10 +70,12 @@ from design.parts.elastomer import (
     refractive_index,
     youngs_modulus_mpa,
 )
+from design.parts.electronics import Amplifier, Transistor
 from design.parts.spectrum import Spectrum
 
 __all__ = [
     "PACKAGED_FILES",
+    "Amplifier",
     "Board",
     "CatalogEntries",
     "Chip",
@@ -90,6 +92,8 @@ __all__ = [
     "Part",
     "Quantity",
     "ShiftRegister",
+    "Transistor",
+    "find_amplifier",
     "find_board",
     "find_converter",
     "find_elastomer",
@@ -98,6 +102,7 @@ __all__ = [
     "find_multiplexer",
     "find_part",
     "find_shift_register",
+    "find_transistor",
     "merged",
     "packaged",
     "parse_entries",
@@ -105,7 +110,15 @@ __all__ = [
     "youngs_modulus_mpa",
 ]
 
-PACKAGED_FILES = ("emitters", "receivers", "elastomers", "mold_materials", "boards", "circuits")
+PACKAGED_FILES = (
+    "emitters",
+    "receivers",
+    "elastomers",
+    "mold_materials",
+    "boards",
+    "circuits",
+    "electronics",
+)
 
 _EMITTER_ONLY = ("wavelength_nm", "forward_voltage_v", "max_current_ma")
 _RECEIVER_ONLY = ("responsivity_a_per_w", "responsivity_wavelength_nm", "dark_current_na", "capacitance_pf")
@@ -470,7 +483,7 @@ def _assumed_v() -> float:
 class CatalogEntries(Model):
     """Catalogue entries by identifier, in the same form for the packaged files and a user's file."""
 
-    unsaid = ("multiplexers", "shift_registers", "converters", "led_drivers")
+    unsaid = ("multiplexers", "shift_registers", "converters", "led_drivers", "amplifiers", "transistors")
 
     parts: dict[PartId, Part] = Field(default_factory=dict)
     elastomers: dict[PartId, Elastomer] = Field(default_factory=dict)
@@ -480,6 +493,8 @@ class CatalogEntries(Model):
     shift_registers: dict[PartId, ShiftRegister] = Field(default_factory=dict)
     converters: dict[PartId, Converter] = Field(default_factory=dict)
     led_drivers: dict[PartId, LedDriver] = Field(default_factory=dict)
+    amplifiers: dict[PartId, Amplifier] = Field(default_factory=dict)
+    transistors: dict[PartId, Transistor] = Field(default_factory=dict)
 
 
 @cache
@@ -497,7 +512,7 @@ def parse_entries(mapping: Mapping[str, Any], where: str) -> CatalogEntries:
     Parameters
     ----------
     mapping : tables `parts`, `elastomers`, `mold_materials`, `boards`, `multiplexers`, `shift_registers`,
-        `converters`, `led_drivers`, each {identifier: fields}
+        `converters`, `led_drivers`, `amplifiers`, `transistors`, each {identifier: fields}
     where : name of the file, for messages
 
     Raises
@@ -534,6 +549,8 @@ def merged(base: CatalogEntries, extra: CatalogEntries) -> CatalogEntries:
         shift_registers={**base.shift_registers, **extra.shift_registers},
         converters={**base.converters, **extra.converters},
         led_drivers={**base.led_drivers, **extra.led_drivers},
+        amplifiers={**base.amplifiers, **extra.amplifiers},
+        transistors={**base.transistors, **extra.transistors},
     )
 
 
@@ -588,6 +605,16 @@ def find_converter(entries: CatalogEntries, converter_id: str) -> Converter:
 def find_led_driver(entries: CatalogEntries, driver_id: str) -> LedDriver:
     """Find the LED driver with an identifier; DesignError with similar names if there is none."""
     return _find(entries.led_drivers, driver_id, "LED driver", "led_drivers")
+
+
+def find_amplifier(entries: CatalogEntries, amplifier_id: str) -> Amplifier:
+    """Find the amplifier with an identifier; DesignError with similar names if there is none."""
+    return _find(entries.amplifiers, amplifier_id, "amplifier", "amplifiers")
+
+
+def find_transistor(entries: CatalogEntries, transistor_id: str) -> Transistor:
+    """Find the transistor with an identifier; DesignError with similar names if there is none."""
+    return _find(entries.transistors, transistor_id, "transistor", "transistors")
 
 
 def _find(table: Mapping[str, Entry], name: str, noun: str, section: str) -> Entry:

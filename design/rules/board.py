@@ -15,7 +15,15 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from design.circuit.emitter_switch import CurrentSink, current_sink, emitter_switch, most_drive_ma
+from design.circuit.amplifier import chosen_amplifier
+from design.circuit.emitter_switch import (
+    CurrentSink,
+    current_sink,
+    emitter_switch,
+    most_drive_ma,
+    transistor_of,
+    transistor_shortfalls,
+)
 from design.circuit.pins import (
     MS_PER_S,
     adc_bits,
@@ -35,7 +43,7 @@ from design.circuit.transimpedance import gain_findings, settling_findings
 from design.fields.finding import Finding, error, note, warning
 from design.parts.board_firmware import ArduinoProgram, BoardFirmware
 from design.parts.catalog import Board
-from design.shape.cavity import cavity_of
+from design.shape.cavity import PlacedPart, cavity_of
 from design.spec import SensorDesign
 
 FIRMWARE_ADC_BITS = 10
@@ -186,9 +194,43 @@ def circuit_findings(design: SensorDesign, board: Board) -> Iterator[Finding]:
     """Findings about the circuit around the board: it must light the emitters, switch them, and settle in time."""
     sink = current_sink(design)
     yield from _switch_findings(design, board) if sink is None else _sink_findings(design, board, sink)
+    yield from _amplifier_findings(design)
     yield from _target_findings(design)
     errors = list(gain_findings(design))
     yield from errors or settling_findings(design)
+
+
+def _amplifier_findings(design: SensorDesign) -> Iterator[Finding]:
+    """Findings about an amplifier that does not suit supply and full scale, whatever its feedback is."""
+    named = design.board.amplifier
+    chosen = chosen_amplifier(design, None, design.board.settle_us)
+    for one in chosen.shortfalls:
+        yield (warning if named is None or "full scale" in one.meaning else error)(
+            "board.kind" if named is None else "board.amplifier",
+            f"{chosen.entry.name} {one.meaning}"
+            + (", as every other of the catalogue" if named is None else ""),
+            value=one.value,
+            limit=one.limit,
+            way_out="add one that does to your catalogue"
+            if named is None
+            else "remove board.amplifier, so that one that fits is chosen",
+        )
+
+
+def _transistor_findings(design: SensorDesign, placed: PlacedPart) -> Iterator[Finding]:
+    """Warning about a transistor that does not carry an emitter's current or bear its supply."""
+    named, chosen = design.board.transistor, transistor_of(design, placed.part)
+    for one in transistor_shortfalls(design, chosen.entry, placed.part):
+        yield warning(
+            placed.origin if named is None else "board.transistor",
+            f"{chosen.entry.name} {one.meaning} of {placed.part_id}"
+            + (", as every other of the catalogue" if named is None else ""),
+            value=one.value,
+            limit=one.limit,
+            way_out="use LED drivers (board.emitters.driver), or a part with less max_current_ma"
+            if named is None
+            else "remove board.transistor, so that one that fits is chosen",
+        )
 
 
 def _target_findings(design: SensorDesign) -> Iterator[Finding]:
@@ -279,6 +321,7 @@ def _switch_findings(design: SensorDesign, board: Board) -> Iterator[Finding]:
                 limit=f"less than the supply's {supply_v:g} V",
                 way_out="use a higher supply for the emitters, or another part",
             )
+        yield from _transistor_findings(design, placed)
         driver, most_ma = most_drive_ma(design, board)
         if switch.base_current_ma > most_ma:
             yield warning(

@@ -446,7 +446,7 @@ def _require_owner(pins: str, given: tuple[int, ...] | None, owner: str, owner_i
 class BoardUse(Model):
     """The microcontroller board and its settings; pins and inputs are assigned in the board's order by default."""
 
-    unsaid = ("receivers", "emitters", "averages", "reference", "dark")
+    unsaid = ("receivers", "emitters", "amplifier", "transistor", "averages", "reference", "dark")
 
     kind: PartId = "arduino-mega-2560"
     emitter_pins: Annotated[
@@ -464,6 +464,14 @@ class BoardUse(Model):
     ] = None
     emitters: Annotated[
         EmitterOutputs | None, Field(description="shift registers or LED drivers; absent: one pin an emitter")
+    ] = None
+    amplifier: Annotated[
+        PartId | None,
+        Field(description="amplifiers of the receivers; absent: the slowest that settles in time"),
+    ] = None
+    transistor: Annotated[
+        PartId | None,
+        Field(description="transistors of the emitters; absent: the smallest that carries their current"),
     ] = None
     adc_prescaler: Annotated[int, Field(description="AVR boards: ADC clock = board clock / prescaler")] = 64
     settle_us: Annotated[

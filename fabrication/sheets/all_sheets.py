@@ -13,7 +13,7 @@ from design.spec import SensorDesign
 from fabrication.connections import Connection, connections_of
 from fabrication.driver_config import dump_driver_config
 from fabrication.gain import SimulatedGain
-from fabrication.sheets.bom import bom_csv
+from fabrication.sheets.bom import BomRow, bom_csv, bom_rows
 from fabrication.sheets.casting import casting_md
 from fabrication.sheets.orientation_svg import orientation_svg
 from fabrication.sheets.schematic_svg import schematic_svg
@@ -60,17 +60,21 @@ def _cells(one: Connection) -> Sequence[Cell]:
     )
 
 
-def sheet_texts(design: SensorDesign, gain: SimulatedGain | None = None) -> dict[str, str]:
+def sheet_texts(
+    design: SensorDesign, gain: SimulatedGain | None = None, rows: Sequence[BomRow] | None = None
+) -> dict[str, str]:
     """Text of every sheet for the manufacture of a design, by file name.
 
     Parameters
     ----------
     gain : simulated gain from light to counts; if None, values that depend on it are omitted
+    rows : bill of materials with prices; if None, it is the design's own
 
     Raises
     ------
     DesignError : the catalogue does not have a part or material, or the board does not have a pin.
     """
+    rows = bom_rows(design, gain) if rows is None else rows
     return {
         "driver.toml": dump_driver_config(
             design,
@@ -81,12 +85,17 @@ def sheet_texts(design: SensorDesign, gain: SimulatedGain | None = None) -> dict
         "wiring.svg": wiring_svg(design),
         "schematic.svg": schematic_svg(design, gain),
         "orientation.svg": orientation_svg(design),
-        "bom.csv": bom_csv(design, gain),
-        "casting.md": casting_md(design, gain),
+        "bom.csv": bom_csv(rows),
+        "casting.md": casting_md(design, gain, rows),
     }
 
 
-def write_sheets(design: SensorDesign, folder: Path, gain: SimulatedGain | None = None) -> dict[str, Path]:
+def write_sheets(
+    design: SensorDesign,
+    folder: Path,
+    gain: SimulatedGain | None = None,
+    rows: Sequence[BomRow] | None = None,
+) -> dict[str, Path]:
     """Write every sheet into an existing folder; return the paths by file name.
 
     Raises
@@ -94,7 +103,7 @@ def write_sheets(design: SensorDesign, folder: Path, gain: SimulatedGain | None 
     DesignError : the catalogue lacks a part or material, or the board lacks a pin; nothing is written.
     OutputError : the folder cannot be written.
     """
-    texts = sheet_texts(design, gain)
+    texts = sheet_texts(design, gain, rows)
     for name, text in texts.items():
         write_text_atomically(folder / name, text)
     return {name: folder / name for name in texts}

@@ -1,15 +1,16 @@
 """Bill of materials: items to buy, print and weigh for one sensor.
 
-Reference designators extend the names of the layout: E3-Q is the transistor of emitter E3. Costs are from the
-catalogue, with currency, date and source; unknown costs are blank. For a transistor or amplifier, the column `value`
-gives the requirements, because no part is chosen. If the gain is not known, the `value` of a feedback component is
-"set by gain".
+Reference designators extend the names of the layout: E3-Q is the transistor of emitter E3. A1 is the first package of
+amplifiers. Part number, order unit and price of a bought item are from `design/data/orders.toml`; a price has currency,
+date and source, and an unknown one is blank. Amplifier and transistor are chosen by the design's circuit. If the gain
+is not known, neither is the amplifier, and the `value` of a feedback component is "set by gain".
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 
 from cad.volume import mold_volume_mm3
 from design.circuit.emitter_switch import (
@@ -18,6 +19,7 @@ from design.circuit.emitter_switch import (
     current_sink,
     emitter_switch,
     most_drive_ma,
+    transistor_of,
 )
 from design.circuit.pins import (
     amplifier_v,
@@ -28,16 +30,26 @@ from design.circuit.pins import (
     multiplexer_of,
     shift_register_of,
 )
-from design.circuit.transimpedance import settle_words
+from design.circuit.transimpedance import Feedback, settle_words
 from design.mold.filling import is_cast_under_lid
 from design.mold.outline import outline_of
 from design.parts.assumptions import assumption, ohm_text
-from design.parts.catalog import Board, Chip, Converter, Cost, LedDriver, Part, find_mold_material
+from design.parts.catalog import (
+    Board,
+    Chip,
+    Converter,
+    Cost,
+    LedDriver,
+    Part,
+    find_amplifier,
+    find_mold_material,
+)
+from design.parts.orders import order_of
 from design.shape.cavity import PlacedPart, cavity_of, plan_of
 from design.spec import SensorDesign
 from design.spec.properties import elastomer_of, entries_of
 from fabrication.gain import SimulatedGain, feedbacks_for
-from fabrication.sheets.casting import MM3_PER_CM3, Pour, pours
+from fabrication.sheets.silicone import MM3_PER_CM3, pours, silicone_g
 from fabrication.sheets.table import csv_text, number
 
 COLUMNS = (
@@ -48,6 +60,9 @@ COLUMNS = (
     "references",
     "value",
     "manufacturer",
+    "part_number",
+    "order_quantity",
+    "order_unit",
     "unit_cost",
     "currency",
     "cost_date",
@@ -55,8 +70,17 @@ COLUMNS = (
     "note",
 )
 
+PULL_UP_OHM = 10e3
+"""Resistor that keeps the outputs of LED drivers off until the program starts."""
+WIRES_EACH = 2
+"""Wires from each emitter and receiver to the circuit."""
+THREADS_MM = (2.0, 2.5, 3.0, 4.0, 5.0, 6.0)
+"""Metric threads of the screws of a mold in two pieces (ISO 261)."""
+SCREW_LENGTHS_MM = (6, 8, 10, 12, 16, 20, 25, 30, 35, 40, 45, 50, 55, 60, 65, 70, 80, 90, 100)
+"""Standard lengths of hexagon socket screws (ISO 4762)."""
 SET_BY_GAIN = "set by gain"
 NO_PRICE = "no price known"
+NOT_BOUGHT = "not bought"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -67,7 +91,10 @@ class BomRow:
     ----------
     quantity : number of pieces, or of other units named in `unit`; None if not known
     references : reference designators of the item, in the order of the layout
-    cost : quoted cost of one unit; None if not known
+    part_number : maker's number to order; empty if the item is not bought, or has none
+    order_quantity, order_unit : number of order units that hold the quantity, such as 1 kit of 500 g
+    cost : quoted cost of one order unit; None if not known
+    is_bought : whether the item is bought; printed parts are not
     """
 
     item: str
@@ -77,7 +104,11 @@ class BomRow:
     references: tuple[str, ...] = ()
     value: str = ""
     manufacturer: str = ""
+    part_number: str = ""
+    order_quantity: int | None = None
+    order_unit: str = "piece"
     cost: Cost | None = None
+    is_bought: bool = True
     note: str = ""
 
 
@@ -92,18 +123,35 @@ def bom_rows(design: SensorDesign, gain: SimulatedGain | None = None) -> tuple[B
     return (
         *_part_rows(cavity.emitters),
         *_part_rows(cavity.receivers),
-        BomRow(item=board.title, catalogue_id=design.board.kind, quantity=1),
+        _ordered(BomRow(item=board.title, catalogue_id=design.board.kind, quantity=1)),
         *_switch_rows(design, cavity.emitters, board),
         *_amplifier_rows(design, cavity.receivers, gain),
         *_circuit_rows(design),
+        _header_row(cavity.parts),
         *_silicone_rows(design),
         *_printed_rows(design),
     )
 
 
-def bom_csv(design: SensorDesign, gain: SimulatedGain | None = None) -> str:
+def _ordered(row: BomRow, *keys: str, value: float | None = None) -> BomRow:
+    """A row with what to order for it: by its catalogue entry, or by the kinds of part in `keys` and a value."""
+    found = order_of(keys or (row.catalogue_id,), value)
+    if found is None:
+        return replace(row, order_quantity=None if row.quantity is None else math.ceil(row.quantity))
+    order, number = found
+    return replace(
+        row,
+        manufacturer=row.manufacturer or order.manufacturer,
+        part_number=number,
+        order_quantity=None if row.quantity is None else order.units_for(row.quantity),
+        order_unit=order.unit,
+        cost=row.cost or order.cost,
+    )
+
+
+def bom_csv(rows: Sequence[BomRow]) -> str:
     """The bill of materials as CSV."""
-    return csv_text(COLUMNS, (_cells(row) for row in bom_rows(design, gain)))
+    return csv_text(COLUMNS, (_cells(row) for row in rows))
 
 
 def _cells(row: BomRow) -> tuple[str | float | None, ...]:
@@ -116,10 +164,13 @@ def _cells(row: BomRow) -> tuple[str | float | None, ...]:
         " ".join(row.references),
         row.value,
         row.manufacturer,
+        row.part_number,
+        row.order_quantity if row.is_bought else None,
+        row.order_unit if row.is_bought else None,
         None if cost is None else cost.value,
         None if cost is None else cost.currency,
         None if cost is None else cost.date,
-        NO_PRICE if cost is None else cost.source,
+        cost.source if cost is not None else NO_PRICE if row.is_bought else NOT_BOUGHT,
         row.note,
     )
 
@@ -127,7 +178,7 @@ def _cells(row: BomRow) -> tuple[str | float | None, ...]:
 def _part_rows(placed: Sequence[PlacedPart]) -> Iterator[BomRow]:
     for part, names in _by_entry(placed):
         entry = part.part
-        yield BomRow(
+        row = BomRow(
             item=entry.title,
             catalogue_id=part.part_id,
             quantity=len(names),
@@ -136,6 +187,7 @@ def _part_rows(placed: Sequence[PlacedPart]) -> Iterator[BomRow]:
             cost=entry.cost,
             note=" ".join(entry.notes),
         )
+        yield _ordered(row)
 
 
 def _switch_rows(design: SensorDesign, emitters: Sequence[PlacedPart], board: Board) -> Iterator[BomRow]:
@@ -144,95 +196,112 @@ def _switch_rows(design: SensorDesign, emitters: Sequence[PlacedPart], board: Bo
         yield from _driver_rows(driver, sink, len(emitters))
         return
     for part, names in _by_entry(emitters):
-        switch = emitter_switch(part.part, board)
-        yield BomRow(
-            item="NPN transistor",
+        switch, transistor = emitter_switch(part.part, board), transistor_of(design, part.part)
+        row = BomRow(
+            item=transistor.entry.title,
+            catalogue_id=transistor.transistor_id,
             quantity=len(names),
             references=_marked(names, "Q"),
-            value=f"collector current at least {_most_ma(part.part)} mA",
+            value=f"{_most_ma(part.part)} mA of at most {number(transistor.entry.saturation_ma.value)} mA",
             note="one per LED: base to the base resistor, collector to the LED's cathode, its own emitter to ground",
         )
-        yield BomRow(
-            item="base resistor",
-            quantity=len(names),
-            references=_marked(names, "RB"),
-            value=ohm_text(switch.base_ohm),
-            note=_base_note(switch, *most_drive_ma(design, board)),
+        yield _ordered(row)
+        yield _resistor_row(
+            "base resistor", "RB", names, switch.base_ohm, _base_note(switch, *most_drive_ma(design, board))
         )
-        yield BomRow(
-            item="series resistor",
-            quantity=len(names),
-            references=_marked(names, "RS"),
-            value="none fits" if switch.series_ohm is None else ohm_text(switch.series_ohm),
-            note=_series_note(switch, part.part, board),
+        yield _resistor_row(
+            "series resistor", "RS", names, switch.series_ohm, _series_note(switch, part.part, board)
         )
+
+
+def _resistor_row(item: str, mark: str, names: Sequence[str], ohm: float | None, note: str) -> BomRow:
+    row = BomRow(
+        item=item,
+        quantity=len(names),
+        references=_marked(names, mark),
+        value="none fits" if ohm is None else ohm_text(ohm),
+        note=note,
+    )
+    return row if ohm is None else _ordered(row, "resistor", "large-resistor", value=ohm)
 
 
 def _driver_rows(driver: LedDriver, sink: CurrentSink, emitter_count: int) -> Iterator[BomRow]:
     """Items for LED drivers: their reference resistors, and a resistor that keeps outputs off until firmware starts."""
     names = tuple(f"L{number + 1}" for number in range(driver.needed(emitter_count)))
     formula = f"{driver.current_ratio:g} x {driver.reference_v:g} V / current"
-    yield BomRow(
-        item="reference resistor",
-        quantity=len(names),
-        references=_marked(names, "RI"),
-        value=ohm_text(sink.reference_ohm),
-        note=f"IREF of each {driver.name} to ground: {sink.current_ma:.1f} mA at each output by {formula}; "
-        f"{min(sink.asked_ma, driver.max_output_ma.value):g} mA allowed",
+    note = (
+        f"IREF of each {driver.name} to ground: {sink.current_ma:.1f} mA at each output by {formula}; "
+        f"{min(sink.asked_ma, driver.max_output_ma.value):g} mA allowed"
     )
-    yield BomRow(
-        item="pull-up resistor",
-        quantity=1,
-        references=_marked(names[:1], "RP"),
-        value="10 kohm",
-        note="BLANK to the supply of the LED drivers: all outputs are off until the program starts",
-    )
+    yield _resistor_row("reference resistor", "RI", names, sink.reference_ohm, note)
+    off = "BLANK to the supply of the LED drivers: all outputs are off until the program starts"
+    yield _resistor_row("pull-up resistor", "RP", names[:1], PULL_UP_OHM, off)
 
 
 def _amplifier_rows(
     design: SensorDesign, receivers: Sequence[PlacedPart], gain: SimulatedGain | None
 ) -> Iterator[BomRow]:
     names = tuple(part.name for part in receivers)
-    yield BomRow(
-        item="transimpedance amplifier",
-        quantity=len(names),
-        references=_marked(names, "A"),
-        value=f"single supply of {amplifier_v(design):g} V, inputs and output down to ground",
-        note=f"output to the receiver's channel; {_bandwidth_note()}",
-    )
-    yield _supply_capacitors(names, "ceramic, next to each amplifier's supply pins; one per package")
     feedbacks = feedbacks_for(design, gain)
+    amplifier_id = design.board.amplifier if feedbacks is None else feedbacks[0].amplifier_id
+    if amplifier_id is None:
+        yield BomRow(
+            item="transimpedance amplifier",
+            quantity=len(names),
+            references=_marked(names, "A"),
+            value=f"single supply of {amplifier_v(design):g} V; type {SET_BY_GAIN}",
+            note="output to the receiver's channel; `optopad run` chooses the type",
+        )
+        yield _supply_capacitors(names, "ceramic, next to each amplifier's supply pins; one per package")
+    else:
+        yield from _package_rows(design, names, amplifier_id)
     if feedbacks is None:
         yield from _open_feedback_rows(design, names)
         return
-    resistors = [ohm_text(one.standard_ohm) for one in feedbacks]
-    capacitors = [f"{one.capacitor_pf:g} pF" for one in feedbacks]
-    for item, mark, values, note in (
-        (
-            "feedback resistor",
-            "RF",
-            resistors,
-            "depends on the emitters' power; see casting.md, last section",
-        ),
-        (
-            "feedback capacitor",
-            "CF",
-            capacitors,
-            f"settles within {settle_words(design)}",
-        ),
-    ):
-        for value in dict.fromkeys(values):
-            same = [name for name, own in zip(names, values, strict=True) if own == value]
-            late = mark == "CF" and not all(
-                one.is_in_time for one, own in zip(feedbacks, values, strict=True) if own == value
-            )
-            yield BomRow(
-                item=item,
-                quantity=len(same),
-                references=_marked(same, mark),
-                value=value,
-                note="smallest stable value: TOO SLOW for board.settle_us, see casting.md" if late else note,
-            )
+    for ohm in dict.fromkeys(one.standard_ohm for one in feedbacks):
+        same = [name for name, one in zip(names, feedbacks, strict=True) if one.standard_ohm == ohm]
+        note = "depends on the emitters' power; see casting.md, last section"
+        yield _resistor_row("feedback resistor", "RF", same, ohm, note)
+    for capacitor_pf in dict.fromkeys(one.capacitor_pf for one in feedbacks):
+        yield _capacitor_row(design, names, feedbacks, capacitor_pf)
+
+
+def _package_rows(design: SensorDesign, names: tuple[str, ...], amplifier_id: str) -> Iterator[BomRow]:
+    """Items for the amplifiers: their packages, with the receivers of each, and supply capacitors."""
+    entry = find_amplifier(entries_of(design), amplifier_id)
+    packages = tuple(f"A{number + 1}" for number in range(entry.needed(len(names))))
+    served = (
+        f"{package}: {' '.join(_marked(names[place * entry.channels :][: entry.channels], 'A'))}"
+        for place, package in enumerate(packages)
+    )
+    row = BomRow(
+        item=entry.title,
+        catalogue_id=amplifier_id,
+        quantity=len(packages),
+        references=packages,
+        value=f"single supply of {amplifier_v(design):g} V",
+        note=" ".join((f"{'; '.join(served)}; outputs to the receivers' channels.", *entry.notes)),
+    )
+    yield _ordered(row)
+    yield _supply_capacitors(packages, "ceramic, next to the supply pins of each package")
+
+
+def _capacitor_row(
+    design: SensorDesign, names: Sequence[str], feedbacks: Sequence[Feedback], capacitor_pf: float
+) -> BomRow:
+    same = [
+        (name, one) for name, one in zip(names, feedbacks, strict=True) if one.capacitor_pf == capacitor_pf
+    ]
+    in_time = all(one.is_in_time for _, one in same)
+    late = "smallest stable value: TOO SLOW for board.settle_us, see casting.md"
+    row = BomRow(
+        item="feedback capacitor",
+        quantity=len(same),
+        references=_marked([name for name, _ in same], "CF"),
+        value=f"{capacitor_pf:g} pF",
+        note=f"settles within {settle_words(design)}" if in_time else late,
+    )
+    return _ordered(row, "small-capacitor", "capacitor", value=capacitor_pf)
 
 
 def _open_feedback_rows(design: SensorDesign, names: Sequence[str]) -> Iterator[BomRow]:
@@ -250,10 +319,6 @@ def _open_feedback_rows(design: SensorDesign, names: Sequence[str]) -> Iterator[
         yield BomRow(
             item=item, quantity=len(names), references=_marked(names, mark), value=SET_BY_GAIN, note=note
         )
-
-
-def _bandwidth_note() -> str:
-    return f"gain-bandwidth product taken as {assumption('amplifier_bandwidth_mhz').value:g} MHz (assumed)"
 
 
 def _circuit_rows(design: SensorDesign) -> Iterator[BomRow]:
@@ -280,7 +345,7 @@ def _chip_rows(
         supply += f", full scale {full_scale_v(design):g} V"
         if entry.has_own_logic:
             supply = f"AVDD {entry.analog_v(board):g} V, DVDD {board.pin_v:g} V, full scale {full_scale_v(design):g} V"
-    yield BomRow(
+    row = BomRow(
         item=entry.title,
         catalogue_id=part_id or "",
         quantity=count,
@@ -288,6 +353,7 @@ def _chip_rows(
         value=supply,
         note=" ".join(entry.notes),
     )
+    yield _ordered(row)
     yield _supply_capacitors(names, "ceramic, next to the supply pins of each")
     if isinstance(entry, Converter) and entry.has_own_logic:
         yield from _own_logic_rows(names)
@@ -295,58 +361,59 @@ def _chip_rows(
 
 def _own_logic_rows(names: tuple[str, ...]) -> Iterator[BomRow]:
     """Items for converters: capacitors of their digital supply and of their internal reference."""
-    for mark, value, pins in (("CD", "100 nF", "DVDD to ground"), ("CR", "10 uF", "REFIO to ground")):
-        yield BomRow(
-            item="supply capacitor" if mark == "CD" else "reference capacitor",
-            quantity=len(names),
-            references=_marked(names, mark),
-            value=value,
-            note=f"ceramic, {pins} of each",
-        )
-    yield BomRow(
-        item="reference capacitor",
-        quantity=len(names),
-        references=_marked(names, "CB"),
-        value="10 uF",
-        note="ceramic, REFCAP to ground of each",
-    )
+    for item, mark, value, pins in (
+        ("supply capacitor", "CD", "100 nF", "DVDD to ground"),
+        ("reference capacitor", "CR", "10 uF", "REFIO to ground"),
+        ("reference capacitor", "CB", "10 uF", "REFCAP to ground"),
+    ):
+        yield _ceramic(item, mark, value, names, f"ceramic, {pins} of each")
 
 
 def _supply_capacitors(names: tuple[str, ...], note: str) -> BomRow:
-    return BomRow(
-        item="supply capacitor",
-        quantity=len(names),
-        references=_marked(names, "CS"),
-        value="100 nF",
-        note=note,
+    return _ceramic("supply capacitor", "CS", "100 nF", names, note)
+
+
+def _ceramic(item: str, mark: str, value: str, names: tuple[str, ...], note: str) -> BomRow:
+    row = BomRow(item=item, quantity=len(names), references=_marked(names, mark), value=value, note=note)
+    return _ordered(row, item.replace(" ", "-"))
+
+
+def _header_row(parts: Sequence[PlacedPart]) -> BomRow:
+    """The connector between pad and circuit: a pin header with two positions for the wires of each part."""
+    row = BomRow(
+        item="pin header, 2.54 mm",
+        quantity=WIRES_EACH * len(parts),
+        unit="position",
+        note="connects the pad's wires to the circuit, two positions for each part; break the strips to length",
     )
+    return _ordered(row, "pin-header")
 
 
 def _silicone_rows(design: SensorDesign) -> Iterator[BomRow]:
     elastomer, layers = elastomer_of(design), pours(design)
-    shares: tuple[tuple[str, Callable[[Pour], float]], ...] = (
-        ("base", lambda pour: pour.base_g),
-        ("curing agent", lambda pour: pour.agent_g),
+    split = ", ".join(
+        f"{pour.layer} layer {pour.base_g:.2f} g base and {pour.agent_g:.2f} g curing agent"
+        for pour in layers
     )
-    for component, grams in shares:
-        split = ", ".join(f"{pour.layer} layer {grams(pour):.2f} g" for pour in layers)
-        yield BomRow(
-            item=f"{elastomer.title}, {component}",
-            catalogue_id=design.elastomer.material,
-            quantity=round(sum(grams(pour) for pour in layers), 2),
-            unit="g",
-            value=f"{number(design.elastomer.mixing_ratio)} : 1 by weight",
-            manufacturer=elastomer.manufacturer,
-            note=f"{split}; includes {assumption('silicone_waste').value:.0%} waste (assumed)",
-        )
+    silicone = BomRow(
+        item=elastomer.title,
+        catalogue_id=design.elastomer.material,
+        quantity=round(silicone_g(layers), 2),
+        unit="g",
+        value=f"{number(design.elastomer.mixing_ratio)} : 1 by weight",
+        manufacturer=elastomer.manufacturer,
+        note=f"{split}; includes {assumption('silicone_waste').value:.0%} waste (assumed)",
+    )
+    yield _ordered(silicone)
     if any(pour.layer == "black" for pour in layers):
-        yield BomRow(
+        black = BomRow(
             item="carbon black",
             quantity=round(sum(pour.carbon_g for pour in layers), 2),
             unit="g",
             value=f"{assumption('carbon_black_share').value:.0%} by weight (assumed)",
             note="black layer only; the paper adds it to saturation and states no share by weight",
         )
+        yield _ordered(black, "carbon-black")
 
 
 def _printed_rows(design: SensorDesign) -> Iterator[BomRow]:
@@ -359,6 +426,7 @@ def _printed_rows(design: SensorDesign) -> Iterator[BomRow]:
         catalogue_id=design.mold.material,
         quantity=1,
         value=material.title,
+        is_bought=False,
         note=f"cad/{files}; {mold_g:.1f} g when printed solid",
     )
     for tool, file in _tools(design):
@@ -367,18 +435,34 @@ def _printed_rows(design: SensorDesign) -> Iterator[BomRow]:
             catalogue_id=design.mold.material,
             quantity=1,
             value=material.title,
+            is_bought=False,
             note=f"cad/{file}.stl",
         )
     if design.mold.pieces == "frame_and_base":
-        size = design.mold.fixing_hole_diameter_mm
-        yield BomRow(
-            item="screw with nut",
-            quantity=4,
-            value=f"for holes of {size:g} mm, longer than {outline_of(design).height_mm:g} mm",
-            note="hold frame and base together",
-        )
+        yield _screw_row(design.mold.fixing_hole_diameter_mm, outline_of(design).height_mm)
     if design.mold.cover_ledge_mm:
-        yield BomRow(item="glass cover", quantity=1, value="cut to the seat", note="size: see casting.md")
+        yield BomRow(
+            item="glass cover",
+            quantity=1,
+            order_quantity=1,
+            value="cut to the seat",
+            note="size: see casting.md",
+        )
+
+
+def _screw_row(hole_mm: float, height_mm: float) -> BomRow:
+    """Screws with nuts for frame and base: the largest thread and the shortest standard length that fit."""
+    thread = max((size for size in THREADS_MM if size < hole_mm), default=None)
+    length = next((one for one in SCREW_LENGTHS_MM if thread and one >= height_mm + thread), None)
+    fits = thread is not None and length is not None
+    return BomRow(
+        item="screw with nut",
+        quantity=4,
+        value=f"for holes of {hole_mm:g} mm, longer than {height_mm:g} mm",
+        part_number=f"ISO 4762 M{thread:g} x {length:g} and ISO 4032 M{thread:g}" if fits else "",
+        order_quantity=4,
+        note="hold frame and base together",
+    )
 
 
 def _tools(design: SensorDesign) -> Iterator[tuple[str, str]]:

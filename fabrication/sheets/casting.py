@@ -2,19 +2,11 @@
 
 Every number comes from the design, the catalogue or `design/data/assumptions.toml`. Values without a source are marked
 with a star. Among them are the degassing times and the proportion of carbon black.
-
-The module also computes how much silicone a pad needs: base and curing agent of each layer, by weight.
-
-A layer's weight is volume times density, plus a share that remains in the cup. The volume is area in plan times
-thickness, less the volume that a convex top removes. Base and agent follow from the mixing ratio. The computation
-neglects the volumes of the parts' bodies, of the gaps around them, and of carbon black.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 
 from design.fields.quantity import Quantity
 from design.mold.filling import is_cast_under_lid
@@ -31,62 +23,12 @@ from design.spec.fits import clearance_mm, fit_name
 from design.spec.properties import elastomer_of, entries_of, quantities_of
 from fabrication.connections import polarity_of
 from fabrication.gain import SimulatedGain
+from fabrication.sheets.bom import BomRow, bom_rows
+from fabrication.sheets.buy_sheet import buy_lines
 from fabrication.sheets.gain_sheet import gain_lines
 from fabrication.sheets.schematic_svg import circuit_lines
+from fabrication.sheets.silicone import pours
 from fabrication.sheets.table import number, plain, size_words
-
-MM3_PER_CM3 = 1e3
-
-
-@dataclass(frozen=True, kw_only=True)
-class Pour:
-    """Weights of silicone for one cast layer of the pad.
-
-    Attributes
-    ----------
-    layer : "black" or "clear"
-    thickness_mm : thickness of the layer at its highest point
-    net_g : weight of the layer in the pad [g]
-    mixed_g : weight to mix, including waste [g]
-    base_g, agent_g : weights of base and curing agent [g]
-    carbon_g : weight of carbon black, an assumed fraction of the mixed weight [g]; 0 in the clear layer
-    """
-
-    layer: str
-    thickness_mm: float
-    net_g: float
-    mixed_g: float
-    base_g: float
-    agent_g: float
-    carbon_g: float
-
-
-def pours(design: SensorDesign) -> tuple[Pour, ...]:
-    """Weights of silicone for each layer, in the order of casting; a black layer of thickness 0 is left out."""
-    cavity = cavity_of(design)
-    plan = cavity.plan
-    black, clear = plan.area_mm2 * cavity.black_mm, plan.clear_volume_mm3
-    layers = (("black", cavity.black_mm, black), ("clear", cavity.clear_mm, clear))
-    if not plan.top.is_flat:  # cast upside down
-        layers = layers[::-1]
-    return tuple(_pour(design, *layer) for layer in layers if layer[1] > 0)
-
-
-def _pour(design: SensorDesign, layer: str, thickness_mm: float, volume_mm3: float) -> Pour:
-    volume_cm3 = volume_mm3 / MM3_PER_CM3
-    net = volume_cm3 * elastomer_of(design).density_g_per_cm3.value
-    mixed = net * (1 + assumption("silicone_waste").value)
-    parts = design.elastomer.mixing_ratio + 1
-    return Pour(
-        layer=layer,
-        thickness_mm=thickness_mm,
-        net_g=net,
-        mixed_g=mixed,
-        base_g=mixed * design.elastomer.mixing_ratio / parts,
-        agent_g=mixed / parts,
-        carbon_g=mixed * assumption("carbon_black_share").value if layer == "black" else 0.0,
-    )
-
 
 MEASURED_FIELDS = ("body_width_mm", "body_depth_mm", "body_height_mm", "active_height_in_body_mm")
 """Names of the part dimensions that determine the size of a part's socket in the wall."""
@@ -105,16 +47,16 @@ HANDS_MINUTES = 20
 COVER_PLAY_MM = 0.6
 """Clearance between a glass cover and its seat [mm]; printed openings may be too small by up to this value."""
 
-MOST_WEIGHING_ERROR = 0.05
-"""Largest accepted relative error of the mixing ratio due to the scale's resolution [-]."""
 
-
-def casting_md(design: SensorDesign, gain: SimulatedGain | None = None) -> str:
+def casting_md(
+    design: SensorDesign, gain: SimulatedGain | None = None, rows: Sequence[BomRow] | None = None
+) -> str:
     """The build sheet (instructions for printing the mold and casting the pad) as Markdown.
 
     Parameters
     ----------
     gain : simulated gain from light to counts; if None, values that depend on it are not given
+    rows : bill of materials with prices; if None, it is the design's own
 
     Raises
     ------
@@ -123,6 +65,7 @@ def casting_md(design: SensorDesign, gain: SimulatedGain | None = None) -> str:
     cavity = cavity_of(design)
     sections = (
         _heading(design),
+        buy_lines(bom_rows(design, gain) if rows is None else rows),
         _weights(design),
         _measure_first(cavity),
         _print(design, cavity),
@@ -153,10 +96,10 @@ def _weights(design: SensorDesign) -> Iterator[str]:
     yield ""
     yield f"{plain(elastomer.title)}, base to curing agent {number(ratio)} : 1 by weight."
     yield ""
-    yield "| layer | thickness mm | in the mold g | to mix g | base g | curing agent g | carbon black g |"
-    yield "|---|---|---|---|---|---|---|"
+    yield "| layer | thickness mm | in the mold g | to use g | to mix g | base g | curing agent g | carbon black g |"
+    yield "|---|---|---|---|---|---|---|---|"
     for pour in pours(design):
-        grams = (pour.net_g, pour.mixed_g, pour.base_g, pour.agent_g)
+        grams = (pour.net_g, pour.used_g, pour.mixed_g, pour.base_g, pour.agent_g)
         carbon = f"{pour.carbon_g:.2f}*" if pour.carbon_g else ""
         row = " | ".join([*(f"{gram:.2f}" for gram in grams), carbon])
         yield f"| {pour.layer} | {number(pour.thickness_mm)} | {row} |"
@@ -175,11 +118,10 @@ def _weights(design: SensorDesign) -> Iterator[str]:
 def _too_little(design: SensorDesign) -> Iterator[str]:
     step = assumption("scale_step").value
     for pour in pours(design):
-        if step > MOST_WEIGHING_ERROR * pour.agent_g:
-            batch = step / MOST_WEIGHING_ERROR / pour.agent_g * pour.mixed_g
+        if pour.is_larger_batch:
             yield (
-                f"The {pour.layer} layer's {pour.agent_g:.2f} g of curing agent are too little for a scale of "
-                f"{step:g}* g: mix {math.ceil(batch)} g or more at the same ratio and use {pour.mixed_g:.2f} g of it."
+                f"Less than {pour.agent_g:.2f} g of curing agent are too little for a scale of {step:g}* g: mix "
+                f"{pour.mixed_g:.2f} g for the {pour.layer} layer and use {pour.used_g:.2f} g of it."
             )
 
 

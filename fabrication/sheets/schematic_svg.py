@@ -25,6 +25,7 @@ from design.circuit.emitter_switch import (
     emitter_switch,
     most_drive_ma,
     supply_current,
+    transistor_of,
 )
 from design.circuit.pins import (
     address_pins,
@@ -41,9 +42,10 @@ from design.circuit.pins import (
 )
 from design.circuit.transimpedance import Feedback
 from design.parts.assumptions import ohm_text
-from design.parts.catalog import Board
+from design.parts.catalog import Board, find_amplifier
 from design.shape.cavity import cavity_of
 from design.spec import SensorDesign
+from design.spec.properties import entries_of
 from fabrication.connections import Connection, connections_of, pin_words
 from fabrication.gain import SimulatedGain, feedbacks_for
 from fabrication.sheets import svg
@@ -138,12 +140,15 @@ def schematic_svg(design: SensorDesign, gain: SimulatedGain | None = None) -> st
     root.append(svg.text((MARGIN, MARGIN + HEADING_PX + NOTE_LINE), subtitle, TEXT_PX, fill=QUIET))
     for place, one in enumerate(connections.emitters):
         corner = _corner(place, across, cell_x, MARGIN + HEAD)
-        board = board_of(design)
-        root.append(_switch(one, board, corner) if sink is None else _sunk(one, board, sink, corner))
+        board, transistor = board_of(design), transistor_of(design, one.part.part).entry.name
+        root.append(
+            _switch(one, board, transistor, corner) if sink is None else _sunk(one, board, sink, corner)
+        )
     top = MARGIN + HEAD + rows_lit * CELL_Y
     for place, one in enumerate(connections.receivers):
         feedback = None if feedbacks is None else feedbacks[place]
-        root.append(_amplifier(one, feedback, _corner(place, across, cell_x, top)))
+        amplifier = "" if feedback is None else find_amplifier(entries_of(design), feedback.amplifier_id).name
+        root.append(_amplifier(one, feedback, amplifier, _corner(place, across, cell_x, top)))
     top += rows_read * CELL_Y
     for place, block in enumerate(blocks):
         corner = MARGIN + (place % across) * cell_x, top + (place // across) * block_y
@@ -157,7 +162,7 @@ def _corner(place: int, across: int, cell_x: float, top: float) -> Point:
     return MARGIN + (place % across) * cell_x, top + (place // across) * CELL_Y
 
 
-def _switch(one: Connection, board: Board, corner: Point) -> Element:
+def _switch(one: Connection, board: Board, transistor: str, corner: Point) -> Element:
     x, y = corner[0] + 150, corner[1]
     switch = emitter_switch(one.part.part, board)
     series = "none fits" if switch.series_ohm is None else ohm_text(switch.series_ohm)
@@ -173,7 +178,7 @@ def _switch(one: Connection, board: Board, corner: Point) -> Element:
     cell.append(svg.text((x - 14, y + 101), "anode up", VALUE_PX, anchor="end", fill=QUIET))
     cell.append(svg.wire((x, y + 98), (x, y + 116)))
     cell.extend(svg.npn((x - 24, y + 138)))
-    cell.extend(_labels((x + 8, y + 136), f"{name}-Q", "NPN"))
+    cell.extend(_labels((x + 8, y + 136), f"{name}-Q", transistor))
     cell.append(svg.wire((x, y + 160), (x, y + 168)))
     cell.extend(svg.ground((x, y + 168)))
     cell.append(svg.wire((x - 90, y + 138), (x - 76, y + 138)))
@@ -202,7 +207,7 @@ def _sunk(one: Connection, board: Board, sink: CurrentSink, corner: Point) -> El
     return cell
 
 
-def _amplifier(one: Connection, feedback: Feedback | None, corner: Point) -> Element:
+def _amplifier(one: Connection, feedback: Feedback | None, amplifier: str, corner: Point) -> Element:
     x, y, name = corner[0] + 60, corner[1], one.part.name
     ohms = UNKNOWN if feedback is None else ohm_text(feedback.standard_ohm)
     farads = UNKNOWN if feedback is None else f"{feedback.capacitor_pf:g} pF"
@@ -210,6 +215,8 @@ def _amplifier(one: Connection, feedback: Feedback | None, corner: Point) -> Ele
     tip, node = (x + 140, y + 128), (x + 66, y + 116)
     cell.extend(svg.amplifier(tip))
     cell.append(svg.text((tip[0] - 30, tip[1] + 38), f"{name}-A", VALUE_PX))
+    if amplifier:
+        cell.append(svg.text((tip[0] - 30, tip[1] + 51), amplifier, VALUE_PX, fill=QUIET))
     cell.extend([svg.wire((x, node[1]), (tip[0] - 46, node[1])), svg.dot(node)])
     cell.append(svg.wire((x, node[1]), (x, y + 136)))
     cell.extend(svg.diode((x, y + 144), emits=False))

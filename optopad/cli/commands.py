@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cache
+from pathlib import Path
 from typing import Annotated, Any
 
 import typer
@@ -41,18 +42,45 @@ driver = typer.Typer(
 def config(
     design: options.Design,
     set_: options.Set = None,
+    prices: Annotated[
+        Path | None,
+        typer.Option(
+            "--prices", metavar="FILE", help="Your own prices, as a copy of bom.csv with unit_cost filled."
+        ),
+    ] = None,
+    budget: Annotated[
+        str | None,
+        typer.Option("--budget", metavar="AMOUNT", help="Compare the bill with an amount, as 25EUR."),
+    ] = None,
     out: options.Out = options.DEFAULT_OUT,
     seed: options.Seed = 0,
     as_json: options.Json = False,
 ) -> None:
     """Write driver.toml, wiring table and bill of materials of a design."""
+    from fabrication.sheets.prices import bill_sum, budget_words, parsed_budget, read_prices
     from optopad.jobs.pipeline import write_driver_config
 
-    folder = write_driver_config(read_design(design, set_), out, seed=seed) / "fabrication"
+    limit, own = (
+        None if budget is None else parsed_budget(budget),
+        None if prices is None else read_prices(prices),
+    )
+    bundle, rows = write_driver_config(read_design(design, set_), out, seed=seed, prices=own)
+    folder, total = bundle / "fabrication", bill_sum(rows)
+    judged = None if limit is None else budget_words(rows, limit)
     if as_json:
-        print_json({"files": sorted(str(file) for file in folder.iterdir() if file.is_file())})
-    else:
-        say(f"files     {folder}")
+        bill = {
+            "known": total.known,
+            "rows": total.rows,
+            "rows_without_price": total.unpriced,
+            "budget": judged,
+        }
+        files = sorted(str(file) for file in folder.iterdir() if file.is_file())
+        print_json({"files": files, "bill": bill})
+        return
+    say(f"bill      {total.words}")
+    if judged is not None:
+        say(f"budget    {judged}")
+    say(f"files     {folder}")
 
 
 for verb in (

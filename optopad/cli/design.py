@@ -196,7 +196,7 @@ def build(
 
 
 def _weights(design: SensorDesign) -> Iterator[str]:
-    from fabrication.sheets.casting import pours
+    from fabrication.sheets.silicone import pours
 
     return (f"{pour.net_g:.2f} g of {pour.layer} silicone" for pour in pours(design))
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 import subprocess
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -25,6 +25,8 @@ from optopad.work import FinishedWork, started
 
 if TYPE_CHECKING:
     from fabrication.gain import SimulatedGain
+    from fabrication.sheets.bom import BomRow
+    from fabrication.sheets.prices import Price
     from optopad.report.sections.early import EarlyDrawings
     from optopad.results.score import Bundle
     from sims.score.result import ContinuityScore
@@ -147,12 +149,28 @@ def write_signals(
     return summary, out / bundle_name(design)
 
 
-def write_driver_config(design: SensorDesign, out: Path, *, seed: int) -> Path:
-    """Write driver configuration, wiring table and bill of materials into the bundle; returns the bundle's folder."""
+def write_driver_config(
+    design: SensorDesign, out: Path, *, seed: int, prices: Mapping[str, Price] | None = None
+) -> tuple[Path, tuple[BomRow, ...]]:
+    """Write driver configuration, wiring table and bill of materials into the bundle.
+
+    Parameters
+    ----------
+    prices : the user's own prices by item, which take precedence; None for none
+
+    Returns
+    -------
+    The bundle's folder, and the rows of the bill of materials.
+    """
+    from fabrication.sheets.bom import bom_rows
+    from fabrication.sheets.prices import priced
+
     require_valid(design)
     with bundle(design, out, seed=seed) as folder:
-        _write_fabrication(design, folder, _known_gain(folder))
-    return out / bundle_name(design)
+        gain = _known_gain(folder)
+        rows = priced(bom_rows(design, gain), prices or {})
+        _write_fabrication(design, folder, gain, rows)
+    return out / bundle_name(design), rows
 
 
 @contextmanager
@@ -314,12 +332,14 @@ def _known_gain(folder: Path) -> SimulatedGain | None:
         raise InputError(f"{score}: damaged, or of an earlier version; run `optopad score` again") from None
 
 
-def _write_fabrication(design: SensorDesign, folder: Path, gain: SimulatedGain | None) -> None:
+def _write_fabrication(
+    design: SensorDesign, folder: Path, gain: SimulatedGain | None, rows: Sequence[BomRow] | None = None
+) -> None:
     from fabrication.sheets.all_sheets import write_sheets
     from fabrication.sketch import firmware_gaps, write_sketch
 
     (folder / "fabrication").mkdir(exist_ok=True)
-    write_sheets(design, folder / "fabrication", gain)
+    write_sheets(design, folder / "fabrication", gain, rows)
     if not firmware_gaps(design):  # a board that cannot be programmed has its warning
         write_sketch(design, folder / "fabrication" / "firmware")
 

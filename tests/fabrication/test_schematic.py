@@ -13,10 +13,11 @@ from design.preset import PRESETS, preset
 from design.shape.cavity import cavity_of
 from design.spec.properties import part_of
 from fabrication.gain import SimulatedGain
-from fabrication.sheets.bom import NO_PRICE, bom_csv, bom_rows
-from fabrication.sheets.casting import casting_md, pours
+from fabrication.sheets.bom import NO_PRICE, NOT_BOUGHT, bom_csv, bom_rows
+from fabrication.sheets.casting import casting_md
 from fabrication.sheets.orientation_svg import orientation_svg
 from fabrication.sheets.schematic_svg import schematic_svg
+from fabrication.sheets.silicone import pours
 
 PAD = preset("piacenza2017-pad")
 SVG = "{http://www.w3.org/2000/svg}"
@@ -96,8 +97,8 @@ def test_options_of_the_mold_are_on_the_sheet_and_the_bill() -> None:
 
 
 def test_a_price_without_a_source_is_blank_and_said_so() -> None:
-    lines = bom_csv(PAD).splitlines()[1:]
-    assert all(f",,,{NO_PRICE}," in line for line in lines)
+    lines = bom_csv(bom_rows(PAD)).splitlines()[1:]
+    assert all(f",,,{NO_PRICE}," in line or f",,,{NOT_BOUGHT}," in line for line in lines)
 
 
 def test_the_sheet_has_the_resistors_of_the_bill_and_the_supply_s_current() -> None:

@@ -273,12 +273,13 @@ def test_the_amplifiers_have_what_the_filter_leaves_of_the_settle_time() -> None
     assert "the input filter of ADS8688 does not settle" in short[0]
     assert "more than 177 us" in short[0]
     assert not list(settling_findings(spi_disc("ads8688", **{"board.settle_us": 250.0})))
-    ohms = {"gain.feedback_ohm": 1e8, "board.settle_us": 250.0}
+    ohms = {"gain.feedback_ohm": 1e8, "board.settle_us": 200.0}
     slow = [str(one) for one in settling_findings(spi_disc("ads8688", **ohms))]
     fitted = re.search(r"at least (\d+) us", slow[0])
     assert fitted is not None
     enough = {**ohms, "board.settle_us": float(fitted[1])}
-    assert not list(settling_findings(spi_disc("ads8688", **enough)))
+    late = [one for one in settling_findings(spi_disc("ads8688", **enough)) if one.field == "board.settle_us"]
+    assert not late
     assert "less 177 us of the converter's input filter" in " ".join(
         row.note for row in bom_rows(spi_disc("ads8688"))
     )

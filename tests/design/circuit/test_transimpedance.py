@@ -18,7 +18,7 @@ from design.circuit.transimpedance import (
 )
 from design.errors import DesignError
 from design.parts.assumptions import E24, assumption, standard_nearest
-from design.parts.catalog import Part
+from design.parts.catalog import Part, packaged
 from design.preset import PRESETS, preset
 from design.rules.check import check, require_valid
 from design.shape.cavity import cavity_of
@@ -64,7 +64,8 @@ def test_the_pad_s_resistor_is_the_standard_value_next_to_the_wanted_one() -> No
     assert found[0].standard_ohm == 150e3
     assert found[0].low_ohm < found[0].exact_ohm < found[0].high_ohm
     assert found[0].capacitor_pf == 15.0  # at most 20 us / (150 kohm ln 2048) = 17.5 pF
-    assert found[0].settles_us == pytest.approx(150e3 * 15e-12 * math.log(2048) * 1e6)
+    assert found[0].amplifier_id == "mcp6004"  # the slowest: 45 degrees from 9.3 pF on
+    assert found[0].settles_us < 20.0
 
 
 @given(st.floats(1e3, 1e9))
@@ -76,11 +77,13 @@ def test_a_standard_resistor_is_never_further_than_half_a_step_off(ohm: float) -
 def test_a_capacitor_settles_in_time_or_says_that_it_does_not(gain: float, settle_us: float) -> None:
     (first, *_) = feedbacks_of(PAD.with_(**{"board.settle_us": settle_us}), [gain] * 8) or ()
     assert first.is_in_time == (first.settles_us <= settle_us * (1 + 1e-9))
-    if not first.is_in_time:  # then it is the least that is stable, within a step of E12
-        input_f = (72 + assumption("amplifier_input_pf").value) * 1e-12
-        hz = assumption("amplifier_bandwidth_mhz").value * 1e6
-        least = math.sqrt(input_f / (2 * math.pi * first.standard_ohm * hz)) * 1e12
-        assert least * (1 - 1e-9) <= first.capacitor_pf <= least * 1.25
+    input_f = (72 + assumption("amplifier_input_pf").value) * 1e-12
+    hz = packaged().amplifiers[first.amplifier_id].bandwidth_mhz.value * 1e6
+    least = math.sqrt(input_f / (2 * math.pi * first.standard_ohm * hz)) * 1e12
+    assert first.capacitor_pf >= least * (1 - 1e-9)  # it does not ring
+    if not first.is_in_time:  # then it is the fastest that there is
+        assert first.amplifier_id == "opa4350"
+        assert first.capacitor_pf < 10 * least
 
 
 def test_ohms_set_the_gain_of_each_receiver_and_a_number_that_of_all() -> None:

@@ -1,0 +1,82 @@
+"""What to order for an item of the bill of materials: maker's part number, order unit, and a price where one is known.
+
+The entries are in `design/data/orders.toml`, by the identifier of a catalogue entry or by the kind of a passive part.
+Resistors and capacitors have a part number for each value, by the maker's code (IEC 60062 for resistors; for
+capacitors, two digits and a power of ten in picofarads, with 9 for a tenth of a picofarad).
+"""
+
+from __future__ import annotations
+
+import math
+from functools import cache
+from typing import Annotated
+
+from pydantic import Field
+
+from design.fields.base import Model
+from design.fields.packaged import data_table
+from design.fields.quantity import Confidence, Cost, Text
+
+OHM_PER_UNIT = ((1e6, "M"), (1e3, "K"), (1.0, "R"))
+TENTHS = "9"
+"""Third digit of a capacitor's code for two digits in tenths of a picofarad."""
+
+
+class Order(Model):
+    """The order of one item.
+
+    Attributes
+    ----------
+    low, high : smallest and largest value of a resistor [ohm] or capacitor [pF] with this part number
+    """
+
+    part_number: Text
+    manufacturer: str = ""
+    quantity: Annotated[float, Field(gt=0.0, description="pieces or grams in one order unit")] = 1.0
+    unit: Text = "piece"
+    low: float | None = None
+    high: float | None = None
+    source: Text
+    confidence: Confidence
+    cost: Cost | None = None
+
+    def number_of(self, value: float | None) -> str | None:
+        """The part number for a value; None if the series does not have it."""
+        if self.low is None or self.high is None or value is None:
+            return self.part_number
+        if not self.low <= value <= self.high:
+            return None
+        small = f"{round(value * 10):02d}{TENTHS}"
+        return self.part_number.format(ohm=ohm_code(value), pf=_picofarad_code(value), pf9=small)
+
+    def units_for(self, quantity: float) -> int:
+        """Number of order units that hold a quantity."""
+        return math.ceil(quantity / self.quantity - 1e-9)
+
+
+@cache
+def orders() -> dict[str, Order]:
+    """All packaged orders, by identifier of the catalogue or kind of part."""
+    return {name: Order(**row) for name, row in data_table("orders.toml").items()}
+
+
+def order_of(keys: tuple[str, ...], value: float | None = None) -> tuple[Order, str] | None:
+    """The first order among several that has an item, with its part number; None if none has it."""
+    for key in keys:
+        order = orders().get(key)
+        number = None if order is None else order.number_of(value)
+        if order is not None and number is not None:
+            return order, number
+    return None
+
+
+def ohm_code(ohm: float) -> str:
+    """Code of a resistance with the letter at the decimal point, such as 4K7, 120R or 1M."""
+    scale, letter = next((one for one in OHM_PER_UNIT if ohm >= one[0]), OHM_PER_UNIT[-1])
+    whole, _, part = f"{ohm / scale:g}".partition(".")
+    return f"{whole}{letter}{part}"
+
+
+def _picofarad_code(picofarad: float) -> str:
+    power = max(math.floor(math.log10(picofarad)) - 1, 0) if picofarad > 0 else 0
+    return f"{round(picofarad / 10**power):02d}{power}"

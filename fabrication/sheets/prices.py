@@ -1,0 +1,202 @@
+"""Prices of the bill of materials: the user's own price list, the sum with what is missing, and a budget.
+
+A price list is CSV with the columns of `bom.csv`. It needs `unit_cost`, `currency` and `cost_date`, and one of
+`part_number`, `catalogue_id` and `item` to name the item; `cost_source` is optional. A filled copy of `bom.csv` is one.
+Rows without `unit_cost` are ignored. A price is of one order unit. Prices of the list take precedence over those of
+`design/data/orders.toml`; for an item that has no part number, the list's is taken.
+
+Currencies are not converted: each has its own sum, and a budget is compared with the sum in its own currency. Rows
+without a price, or with one in another currency, are counted as unknown.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from pydantic import ValidationError
+
+from design.csv_table import CsvTable, read_csv
+from design.errors import InputError, shown
+from design.fields.quantity import Cost
+from fabrication.sheets.bom import NO_PRICE, BomRow
+
+CURRENCIES = (
+    *("AUD", "BRL", "CAD", "CHF", "CNY", "CZK", "DKK", "EUR", "GBP", "HKD", "HUF", "ILS", "INR", "JPY"),
+    *("KRW", "MXN", "NOK", "NZD", "PLN", "RON", "SEK", "SGD", "THB", "TRY", "TWD", "USD", "ZAR"),
+)
+"""Currencies of budgets and prices (ISO 4217)."""
+KEYS = ("part_number", "catalogue_id", "item")
+"""Columns that name the item, in the order in which they are tried."""
+NEEDED = ("unit_cost", "currency", "cost_date")
+MOST_PRICE = 1e9
+_BUDGET = re.compile(r"\s*(?P<amount>[+-]?\d+(?:\.\d+)?)\s*(?P<currency>[A-Za-z]*)\s*")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Price:
+    """One row of a price list: the price of an order unit, and the part number that was ordered."""
+
+    cost: Cost
+    part_number: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class Budget:
+    """An amount of money that a sensor may cost."""
+
+    amount: float
+    currency: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class BillSum:
+    """Sum of a bill of materials.
+
+    Attributes
+    ----------
+    known : sum of the known prices by currency
+    rows : number of rows that are bought
+    unpriced : number of these rows without a price
+    unnumbered : names of the bought items without a part number
+    """
+
+    known: dict[str, float]
+    rows: int
+    unpriced: int
+    unnumbered: tuple[str, ...]
+
+    @property
+    def words(self) -> str:
+        """The sum as text, such as "23.40 EUR, 3 of 14 rows without a price"."""
+        sums = " + ".join(f"{value:.2f} {currency}" for currency, value in sorted(self.known.items()))
+        missing = (
+            f"{self.unpriced} of {self.rows} rows without a price" if self.unpriced else "every row priced"
+        )
+        return f"{sums or 'no price known'}, {missing}"
+
+
+def bill_sum(rows: Sequence[BomRow]) -> BillSum:
+    """Sum of the bought rows of a bill: order quantity times price of an order unit."""
+    bought = [row for row in rows if row.is_bought]
+    known: dict[str, float] = {}
+    for row in bought:
+        if row.cost is not None and row.order_quantity is not None:
+            known[row.cost.currency] = known.get(row.cost.currency, 0.0) + row.order_quantity * row.cost.value
+    return BillSum(
+        known=known,
+        rows=len(bought),
+        unpriced=sum(row.cost is None or row.order_quantity is None for row in bought),
+        unnumbered=tuple(row.item for row in bought if not row.part_number),
+    )
+
+
+def parsed_budget(text: str) -> Budget:
+    """Parse a budget from the command line, as ``25EUR``.
+
+    Raises
+    ------
+    InputError : the text is not an amount above 0 with the code of a known currency.
+    """
+    found = _BUDGET.fullmatch(text)
+    if found is None:
+        raise InputError(f"--budget: {shown(text)} is refused: write amount and currency, as 25EUR")
+    amount, currency = float(found["amount"]), found["currency"].upper()
+    if not 0 < amount < MOST_PRICE:
+        raise InputError(f"--budget: {shown(text)} is refused: the amount must be above 0, as 25EUR")
+    _require_currency(currency, f"--budget: {shown(text)}")
+    return Budget(amount=amount, currency=currency)
+
+
+def budget_words(rows: Sequence[BomRow], budget: Budget) -> str:
+    """Whether the prices in the budget's currency are within or over it, and how many rows have none."""
+    known = bill_sum(rows).known.get(budget.currency, 0.0)
+    unknown = sum(
+        row.cost is None or row.order_quantity is None or row.cost.currency != budget.currency
+        for row in rows
+        if row.is_bought
+    )
+    limit = f"{budget.amount:.2f} {budget.currency}"
+    if known > budget.amount:
+        verdict = f"over {limit}: {known:.2f} known, {known - budget.amount:.2f} too much"
+    elif unknown:
+        verdict = f"not decided for {limit}: {known:.2f} known, {budget.amount - known:.2f} left for the rest"
+    else:
+        verdict = f"within {limit}: {known:.2f} in all, {budget.amount - known:.2f} left"
+    return verdict + (f"; {unknown} rows have no price in {budget.currency}" if unknown else "")
+
+
+def read_prices(file: Path) -> dict[str, Price]:
+    """Read a price list, by the name of each item in the list's first filled column of `KEYS`.
+
+    Raises
+    ------
+    InputError : a column is missing, or a row has no valid price or two rows have different prices for one item.
+    """
+    table = read_csv(file, needed=f"the columns {', '.join(NEEDED)} and one of {', '.join(KEYS)}")
+    missing = [name for name in NEEDED if name not in table.heading]
+    if missing or not set(KEYS) & set(table.heading):
+        lacks = missing or [" or ".join(KEYS)]
+        raise InputError(f"{file}: has no column {', '.join(lacks)}; a filled copy of bom.csv has all")
+    found: dict[str, Price] = {}
+    for place, record in enumerate(table.records()):
+        if not record["unit_cost"]:
+            continue
+        price = _price(table, place, record)
+        for name in filter(None, (record.get(key, "") for key in KEYS)):
+            if found.setdefault(name, price) != price:
+                raise InputError(
+                    f"{table.where(place)}: {shown(name)} has another price in a row above; keep one"
+                )
+            break
+        else:
+            raise InputError(f"{table.where(place)}: names no item; fill one of {', '.join(KEYS)}")
+    return found
+
+
+def priced(rows: Sequence[BomRow], prices: Mapping[str, Price]) -> tuple[BomRow, ...]:
+    """The rows of a bill with the prices of a price list."""
+    return tuple(_with_price(row, prices) for row in rows)
+
+
+def _with_price(row: BomRow, prices: Mapping[str, Price]) -> BomRow:
+    names = (row.part_number, row.catalogue_id, row.item)
+    price = next((prices[name] for name in names if name and name in prices), None)
+    if price is None or not row.is_bought:
+        return row
+    return replace(row, cost=price.cost, part_number=row.part_number or price.part_number)
+
+
+def _price(table: CsvTable, place: int, record: Mapping[str, str]) -> Price:
+    where = table.where(place)
+    try:
+        value = float(record["unit_cost"])
+    except ValueError:
+        value = math.nan
+    if not 0 <= value < MOST_PRICE:
+        raise InputError(
+            f"{where}: unit_cost {shown(record['unit_cost'])} is no price; write a number, as 8.90"
+        )
+    _require_currency(record["currency"], f"{where}: currency")
+    source = record.get("cost_source", "")
+    try:
+        cost = Cost(
+            value=value,
+            currency=record["currency"],
+            date=record["cost_date"],
+            source=table.file.name if source in ("", NO_PRICE) else source,
+        )
+    except ValidationError:
+        raise InputError(
+            f"{where}: cost_date {shown(record['cost_date'])} is no date; write yyyy-mm or yyyy-mm-dd"
+        ) from None
+    return Price(cost=cost, part_number=record.get("part_number", ""))
+
+
+def _require_currency(currency: str, where: str) -> None:
+    if currency not in CURRENCIES:
+        what = f"{shown(currency)} is not a known currency" if currency else "has no currency"
+        raise InputError(f"{where} {what}; known are {', '.join(CURRENCIES)}")
