@@ -1,0 +1,173 @@
+"""What to order, the sum with what is missing, price lists and budgets."""
+
+from __future__ import annotations
+
+import csv
+import io
+import re
+from pathlib import Path
+
+import pytest
+
+from design.errors import InputError
+from design.parts.catalog import packaged
+from design.parts.orders import ohm_code, order_of, orders
+from design.preset import preset
+from design.shape.cavity import cavity_of
+from design.spec import SensorDesign
+from fabrication.gain import SimulatedGain
+from fabrication.sheets.bom import BomRow, bom_csv, bom_rows
+from fabrication.sheets.casting import casting_md
+from fabrication.sheets.prices import bill_sum, budget_words, parsed_budget, priced, read_prices
+from fabrication.sheets.silicone import pours
+
+PAD = preset("piacenza2017-pad")
+
+
+def gain_of(design: SensorDesign) -> SimulatedGain:
+    cavity = cavity_of(design)
+    flux = tuple((1e-4,) * len(cavity.receivers) for _ in cavity.emitters)
+    return SimulatedGain(counts_per_flux=(2e5,) * len(cavity.receivers), untouched_flux=flux)
+
+
+def rows_of(name: str) -> tuple[BomRow, ...]:
+    design = preset(name)
+    return bom_rows(design, gain_of(design))
+
+
+def filled(rows: tuple[BomRow, ...], folder: Path, **changes: str) -> Path:
+    """A copy of the bill with a price of 2.50 EUR for every item that is bought."""
+    table = list(csv.DictReader(io.StringIO(bom_csv(rows))))
+    for row in table:
+        if row["order_quantity"]:
+            row |= {"unit_cost": "2.50", "currency": "EUR", "cost_date": "2026-11"} | changes
+    stream = io.StringIO()
+    writer = csv.DictWriter(stream, list(table[0]), lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(table)
+    file = folder / "prices.csv"
+    file.write_text(stream.getvalue())
+    return file
+
+
+@pytest.mark.parametrize("name", ["piacenza2017-pad", "gripper-teensy", "fingertip-16"])
+def test_every_bought_row_of_a_simulated_design_has_a_part_number(name: str) -> None:
+    rows = rows_of(name)
+    assert bill_sum(rows).unnumbered == ()
+    for row in rows:
+        assert (row.order_quantity is not None and row.order_quantity >= 1) or not row.is_bought
+    assert not [row.item for row in rows if row.item.startswith("printed") and row.is_bought]
+
+
+def test_amplifiers_are_counted_in_packages_that_serve_every_receiver_once() -> None:
+    (quads,) = (row for row in rows_of("piacenza2017-pad") if "quad op-amp" in row.item)
+    assert (quads.quantity, quads.references, quads.order_quantity) == (2, ("A1", "A2"), 2)
+    assert re.findall(r"R\d-A", quads.note) == [f"R{k}-A" for k in range(1, 9)]
+    assert "(assumed)" not in quads.note + quads.value
+
+
+def test_a_kit_of_500_g_is_ordered_for_15_g_and_all_sheets_say_the_same_amount() -> None:
+    (silicone,) = (row for row in bom_rows(PAD) if row.catalogue_id == "sylgard-184")
+    assert (silicone.order_quantity, silicone.order_unit) == (1, "kit of 500 g")
+    mixed = sum(pour.mixed_g for pour in pours(PAD))
+    assert silicone.quantity == pytest.approx(mixed)
+    sheet = casting_md(PAD)
+    for pour in pours(PAD):
+        assert f"| {pour.mixed_g:.2f} | {pour.base_g:.2f} | {pour.agent_g:.2f} |" in sheet
+        assert (
+            f"{pour.layer.capitalize()} layer: mix {pour.base_g:.2f} g base and {pour.agent_g:.2f} g" in sheet
+        )
+        assert f"{pour.layer} layer {pour.base_g:.2f} g base and {pour.agent_g:.2f} g" in silicone.note
+    assert f"| {silicone.quantity:.2f} g | 1 kit of 500 g |" in sheet
+
+
+def test_codes_of_values_are_those_of_known_orders() -> None:
+    assert [ohm_code(ohm) for ohm in (82.0, 820.0, 4700.0, 100e3, 3.6e6)] == [
+        "82R",
+        "820R",
+        "4K7",
+        "100K",
+        "3M6",
+    ]
+    numbers = [order_of(("small-capacitor", "capacitor"), pf) for pf in (5.6, 8.2, 22.0, 470.0, 0.5)]
+    assert [found and found[1] for found in numbers] == [
+        "C317C569D5G5TA",
+        "C317C829D5G5TA",
+        "K220J15C0GF5TL2",
+        "K471J15C0GF5TL2",
+        None,
+    ]
+
+
+def test_every_order_belongs_to_an_entry_of_the_catalogue_or_a_kind_of_part() -> None:
+    entries = packaged()
+    known = {name for table in type(entries).model_fields for name in getattr(entries, table)}
+    kinds = {"carbon-black", "resistor", "large-resistor", "small-capacitor", "capacitor", "pin-header"}
+    assert set(orders()) <= known | kinds | {"supply-capacitor", "reference-capacitor"}
+    needed = {
+        *entries.boards,
+        *entries.amplifiers,
+        *entries.transistors,
+        *entries.converters,
+        *entries.elastomers,
+    }
+    assert needed <= set(orders())
+
+
+def test_a_filled_bill_is_a_price_list_and_its_sum_is_by_hand(tmp_path: Path) -> None:
+    rows = rows_of("piacenza2017-pad")
+    before = bill_sum(rows)
+    assert (before.known, before.unpriced) == ({}, before.rows)
+    own = priced(rows, read_prices(filled(rows, tmp_path)))
+    total = bill_sum(own)
+    units = sum(row.order_quantity or 0 for row in rows if row.is_bought)
+    assert total.known == {"EUR": pytest.approx(2.5 * units)}
+    assert total.unpriced == 0
+    assert total.words == f"{2.5 * units:.2f} EUR, every row priced"
+    assert f"Sum: {total.words}." in casting_md(PAD, None, own)
+    amount = 2.5 * units
+    assert budget_words(own, parsed_budget(f"{amount + 1}EUR")).startswith("within")
+    assert budget_words(own, parsed_budget(f"{amount - 1:.2f} EUR")).endswith("1.00 too much")
+    assert "not decided" in budget_words(own, parsed_budget("900USD"))
+    assert f"{total.rows} rows have no price in USD" in budget_words(own, parsed_budget("900USD"))
+
+
+def test_a_price_of_the_catalogue_has_a_date_and_a_source() -> None:
+    pico = PAD.with_(**{"board.kind": "raspberry-pi-pico-2"})
+    (row,) = (one for one in bom_rows(pico) if one.catalogue_id == "raspberry-pi-pico-2")
+    assert row.cost is not None
+    assert (row.cost.value, row.cost.currency, row.cost.date) == (5.0, "USD", "2024-09")
+    total = bill_sum(bom_rows(pico))
+    assert total.words == f"5.00 USD, {total.rows - 1} of {total.rows} rows without a price"
+
+
+@pytest.mark.parametrize("text", ["25", "25XYZ", "-25EUR", "0EUR", "EUR", "", "nanEUR", "25,5EUR"])
+def test_a_budget_without_amount_or_known_currency_is_refused(text: str) -> None:
+    with pytest.raises(InputError, match=r"^--budget"):
+        parsed_budget(text)
+    assert parsed_budget("25 eur").currency == "EUR"
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"unit_cost": "cheap"}, "row 2: unit_cost"),
+        ({"unit_cost": "-1"}, "row 2: unit_cost"),
+        ({"currency": "XYZ"}, "row 2: currency"),
+        ({"currency": ""}, "row 2: currency has no currency"),
+        ({"cost_date": "soon"}, "row 2: cost_date"),
+    ],
+)
+def test_a_bad_price_is_refused_with_its_row(changes: dict[str, str], said: str, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=re.escape(said)):
+        read_prices(filled(bom_rows(PAD), tmp_path, **changes))
+
+
+def test_a_price_list_needs_its_columns_and_one_price_for_each_item(tmp_path: Path) -> None:
+    file = tmp_path / "prices.csv"
+    file.write_text("item,unit_cost\nnut,1\n")
+    with pytest.raises(InputError, match="has no column currency, cost_date"):
+        read_prices(file)
+    file.write_text("part_number,unit_cost,currency,cost_date\nA1,1,EUR,2026-11\nA1,2,EUR,2026-11\n")
+    with pytest.raises(InputError, match="row 3: 'A1' has another price"):
+        read_prices(file)
