@@ -8,6 +8,9 @@ from dataclasses import dataclass
 from typing import Any
 
 UNITS = {
+    "_v_per_us": "V/µs",
+    "_pa": "pA",
+    "_mv": "mV",
     "_bytes_per_s": "bytes/s",
     "_g_per_cm3": "g/cm³",
     "_db_per_cm": "dB/cm",

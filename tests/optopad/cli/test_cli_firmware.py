@@ -79,10 +79,18 @@ def refused(capsys, *arguments: str) -> str:
 
 
 def test_config_leaves_driver_file_wiring_and_parts_in_the_bundle(capsys):
-    assert main(["driver", "config", DESIGN, "--json"]) == 0
-    json.loads(capsys.readouterr().out)
+    assert main(["driver", "config", DESIGN, "--budget", "25EUR", "--json"]) == 0
+    bill = json.loads(capsys.readouterr().out)["bill"]
+    assert bill["rows_without_price"] == bill["rows"] > 8
+    assert bill["budget"].startswith("not decided for 25.00 EUR")
     made = {path.name for path in FOLDER.parent.iterdir()}
     assert {"driver.toml", "wiring.csv", "bom.csv"} <= made
+
+
+def test_a_budget_without_a_currency_and_a_missing_price_list_are_refused(capsys, tmp_path):
+    assert "--budget: '25'" in refused(capsys, "config", DESIGN, "--budget", "25")
+    assert "'XYZ' is not a known currency" in refused(capsys, "config", DESIGN, "--budget", "25XYZ")
+    assert "no.csv" in refused(capsys, "config", DESIGN, "--prices", str(tmp_path / "no.csv"))
 
 
 @needs_compiler
