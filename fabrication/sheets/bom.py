@@ -92,6 +92,7 @@ class BomRow:
     quantity : number of pieces, or of other units named in `unit`; None if not known
     references : reference designators of the item, in the order of the layout
     part_number : maker's number to order; empty if the item is not bought, or has none
+    is_number_read : whether the number was read in its source, and not inferred or recalled
     order_quantity, order_unit : number of order units that hold the quantity, such as 1 kit of 500 g
     cost : quoted cost of one order unit; None if not known
     is_bought : whether the item is bought; printed parts are not
@@ -105,6 +106,7 @@ class BomRow:
     value: str = ""
     manufacturer: str = ""
     part_number: str = ""
+    is_number_read: bool = True
     order_quantity: int | None = None
     order_unit: str = "piece"
     cost: Cost | None = None
@@ -143,6 +145,7 @@ def _ordered(row: BomRow, *keys: str, value: float | None = None) -> BomRow:
         row,
         manufacturer=row.manufacturer or order.manufacturer,
         part_number=number,
+        is_number_read=order.confidence in ("measured", "read"),
         order_quantity=None if row.quantity is None else order.units_for(row.quantity),
         order_unit=order.unit,
         cost=row.cost or order.cost,
@@ -383,7 +386,7 @@ def _header_row(parts: Sequence[PlacedPart]) -> BomRow:
     row = BomRow(
         item="pin header, 2.54 mm",
         quantity=WIRES_EACH * len(parts),
-        unit="position",
+        unit="positions",
         note="connects the pad's wires to the circuit, two positions for each part; break the strips to length",
     )
     return _ordered(row, "pin-header")

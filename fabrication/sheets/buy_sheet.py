@@ -14,6 +14,7 @@ def buy_lines(rows: Sequence[BomRow]) -> Iterator[str]:
     yield "## Buy"
     yield ""
     yield "References and notes: `bom.csv`. A price is of one order unit; prices do not include shipping and tax."
+    yield "Compare a part number with a star with the maker's page before you order: it was not read in a source."
     yield ""
     yield "| item | value | part number | needed | to order | unit price | price |"
     yield "|---|---|---|---|---|---|---|"
@@ -44,5 +45,6 @@ def _line(row: BomRow) -> str:
     if row.cost is not None and row.order_quantity is not None:
         unit_price = f"{row.cost.value:.2f} {row.cost.currency}"
         price = f"{row.order_quantity * row.cost.value:.2f} {row.cost.currency}"
-    cells = (row.item, row.value, row.part_number, needed, order, unit_price, price)
-    return f"| {' | '.join(plain(cell) for cell in cells)} |"
+    before, after = (row.item, row.value, row.part_number), (needed, order, unit_price, price)
+    star = "" if row.is_number_read or not row.part_number else "*"
+    return f"| {' | '.join(plain(cell) for cell in before)}{star} | {' | '.join(plain(cell) for cell in after)} |"

@@ -78,7 +78,8 @@ def test_a_kit_of_500_g_is_ordered_for_15_g_and_all_sheets_say_the_same_amount()
             f"{pour.layer.capitalize()} layer: mix {pour.base_g:.2f} g base and {pour.agent_g:.2f} g" in sheet
         )
         assert f"{pour.layer} layer {pour.base_g:.2f} g base and {pour.agent_g:.2f} g" in silicone.note
-    assert f"| {silicone.quantity:.2f} g | 1 kit of 500 g |" in sheet
+    assert f"| 4019862* | {silicone.quantity:.2f} g | 1 kit of 500 g |" in sheet
+    assert "| A000067 | 1 | 1 |" in sheet  # a number that was read has no star
 
 
 def test_codes_of_values_are_those_of_known_orders() -> None:
