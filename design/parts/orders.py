@@ -47,7 +47,8 @@ class Order(Model):
         if not self.low <= value <= self.high:
             return None
         small = f"{round(value * 10):02d}{TENTHS}"
-        return self.part_number.format(ohm=ohm_code(value), pf=_picofarad_code(value), pf9=small)
+        tiny = f"{round(value * 100):02d}"
+        return self.part_number.format(ohm=ohm_code(value), pf=_picofarad_code(value), pf9=small, pf100=tiny)
 
     def units_for(self, quantity: float) -> int:
         """Number of order units that hold a quantity."""

@@ -304,7 +304,7 @@ def _capacitor_row(
         value=f"{capacitor_pf:g} pF",
         note=f"settles within {settle_words(design)}" if in_time else late,
     )
-    return _ordered(row, "small-capacitor", "capacitor", value=capacitor_pf)
+    return _ordered(row, "tiny-capacitor", "small-capacitor", "capacitor", value=capacitor_pf)
 
 
 def _open_feedback_rows(design: SensorDesign, names: Sequence[str]) -> Iterator[BomRow]:

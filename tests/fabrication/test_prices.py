@@ -22,12 +22,16 @@ from fabrication.sheets.prices import bill_sum, budget_words, parsed_budget, pri
 from fabrication.sheets.silicone import pours
 
 PAD = preset("piacenza2017-pad")
+PICOFARADS = ("tiny-capacitor", "small-capacitor", "capacitor")
+COUNTS_PER_FLUX = {"piacenza2017-pad": 1.2e5, "gripper-teensy": 4.2e6, "fingertip-16": 2.3e5}
+"""Near the simulated gains of these presets: 160 kohm to 1.5 Mohm, and down to 0.68 pF."""
 
 
 def gain_of(design: SensorDesign) -> SimulatedGain:
     cavity = cavity_of(design)
     flux = tuple((1e-4,) * len(cavity.receivers) for _ in cavity.emitters)
-    return SimulatedGain(counts_per_flux=(2e5,) * len(cavity.receivers), untouched_flux=flux)
+    gain = COUNTS_PER_FLUX[design.name]
+    return SimulatedGain(counts_per_flux=(gain,) * len(cavity.receivers), untouched_flux=flux)
 
 
 def rows_of(name: str) -> tuple[BomRow, ...]:
@@ -90,8 +94,9 @@ def test_codes_of_values_are_those_of_known_orders() -> None:
         "100K",
         "3M6",
     ]
-    numbers = [order_of(("small-capacitor", "capacitor"), pf) for pf in (5.6, 8.2, 22.0, 470.0, 0.5)]
+    numbers = [order_of(PICOFARADS, pf) for pf in (0.68, 5.6, 8.2, 22.0, 470.0, 0.056)]
     assert [found and found[1] for found in numbers] == [
+        "GRM1885C1HR68BA01D",
         "C317C569D5G5TA",
         "C317C829D5G5TA",
         "K220J15C0GF5TL2",
@@ -103,7 +108,7 @@ def test_codes_of_values_are_those_of_known_orders() -> None:
 def test_every_order_belongs_to_an_entry_of_the_catalogue_or_a_kind_of_part() -> None:
     entries = packaged()
     known = {name for table in type(entries).model_fields for name in getattr(entries, table)}
-    kinds = {"carbon-black", "resistor", "large-resistor", "small-capacitor", "capacitor", "pin-header"}
+    kinds = {"carbon-black", "resistor", "large-resistor", *PICOFARADS, "pin-header"}
     assert set(orders()) <= known | kinds | {"supply-capacitor", "reference-capacitor"}
     needed = {
         *entries.boards,
