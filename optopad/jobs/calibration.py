@@ -14,16 +14,18 @@ from design.errors import InputError
 from design.io import save_design, write_text_atomically, written_together
 from design.progress import OnStep
 from design.spec import SensorDesign
-from fabrication.driver.recording.clock_match import OUT_OF_STEP_S, found_offset, match_at, touches_of_log
 from fabrication.driver.recording.force_log import ForceLog, read_force_log
 from fabrication.driver.recording.joined_log import Offset
 from fabrication.driver.recording.position_log import PositionLog
+from optopad.jobs.force_clock import force_clock
 from optopad.work import as_netcdf
 from sims.learning.calibration import Calibration, CalibrationReport, calibrated, report_of
+from sims.learning.force_checks import require_motion
 from sims.learning.force_fit import ForceFit, fit_force
 from sims.learning.inference.model_file import save_model
 from sims.learning.inference.signal_map import SignalMapModel
 from sims.learning.map_learner import fit_signal_map, map_header, mapped
+from sims.learning.press_force import TipPath
 from sims.readings.data_writer import read_netcdf
 from sims.readings.dataset import read_data, require_design
 from sims.readings.press_data import PressData, data_notes
@@ -119,8 +121,8 @@ def calibrate(
     return CalibratedBuild(calibration=found, report=report, model=model, notes=tuple(notes), force=fit)
 
 
-def _pressed_force(netcdf: Path, log: ForceLog, offset: Offset) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Times, presses (n, 3) and forces at the log's times within the recording, by the recording's clock.
+def _pressed_force(netcdf: Path, log: ForceLog, offset: Offset) -> tuple[FloatArray, TipPath, FloatArray]:
+    """Times of the log within the recording, by the recording's clock, the tip's positions, and the forces.
 
     Raises
     ------
@@ -134,35 +136,11 @@ def _pressed_force(netcdf: Path, log: ForceLog, offset: Offset) -> tuple[FloatAr
             f"{netcdf}: has no {missing[0]}, needs a recording of `driver record` with its presses"
         )
     host_s, *press = (np.asarray(dataset[name].values, dtype=np.float64) for name in names)
+    require_motion(TipPath(time_s=host_s, press_mm=np.stack(press, axis=1)))
     path = PositionLog(file=str(netcdf), time_s=host_s, press_mm=np.stack(press, axis=1))
-    shift = _clock_offset(path, log, offset)
-    time_s = log.time_s + shift
+    time_s = force_clock(path, log, offset).at(log.time_s)
     inside = (time_s > host_s[0]) & (time_s < host_s[-1])
-    at = np.stack([np.interp(time_s[inside], host_s, axis) for axis in path.press_mm.T], axis=1)
-    return time_s[inside], at, log.force_n[inside]
-
-
-def _clock_offset(path: PositionLog, log: ForceLog, offset: Offset) -> float:
-    pressed, forces = touches_of_log(path), log.touches
-    if offset == "auto":
-        return found_offset(pressed, forces).offset_s
-    shift = float(offset or 0.0)
-    first, last = forces.span_s
-    begin, end = pressed.span_s
-    if last + shift < begin or first + shift > end:
-        raise InputError(
-            f"{log.file}: no time in common with the recording: the presses last from 0 to {end - begin:.1f} s, "
-            f"the log from {first + shift - begin:.1f} to {last + shift - begin:.1f} s; is it another run's log, or "
-            "another clock? Find the offset with --offset auto, or give it"
-        )
-    match = match_at(pressed, forces, shift)
-    if offset is None and match.edges and not (match.is_good and abs(match.offset_s) <= OUT_OF_STEP_S):
-        raise InputError(
-            f"{log.file}: is out of step with the recording: {match.share:.0%} of {match.edges} begins and ends of "
-            f"presses match, {match.offset_s:+.2f} s late; find the offset with --offset auto, or state it: --offset 0 "
-            "takes the log unchanged"
-        )
-    return shift
+    return time_s[inside], TipPath(time_s=host_s, press_mm=path.press_mm), log.force_n[inside]
 
 
 def build_model(
