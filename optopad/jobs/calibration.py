@@ -16,7 +16,6 @@ from design.progress import OnStep
 from design.spec import SensorDesign
 from fabrication.driver.recording.force_log import ForceLog, read_force_log
 from fabrication.driver.recording.joined_log import Offset
-from fabrication.driver.recording.position_log import PositionLog
 from optopad.jobs.force_clock import force_clock
 from optopad.work import as_netcdf
 from sims.learning.calibration import Calibration, CalibrationReport, calibrated, report_of
@@ -136,11 +135,11 @@ def _pressed_force(netcdf: Path, log: ForceLog, offset: Offset) -> tuple[FloatAr
             f"{netcdf}: has no {missing[0]}, needs a recording of `driver record` with its presses"
         )
     host_s, *press = (np.asarray(dataset[name].values, dtype=np.float64) for name in names)
-    require_motion(TipPath(time_s=host_s, press_mm=np.stack(press, axis=1)))
-    path = PositionLog(file=str(netcdf), time_s=host_s, press_mm=np.stack(press, axis=1))
+    path = TipPath(time_s=host_s, press_mm=np.stack(press, axis=1))
+    require_motion(path)
     time_s = force_clock(path, log, offset).at(log.time_s)
     inside = (time_s > host_s[0]) & (time_s < host_s[-1])
-    return time_s[inside], TipPath(time_s=host_s, press_mm=path.press_mm), log.force_n[inside]
+    return time_s[inside], path, log.force_n[inside]
 
 
 def build_model(

@@ -25,11 +25,10 @@ from fabrication.driver.recording.clock_match import (
     Touches,
     found_offset,
     match_at,
-    touches_of_log,
 )
 from fabrication.driver.recording.force_log import ForceLog
 from fabrication.driver.recording.joined_log import Offset
-from fabrication.driver.recording.position_log import PositionLog
+from sims.learning.press_force import TipPath
 
 TOUCHED_SHARE, TOUCHED_SIGMAS = 0.02, 8.0
 """A touch is above this share of the largest force, and above this many standard deviations of the noise [-]."""
@@ -58,14 +57,15 @@ class ForceClock:
         return found
 
 
-def force_clock(path: PositionLog, log: ForceLog, offset: Offset) -> ForceClock:
+def force_clock(path: TipPath, log: ForceLog, offset: Offset) -> ForceClock:
     """Clock of a load cell's log, found or as it is given.
 
     Raises
     ------
     InputError : log and recording have no time in common, or their presses do not match; with the cause if it is known.
     """
-    pressed = touches_of_log(path)
+    begin_s, end_s = path.touches_s
+    pressed = Touches(begin_s=begin_s, end_s=end_s, span_s=(float(path.time_s[0]), float(path.time_s[-1])))
     forces = touches_of_force(log.time_s, log.force_n, _longest_s(pressed))
     if offset == "auto":
         return _found(pressed, forces, log)

@@ -6,7 +6,8 @@ Unknowns of the model in `sims.learning.press_force`, common to all presses:
     s    share of the instantaneous modulus that relaxes away [-], and its time constant τ [s]
     δ    error of the stage's zero of depth [mm]
     b, r offset of the log's clock [s], and its rate [-]; priors: `CLOCK_SIGMA_S`, `RATE_SIGMA`
-    κ    Ting's share of the retraction [-]; prior: `TING` ± `TING_SIGMA`, which spans elastic contact to Ting's
+    κ    Ting's share of the retraction [-]; prior: `TING_MEAN` ± `TING_SIGMA`, from elastic contact to Ting's
+    β    backlash of the stage [mm]; prior: `BACKLASH_SIGMA_MM`
 
 Each press has a tare, and a slope of the tare if there is rest before it and after it; both are eliminated exactly. The
 sum of squares of (measured - modelled) / σ is minimised by Levenberg and Marquardt's method from several τ. A sample has
@@ -19,7 +20,7 @@ Errors are standard errors from two sources, whose variances are added:
     (K-1)/K Σ Δ_k²    jackknife: change of the unknowns without press k, Δ_k = -(N - N_k)⁻¹ J_kᵀ r_k. It contains
                       scatter from press to press, which N takes for noise.
 
-Noise counts in both, so the errors are too large rather than too small. Intervals of 95 % take Student's t for K - 1
+Noise counts in both, so the errors are too large rather than too small. Intervals of 95 % take Student's t for K - 2
 degrees of freedom. The relaxation is found if this interval excludes 0, if its share is above `LEAST_SHARE` and its time
 constant inside the searched range. Otherwise the fit is elastic, and its distance from the fit with relaxation is added
 to the errors.
@@ -36,6 +37,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.interpolate import CubicSpline
+from scipy.special import stdtrit
 
 from design.arrays import BoolArray, FloatArray
 from design.errors import InputError
@@ -43,6 +46,7 @@ from design.spec import SensorDesign
 from design.spec.properties import youngs_modulus_mpa
 from sims.learning.force_checks import modulus_notes, require_misfit, require_motion, tare_notes, unsaturated
 from sims.learning.press_force import (
+    BACKLASH_MM,
     CLOCK_S,
     EXCESS,
     LEAST_DEPTH_MM,
@@ -67,21 +71,26 @@ SHORTEST_S, LONGEST_S = 0.05, 60.0
 STARTS_S = (0.15, 0.5, 1.5, 5.0, 20.0)
 """Time constants from which the search starts [s]."""
 FIRST_EXCESS = 0.1
-CLOCK_SIGMA_S, RATE_SIGMA = 0.2, 0.005
+CLOCK_SIGMA_S, RATE_SIGMA = 0.3, 0.005
 """Prior standard deviation of the clock offset [s] and of the clock's rate [-]; the mean of both is 0."""
 RAMP_SIGMA_S = 0.05
 """The same of the ramps' times, if they are taken from the force [s]."""
 TING_MEAN, TING_SIGMA = 0.5, 0.5
 """Prior mean and standard deviation of Ting's share of the retraction [-]."""
-LOWEST = np.array([-np.inf, -0.2, math.log(SHORTEST_S), -MARGIN_MM, -1.0, -0.03, -2.0])
-HIGHEST = np.array([np.inf, 19.0, math.log(LONGEST_S), MARGIN_MM, 1.0, 0.03, 3.0])
+BACKLASH_SIGMA_MM = 0.01
+"""Prior standard deviation of the stage's backlash, and of common errors of its depth on the way back [mm]."""
+LOWEST = np.array([-np.inf, -0.2, math.log(SHORTEST_S), -MARGIN_MM, -1.0, -0.03, -2.0, -0.1])
+HIGHEST = np.array([np.inf, 19.0, math.log(LONGEST_S), MARGIN_MM, 1.0, 0.03, 3.0, 0.1])
 """Bounds of the unknowns, in the order of `sims.learning.press_force`."""
-STEPS = np.array([1e-4, 1e-4, 1e-3, 1e-4, 1e-4, 1e-5, 1e-3])
-"""Steps of the differences that give the slopes."""
-FIRST_JITTER_S, LEAST_JITTER_S = 0.02, 1e-4
+STEPS = np.array([1e-4, 1e-4, 1e-3, 1e-4, 1e-2, 1e-4, 1e-3, 1e-4])
+"""Steps of the differences that give the slopes; those of the clock are long, so that noise of the depth averages out."""
+CLOCKS_S = tuple(np.arange(-25, 26) / 50.0)
+"""Clock offsets beyond the first match that the search begins with [s]."""
+FIRST_ERROR, FIRST_JITTER_S, LEAST_JITTER_S = 0.005, 0.02, 1e-4
+"""Errors of a sample at first, over the largest force [-], and of its time [s]; and least error of its time."""
 STEEP = 0.1
 """A sample is steep where the force changes faster than this share of its fastest change [-]."""
-ROUNDS, SHORT_ROUNDS, SETTLED = 40, 8, 1e-6
+ROUNDS, SHORT_ROUNDS, SETTLED = 40, 12, 1e-6
 FOUND_SIGMAS, LEAST_SHARE = 2.0, 0.005
 """Standard errors above which a trend counts, and share above which a relaxation does [-]."""
 CONFIDENCE = 0.95
@@ -92,7 +101,7 @@ WITH_RELAXATION = np.ones(UNKNOWNS, dtype=bool)
 ELASTIC = WITH_RELAXATION.copy()
 ELASTIC[[EXCESS, LOG_TIME, TING]] = False
 APPROACH = WITH_RELAXATION.copy()
-APPROACH[TING] = False
+APPROACH[[TING, BACKLASH_MM]] = False
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -137,10 +146,8 @@ class ForceFit:
 
     @property
     def quantile(self) -> float:
-        """Half width of a 95 % interval over its standard error, Student's t for one degree less than presses [-]."""
-        from scipy.stats import t  # its import takes long
-
-        return float(t.ppf(0.5 + CONFIDENCE / 2, len(self.single_mpa) - 1))
+        """Half width of a 95 % interval over its standard error [-]."""
+        return _quantile(len(self.single_mpa))
 
     @property
     def intervals(self) -> dict[str, tuple[float, float]]:
@@ -152,7 +159,8 @@ class ForceFit:
             "depth_offset_mm": (self.offset_mm, wide * self.offset_sigma_mm),
         }
         intervals = {name: (value - half, value + half) for name, (value, half) in found.items()}
-        intervals["relaxed_share"] = tuple(np.clip(intervals["relaxed_share"], 0.0, 1.0).tolist())
+        least, most = np.clip(intervals["relaxed_share"], 0.0, 1.0).tolist()
+        intervals["relaxed_share"] = (0.0 if self.time_constant_s is None else least, most)
         if self.time_constant_s is not None and self.time_sigma_s is not None:
             factor = math.exp(wide * self.time_sigma_s / self.time_constant_s)
             intervals["time_constant_s"] = (self.time_constant_s / factor, self.time_constant_s * factor)
@@ -369,7 +377,7 @@ class _Problem:
     def fitted(self) -> BoolArray:
         """(`UNKNOWNS`,) unknowns that the samples depend on; without the ramps, not the clock's rate or Ting's share."""
         found = np.ones(UNKNOWNS, dtype=bool)
-        found[[RATE, TING]] = not self.windows[0].jumps
+        found[[RATE, TING, BACKLASH_MM]] = not self.windows[0].jumps
         return found
 
     @property
@@ -377,6 +385,7 @@ class _Problem:
         """(`UNKNOWNS`,) prior standard deviations; without the ramps, the clock's is that of the ramps' times."""
         found = np.full(UNKNOWNS, np.inf)
         found[[CLOCK_S, RATE, TING]] = CLOCK_SIGMA_S, RATE_SIGMA, TING_SIGMA
+        found[BACKLASH_MM] = BACKLASH_SIGMA_MM
         if self.windows[0].jumps:
             found[CLOCK_S] = RAMP_SIGMA_S
         return found
@@ -398,7 +407,8 @@ class _Problem:
         slopes = [np.gradient(one.force_n, one.time_s) for one in windows]
         middle = float(np.mean([one.time_s.mean() for one in windows]))
         made = cls(windows=windows, weights=[], bases=[], noise_n=noise, middle_s=middle)
-        return made.weighted(noise, FIRST_JITTER_S, slopes)
+        coarse = math.hypot(noise, FIRST_ERROR * max(float(np.ptp(one.force_n)) for one in windows))
+        return made.weighted(coarse, FIRST_JITTER_S, slopes)
 
     def weighted(self, noise_n: float, jitter_s: float, slopes: list[FloatArray]) -> _Problem:
         weights = [
@@ -409,7 +419,10 @@ class _Problem:
         return replace(self, weights=weights, bases=bases)
 
     def reweighted(self, at: FloatArray) -> _Problem:
-        """The problem with noise and jitter by the residuals at a solution."""
+        """The problem less a smooth tare, with noise and jitter by the residuals at a solution."""
+        return replace(self, windows=self._detrended(at))._reweighted(at)
+
+    def _reweighted(self, at: FloatArray) -> _Problem:
         rests = [self.unweighted(k, at) for k in range(len(self.windows))]
         slopes = [self.slope(k, at) for k in range(len(self.windows))]
         used = np.concatenate([one.used for one in self.windows])
@@ -422,6 +435,25 @@ class _Problem:
             beyond = float(np.mean((rest[steep] ** 2 - noise**2) / slope[steep] ** 2))
             jitter = math.sqrt(max(beyond, LEAST_JITTER_S**2))
         return self.weighted(noise, jitter, slopes)
+
+    def _detrended(self, at: FloatArray) -> list[PressWindow]:
+        """The windows less a cubic spline through the mean forces of all rests."""
+        times = np.concatenate([one.time_s for one in self.windows])
+        is_free = np.concatenate([force_at(one, at, self.middle_s) == 0.0 for one in self.windows])
+        times, first = np.unique(times[is_free], return_index=True)
+        force = np.concatenate([one.force_n for one in self.windows])[is_free][first]
+        turns = [one.node_s[one.turn] for one in self.windows]
+        groups = np.searchsorted(turns, times)
+        found, counts = np.unique(groups, return_counts=True)
+        kept = found[counts >= LEAST_REST]
+        if len(kept) < LEAST_PRESSES:
+            return self.windows
+        knots = [float(times[groups == one].mean()) for one in kept]
+        tare = CubicSpline(knots, [float(force[groups == one].mean()) for one in kept], bc_type="natural")
+        return [
+            replace(one, force_n=one.force_n - tare(np.clip(one.time_s, knots[0], knots[-1])))
+            for one in self.windows
+        ]
 
     def slope(self, k: int, at: FloatArray) -> FloatArray:
         """(sample,) change of the modelled force over time [N/s]."""
@@ -446,26 +478,31 @@ class _Problem:
         return found
 
     def started(self) -> FloatArray:
-        """Unknowns from which the search starts, with the modulus by least squares.
+        """Unknowns from which the search starts: of an elastic pad, with clock and modulus by least squares.
 
         Raises
         ------
         InputError : the force does not increase with depth.
         """
-        at = np.zeros(UNKNOWNS)
-        at[TING] = 0.0
+        tried = [self._scaled(clock) for clock in (CLOCKS_S if self.fitted[RATE] else (0.0,))]
+        best = max(tried, key=lambda one: abs(one[0]))
+        if best[0] <= 0.0:
+            raise InputError(
+                "the force falls where the depth rises; is its sign reversed (it must be positive when pressed: negate "
+                "the column), or is the log of another recording?"
+            )
+        return best[1]
+
+    def _scaled(self, clock_s: float) -> tuple[float, FloatArray]:
+        """Correlation of the measured and the elastic force at a clock offset, and the unknowns there."""
+        at = clock_s * (np.arange(UNKNOWNS) == CLOCK_S)
         both = square = 0.0
         for k, window in enumerate(self.windows):
             model = self.projected(k, force_at(window, at, self.middle_s))
             both += float(model @ self.projected(k, window.force_n))
             square += float(model @ model)
-        if both <= 0.0:
-            raise InputError(
-                "the force falls where the depth rises; is its sign reversed (it must be positive when pressed: negate "
-                "the column), or is the log of another recording?"
-            )
-        at[LOG_MODULUS] = math.log(both / square)
-        return at
+        at[LOG_MODULUS] = math.log(max(both, 1e-300) / square) if square > 0.0 else 0.0
+        return both / math.sqrt(square) if square > 0.0 else 0.0, at
 
     def cost(self, at: FloatArray, free: BoolArray) -> float:
         prior = self.prior(at, free)
@@ -554,14 +591,12 @@ def _sigmas(problem: _Problem, found: _Solved) -> FloatArray:
 
 
 def _named(design: SensorDesign, problem: _Problem, full: _Solved, elastic: _Solved) -> ForceFit:
-    from scipy.stats import t  # its import takes long
-
     sigmas, excess = _sigmas(problem, full), float(full.at[EXCESS])
     share, share_sigma = excess / (1.0 + excess), float(sigmas[EXCESS]) / (1.0 + excess) ** 2
     count = len(problem.windows)
-    wide = float(t.ppf(0.5 + CONFIDENCE / 2, count - 1))
+    wide = _quantile(count)
     tau = math.exp(full.at[LOG_TIME])
-    is_inside = SHORTEST_S * 1.01 < tau < LONGEST_S / 1.01
+    is_inside = 2.0 * SHORTEST_S < tau < LONGEST_S / 1.01
     is_found = is_inside and share > max(wide * share_sigma, LEAST_SHARE)
     chosen = full if is_found else elastic
     if not is_found:
@@ -602,6 +637,11 @@ def _named(design: SensorDesign, problem: _Problem, full: _Solved, elastic: _Sol
         ),
         design_mpa=modulus,
     )
+
+
+def _quantile(presses: int) -> float:
+    """Student's t for a 95 % interval; the scatter of presses has two degrees less than presses, for a and δ [-]."""
+    return float(stdtrit(presses - 2, 0.5 + CONFIDENCE / 2))
 
 
 def _single(problem: _Problem, k: int, at: FloatArray) -> float:

@@ -5,7 +5,7 @@ Model
 Let d(t) be the depth that the stage reports, by the recording's clock, and T the log's clock. With
 
     t = T + b + r (T - T_mid)         b: clock offset [s], r: clock rate [-]
-    D(t) = max(d(t) + δ, 0)           δ: error of the stage's zero of depth [mm]
+    D(t) = max(d(t) + δ, 0)           δ: error of the stage's zero of depth [mm]; in retraction δ + β, β: backlash [mm]
     q_X(t) = ∫ exp(-(t - t')/τ) dX    the part of X = F_e or D that relaxes
 
 the force until the deepest hold ends is F = a (F_e(D) + e q_F), as in `sims.contact.load_protocol`. There F_e is the
@@ -37,6 +37,7 @@ of the previous press; averaging within the load cell's amplifier, apart from it
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from scipy.interpolate import PchipInterpolator
@@ -45,14 +46,15 @@ from design.arrays import BoolArray, FloatArray, IntArray
 from design.spec import SensorDesign
 from sims.contact.indentation import solved_press
 
-LOG_MODULUS, EXCESS, LOG_TIME, ZERO_MM, CLOCK_S, RATE, TING = range(7)
-"""Places of ln a, e, ln τ, δ, b, r and κ in a vector of unknowns."""
-UNKNOWNS = 7
+LOG_MODULUS, EXCESS, LOG_TIME, ZERO_MM, CLOCK_S, RATE, TING, BACKLASH_MM = range(8)
+"""Places of ln a, e, ln τ, δ, b, r, κ and β in a vector of unknowns."""
+UNKNOWNS = 8
 
 LEAST_DEPTH_MM = 0.3
 """Presses that stay above this depth are not used: an error of the zero of depth outweighs their force [mm]."""
-REST_S, REST_SHARE = 3.0, 0.6
-"""Longest rest that is used on either side of a press [s], and share of the pause to the neighbouring press [-]."""
+REST_S, REST_SHARE, ROW_SHARE = 3.0, 0.6, 0.75
+"""Longest rest that is used on either side of a press [s], and shares of the pause to the neighbouring press whose
+samples, and whose rows, are used [-]."""
 LEAST_REST = 3
 """Least number of samples at rest around a press, from which its tare is taken."""
 REST_MARGIN_S = 0.1
@@ -64,6 +66,12 @@ STEP_MM, STEP_S = 0.03, 0.04
 FORCE_DEPTHS, TABLE_MM = 60, 0.002
 MARGIN_MM = 0.3
 """How far the elastic force is continued beyond the deepest press [mm], for errors of the zero of depth."""
+TAKEN_UP_MM = 0.05
+"""Way back over which the stage takes up its backlash [mm]."""
+SMOOTHED_ROWS, AGREE = (1, 2, 4, 8, 16, 32, 64), 1.0
+"""Half widths of the lines that smooth the depth [rows], and half width of a confidence interval [sigma]."""
+FLICKER_MM, FLICKER_S = 0.02, 0.25
+"""Height [mm] and time [s] of a pause between two contacts that noise of the depth explains."""
 LARGEST_EXPONENT = 500.0
 JUMP_ROWS, JUMP_SHARE = 2, 0.9
 """Rows within which a label reaches this share of its largest depth, if it was set and not recorded."""
@@ -85,10 +93,31 @@ class TipPath:
 
     @property
     def contacts(self) -> IntArray:
-        """(press, 2) first row in contact, and first row after it, of each press."""
-        touched: BoolArray = self.press_mm[:, 2] > 0.0
-        edges = np.flatnonzero(np.diff(np.concatenate([[False], touched, [False]]).astype(np.int8)))
-        return edges.reshape(-1, 2)
+        """(press, 2) first row in contact, and first row after it, of each press.
+
+        Noise of the depth near 0 does not divide a press: pauses above -`FLICKER_MM` and below `FLICKER_S` count as
+        contact.
+        """
+        depth = self.press_mm[:, 2]
+        edges = np.flatnonzero(np.diff(np.concatenate([[False], depth > 0.0, [False]]).astype(np.int8)))
+        begins, ends = edges.reshape(-1, 2).T
+        if not len(begins):
+            return edges.reshape(-1, 2)
+        short = self.time_s[begins[1:]] - self.time_s[ends[:-1] - 1] < FLICKER_S
+        near = np.array([depth[a:b].min() > -FLICKER_MM for a, b in zip(ends[:-1], begins[1:], strict=True)], bool)
+        apart = ~(short & near)
+        return np.stack([begins[np.append(True, apart)], ends[np.append(apart, True)]], axis=1)
+
+    @property
+    def touches_s(self) -> tuple[FloatArray, FloatArray]:
+        """Times at which the presses begin, and at which they end, interpolated [s]; those within the path only."""
+        begin, end = self.contacts.T
+        return self._crossings_s(begin[begin > 0] - 1), self._crossings_s(end[end < len(self.time_s)] - 1)
+
+    def _crossings_s(self, row: IntArray) -> FloatArray:
+        depth, time_s = self.press_mm[:, 2], self.time_s
+        share = depth[row] / (depth[row] - depth[row + 1])
+        return time_s[row] + share * (time_s[row + 1] - time_s[row])
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -121,11 +150,26 @@ class PressWindow:
         """Largest depth of the press [mm]."""
         return float(self.node_mm.max())
 
+    @cached_property
+    def way_back(self) -> FloatArray:
+        """(node,) share of the backlash that the stage has taken up: 0 until the turn, 1 after `TAKEN_UP_MM` back [-]."""
+        share = np.clip((self.deepest_mm - self.node_mm) / TAKEN_UP_MM, 0.0, 1.0)
+        share[: self.turn + 1] = 0.0
+        return share
+
     @property
     def at_rest_n(self) -> tuple[FloatArray, FloatArray]:
         """Forces at rest before the press, and after it [N]."""
         before, after = self.rests
         return self.force_n[:before], self.force_n[len(self.force_n) - after :]
+
+    @property
+    def is_covered(self) -> bool:
+        """Whether there are samples at rest before the press, enough at rest in all, and enough to the deepest hold."""
+        pressed = (self.time_s > self.node_s[self.node_mm > 0.0][0]) & (self.time_s < self.node_s[self.turn])
+        last = self.time_s[-1] > self.node_s[self.turn]
+        rests = self.rests[0] > 0 and sum(self.rests) >= LEAST_REST
+        return bool(rests and last and np.count_nonzero(pressed) >= LEAST_REST)
 
     @property
     def is_held(self) -> BoolArray:
@@ -163,18 +207,12 @@ def press_windows(
     for begin, end, rows in spans(path):
         if largest_gap(path, begin, end)[0] > LONGEST_GAP_S:
             continue
-        low, high = path.time_s[rows.start], path.time_s[rows.stop - 1]
-        pause = REST_SHARE * (path.time_s[begin] - low), REST_SHARE * (high - path.time_s[end])
-        low = path.time_s[begin] - (
-            min(REST_S, pause[0]) if rows.start else min(REST_S, pause[0] / REST_SHARE)
-        )
-        last = rows.stop == len(path.time_s)
-        high = path.time_s[end] + min(REST_S, pause[1] / REST_SHARE if last else pause[1])
-        inside = slice(*np.searchsorted(time_s, [low, high]))
+        own_rows, ends = _around(path, begin, end, rows)
+        inside = slice(*np.searchsorted(time_s, ends))
         own = time_s[inside], force_n[inside]
-        made = _window(design, path, rows, own) if len(own[0]) > 2 * LEAST_REST else None
+        made = _window(design, path, own_rows, own) if len(own[0]) > 2 * LEAST_REST else None
         made = _held(made) if made is not None and _jumps(path, begin, end) else made
-        if made is not None and made.rests[0] > 0 and sum(made.rests) >= LEAST_REST:
+        if made is not None and made.is_covered:
             found.append(made)
     return found
 
@@ -189,6 +227,21 @@ def spans(path: TipPath) -> list[tuple[int, int, slice]]:
         if begin > 0 and end < count and path.press_mm[begin:end, 2].max() >= LEAST_DEPTH_MM:
             found.append((int(begin), int(end), slice(first, last)))
     return found
+
+
+def _around(path: TipPath, begin: int, end: int, rows: slice) -> tuple[slice, tuple[float, float]]:
+    """Rows of a press without the ends of its neighbours, and first and last time of its samples."""
+    times, count = path.time_s, len(path.time_s)
+    before, after = times[begin] - times[rows.start], times[rows.stop - 1] - times[end]
+    first, last = rows.start == 0, rows.stop == count
+    wide = ROW_SHARE * before + first, ROW_SHARE * after + last
+    near = slice(
+        min(int(np.searchsorted(times, times[begin] - wide[0])), begin - 1),
+        max(int(np.searchsorted(times, times[end] + wide[1], side="right")), end + 1),
+    )
+    low = min(REST_S, before if first else REST_SHARE * before)
+    high = min(REST_S, after if last else REST_SHARE * after)
+    return near, (float(times[begin] - low), float(times[end] + high))
 
 
 def largest_gap(path: TipPath, begin: int, end: int) -> tuple[float, float]:
@@ -213,7 +266,8 @@ def _window(
     solved = solved_press(design, float(deepest), at_mm=(float(x), float(y)))
     depths = np.linspace(0.0, deepest, FORCE_DEPTHS)
     curve = PchipInterpolator(depths, [solved.force_n(float(depth)) for depth in depths])
-    node_s, node_mm = _refined(path.time_s[rows], press_mm[:, 2])
+    time_s = path.time_s[rows]
+    node_s, node_mm = _refined(time_s, smoothed(time_s, press_mm[:, 2]))
     return PressWindow(
         node_s=node_s,
         node_mm=node_mm,
@@ -290,6 +344,34 @@ def _ramp(time_s: FloatArray, share: FloatArray, way: FloatArray) -> tuple[float
     return float(begin), float(begin + speed)
 
 
+def smoothed(time_s: FloatArray, depth_mm: FloatArray) -> FloatArray:
+    """Depths with less noise: each from a straight line through the rows around it, over as many as agree.
+
+    Noise of the depth is noise of the modelled force, times 1 + e; least squares would make e smaller for it. The width
+    follows the rule of intersecting confidence intervals (Goldenshluger and Nemirovski, Math. Methods Stat. 6, 1997,
+    135-170): it doubles as long as the intervals of all widths so far have a point in common. So corners stay.
+    """
+    count = len(depth_mm)
+    if count < 3:
+        return depth_mm
+    noise = 1.4826 * float(np.median(np.abs(np.diff(depth_mm, 2)))) / np.sqrt(6.0)
+    own = time_s - time_s[0]
+    sums = [np.concatenate([[0.0], np.cumsum(one)]) for one in (np.ones(count), own, depth_mm, own**2, own * depth_mm)]
+    found, low, high = depth_mm.copy(), depth_mm - AGREE * noise, depth_mm + AGREE * noise
+    agrees = np.full(count, noise > 0.0)
+    for half in SMOOTHED_ROWS:
+        first, last = np.maximum(np.arange(count) - half, 0), np.minimum(np.arange(count) + half + 1, count)
+        n, t, d, tt, td = (one[last] - one[first] for one in sums)
+        spread = np.maximum(tt - t**2 / n, 1e-12)
+        away = own - t / n
+        line = d / n + away * (td - t * d / n) / spread
+        width = AGREE * noise * np.sqrt(1.0 / n + away**2 / spread)
+        low, high = np.maximum(low, line - width), np.minimum(high, line + width)
+        agrees &= low <= high
+        found = np.where(agrees, line, found)
+    return found
+
+
 def _refined(time_s: FloatArray, depth_mm: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Nodes of a path with steps of at most `STEP_MM` and `STEP_S` where the tip is in contact or near it."""
     near = np.maximum(depth_mm[1:], depth_mm[:-1]) > -MARGIN_MM
@@ -306,11 +388,11 @@ def force_at(window: PressWindow, unknowns: FloatArray, middle_s: float) -> Floa
 
     Parameters
     ----------
-    unknowns : (`UNKNOWNS`,) in the order of `LOG_MODULUS` to `TING`
+    unknowns : (`UNKNOWNS`,) in the order of `LOG_MODULUS` to `BACKLASH_MM`
     middle_s : time of the log at which the clock offset holds, T_mid [s]
     """
     excess, tau = float(unknowns[EXCESS]), float(np.exp(unknowns[LOG_TIME]))
-    depth = np.maximum(window.node_mm + unknowns[ZERO_MM], 0.0)
+    depth = np.maximum(window.node_mm + unknowns[ZERO_MM] + unknowns[BACKLASH_MM] * window.way_back, 0.0)
     load = window.elastic_n(depth)
     if excess == 0.0:
         force = load

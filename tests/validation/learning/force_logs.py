@@ -44,6 +44,9 @@ PAD = preset("piacenza2017-pad")
 LOGS, FIRST_SEED = 30, 5900
 STEP_S = 0.001
 BEGUN_S = 1_790_000_000.0
+DEPTH_NOISE_MM = 0.002
+WAVE = 0.01
+"""Amplitude of a slow wave of the tare over the largest force [-]; its period is a minute."""
 ABOVE_MM = -1.0
 """Depth at which the tip waits between presses [mm]."""
 
@@ -158,7 +161,7 @@ def write(log: Drawn, folder: Path) -> tuple[Path, Path, Offset]:
     time_s, press_mm, force_n = course(log, rng)
     frames = np.arange(0.0, time_s[-1], 1.0 / log.frame_hz)
     seen = np.stack([np.interp(frames, time_s, axis) for axis in press_mm.T], axis=1)
-    seen[:, 2] = np.round(seen[:, 2] + 0.002 * rng.standard_normal(len(frames)), 3)
+    seen[:, 2] = np.round(seen[:, 2] + DEPTH_NOISE_MM * rng.standard_normal(len(frames)), 3)
     names = dict(zip(("press_x", "press_y", "press_depth"), seen.T, strict=True))
     columns = {"host_time": BEGUN_S + frames} | names
     dataset = xr.Dataset({name: ("time", values) for name, values in columns.items()})
@@ -167,7 +170,7 @@ def write(log: Drawn, folder: Path) -> tuple[Path, Path, Offset]:
     steps = rng.uniform(0.8, 1.2, int(1.3 * time_s[-1] * log.cell_hz)) / log.cell_hz
     moments = np.cumsum(steps)
     moments = moments[moments < time_s[-1] - 0.2]
-    wave = 0.01 * np.sin(2.0 * np.pi * moments / 60.0 + rng.uniform(0.0, 6.0))
+    wave = WAVE * np.sin(2.0 * np.pi * moments / 60.0 + rng.uniform(0.0, 6.0))
     tare = rng.uniform(-2.0, 2.0) + force_n.max() * (log.drift * moments / time_s[-1] + wave)
     force = np.interp(moments, time_s, force_n) + tare + log.noise_n * rng.standard_normal(len(moments))
     stamps = moments + log.latency_s + log.jitter_s * rng.uniform(-1.0, 1.0, len(moments))
