@@ -2,8 +2,9 @@
 
 A touch in the log is where the force is above its baseline. The baseline follows the tare's drift: it is the opening of
 the force (a running least value, then a running largest one) over a time longer than any press. The baseline and the
-threshold shift begin and end of a touch by some tens of milliseconds, and by more if the tip retracts faster than it
-approaches. So this match is only the first estimate: `sims.learning.force_fit` fits clock offset and rate with the force.
+threshold shift begin and end of a touch by some tens of milliseconds, and by more if the tip retracts at another speed
+than it approaches. So this match is only the first estimate: `sims.learning.force_fit` fits offset and rate with the
+force.
 
 If the clocks run at different rates, the match is tried at rates up to `LARGEST_RATE`, and a straight line through the
 lags of all begins and ends gives the rate. Left out: clocks that are set during the recording.

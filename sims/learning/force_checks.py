@@ -4,9 +4,9 @@ A fit is refused if no pad of the design's material has this modulus, if the for
 unknown ends at the limit of its range. The refusal names the likely cause.
 
 Band of the modulus: the catalogue's for the elastomer and mixing ratio, otherwise the design's own modulus divided and
-multiplied by `SILENT_FACTOR`. A fit is refused if its 95 % interval is outside the band widened by `REFUSED_FACTOR`, and
-gets a warning if the interval is outside the band itself. The factor is below what confuses any two units: the least,
-ounces for newtons, is 3.6.
+multiplied by `SILENT_FACTOR`. A fit is refused if its 95 % interval is outside the band widened by `REFUSED_FACTOR`. It
+gets a warning if the interval is outside the band itself. Softer and harder mixes are so allowed; the least factor
+between two units of force, 3.6 from ounces to newtons, is not.
 
 Saturation: at least `PLATEAU` samples in a row have exactly the largest force of the log, although the noise is above
 the log's resolution, or although the tip moves. Such a press is left out. The same of the least force at rest means
@@ -86,7 +86,10 @@ def modulus_notes(design: SensorDesign, interval_mpa: tuple[float, float]) -> tu
         return ()
     fitted = (max(least, 0.0) + most) / 2
     over = fitted / modulus(design).value
-    said = f"the fitted modulus, {fitted:.3g} MPa, is {over:.3g} times the design's; expected are {low:.3g} to {high:.3g} MPa"
+    said = (
+        f"the fitted modulus, {fitted:.3g} MPa, is {over:.3g} times the design's; expected are {low:.3g} to "
+        f"{high:.3g} MPa"
+    )
     if low / REFUSED_FACTOR <= most and least <= high * REFUSED_FACTOR:
         return (
             f"warning: {said}; was the elastomer mixed or cured in another way, or is the load cell's scale wrong?",
@@ -95,8 +98,8 @@ def modulus_notes(design: SensorDesign, interval_mpa: tuple[float, float]) -> tu
     cause = (
         f"is the force in {' or '.join(units)} and not in newtons, as its column says? Name the column by its unit"
         if units
-        else "is the load cell calibrated, the log this recording's, and the tip the design's? If the elastomer is softer "
-        "or harder, give elastomer.youngs_modulus_mpa or mixing_ratio"
+        else "is the load cell calibrated, the log this recording's, and the tip the design's? If the elastomer is "
+        "softer or harder, give elastomer.youngs_modulus_mpa or mixing_ratio"
     )
     raise InputError(f"{said}, and a factor of {REFUSED_FACTOR:g} beyond is refused; {cause}")
 
@@ -141,8 +144,8 @@ def _require_uncut(windows: list[PressWindow]) -> None:
     if share > CUT_SHARE and noise_n > 2.0 * _resolution_n(force_n):
         raise InputError(
             f"{share:.0%} of the forces at rest are exactly {force_n.min():.4g} N, the least of the log, though held "
-            "forces fluctuate: the load cell or its amplifier cuts off below, so no tare is known; preload the cell, or "
-            "shift its zero"
+            "forces fluctuate: the load cell or its amplifier cuts off below, so no tare is known; preload the cell, "
+            "or shift its zero"
         )
 
 
@@ -189,8 +192,8 @@ def require_misfit(windows: list[PressWindow], rests: list[FloatArray], models: 
     raise InputError(
         f"the force does not follow the presses: it is off by {rms_n:.3g} N (rms) of {force_n:.3g} N, and above "
         f"{LARGEST_MISFIT:.0%} no modulus is fitted; is it this recording's log, and does the recording have the "
-        "positions while the tip moves? If they were set by hand or logged at rest only, record the stage's positions all "
-        "the time and join them with --stage"
+        "positions while the tip moves? If they were set by hand or logged at rest only, record the stage's positions "
+        "all the time and join them with --stage"
     )
 
 

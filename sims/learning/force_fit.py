@@ -9,9 +9,10 @@ Unknowns of the model in `sims.learning.press_force`, common to all presses:
     κ    Ting's share of the retraction [-]; prior: `TING_MEAN` ± `TING_SIGMA`, from elastic contact to Ting's
     β    backlash of the stage [mm]; prior: `BACKLASH_SIGMA_MM`
 
-Each press has a tare, and a slope of the tare if there is rest before it and after it; both are eliminated exactly. The
-sum of squares of (measured - modelled) / σ is minimised by Levenberg and Marquardt's method from several τ. A sample has
-σ² = σ_0² + (σ_t dF/dt)²: noise, and errors of single times, as jitter; both are estimated from the residuals.
+Each press has a tare, and a slope of the tare if there is rest before it and after it; both are eliminated exactly. A
+cubic spline through the mean forces of all rests is subtracted before. The sum of squares of (measured - modelled) / σ
+is minimised by Levenberg and Marquardt's method from several τ. A sample has σ² = σ_0² + (σ_t dF/dt)²: noise, and
+errors of single times, as jitter; both are estimated from the residuals.
 
 Errors are standard errors from two sources, whose variances are added:
 
@@ -21,9 +22,10 @@ Errors are standard errors from two sources, whose variances are added:
                       scatter from press to press, which N takes for noise.
 
 Noise counts in both, so the errors are too large rather than too small. Intervals of 95 % take Student's t for K - 2
-degrees of freedom. The relaxation is found if this interval excludes 0, if its share is above `LEAST_SHARE` and its time
-constant inside the searched range. Otherwise the fit is elastic, and its distance from the fit with relaxation is added
-to the errors.
+degrees of freedom. The relaxation is found if this interval excludes 0, if its share is above `LEAST_SHARE`, and if its
+time constant is at least twice the least that is searched and below the largest. Otherwise the fit is elastic, and its
+distance from the fit with relaxation is added to the errors: a relaxation that ends before the ramp does cannot be told
+from a clock offset of e τ.
 
 Left out: errors of the load cell's scale; errors of the tip's radius and of the layer's thickness, which enter the
 modulus: 1 % of the radius is about 0.5 % of the force of a light press (Hertz); more than one time constant; what the
@@ -83,7 +85,7 @@ LOWEST = np.array([-np.inf, -0.2, math.log(SHORTEST_S), -MARGIN_MM, -1.0, -0.03,
 HIGHEST = np.array([np.inf, 19.0, math.log(LONGEST_S), MARGIN_MM, 1.0, 0.03, 3.0, 0.1])
 """Bounds of the unknowns, in the order of `sims.learning.press_force`."""
 STEPS = np.array([1e-4, 1e-4, 1e-3, 1e-4, 1e-2, 1e-4, 1e-3, 1e-4])
-"""Steps of the differences that give the slopes; those of the clock are long, so that noise of the depth averages out."""
+"""Steps of the differences that give the slopes; the clock's are long, so that noise of the depth averages out."""
 CLOCKS_S = tuple(np.arange(-25, 26) / 50.0)
 """Clock offsets beyond the first match that the search begins with [s]."""
 FIRST_ERROR, FIRST_JITTER_S, LEAST_JITTER_S = 0.005, 0.02, 1e-4
@@ -246,8 +248,8 @@ class ForceFit:
         )
         if self.rate_sigma > 0.0:
             lines.append(
-                f"clock     of the log: {1e3 * self.clock_s:+.3g} ± {1e3 * wide * self.clock_sigma_s:.2g} ms from its first "
-                f"match, rate {100 * self.clock_rate:+.2g} ± {_percent(wide * self.rate_sigma)}"
+                f"clock     of the log: {1e3 * self.clock_s:+.3g} ± {1e3 * wide * self.clock_sigma_s:.2g} ms from its "
+                f"first match, rate {100 * self.clock_rate:+.2g} ± {_percent(wide * self.rate_sigma)}"
             )
         change, error = self.trend
         drifts = abs(change) > FOUND_SIGMAS * error
@@ -375,7 +377,7 @@ class _Problem:
 
     @property
     def fitted(self) -> BoolArray:
-        """(`UNKNOWNS`,) unknowns that the samples depend on; without the ramps, not the clock's rate or Ting's share."""
+        """(`UNKNOWNS`,) unknowns that the samples depend on; without the ramps, not the rate or the retraction."""
         found = np.ones(UNKNOWNS, dtype=bool)
         found[[RATE, TING, BACKLASH_MM]] = not self.windows[0].jumps
         return found
@@ -610,8 +612,8 @@ def _named(design: SensorDesign, problem: _Problem, full: _Solved, elastic: _Sol
     )
     if abs(chosen.at[ZERO_MM]) > 0.99 * MARGIN_MM:
         raise InputError(
-            f"the zero of depth is off by {MARGIN_MM:g} mm or more, the most that is searched: the fit failed; check where "
-            "the stage's depth is 0 (first contact), and that the log is this recording's"
+            f"the zero of depth is off by {MARGIN_MM:g} mm or more, the most that is searched: the fit failed; check "
+            "where the stage's depth is 0 (first contact), and that the log is this recording's"
         )
     return ForceFit(
         modulus_mpa=modulus * factor,

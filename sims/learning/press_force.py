@@ -18,17 +18,18 @@ from the time t_1 at which the approaching contact was as large as now:
     D(t) - D(t_1) + e (q_D(t) - exp(-(t - t_1)/τ) q_D(t_1)) = 0
     F(t) = a (F_e(D(t_1)) + e exp(-(t - t_1)/τ) q_F(t_1)),   0 if there is no such t_1 (the tip has left)
 
-The elastic contact gives F(t) = a max(F_e(D) + e q_F, 0). Which of the two is nearer to a thick, strongly indented layer
-is not known, so the retraction is (1 - κ) times the latter and κ times the former; the fit has κ as an unknown. Between
-the path's rows the tip moves in a straight line. Rows are added so that no step in contact is longer than `STEP_MM` and `STEP_S`.
+The elastic contact gives F(t) = a max(F_e(D) + e q_F, 0). Which of the two is nearer to a thick, strongly indented
+layer is not known, so the retraction is (1 - κ) times the latter and κ times the former; the fit has κ as an unknown.
+Between the path's rows the tip moves in a straight line. Rows are added so that no step in contact is longer than
+`STEP_MM` and `STEP_S`.
 
 Labels that jump
 ----------------
-If the reported depth reaches its largest value within `JUMP_ROWS` rows, it was set, and the motion is not recorded. Such a
-press is used while it is held. The times of the ramps are then taken from the force: where it crosses `LOW` and `HALF` of
-its largest value, at a constant speed. The samples of the ramps do not count; the ramp only says since when the pad
-relaxes. If rows are more than `LONGEST_GAP_S` apart while the tip moves, nothing says where it was, and the press is not
-used.
+If the reported depth reaches its largest value within `JUMP_ROWS` rows, it was set, and the motion is not recorded.
+Such a press is used while it is held. The times of the ramps are then taken from the force: where it crosses `LOW` and
+`HALF` of its largest value, at a constant speed. The samples of the ramps do not count; the ramp only says since when the pad
+relaxes. If rows are more than `LONGEST_GAP_S` apart while the tip moves, nothing says where it was, and the press is
+not used.
 
 Left out: several turns within one press (the contact counts as elastic until the deepest hold ends); adhesion; memory
 of the previous press; averaging within the load cell's amplifier, apart from its mean delay, which is part of b.
@@ -104,7 +105,9 @@ class TipPath:
         if not len(begins):
             return edges.reshape(-1, 2)
         short = self.time_s[begins[1:]] - self.time_s[ends[:-1] - 1] < FLICKER_S
-        near = np.array([depth[a:b].min() > -FLICKER_MM for a, b in zip(ends[:-1], begins[1:], strict=True)], bool)
+        near = np.array(
+            [depth[a:b].min() > -FLICKER_MM for a, b in zip(ends[:-1], begins[1:], strict=True)], bool
+        )
         apart = ~(short & near)
         return np.stack([begins[np.append(True, apart)], ends[np.append(apart, True)]], axis=1)
 
@@ -152,7 +155,7 @@ class PressWindow:
 
     @cached_property
     def way_back(self) -> FloatArray:
-        """(node,) share of the backlash that the stage has taken up: 0 until the turn, 1 after `TAKEN_UP_MM` back [-]."""
+        """(node,) share of the backlash that is taken up: 0 until the turn, 1 after `TAKEN_UP_MM` back [-]."""
         share = np.clip((self.deepest_mm - self.node_mm) / TAKEN_UP_MM, 0.0, 1.0)
         share[: self.turn + 1] = 0.0
         return share
@@ -174,8 +177,9 @@ class PressWindow:
     @property
     def is_held(self) -> BoolArray:
         """(sample,) whether the tip is held at the largest depth."""
-        held: FloatArray = self.node_s[self.node_mm >= self.deepest_mm - HELD_MM]
-        return (self.time_s > held[0]) & (self.time_s < held[-1])
+        held = self.node_s[self.node_mm >= self.deepest_mm - HELD_MM]
+        found: BoolArray = (self.time_s > held[0]) & (self.time_s < held[-1])
+        return found
 
     def elastic_n(self, depth_mm: FloatArray) -> FloatArray:
         """Elastic force at the design's modulus at depths [mm] of 0 or more [N]."""
@@ -356,7 +360,10 @@ def smoothed(time_s: FloatArray, depth_mm: FloatArray) -> FloatArray:
         return depth_mm
     noise = 1.4826 * float(np.median(np.abs(np.diff(depth_mm, 2)))) / np.sqrt(6.0)
     own = time_s - time_s[0]
-    sums = [np.concatenate([[0.0], np.cumsum(one)]) for one in (np.ones(count), own, depth_mm, own**2, own * depth_mm)]
+    sums = [
+        np.concatenate([[0.0], np.cumsum(one)])
+        for one in (np.ones(count), own, depth_mm, own**2, own * depth_mm)
+    ]
     found, low, high = depth_mm.copy(), depth_mm - AGREE * noise, depth_mm + AGREE * noise
     agrees = np.full(count, noise > 0.0)
     for half in SMOOTHED_ROWS:

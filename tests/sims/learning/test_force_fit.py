@@ -60,7 +60,11 @@ def fitted(time_s: np.ndarray, press_mm: np.ndarray, force_n: np.ndarray, late_s
 
 def holds(found: ForceFit, modulus: float, share: float, tau: float, zero_mm: float) -> bool:
     """Whether the true values are in the stated intervals, and a relaxation was found where there is one."""
-    truth = {"youngs_modulus_mpa": modulus * found.design_mpa, "relaxed_share": share, "depth_offset_mm": zero_mm}
+    truth = {
+        "youngs_modulus_mpa": modulus * found.design_mpa,
+        "relaxed_share": share,
+        "depth_offset_mm": zero_mm,
+    }
     truth |= {"time_constant_s": tau} if share else {}
     inside = all(
         name in found.intervals and found.intervals[name][0] <= value <= found.intervals[name][1]
@@ -128,7 +132,9 @@ def test_logs_of_many_kinds_have_the_true_values_in_the_stated_intervals():
 
     path = TipPath(time_s=time_s, press_mm=press_mm)
     logs = {f"{rate} Hz": sampled(rate) for rate in (80.0, 9.7, 5.0)}
-    logs |= {f"drift {share}": (time_s, force_n + share * top_n * time_s / time_s[-1]) for share in (0.1, 0.5)}
+    logs |= {
+        f"drift {share}": (time_s, force_n + share * top_n * time_s / time_s[-1]) for share in (0.1, 0.5)
+    }
     logs |= {f"clock {rate}": (time_s * (1.0 + rate) - 0.1, force_n) for rate in (0.0005, 0.003)}
     for name, log in logs.items():
         assert holds(fit_force(PAD, log[0], path, log[1]), 0.7, 0.08, 1.0, 0.0), name
@@ -160,7 +166,7 @@ def test_a_force_that_fits_no_press_is_refused():
         fit_force(PAD, time_s[half], path, force_n[half])
     with pytest.raises(InputError, match="is its sign reversed"):
         fit_force(PAD, time_s, path, -force_n)
-    with pytest.raises(InputError, match="6 presses have no position while the tip moves .*--stage"):
+    with pytest.raises(InputError, match=r"6 presses have no position while the tip moves .*--stage"):
         fit_force(PAD, time_s, TipPath(time_s=time_s[::25], press_mm=press_mm[::25]), force_n)
     with pytest.raises(InputError, match="does not follow the presses"):
         fit_force(PAD, time_s, path, np.roll(force_n, len(force_n) // 2))
@@ -194,7 +200,9 @@ def test_presses_at_the_end_of_the_cell_s_range_are_left_out_or_refused():
     assert len(found.single_mpa) == 5
     assert "presses left out: their force stays at exactly" in found.notes[0]
     assert holds(found, 0.7, 0.0, 1.0, 0.0)
-    with pytest.raises(InputError, match=r"presses can be used, needs 4: .* the end of the load cell's range"):
+    with pytest.raises(
+        InputError, match=r"presses can be used, needs 4: .* the end of the load cell's range"
+    ):
         fit_force(PAD, time_s, path, np.minimum(force_n, 0.2 * top))
     with pytest.raises(InputError, match="cuts off below"):
         fit_force(PAD, time_s, path, np.maximum(force_n, 0.4))

@@ -71,8 +71,6 @@ def test_noise_of_the_depth_is_smoothed_and_its_corners_stay() -> None:
 
 def test_flicker_of_the_depth_near_zero_does_not_divide_a_press() -> None:
     depth = np.array([-1.0, 0.001, -0.001, 0.002, 1.0, 1.0, 0.001, -0.001, 0.001, -1.0, -1.0, 0.5, -1.0])
-    path = TipPath(
-        time_s=0.04 * np.arange(len(depth)), press_mm=np.column_stack([depth, depth, depth])
-    )
+    path = TipPath(time_s=0.04 * np.arange(len(depth)), press_mm=np.column_stack([depth, depth, depth]))
     assert path.contacts.tolist() == [[1, 9], [11, 12]]
     assert [len(times) for times in path.touches_s] == [2, 2]
