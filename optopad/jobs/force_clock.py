@@ -130,14 +130,14 @@ def _longest_s(touches: Touches) -> float:
 def _require_sign(pressed: Touches, log: ForceLog, shift: float | None) -> None:
     """Refuse a log whose negated force matches the presses: at a shift [s], or at any if it is None."""
     negated = touches_of_force(log.time_s, -log.force_n, _longest_s(pressed))
-    try:
-        match = found_offset(pressed, negated) if shift is None else match_at(pressed, negated, shift)
-    except InputError:
-        return
-    if match.is_good:
+    if shift is None:
+        matches = _at_other_rates(pressed, negated) is not None
+    else:
+        matches = match_at(pressed, negated, shift).is_good
+    if matches:
         raise InputError(
-            f"{log.file}: the force is negative when the tip presses (the negated log matches {match.share:.0%} of the "
-            "presses); it must be positive: negate the column"
+            f"{log.file}: the force is negative when the tip presses, as only the negated log matches the presses; it "
+            "must be positive: negate the column"
         )
 
 
@@ -153,7 +153,7 @@ def _found(pressed: Touches, forces: Touches, log: ForceLog) -> ForceClock:
 
 
 def _at_other_rates(pressed: Touches, forces: Touches) -> ForceClock | None:
-    """The clock at the rate whose match is best; None if none matches."""
+    """The clock at the rate whose match is best, 0 among them; None if none matches."""
     part = _first(pressed, SEARCHED_S)
     span_s = min(part.span_s[1] - part.span_s[0], forces.span_s[1] - forces.span_s[0])
     step = RATE_LAG_S / span_s

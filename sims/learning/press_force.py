@@ -27,9 +27,9 @@ Labels that jump
 ----------------
 If the reported depth reaches its largest value within `JUMP_ROWS` rows, it was set, and the motion is not recorded.
 Such a press is used while it is held. The times of the ramps are then taken from the force: where it crosses `LOW` and
-`HALF` of its largest value, at a constant speed. The samples of the ramps do not count; the ramp only says since when the pad
-relaxes. If rows are more than `LONGEST_GAP_S` apart while the tip moves, nothing says where it was, and the press is
-not used.
+`HALF` of its largest value, at a constant speed. The samples of the ramps do not count; the ramp only says since when
+the pad relaxes. If rows are more than `LONGEST_GAP_S` apart while the tip moves, nothing says where it was, and the
+press is not used.
 
 Left out: several turns within one press (the contact counts as elastic until the deepest hold ends); adhesion; memory
 of the previous press; averaging within the load cell's amplifier, apart from its mean delay, which is part of b.

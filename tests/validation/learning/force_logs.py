@@ -1,10 +1,9 @@
 """Fits of modulus and relaxation to 30 made-up logs of a load cell whose truth is known.
 
-    python -m tests.validation.learning.force_logs      the table of docs/validation/calibration.md, some minutes
+    python -m tests.validation.learning.force_logs    the table of docs/validation/calibration.md, some minutes
 
 Each log is drawn by its number as a seed. It goes through the files and the code of `calibrate --force`: a recording
-as netCDF, a log as CSV, the match of the clocks, the fit. The seeds are not those with which the fit was developed (5900
-to 5929).
+as netCDF, a log as CSV, the match of the clocks, the fit. The fit was developed with other seeds (5900 to 5929).
 
 The truth is computed in another way than the fit: depth in steps of 1 ms with rounded ramps, the hereditary integral as
 a sum over all past steps, and in every other log on average, the contact of the retraction after Ting (J. Appl. Mech.
