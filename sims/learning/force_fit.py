@@ -14,18 +14,20 @@ cubic spline through the mean forces of all rests is subtracted before. The sum 
 is minimised by Levenberg and Marquardt's method from several τ. A sample has σ² = σ_0² + (σ_t dF/dt)²: noise, and
 errors of single times, as jitter; both are estimated from the residuals.
 
-Errors are standard errors from two sources, whose variances are added:
+Errors are standard errors from three sources, whose variances are added:
 
     N⁻¹ χ²            Gauss-Newton covariance of all unknowns (N = JᵀJ + priors; χ² per degree of freedom if above 1).
                       An error common to all presses, as that of the clock, is in it.
     (K-1)/K Σ Δ_k²    jackknife: change of the unknowns without press k, Δ_k = -(N - N_k)⁻¹ J_kᵀ r_k. It contains
                       scatter from press to press, which N takes for noise.
+    (N⁻¹ Jᵀ ΔF)²      change if the tip's path is a smooth curve between its rows (ΔF) and not straight lines. Rounded
+                      ends of the ramps are common to all presses, too, and a slow recording does not show them.
 
-Noise counts in both, so the errors are too large rather than too small. Intervals of 95 % take Student's t for K - 2
-degrees of freedom. The relaxation is found if this interval excludes 0, if its share is above `LEAST_SHARE`, and if its
-time constant is at least twice the least that is searched and below the largest. Otherwise the fit is elastic, and its
-distance from the fit with relaxation is added to the errors: a relaxation that ends before the ramp does cannot be told
-from a clock offset of e τ.
+Noise counts in the first two, so the errors are too large rather than too small. Intervals of 95 % take Student's t for
+K - 2 degrees of freedom. The relaxation is found if this interval excludes 0, if its share is above `LEAST_SHARE`, and
+if its time constant is at least twice the least that is searched and below the largest. Otherwise the fit is elastic,
+and its distance from the fit with relaxation is added to the errors. A relaxation that is much faster than the ramp
+cannot be distinguished from a clock offset of e τ.
 
 Left out: errors of the load cell's scale; errors of the tip's radius and of the layer's thickness, which enter the
 modulus: 1 % of the radius is about 0.5 % of the force of a light press (Hertz); more than one time constant; what the
@@ -520,19 +522,31 @@ class _Problem:
         normal = np.empty((len(self.windows), len(places), len(places)))
         gradient, cost = np.empty((len(self.windows), len(places))), 0.0
         for k, window in enumerate(self.windows):
-            model = force_at(window, at, self.middle_s)
-            rest = self.projected(k, window.force_n - model)
-            slopes = np.empty((len(places), len(model)))
-            for row, place in enumerate(places):
-                if place == LOG_MODULUS:
-                    slopes[row] = self.projected(k, model)
-                    continue
-                step = STEPS[place] * (np.arange(UNKNOWNS) == place)
-                higher, lower = (force_at(window, at + sign * step, self.middle_s) for sign in (1.0, -1.0))
-                slopes[row] = self.projected(k, (higher - lower) / (2.0 * STEPS[place]))
+            rest = self.projected(k, window.force_n - force_at(window, at, self.middle_s))
+            slopes = self.slopes(k, at, free)
             normal[k], gradient[k] = slopes @ slopes.T, slopes @ rest
             cost += float(rest @ rest)
         return normal, gradient, cost
+
+    def slopes(self, k: int, at: FloatArray, free: BoolArray) -> FloatArray:
+        """(free, sample) change of the weighted model with each free unknown, less what a tare explains."""
+        window, places = self.windows[k], np.flatnonzero(free)
+        slopes = np.empty((len(places), len(window.time_s)))
+        for row, place in enumerate(places):
+            if place == LOG_MODULUS:
+                slopes[row] = self.projected(k, force_at(window, at, self.middle_s))
+                continue
+            step = STEPS[place] * (np.arange(UNKNOWNS) == place)
+            higher, lower = (force_at(window, at + sign * step, self.middle_s) for sign in (1.0, -1.0))
+            slopes[row] = self.projected(k, (higher - lower) / (2.0 * STEPS[place]))
+        return slopes
+
+    def rounding(self, k: int, at: FloatArray) -> FloatArray:
+        """(sample,) weighted change of the model if the path is a smooth curve between its rows."""
+        window = self.windows[k]
+        rounded = replace(window, node_mm=window.rounded_mm)
+        change = force_at(rounded, at, self.middle_s) - force_at(window, at, self.middle_s)
+        return self.projected(k, change)
 
     def solved(self, at: FloatArray, free: BoolArray, rounds: int = ROUNDS) -> _Solved:
         """Least squares by Levenberg and Marquardt's method, within the bounds."""
@@ -574,7 +588,7 @@ def _noise_n(windows: list[PressWindow]) -> float:
 
 
 def _sigmas(problem: _Problem, found: _Solved) -> FloatArray:
-    """(`UNKNOWNS`,) standard errors of the unknowns: Gauss-Newton and jackknife; 0 for fixed ones."""
+    """(`UNKNOWNS`,) standard errors of the unknowns, by the module's three sources; 0 for fixed ones."""
     inner = found.free & (found.at > LOWEST) & (found.at < HIGHEST)
     keep = inner[found.free]
     normal = found.normal[:, keep][:, :, keep]
@@ -587,8 +601,9 @@ def _sigmas(problem: _Problem, found: _Solved) -> FloatArray:
     count = len(normal)
     moved = np.array([np.linalg.solve(total - normal[k], -gradient[k]) for k in range(count)])
     scatter = (count - 1) / count * np.sum((moved - moved.mean(axis=0)) ** 2, axis=0)
+    pull = sum(problem.slopes(k, found.at, inner) @ problem.rounding(k, found.at) for k in range(count))
     sigmas = np.zeros(UNKNOWNS)
-    sigmas[inner] = np.sqrt(np.diag(np.linalg.inv(total)) * chi + scatter)
+    sigmas[inner] = np.sqrt(np.diag(np.linalg.inv(total)) * chi + scatter + np.linalg.solve(total, pull) ** 2)
     return sigmas
 
 

@@ -130,6 +130,7 @@ class PressWindow:
     Attributes
     ----------
     node_s, node_mm : (node,) times by the recording's clock [s], and depths as the stage reports them [mm]
+    rounded_mm : (node,) the same depths with a smooth curve between the path's rows in place of straight lines [mm]
     turn : index of the last node of the deepest hold
     table_n : elastic force at the design's modulus, at depths of 0, `TABLE_MM`, ... [N]
     time_s, force_n : (sample,) times by the log's clock [s], and measured force [N]
@@ -140,6 +141,7 @@ class PressWindow:
 
     node_s: FloatArray
     node_mm: FloatArray
+    rounded_mm: FloatArray
     turn: int
     table_n: FloatArray
     time_s: FloatArray
@@ -271,10 +273,12 @@ def _window(
     depths = np.linspace(0.0, deepest, FORCE_DEPTHS)
     curve = PchipInterpolator(depths, [solved.force_n(float(depth)) for depth in depths])
     time_s = path.time_s[rows]
-    node_s, node_mm = _refined(time_s, smoothed(time_s, press_mm[:, 2]))
+    depth_mm = smoothed(time_s, press_mm[:, 2])
+    node_s, node_mm = _refined(time_s, depth_mm)
     return PressWindow(
         node_s=node_s,
         node_mm=node_mm,
+        rounded_mm=PchipInterpolator(time_s, depth_mm)(node_s),
         turn=_turn(node_mm),
         table_n=curve(np.arange(0.0, deepest + MARGIN_MM + 2 * TABLE_MM, TABLE_MM)),
         time_s=samples[0],
@@ -321,6 +325,7 @@ def _held(window: PressWindow) -> PressWindow | None:
         window,
         node_s=node_s,
         node_mm=node_mm,
+        rounded_mm=node_mm,
         turn=_turn(node_mm),
         rests=_rests(time_s, np.array([rise[0], fall[0]])),
         used=held | (time_s < rise[0] - margin) | (time_s > fall[0] + margin),

@@ -26,6 +26,7 @@ def hertz_window(time_s: np.ndarray, depth_mm: np.ndarray) -> PressWindow:
     return PressWindow(
         node_s=time_s,
         node_mm=depth_mm,
+        rounded_mm=depth_mm,
         turn=int(np.argmax(depth_mm)),
         table_n=np.arange(0.0, 1.5, TABLE_MM) ** 1.5,
         time_s=time_s,
