@@ -23,8 +23,9 @@ Errors are standard errors from three sources, whose variances are added:
     (N⁻¹ Jᵀ ΔF)²      change if the tip's path is a smooth curve between its rows (ΔF) and not straight lines. Rounded
                       ends of the ramps are common to all presses, too, and a slow recording does not show them.
 
-Noise counts in the first two, so the errors are too large rather than too small. Intervals of 95 % take Student's t for
-K - 2 degrees of freedom. The relaxation is found if this interval excludes 0, if its share is above `LEAST_SHARE`, and
+Noise counts in the first two, so the errors are too large rather than too small. Intervals take Student's t
+for K - 2 degrees of freedom and hold with 95 % for modulus, share, time constant and zero of depth together (Bonferroni:
+98.75 % each). The relaxation is found if this interval excludes 0, if its share is above `LEAST_SHARE`, and
 if its time constant is at least twice the least that is searched and below the largest. Otherwise the fit is elastic,
 and its distance from the fit with relaxation is added to the errors. A relaxation that is much faster than the ramp
 cannot be distinguished from a clock offset of e τ.
@@ -97,7 +98,8 @@ STEEP = 0.1
 ROUNDS, SHORT_ROUNDS, SETTLED = 40, 12, 1e-6
 FOUND_SIGMAS, LEAST_SHARE = 2.0, 0.005
 """Standard errors above which a trend counts, and share above which a relaxation does [-]."""
-CONFIDENCE = 0.95
+CONFIDENCE, STATED = 0.95, 4
+"""Probability with which all stated intervals hold together [-], and their number."""
 GOOD_ERROR = 0.02
 """Relative error of the modulus for which the number of sufficient presses is stated [-]."""
 
@@ -150,12 +152,12 @@ class ForceFit:
 
     @property
     def quantile(self) -> float:
-        """Half width of a 95 % interval over its standard error [-]."""
+        """Half width of an interval over its standard error [-]."""
         return _quantile(len(self.single_mpa))
 
     @property
     def intervals(self) -> dict[str, tuple[float, float]]:
-        """95 % intervals of modulus [MPa], relaxed share [-], time constant [s] if found, and zero of depth [mm]."""
+        """Intervals that hold together with 95 %, of modulus [MPa], share [-], time constant [s], if found, and zero of depth [mm]."""
         wide = self.quantile
         found = {
             "youngs_modulus_mpa": (self.modulus_mpa, wide * self.modulus_sigma_mpa),
@@ -229,7 +231,7 @@ class ForceFit:
 
     @property
     def lines(self) -> list[str]:
-        """Lines for the screen; ± and ranges are 95 % intervals."""
+        """Lines for the screen; ± and ranges are intervals that hold together with 95 %."""
         wide, intervals = self.quantile, self.intervals
         lines = [
             f"modulus   {self.modulus_mpa:.3g} ± {wide * self.modulus_sigma_mpa:.2g} MPa (95 %; design "
@@ -453,11 +455,19 @@ class _Problem:
         if len(kept) < LEAST_PRESSES:
             return self.windows
         knots = [float(times[groups == one].mean()) for one in kept]
-        tare = CubicSpline(knots, [float(force[groups == one].mean()) for one in kept], bc_type="natural")
-        return [
-            replace(one, force_n=one.force_n - tare(np.clip(one.time_s, knots[0], knots[-1])))
-            for one in self.windows
-        ]
+        levels = [float(force[groups == one].mean()) for one in kept]
+        spline = CubicSpline(knots, levels, bc_type="natural")
+
+        def tare(time_s: FloatArray) -> FloatArray:
+            inside = np.clip(time_s, knots[0], knots[-1])  # straight on beyond the ends
+            ends = (
+                (levels[1] - levels[0]) / (knots[1] - knots[0]),
+                (levels[-1] - levels[-2]) / (knots[-1] - knots[-2]),
+            )
+            beyond = np.where(time_s < knots[0], ends[0], ends[1]) * (time_s - inside)
+            return np.asarray(spline(inside) + beyond, dtype=np.float64)
+
+        return [replace(one, force_n=one.force_n - tare(one.time_s)) for one in self.windows]
 
     def slope(self, k: int, at: FloatArray) -> FloatArray:
         """(sample,) change of the modelled force over time [N/s]."""
@@ -657,8 +667,8 @@ def _named(design: SensorDesign, problem: _Problem, full: _Solved, elastic: _Sol
 
 
 def _quantile(presses: int) -> float:
-    """Student's t for a 95 % interval; the scatter of presses has two degrees less than presses, for a and δ [-]."""
-    return float(stdtrit(presses - 2, 0.5 + CONFIDENCE / 2))
+    """Student's t for intervals that hold together; two degrees less than presses, for a and δ [-]."""
+    return float(stdtrit(presses - 2, 1.0 - (1.0 - CONFIDENCE) / (2 * STATED)))
 
 
 def _single(problem: _Problem, k: int, at: FloatArray) -> float:
