@@ -23,12 +23,12 @@ Errors are standard errors from three sources, whose variances are added:
     (N⁻¹ Jᵀ ΔF)²      change if the tip's path is a smooth curve between its rows (ΔF) and not straight lines. Rounded
                       ends of the ramps are common to all presses, too, and a slow recording does not show them.
 
-Noise counts in the first two, so the errors are too large rather than too small. Intervals take Student's t
-for K - 2 degrees of freedom and hold with 95 % for modulus, share, time constant and zero of depth together (Bonferroni:
-98.75 % each). The relaxation is found if this interval excludes 0, if its share is above `LEAST_SHARE`, and
-if its time constant is at least twice the least that is searched and below the largest. Otherwise the fit is elastic,
-and its distance from the fit with relaxation is added to the errors. A relaxation that is much faster than the ramp
-cannot be distinguished from a clock offset of e τ.
+Noise counts in the first two, so the errors are too large rather than too small. Intervals take Student's t for K - 2
+degrees of freedom and hold with 95 % for modulus, share, time constant and zero of depth together (Bonferroni: 98.75 %
+each). The relaxation is found if the interval of its share excludes 0, if its share is above `LEAST_SHARE`, and if its
+time constant is at least twice the least that is searched and below the largest. Otherwise the fit is elastic, and its
+distance from the fit with relaxation is added to the errors. A relaxation that is much faster than the ramp cannot be
+distinguished from a clock offset of e τ.
 
 Left out: errors of the load cell's scale; errors of the tip's radius and of the layer's thickness, which enter the
 modulus: 1 % of the radius is about 0.5 % of the force of a light press (Hertz); more than one time constant; what the
@@ -157,7 +157,7 @@ class ForceFit:
 
     @property
     def intervals(self) -> dict[str, tuple[float, float]]:
-        """Intervals that hold together with 95 %, of modulus [MPa], share [-], time constant [s], if found, and zero of depth [mm]."""
+        """Intervals that hold together with 95 %, by name and unit; that of the time constant if one was found."""
         wide = self.quantile
         found = {
             "youngs_modulus_mpa": (self.modulus_mpa, wide * self.modulus_sigma_mpa),
