@@ -150,6 +150,7 @@ def test_labels_that_jump_give_the_right_values_from_the_holds_alone():
         assert "only their holds are used" in found.notes[0]
 
 
+@pytest.mark.slow
 def test_a_pad_that_hardens_shows_a_trend():
     found = fitted(*pressed(8, 1.0, trend=0.1))
     change, error = found.trend
