@@ -15,7 +15,6 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.ndimage import grey_opening
 
 from design.arrays import FloatArray
 from design.errors import InputError
@@ -101,7 +100,8 @@ def touches_of_force(time_s: FloatArray, force_n: FloatArray, longest_s: float) 
     step_s = float(np.median(np.diff(time_s)))
     grid = np.arange(time_s[0], time_s[-1], max(step_s, (time_s[-1] - time_s[0]) / 1e6))
     window = int((LONGER * longest_s + LONGER_S) / step_s) + 1
-    baseline = grey_opening(np.interp(grid, time_s, force_n), size=min(window, len(grid)), mode="nearest")
+    half = min(window, len(grid)) // 2
+    baseline = -_running_least(-_running_least(np.interp(grid, time_s, force_n), half), half)
     above = force_n - np.interp(time_s, grid, baseline)
     above -= np.quantile(above, 0.1)
     noise = 1.4826 * float(np.median(np.abs(np.diff(force_n)))) / np.sqrt(2.0)
@@ -113,6 +113,15 @@ def touches_of_force(time_s: FloatArray, force_n: FloatArray, longest_s: float) 
     return Touches(
         begin_s=np.array(begins), end_s=np.array(ends), span_s=(float(time_s[0]), float(time_s[-1]))
     )
+
+
+def _running_least(values: FloatArray, half: int) -> FloatArray:
+    """(n,) least of the values within `half` places on either side, by spans that double."""
+    size, span, least = 2 * half + 1, 1, np.pad(values, half, mode="edge")
+    while 2 * span <= size:
+        least, span = np.minimum(least[:-span], least[span:]), 2 * span
+    rest = size - span
+    return np.minimum(least[: len(least) - rest], least[rest:])
 
 
 def _crossing_s(time_s: FloatArray, values: FloatArray, k: int, level: float) -> float:
