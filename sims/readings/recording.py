@@ -26,6 +26,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from design.arrays import FloatArray
 from design.csv_table import CsvTable, read_csv
@@ -33,10 +34,22 @@ from design.errors import InputError
 from design.files import TEXT_KINDS, kind_of_file
 from design.recordings import OFF, signals_of
 from sims.readings.data_writer import read_netcdf, require_numbers
-from sims.readings.dataset import AXES, off_last
-from sims.readings.label_checks import LENGTHS_MM, in_unit, known_design, require_finite, require_true_labels
+from sims.readings.dataset import AXES, full_scale_of, off_last
+from sims.readings.label_checks import (
+    HALF_COUNT,
+    LENGTHS_MM,
+    READINGS,
+    in_unit,
+    known_design,
+    require_finite,
+    require_no_fill_values,
+    require_possible_readings,
+    require_true_labels,
+)
 
 if TYPE_CHECKING:
+    import xarray as xr
+
     from design.spec import SensorDesign
 
 SIGNAL = "signal"
@@ -89,6 +102,7 @@ def read_recording(file: Path, design: SensorDesign | None = None) -> Recording:
     signals = np.stack(list(found.counts.values()), axis=1)
     known = known_design(design, found.design_digest)
     try:
+        require_no_fill_values({"depth": found.depth_mm, **found.counts, **places})
         require_true_labels(found.depth_mm, found.place_mm, signals, known, is_counts=False)
     except InputError as err:
         raise InputError(f"{file}: {err}") from None
@@ -109,11 +123,12 @@ def _read_netcdf(file: Path) -> Recording:
     require_numbers(dataset, file, ("counts",), AXES)
     lengths = ["press_depth", *(("press_x", "press_y") if has_place else ())]
     require_numbers(dataset, file, lengths, ("time",))
+    states, counts = off_last(dataset)
     try:
         press_mm = in_unit(dataset, lengths, LENGTHS_MM)
+        _require_possible(dataset, file, states, counts)
     except InputError as err:
         raise InputError(f"{file}: {err}") from None
-    states, counts = off_last(dataset)
     has_off = states[-1:] == (OFF,)
     signals = signals_of(counts.astype(np.float64)) if has_off else counts.astype(np.float64)
     return Recording(
@@ -129,6 +144,14 @@ def _read_netcdf(file: Path) -> Recording:
         },
         notes=("readings of the off state were subtracted",) if has_off else (),
     )
+
+
+def _require_possible(dataset: xr.Dataset, file: Path, states: tuple[str, ...], counts: NDArray[Any]) -> None:
+    """Check that readings are 0 to full scale, if that is known and the readings are counts."""
+    names = [f"{state}-{receiver}" for state in states for receiver in dataset["receiver"].values]
+    is_counts = str(dataset["counts"].attrs.get("units") or "count").strip().lower().rstrip("s") in READINGS
+    full_scale = full_scale_of(dataset, file) if is_counts else None
+    require_possible_readings(counts.reshape(len(counts), -1), names, full_scale, slack=HALF_COUNT)
 
 
 def _read_csv(file: Path) -> Recording:
