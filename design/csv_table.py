@@ -24,7 +24,7 @@ _COMMA_NUMBER = re.compile(r"[+-]?\d+,\d+")
 _WITH_UNIT = re.compile(r"[+-]?[\d.]+(?:[eE][+-]?\d+)?\s*[^\W\d_]+")
 _WORD = re.compile(r"[^\W_]+")
 UNIT_WORDS = {
-    "s": "s sec secs second seconds", "ms": "msec millis millisecond milliseconds", "min": "minute minutes",
+    "s": "s sec secs second seconds", "ms": "msec millis millisecond milliseconds",
     "us": "usec micros microsecond microseconds", "ns": "nanos nanosecond nanoseconds",
     "mm": "millimetre millimetres millimeter millimeters", "um": "micron microns micrometre micrometres micrometer",
     "n": "newton newtons", "mn": "millinewton millinewtons", "g": "gram grams", "kg": "kilogram kilograms",

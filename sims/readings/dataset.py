@@ -75,6 +75,8 @@ NEEDED_FILE = (
     "a data set in netCDF (.nc): `optopad driver export` makes one of a recording with its presses (--stage), "
     "`optopad simulate --protocol` one of a design"
 )
+MOST_NUMBER = 2**31 - 2
+"""Largest accepted number of a press; the next one marks a gap."""
 AXES = ("time", "state", "receiver")
 NEEDED = ("counts", "press_x", "press_y", "press_depth", "state", "receiver")
 TRUE_PRESS = ("true_x", "true_y", "true_depth")
@@ -244,7 +246,19 @@ def _sets_of(
     if "sets" not in found.attrs or "set" not in found.variables or "place" not in found.variables:
         return (UNNAMED,), np.zeros(len(press_mm), dtype=np.int64), _presses(np.nan_to_num(press_mm))
     sets = tuple(_set_of(row, file) for row in _json(found, "sets", [], file))
-    return sets, found["set"].values.astype(np.int64), found["place"].values.astype(np.int64)
+    return sets, _numbers(found, "set"), _numbers(found, "place")
+
+
+def _numbers(found: xr.Dataset, name: str) -> IntArray:
+    """Numbers (sample,) of sets or presses; raises `InputError` if one is no whole number from 0."""
+    values = found[name].values
+    bad = np.flatnonzero(~((values >= 0) & (values <= MOST_NUMBER) & (values % 1 == 0)))
+    if len(bad):
+        raise InputError(
+            f"{name}: {len(bad)} of {len(values)} values are no whole numbers from 0, the first is {values[bad[0]]:g} "
+            f"at time index {bad[0]}; drop frames that belong to no press"
+        )
+    return np.asarray(values, dtype=np.int64)
 
 
 def _set_of(row: Any, file: Path) -> SetEntry:

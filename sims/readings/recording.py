@@ -11,8 +11,8 @@ netCDF (as written by the driver's recorder), dimensions ``time``, ``state``, ``
 Lengths in other units are converted; their attribute `units` names the unit.
 
 CSV: a heading line, then one line per reading. The columns are ``depth_mm``, optionally ``x_mm`` and ``y_mm`` (or with
-``_um`` or ``_m``), and one column per pair (``E1-R1``) or one column ``signal``. Before the heading there may be a line
-``# design_digest: <digest>``, with at least the first 8 of the 64 digits.
+``_um``, ``_cm`` or ``_m``, or as ``Depth (mm)``), and one column per pair (``E1-R1``) or one column ``signal``. Before
+the heading there may be a line ``# design_digest: <digest>``, with at least the first 8 of the 64 digits.
 
 The readings of an ``off`` state are subtracted. Drift and lag are not corrected.
 """
@@ -29,7 +29,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from design.arrays import FloatArray
-from design.csv_table import CsvTable, read_csv
+from design.csv_table import CsvTable, plain_name, read_csv
 from design.errors import InputError
 from design.files import TEXT_KINDS, kind_of_file
 from design.recordings import OFF, signals_of
@@ -56,7 +56,7 @@ SIGNAL = "signal"
 DIGEST = re.compile(r"[0-9a-f]{8,64}")
 PAIR_NAME = re.compile(r"^[A-Za-z0-9]+-[A-Za-z0-9]+$")
 MAX_BYTES = 500_000_000
-CSV_UNITS = ("mm", "um", "m")
+CSV_UNITS = ("mm", "um", "cm", "m")
 NEEDED_CSV = f"CSV with depth_mm (or depth_um, depth_m) and a column a pair (as E1-R1), or one named {SIGNAL}"
 NEEDED_FILE = f"a recording: netCDF (.nc), which `optopad driver export` makes, or {NEEDED_CSV}"
 
@@ -180,10 +180,10 @@ def _length_mm(table: CsvTable, axis: str) -> FloatArray | None:
     InputError : the axis occurs twice, or a line lacks its number.
     """
     named = {f"{axis}_{unit}": LENGTHS_MM[unit] for unit in CSV_UNITS}
-    has = [name for name in table.heading if name in named]
+    has = [name for name in table.heading if plain_name(name) in named and not PAIR_NAME.match(name)]
     if len(has) > 1:
         raise InputError(f"{table.file}: has {' and '.join(has)}; keep one")
-    return named[has[0]] * np.array(table.numbers(has[0])) if has else None
+    return named[plain_name(has[0])] * np.array(table.numbers(has[0])) if has else None
 
 
 def _checked_digest(file: Path, stated: object) -> str | None:

@@ -26,6 +26,7 @@ from sims.readings.dataset import (
     DataWriter,
     PressData,
     SetEntry,
+    _numbers,
     clipped_note,
     header_of,
     joined,
@@ -360,6 +361,15 @@ def test_a_gap_in_readings_or_presses_is_refused_by_every_reader(tmp_path: Path)
             read(tmp_path / "counts.nc")
         with pytest.raises(InputError, match=r"depth: 1 of 12 values .* the first at time index 3"):
             read(tmp_path / "depth.nc")
+
+
+@pytest.mark.parametrize("gap", [np.nan, -1.0, 2.0**31 - 1, 9.97e36, 0.5])
+def test_a_frame_that_belongs_to_no_press_is_refused(gap: float) -> None:
+    values = np.where(np.arange(5) == 3, gap, 1.0)
+    with pytest.raises(
+        InputError, match=r"place: 1 of 5 values are no whole numbers from 0, .* time index 3"
+    ):
+        _numbers(xr.Dataset({"place": ("time", values)}), "place")
 
 
 @pytest.mark.slow
