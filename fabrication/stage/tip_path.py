@@ -8,8 +8,9 @@ second, to wait for more moves. So a move ends when the report arrives, and it b
 commanded speed. A move that took longer than that by more than `LATEST_START_S` was slower than commanded, because the
 printer limits its speed; then it began with the command.
 
-Left out are acceleration and the delay of the report. At 5 mm/s and 500 mm/s², the tip is 0.03 mm off this path in the
-middle of a move.
+Left out are acceleration and the delay of the report. Together they make the path late by a common 5 to 20 ms: at 5
+mm/s and 500 mm/s², acceleration makes it late by 5 ms, or 0.03 mm. A fit of a force to the path finds such a delay as
+an offset of the clock.
 """
 
 from __future__ import annotations

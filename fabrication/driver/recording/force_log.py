@@ -12,7 +12,7 @@ the pad. The last word of its heading is the unit:
 Amplifiers such as the HX711 give 5 to 80 samples a second at irregular times, and now and then a wrong one. Left out,
 and counted in `ForceLog.notes`, are few samples of these kinds; a log with many of them is refused:
 
-    no number    the cell of the force is empty, nan or inf
+    no number    the cell of the force is empty, nan, inf or the mark of a gap
     spike        a sample far from the samples on both sides, which agree with each other
     impossible   a sample far outside the range of all others, smoothed by the median of five
 """
@@ -44,6 +44,8 @@ NEEDED = (
     "a CSV table with time_s (or time_ms, time_us, time_ns, or time as ISO 8601) and force_n (or force_mn)"
 )
 NO_NUMBERS = {"", "na", "n/a", "null", "none"}
+LARGEST = 1e12
+"""A force of this size or more, in the log's unit, marks a gap, as 9.97e36 does."""
 
 TOUCHED_SHARE = 0.05
 """A touch begins and ends where the force crosses this share of its largest value [-]."""
@@ -167,7 +169,7 @@ def _force_column(table: CsvTable) -> tuple[str, float]:
 
 
 def _is_no_number(text: str) -> bool:
-    return text.lower() in NO_NUMBERS or (is_number(text) and not math.isfinite(float(text)))
+    return text.lower() in NO_NUMBERS or (is_number(text) and not abs(float(text)) < LARGEST)
 
 
 def _require_few(table: CsvTable, rows: list[int], what: str, question: str) -> None:
@@ -216,11 +218,10 @@ def _rest_level(time_s: FloatArray, force_n: FloatArray) -> FloatArray:
     A force counts as at rest if it is near the morphological opening of the force, which removes every press: the
     largest value, over all windows of `LONGEST_PRESS_S` around a sample, of the smallest force in the window.
     """
-    width = max(int(LONGEST_PRESS_S / np.median(np.diff(time_s))), 2)
-    width = min(width, len(force_n))
+    width = max(int(min(LONGEST_PRESS_S / float(np.median(np.diff(time_s))), len(force_n))), 2)
     least = _rolling(np.minimum, np.pad(force_n, width - 1, constant_values=np.inf), width)
     above = force_n - _rolling(np.maximum, least, width)
-    at_rest = above < _touch_limit(above)
+    at_rest = above <= _touch_limit(above)
     edges = np.flatnonzero(np.diff(np.concatenate([[False], at_rest, [False]]).astype(np.int8)))
     blocks = [
         block

@@ -47,6 +47,11 @@ LONGEST_GAP_S = 1.0
 STILL_MM = 0.02
 """Largest distance between the positions in successive table rows for which the tip counts as not moving [mm]."""
 
+FARTHEST_MM, FASTEST_MM_S = 1e5, 1e4
+"""Largest coordinate [mm] and speed [mm/s] of a tip; larger ones are wrong values, or marks of a gap as -999."""
+LEAST_JUMP_MM = 100.0
+"""Speeds are checked for moves longer than this [mm], because rows may arrive in bursts."""
+
 NOWHERE = -1
 NEEDED = (
     "a CSV table with time_s (or time_ms, time_us, time_ns, or time as ISO 8601), x_mm, y_mm and depth_mm"
@@ -116,6 +121,7 @@ def read_position_log(file: Path) -> PositionLog:
     time_s = times_of(table)
     press_mm = np.stack([_lengths(table, axis) for axis in ("x", "y", "depth")], axis=1)
     require_rising(table, time_s)
+    _require_possible(table, time_s, press_mm)
     _require_close(table, time_s, press_mm)
     sets, set_number = _sets(table)
     place_number = _places(table)
@@ -212,6 +218,20 @@ def require_rising(table: CsvTable, time_s: FloatArray) -> None:
         f"{table.file}: the times do not rise: row {row} is {time_s[k + 1] - time_s[k]:+.3f} s after row "
         f"{former}; the clock was set back, or the file holds two logs: cut the log there"
     )
+
+
+def _require_possible(table: CsvTable, time_s: FloatArray, press_mm: FloatArray) -> None:
+    """Raise InputError where a position is out of any stage's reach, or cannot be reached in time from the last one."""
+    far = np.flatnonzero((np.abs(press_mm) > FARTHEST_MM).any(axis=1))
+    if not far.size:
+        moved_mm = np.linalg.norm(np.diff(press_mm, axis=0), axis=1)
+        far = 1 + np.flatnonzero((moved_mm > LEAST_JUMP_MM) & (moved_mm > FASTEST_MM_S * np.diff(time_s)))
+    if far.size:
+        x, y, depth = press_mm[far[0]]
+        raise InputError(
+            f"{table.where(int(far[0]))}: the tip is at x {x:g}, y {y:g}, depth {depth:g} mm, which no stage reaches "
+            "from the row before; is it the mark of a gap, or are the times in another unit? Drop such rows"
+        )
 
 
 def _require_close(table: CsvTable, time_s: FloatArray, press_mm: FloatArray) -> None:
