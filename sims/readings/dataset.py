@@ -252,7 +252,7 @@ def _sets_of(
 def _numbers(found: xr.Dataset, name: str) -> IntArray:
     """Numbers (sample,) of sets or presses; raises `InputError` if one is no whole number from 0."""
     values = found[name].values
-    bad = np.flatnonzero(~((values >= 0) & (values <= MOST_NUMBER) & (values % 1 == 0)))
+    bad = np.flatnonzero(~((values >= 0) & (values <= MOST_NUMBER) & (np.floor(values) == values)))
     if len(bad):
         raise InputError(
             f"{name}: {len(bad)} of {len(values)} values are no whole numbers from 0, the first is {values[bad[0]]:g} "

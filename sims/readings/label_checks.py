@@ -52,6 +52,10 @@ FILL_VALUES = (-999.0, -9999.0, -99999.0, -(2.0**15) + 1, -(2.0**15), 2.0**15 - 
                -(2.0**31) + 1, -(2.0**31), 2.0**31 - 1, 2.0**32 - 1, -1e20, 1e20, 1e30, -1e30, 1e36,
                float(np.float32(9.969209968386869e36)), 9.969209968386869e36)  # fmt: skip
 """Numbers by which programs mark a gap: among them the default values of netCDF and all bits of integer types."""
+LARGEST = 1e12
+"""Larger numbers count as marks of a gap, too."""
+SATURATED = (0.0, 2.0**32 - 1)
+"""Range of the values of a channel whose readings are all at full scale, which may be unknown [counts]."""
 FILL_SPANS = 0.5
 """Such a number is a gap if it is outside the range of all other values by more than this multiple of it."""
 HALF_COUNT, READING_SLACK = 0.5, 0.005
@@ -205,12 +209,12 @@ def require_no_fill_values(named: Mapping[str, NDArray[Any]]) -> None:
     InputError : the message has the number of such values, and value, time index and name of the first.
     """
     for name, values in named.items():
-        is_fill = np.isin(values, FILL_VALUES)
-        others = values[~is_fill & np.isfinite(values)]
-        if not is_fill.any() or not len(others):
+        is_fill = np.isin(values, FILL_VALUES) | (np.abs(values, dtype=np.float64) > LARGEST)
+        if not is_fill.any():
             continue
-        low, high = float(others.min()), float(others.max())
-        reach = FILL_SPANS * (high - low)
+        others = values[~is_fill & np.isfinite(values)]
+        low, high = (float(others.min()), float(others.max())) if len(others) else SATURATED
+        reach = FILL_SPANS * (high - low) if len(others) else 0.0
         bad = np.flatnonzero(is_fill & ((values < low - reach) | (values > high + reach)))
         if len(bad):
             raise InputError(

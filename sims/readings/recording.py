@@ -26,7 +26,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from design.arrays import FloatArray
 from design.csv_table import CsvTable, plain_name, read_csv
@@ -124,9 +123,12 @@ def _read_netcdf(file: Path) -> Recording:
     lengths = ["press_depth", *(("press_x", "press_y") if has_place else ())]
     require_numbers(dataset, file, lengths, ("time",))
     states, counts = off_last(dataset)
+    names = [f"{state}-{receiver}" for state in states for receiver in dataset["receiver"].values]
+    readings = counts.reshape(len(counts), -1)
+    require_finite(dict(zip(names, readings.T, strict=True)), where=str(file), row="reading")
     try:
         press_mm = in_unit(dataset, lengths, LENGTHS_MM)
-        _require_possible(dataset, file, states, counts)
+        require_possible_readings(readings, names, _full_scale(dataset, file), slack=HALF_COUNT)
     except InputError as err:
         raise InputError(f"{file}: {err}") from None
     has_off = states[-1:] == (OFF,)
@@ -146,12 +148,10 @@ def _read_netcdf(file: Path) -> Recording:
     )
 
 
-def _require_possible(dataset: xr.Dataset, file: Path, states: tuple[str, ...], counts: NDArray[Any]) -> None:
-    """Check that readings are 0 to full scale, if that is known and the readings are counts."""
-    names = [f"{state}-{receiver}" for state in states for receiver in dataset["receiver"].values]
-    is_counts = str(dataset["counts"].attrs.get("units") or "count").strip().lower().rstrip("s") in READINGS
-    full_scale = full_scale_of(dataset, file) if is_counts else None
-    require_possible_readings(counts.reshape(len(counts), -1), names, full_scale, slack=HALF_COUNT)
+def _full_scale(dataset: xr.Dataset, file: Path) -> float | None:
+    """Largest reading; None if it is unknown, or if the readings are no counts."""
+    units = str(dataset["counts"].attrs.get("units") or "count").strip().lower()
+    return full_scale_of(dataset, file) if {units, units.rstrip("s")}.intersection(READINGS) else None
 
 
 def _read_csv(file: Path) -> Recording:

@@ -349,6 +349,10 @@ def test_readings_that_no_converter_gives_are_refused_with_count_and_place(fill:
 def test_readings_at_both_ends_of_the_converter_are_possible() -> None:
     require_possible_readings(np.array([[0.0, 1023.0]]), ["A", "B"], 1023.0, slack=0.5)
     require_no_fill_values({"A": np.array([65535.0, 60000.0, 20.0]), "B": np.array([-999.0, -900.0, 1e3])})
+    require_no_fill_values({"A": np.full(3, 65535)})  # saturated, at an unknown full scale
+    for gaps in (np.full(3, -32767), np.full(3, 9.97e36), np.array([1e300, 3.0, 2.0])):
+        with pytest.raises(InputError, match="time index 0"):
+            require_no_fill_values({"A": gaps})
 
 
 def test_a_gap_in_readings_or_presses_is_refused_by_every_reader(tmp_path: Path) -> None:
