@@ -195,7 +195,7 @@ def test_a_board_that_begins_anew_with_another_design_s_firmware_is_refused(
 ) -> None:
     monkeypatch.setattr("fabrication.driver.stream.LATE_HELLO_S", 0.0)
     built = board()
-    with FakePort(built) as port, quick(port.name, patience_s=2.0) as sensor:
+    with FakePort(built) as port, quick(port.name, patience_s=0.5) as sensor:
         sensor.read()
         built._digest = "ab" * 32
         built.reset(time.monotonic())

@@ -85,7 +85,7 @@ def test_a_life_cycle_publishes_frames_and_touches_as_ros_encodes_them(
         assert (again.success, "exists already" in again.message) == (False, True)
         assert node.on_deactivate(None) == "SUCCESS"
         assert node.on_cleanup(None) == "SUCCESS"
-        assert (node.topics, node.services, node.timers) == ({}, {}, [])
+        assert (node.topics, node.offered, node.timers) == ({}, {}, [])
     check_messages(node)
     recorded = read_recorded(tmp_path / "a.mcap")
     assert recorded.ended_cleanly
