@@ -31,8 +31,8 @@ class Observations:
         ...
         dataset.add_frame(observations.step() | of_this_step)
 
-    A step without a new frame repeats the latest one, and its age grows. An age above 1/fps shows a repeated reading, for
-    example while the board is plugged in again.
+    A step without a new frame repeats the latest one, and its age grows. An age above 1/fps shows a repeated reading,
+    for example while the board is plugged in again.
 
     Parameters
     ----------

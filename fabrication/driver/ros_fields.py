@@ -83,8 +83,8 @@ def parameter(name: str, given: Any, default: bool | float | str) -> Any:
 class NodeClock:
     """Turns times of this machine's clock into times of a node's clock, which differs with ``use_sim_time`` only.
 
-    A time by the clock of a simulation is its time now, less the time that has passed by this machine's clock. The clock
-    of a simulation advances in steps, so the times of frames are kept from going back, unless that clock goes back.
+    A time by the clock of a simulation is its time now, less the time that has passed by this machine's clock. That
+    clock advances in steps, so the times of frames are kept from going back, unless the clock itself goes back.
     """
 
     def __init__(self) -> None:
@@ -170,7 +170,11 @@ def _marker(frame_id: str, time_s: float, number: int, kind: int, action: int) -
 
 
 def diagnosis(
-    counts: LinkCounts | None, before: LinkCounts | None, rate_hz: float | None, required_hz: float, fault: str
+    counts: LinkCounts | None,
+    before: LinkCounts | None,
+    rate_hz: float | None,
+    required_hz: float,
+    fault: str,
 ) -> dict[str, Any]:
     """Level, message and values of a sensor's diagnostic status.
 

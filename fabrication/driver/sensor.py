@@ -109,7 +109,9 @@ class Sensor:
         self._baseline_s = baseline_s
         if patience_s is not None and not 0.0 < patience_s < math.inf:
             raise InputError(f"patience_s: {patience_s:g} is refused: give more than 0 [s]")
-        self._opening_s = max(PATIENCE_S if patience_s is None else patience_s, self.config.board.boot_s + ANSWER_S)
+        self._opening_s = max(
+            PATIENCE_S if patience_s is None else patience_s, self.config.board.boot_s + ANSWER_S
+        )
         three_s = 3.0 / self._rate_hz if self._rate_hz else 0.0
         self.patience_s = max(self._opening_s if patience_s is None else patience_s, three_s)
         self._silence_s = max(SILENCE_S, three_s)

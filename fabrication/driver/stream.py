@@ -4,8 +4,8 @@
                   \\-> recorder
 
 If the port is lost, or the board on it is silent or has another design's firmware, the thread looks for the board ten
-times per second, identifies it and starts it again, for as long as the sensor is open. A fault of optopad's own raises an
-error when the next frame is read.
+times per second, identifies it and starts it again, for as long as the sensor is open. A fault of optopad's own raises
+an error when the next frame is read.
 """
 
 from __future__ import annotations

@@ -23,10 +23,18 @@ from fabrication.ros2.messages import definition, names
 PACKAGE = Path(__file__).parents[3] / "fabrication" / "ros2" / "optopad_ros"
 NODE = PACKAGE / "optopad_ros" / "sensor_node.py"
 LAUNCH = PACKAGE / "launch" / "sensor.launch.py"
-TAKEN = frozenset(
-    "_allow_undeclared_parameters _callbacks _clients _clock _context _default_callback_group _descriptors _guards "
-    "_logger _logger_service _managed_entities _parameter_overrides _parameters _publishers _rate_group _services "
-    "_state_machine _subscriptions _time_source _timers _type_description_service".split()
+TAKEN = (
+    *(
+        "_allow_undeclared_parameters",
+        "_callbacks",
+        "_clients",
+        "_clock",
+        "_context",
+        "_default_callback_group",
+    ),
+    *("_descriptors", "_guards", "_logger", "_logger_service", "_managed_entities", "_parameter_overrides"),
+    *("_parameters", "_publishers", "_rate_group", "_services", "_state_machine", "_subscriptions"),
+    *("_time_source", "_timers", "_type_description_service"),
 )
 """Attributes of rclpy's own nodes, in Humble, Jazzy and Kilted; a node that sets one of them breaks itself."""
 
@@ -284,7 +292,9 @@ def node_module() -> Any:
         f"{room}.msg": {name: class_of(f"{room}/msg/{name}") for name in of} for room, of in messages.items()
     }
     made |= {
-        "rclpy": {name: getattr(Rclpy, name) for name in ("init", "spin_until_future_complete", "try_shutdown")},
+        "rclpy": {
+            name: getattr(Rclpy, name) for name in ("init", "spin_until_future_complete", "try_shutdown")
+        },
         "rclpy.clock": {
             "Clock": lambda clock_type: clock_type,
             "ClockType": types.SimpleNamespace(STEADY_TIME="steady"),

@@ -206,7 +206,7 @@ class SensorNode(LifecycleNode):
             if self._over.is_set() or not self.context.ok():
                 return  # ROS has ended under a message that was being sent
             self._fault = f'{type(err).__name__}: {err}'
-            self.get_logger().fatal(f'the node ends by a fault of its own: {traceback.format_exc()}')
+            self.get_logger().fatal(f'ends by a fault of its own: {traceback.format_exc()}')
             self.failed.set_result(err)
 
     def _read(self):
