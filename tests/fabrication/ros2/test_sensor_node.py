@@ -238,6 +238,8 @@ def test_a_board_that_was_unplugged_is_read_again_at_another_port_and_a_held_pre
         assert (first.name, first.hardware_id) == (f"/left/sensor: {NAME}", "42")
         assert {one.key: one.value for one in first.values}["digest"] == pad_config().digest
         assert node.call("record", file=str(tmp_path / "a.optorec")).success
+        count = len(frames)
+        wait_for(lambda: len(frames) > count + 20)
         node.log.lines.clear()
         here.clear()
     wait_for(lambda: bool(node.log.lines))
