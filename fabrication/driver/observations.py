@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from design.errors import DeviceError
 from fabrication.driver.link.frames import US_PER_S, Frame
 from fabrication.driver.recording.lerobot import (
     SIGNALS,
@@ -76,7 +77,7 @@ class Observations:
             self.age_s = self._sensor.silent_s
             is_all = self._sensor.waiting == 0
         if self.age_s >= self._sensor.patience_s:
-            raise self._sensor.silence()
+            raise DeviceError(self._sensor.fault or "no frame arrived in time; read again")
         last = frames[-1] if frames else self._last
         assert last is not None
         self._last = last

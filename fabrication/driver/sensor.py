@@ -53,7 +53,7 @@ SLOWEST_HZ = 0.001
 """Lowest permitted frame rate, the same as in a design [Hz]."""
 
 SILENCE_S = 1.0
-"""If no frame arrives for this time, or for three frame intervals, the board counts as silent [s]."""
+"""If no frame arrives for this time and three frame intervals, or for `patience_s`, the board counts as silent [s]."""
 
 
 class Sensor:
@@ -114,7 +114,7 @@ class Sensor:
         )
         three_s = 3.0 / self._rate_hz if self._rate_hz else 0.0
         self.patience_s = max(self._opening_s if patience_s is None else patience_s, three_s)
-        self._silence_s = max(SILENCE_S, three_s)
+        self._silence_s = min(max(SILENCE_S, three_s), self.patience_s)
         self.serial_number = ""
         self._not_ports = tuple(not_ports)
         self._on_wait = on_wait or on_standard_error
@@ -162,9 +162,9 @@ class Sensor:
                 taken += 1
                 yield frame
             elif min(self.silent_s, time.monotonic() - begun) >= self.patience_s:
-                raise self.silence()
+                raise self._silence()
         if end is not None and time.monotonic() >= end and self.fault:
-            raise self.silence()
+            raise self._silence()
 
     def read(self) -> Frame:
         """The next frame.
@@ -179,7 +179,7 @@ class Sensor:
             frame = stream.taken(POLL_S)
             if frame is not None:
                 return frame
-        raise self.silence()
+        raise self._silence()
 
     def take_baseline(self, seconds: float = BASELINE_S) -> FloatArray:
         """Read the untouched pad for a time [s]; the mean of its signals becomes the baseline.
@@ -262,9 +262,9 @@ class Sensor:
 
     @property
     def fault(self) -> str:
-        """Why no frames arrive: the port is lost, or the board is silent for 1 s and three frame intervals; else ""."""
+        """Why no frames arrive, "" while they do: the port is lost, or the board silent for 1 s and three intervals."""
         is_silent = self._open.why_away or self.silent_s > self._silence_s
-        return str(self.silence()) if is_silent else ""
+        return str(self._silence()) if is_silent else ""
 
     @property
     def baseline(self) -> FloatArray | None:
@@ -277,8 +277,7 @@ class Sensor:
             raise DeviceError("the sensor is not open; use it as `with Sensor(...) as sensor:`")
         return self._stream
 
-    def silence(self) -> DeviceError:
-        """The error that says for how long no frame has arrived, and why."""
+    def _silence(self) -> DeviceError:
         stream = self._open
         return DeviceError(
             stream.why_away

@@ -30,7 +30,7 @@ class Scripted:
     silent_s : time since the latest one arrived [s]
     """
 
-    patience_s = 1.0
+    patience_s, fault = 1.0, "pad: no whole frame"
 
     def __init__(self) -> None:
         names = SimpleNamespace(names=tuple("12345678"))
@@ -47,9 +47,6 @@ class Scripted:
         counts = np.full((9, 8), count)
         counts[-1] = 0
         return replace(frame(counts), connection=connection, device_us=device_us)
-
-    def silence(self) -> DeviceError:
-        return DeviceError("pad: no whole frame")
 
 
 def test_a_step_has_the_frames_of_one_step_s_time_and_of_the_newest_connection() -> None:
