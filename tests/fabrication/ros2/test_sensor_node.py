@@ -7,6 +7,7 @@ import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -262,6 +263,19 @@ def test_a_board_that_was_unplugged_is_read_again_at_another_port_and_a_held_pre
         assert node.call("record", file="").success
         node.on_deactivate(None)
     assert set(read_recorded(tmp_path / "a.optorec").connection) == {1, 2}
+
+
+def test_another_board_in_the_place_of_the_first_has_its_untouched_pad_measured(
+    made: Callable[..., Any], files: tuple[Path, Path]
+) -> None:
+    """Its serial number tells; a board without one, as many copies, is taken for the same."""
+    node = made(config=str(files[0]))
+    for serial_number, is_new in (("42", False), ("", False), ("42", False), ("43", True), ("43", False)):
+        node._renew.clear()
+        node._find(SimpleNamespace(port="pad", serial_number=serial_number))
+        assert node._renew.is_set() == is_new
+    (line,) = node.log.lines
+    assert "43 after 42" in line
 
 
 def test_a_fault_of_the_node_s_own_ends_its_process_with_an_error(
