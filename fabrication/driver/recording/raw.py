@@ -102,12 +102,12 @@ class RawSink:
         self._stream = stream
         started = time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime())
         header = {"format": FORMAT, "version": VERSION, "started": started, "config": plain_of(config)}
-        _write_all(stream, [json.dumps(header, separators=(",", ":")).encode() + b"\n"])
+        write_all(stream, [json.dumps(header, separators=(",", ":")).encode() + b"\n"])
 
     def write(self, records: list[Record]) -> None:
         """Write records completely; if that fails, the file ends with its last complete record."""
         packed = [packed_record(record.kind, record.host_s, record.content) for record in records]
-        _write_all(self._stream, packed)
+        write_all(self._stream, packed)
 
 
 def read_records(file: Path) -> tuple[dict[str, Any], DriverConfig, list[Record], int]:
@@ -165,7 +165,7 @@ def _records(content: bytes, start: int) -> Iterator[Record]:
 _KINDS = frozenset(RecordKind)
 
 
-def _write_all(stream: IO[bytes], records: list[bytes]) -> None:
+def write_all(stream: IO[bytes], records: list[bytes]) -> None:
     """Write records in one call; if that fails, remove an incomplete record at the end of the file."""
     whole, written = b"".join(records), 0
     try:

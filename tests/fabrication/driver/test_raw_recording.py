@@ -21,6 +21,7 @@ from design.errors import InputError, OutputError
 from design.preset import PRESETS
 from fabrication.driver import Sensor
 from fabrication.driver.link.protocol import FrameFormat, pack_frames
+from fabrication.driver.recording import recorder as recorder_module
 from fabrication.driver.recording.export import read_recorded, write_csv, write_netcdf
 from fabrication.driver.recording.raw import RecordKind, packed_record, read_records
 from fabrication.driver.recording.recorder import Recorder
@@ -253,36 +254,82 @@ def test_half_a_second_after_it_came_a_frame_is_in_the_file(tmp_path: Path) -> N
         assert in_file >= received
 
 
+def test_a_full_disk_leaves_an_mcap_file_with_whole_chunks(tmp_path: Path) -> None:
+    for spare in (6000, 6001, 7777, 9000):
+        file = tmp_path / f"{spare}.mcap"
+        recorder = Recorder(file, CONFIG, opened=lambda name, spare=spare: FullDisk(name, spare))
+        with pytest.raises(OutputError, match=r"disk is full.*every frame up to 0\.25 s before"):  # noqa: PT012
+            for number, message in enumerate(FRAMES):
+                recorder.frame(message, float(number))
+                if number % 5 == 4:
+                    recorder.flush()
+                    kept = number - 4 if recorder.failure else number + 1
+                    if recorder.failure:
+                        break
+            recorder.close()
+        found = read_recorded(file)
+        assert len(found.sequence) == kept >= 5
+        assert found.stray_bytes == 0
+
+
+@pytest.mark.parametrize("suffix", [".optorec", ".mcap"])
+def test_what_was_flushed_is_written_through_to_the_disk(
+    suffix: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    sizes: list[int] = []
+    monkeypatch.setattr(recorder_module, "SYNC_S", 0.0)
+    monkeypatch.setattr(os, "fsync", lambda number: sizes.append(os.fstat(number).st_size))
+    recorder = Recorder(tmp_path / f"a{suffix}", CONFIG)
+    recorder.frame(FRAMES[0], 1000.0)
+    recorder.flush()
+    assert sizes[-1] == recorder.file.stat().st_size > 0
+    recorder.close()
+    assert sizes[-1] == recorder.file.stat().st_size
+
+
+KILLED = """
+import os, signal, sys, time
+from pathlib import Path
+import numpy as np
+from fabrication.driver.link.protocol import frame_format, pack_frames
+from fabrication.driver.recording.recorder import Recorder
+from tests.fabrication.driver.made_up_pad import pad_config
+
+CONFIG = pad_config()
+FRAMES = pack_frames(frame_format(CONFIG), range(520), range(520), np.zeros((520, 9, 8), int))
+
+def recorded(file, rate_hz):
+    recorder, begun_s = Recorder(file, CONFIG), time.time()
+    for k in range(int(1.3 * rate_hz)):
+        time.sleep(max(begun_s + k / rate_hz - time.time(), 0.0))
+        recorder.frame(FRAMES[k], time.time())
+    Path(f"{file}.killed").write_text(f"{time.time()} {recorder.frames}")
+    os.kill(os.getpid(), signal.SIGKILL)
+
+for suffix in (".optorec", ".mcap"):
+    for rate_hz in (5, 400):
+        if os.fork() == 0:
+            recorded(f"{sys.argv[1]}/{rate_hz}{suffix}", rate_hz)
+for _ in range(4):
+    os.wait()
+"""
+
+
 @pytest.mark.slow
-@pytest.mark.skipif(os.name != "posix", reason="needs signals")
-def test_a_recorder_that_was_killed_leaves_all_but_the_last_half_second(tmp_path: Path) -> None:
-    file, config = tmp_path / "a.optorec", tmp_path / "driver.toml"
-    config.write_text(made_up_toml(), encoding="utf-8")
-    program = (
-        "import sys; from fabrication.driver import Sensor\n"
-        "with Sensor(sys.argv[1], sys.argv[2], rate_hz=100, baseline_s=0) as s:\n"
-        "    r = s.record(sys.argv[3])\n"
-        "    for f in s: print(r.frames, flush=True)\n"
-    )
-    with FakePort(board()) as port:
-        command = [sys.executable, "-c", program, str(config), port.name, str(file)]
-        root = Path(__file__).parents[3]
-        with subprocess.Popen(command, cwd=root, stdout=subprocess.PIPE, text=True) as process:
-            assert process.stdout is not None
-            count = next(int(line) for line in process.stdout if int(line) >= 120)
-            process.kill()
-    kept = read_recorded(file)
-    assert len(kept.sequence) >= count - 50  # half a second at 100 Hz
-    assert not kept.ended_cleanly
-    assert np.diff(kept.sequence).tolist() == [1] * (len(kept.sequence) - 1)
-
-
-def made_up_toml() -> str:
-    from design.preset import preset
-    from fabrication.driver_config import dump_driver_config
-    from tests.fabrication.driver.made_up_pad import untouched
-
-    return dump_driver_config(preset("piacenza2017-pad"), [1e5] * 8, np.minimum(untouched(), 1023))
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="needs processes of POSIX")
+def test_a_recorder_that_was_killed_leaves_all_but_the_last_half_second_in_each_format_at_each_rate(
+    tmp_path: Path,
+) -> None:
+    root = Path(__file__).parents[3]
+    subprocess.run([sys.executable, "-c", KILLED, str(tmp_path)], cwd=root, check=True)
+    for suffix in (".optorec", ".mcap"):
+        for rate_hz in (5, 400):
+            killed_s, frames = (tmp_path / f"{rate_hz}{suffix}.killed").read_text().split()
+            kept = read_recorded(tmp_path / f"{rate_hz}{suffix}")
+            assert not kept.ended_cleanly
+            assert np.array_equal(kept.sequence, np.arange(len(kept.sequence)))
+            assert len(kept.sequence) >= int(frames) - 0.5 * rate_hz
+            assert float(killed_s) - kept.host_s[-1] < 0.5
 
 
 @pytest.mark.slow
