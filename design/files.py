@@ -19,6 +19,7 @@ import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import IO
 
 from design.errors import InputError, OptopadError, OutputError
 
@@ -317,6 +318,39 @@ def kind_of_file(file: Path) -> str:
         return "a file that cannot be opened"
 
 
+@contextmanager
+def opened(file: Path, *, needed: str, error: type[OptopadError] = InputError) -> Iterator[IO[bytes]]:
+    """Context manager for a file that is opened for reading; system errors in the `with` block are explained, too.
+
+    Parameters and errors are as in `read_bytes`.
+    """
+    try:
+        stream = file.open("rb")
+    except FileNotFoundError:
+        raise error(f"{file}: no such file; needs {needed}") from None
+    except IsADirectoryError:
+        raise error(f"{file}: a folder; needs {needed}") from None
+    except OSError as err:
+        raise error(_unreadable(file, err)) from None
+    except ValueError as err:  # a null byte in the name
+        raise error(f"{str(file)!r}: no name of a file: {err}") from None
+    with stream:
+        try:
+            yield stream
+        except OSError as err:
+            raise error(_unreadable(file, err)) from None
+
+
+def _unreadable(file: Path, err: OSError) -> str:
+    return f"{file}: cannot be read: {err.strerror}; name the right file"
+
+
+def size_of(stream: IO[bytes], most_bytes: int) -> int:
+    """Size of an open file [bytes]; `most_bytes` of a pipe, whose size is unknown."""
+    status = os.fstat(stream.fileno())
+    return status.st_size if stat.S_ISREG(status.st_mode) else most_bytes
+
+
 def read_bytes(file: Path, *, needed: str, most_bytes: int, error: type[OptopadError] = InputError) -> bytes:
     """Read the content of a file.
 
@@ -330,22 +364,16 @@ def read_bytes(file: Path, *, needed: str, most_bytes: int, error: type[OptopadE
     ------
     OptopadError : the file is missing, a folder, unreadable or too large; the exception is of the class `error`.
     """
-    try:
-        with file.open("rb") as stream:
-            status = os.fstat(stream.fileno())
-            size = status.st_size if stat.S_ISREG(status.st_mode) else most_bytes
-            content = stream.read(min(size, most_bytes) + 1)
-    except FileNotFoundError:
-        raise error(f"{file}: no such file; needs {needed}") from None
-    except IsADirectoryError:
-        raise error(f"{file}: a folder; needs {needed}") from None
-    except OSError as err:
-        raise error(f"{file}: cannot be read: {err.strerror}; name the right file") from None
-    except ValueError as err:  # a null byte in the name
-        raise error(f"{str(file)!r}: no name of a file: {err}") from None
+    with opened(file, needed=needed, error=error) as stream:
+        content = stream.read(min(size_of(stream, most_bytes), most_bytes) + 1)
     if len(content) > most_bytes:
-        raise error(f"{file}: larger than {most_bytes} bytes, which is too much; needs {needed}")
+        raise error(too_large(file, needed=needed, most_bytes=most_bytes))
     return content
+
+
+def too_large(file: Path, *, needed: str, most_bytes: int) -> str:
+    """Message about a file of more than `most_bytes`; parameters are as in `read_bytes`."""
+    return f"{file}: larger than {most_bytes} bytes, which is too much; needs {needed}"
 
 
 def read_text(file: Path, *, needed: str, most_bytes: int, error: type[OptopadError] = InputError) -> str:

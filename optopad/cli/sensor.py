@@ -25,7 +25,6 @@ if TYPE_CHECKING:
 
     from fabrication.driver.recording.joined_log import JoinedLog
     from fabrication.driver.recording.lerobot import Take
-    from fabrication.driver.recording.recorded import Recorded
     from fabrication.driver.sensor import Sensor
     from fabrication.driver.simulated.board import FakeBoard
     from fabrication.driver.simulated.finger import Finger, FingerPath
@@ -635,14 +634,16 @@ def export(
         raise InputError("--offset: shifts a stage's log; give --stage, too")
     shift = options.parsed_offset(offset)
     log = None if stage is None else read_position_log(stage)
-    found = read_recorded(recording, None if presses is None else read_path(presses), topic)
-    join = None if log is None else joined(found, log, shift)
-    found = found if join is None else join.recorded
-    if lerobot is not None:
-        write_lerobot(found, lerobot, fps=fps, take=cast("Take", take), task=task)
-    else:
-        writers: dict[str, Callable[[Recorded, Path, str], None]] = {".csv": write_csv, ".mcap": write_mcap}
-        writers.get(target.suffix.lower(), write_netcdf)(found, target, recording.name)
+    path = None if presses is None else read_path(presses)
+    with progress(quiet=as_json or not sys.stderr.isatty()) as step:
+        found = read_recorded(recording, path, topic, step)
+        join = None if log is None else joined(found, log, shift)
+        found = found if join is None else join.recorded
+        if lerobot is not None:
+            write_lerobot(found, lerobot, fps=fps, take=cast("Take", take), task=task)
+        else:
+            writers = {".csv": write_csv, ".mcap": write_mcap}
+            writers.get(target.suffix.lower(), write_netcdf)(found, target, recording.name, step)
     document = {
         "file": str(target),
         "frames": len(found.sequence),

@@ -8,6 +8,7 @@ import os
 import subprocess
 import sys
 import time
+import tracemalloc
 from pathlib import Path
 from typing import Any
 
@@ -21,9 +22,10 @@ from design.errors import InputError, OutputError
 from design.preset import PRESETS
 from fabrication.driver import Sensor
 from fabrication.driver.link.protocol import FrameFormat, pack_frames
+from fabrication.driver.recording import export, mcap_file, raw
 from fabrication.driver.recording import recorder as recorder_module
 from fabrication.driver.recording.export import read_recorded, write_csv, write_netcdf
-from fabrication.driver.recording.raw import RecordKind, packed_record, read_records
+from fabrication.driver.recording.raw import PRESS, RecordKind, packed_record, read_records
 from fabrication.driver.recording.recorder import Recorder
 from fabrication.driver.simulated.finger import FingerPath
 from fabrication.driver.simulated.port import FakePort, PtyWire
@@ -384,6 +386,97 @@ def test_a_torn_recording_exports_what_is_whole(tmp_path: Path) -> None:
     assert not found.ended_cleanly
     assert 90 <= len(found.sequence) < 100
     assert 0 < found.stray_bytes < 122
+
+
+def several(file: Path) -> None:
+    """100 frames of two connections, two presses, damage in the middle and at the end; some frames twice."""
+    records = [
+        packed_record(kind, 1000.0 + k, content)
+        for k, (kind, content) in enumerate(
+            [
+                (RecordKind.HELLO, bytes(56)),
+                *((RecordKind.FRAME, frame) for frame in [*FRAMES[:40], *FRAMES[30:50]]),
+                (RecordKind.PRESS, PRESS.pack(1.0, 2.0, 3.0)),
+                (RecordKind.HELLO, bytes(56)),
+                *((RecordKind.FRAME, frame) for frame in FRAMES[:30]),
+                (RecordKind.PRESS, PRESS.pack(1.0, 2.0, 4.0)),
+                *((RecordKind.FRAME, frame) for frame in FRAMES[30:50]),
+            ]
+        )
+    ]
+    records[20] = b"\xb5\x6b" + records[20][3:]
+    file.write_bytes(
+        written(file.with_name("head.optorec"), 0).split(b"\n")[0] + b"\n" + b"".join(records)[:-5]
+    )
+
+
+def test_pieces_of_any_size_give_the_same_recording_and_the_same_files(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    several(tmp_path / "a.optorec")
+    whole = read_recorded(tmp_path / "a.optorec")
+    records = read_records(tmp_path / "a.optorec")
+    assert (len(whole.sequence), whole.doubled, whole.lost) == (49 + 49, 10, 1)
+    assert whole.stray_bytes == records[3] == 121 + 117
+    assert whole.connection.tolist() == [1] * 49 + [2] * 49
+    assert whole.press_mm is not None
+    assert whole.press_mm[:, 2].tolist() == [0.0] * 49 + [3.0] * 30 + [4.0] * 19
+    for size, frames in ((64, 1), (777, 7), (5000, 98)):
+        monkeypatch.setattr(raw, "PIECE_BYTES", size)
+        for module in (mcap_file, export):
+            monkeypatch.setattr(module, "FRAMES_A_PIECE", frames)
+        found = read_recorded(tmp_path / "a.optorec")
+        for name in ("counts", "connection", "sequence", "device_s", "host_s", "press_mm"):
+            assert np.array_equal(getattr(found, name), getattr(whole, name)), name
+        assert (found.stray_bytes, found.doubled, found.lost) == (whole.stray_bytes, 10, 1)
+        write_csv(found, tmp_path / f"{size}.csv", "a")
+        mcap_file.write_mcap(found, tmp_path / f"{size}.mcap")
+        write_netcdf(found, tmp_path / f"{size}.nc", "a")
+        with xr.open_dataset(tmp_path / f"{size}.nc", engine="h5netcdf") as dataset:
+            xr.testing.assert_identical(dataset.load(), export.dataset_of(whole, "a"))
+        again = read_recorded(tmp_path / f"{size}.mcap")
+        for name in ("counts", "connection", "sequence", "device_s", "press_mm"):
+            assert np.array_equal(getattr(again, name), getattr(whole, name)), name
+    assert (tmp_path / "64.csv").read_bytes() == (tmp_path / "5000.csv").read_bytes()
+
+
+def test_an_export_ends_within_a_piece_and_leaves_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    written(tmp_path / "a.optorec")
+    found = read_recorded(tmp_path / "a.optorec")
+    for module in (mcap_file, export):
+        monkeypatch.setattr(module, "FRAMES_A_PIECE", 10)
+    for suffix, write in ((".csv", write_csv), (".nc", write_netcdf), (".mcap", mcap_file.write_mcap)):
+        shares: list[float] = []
+
+        def step(_stage: str, share: float, shares: list[float] = shares) -> None:
+            shares.append(share)
+            if len(shares) == 3:
+                raise KeyboardInterrupt
+
+        with pytest.raises(KeyboardInterrupt):
+            write(found, tmp_path / f"a{suffix}", "a", step)
+        assert shares == pytest.approx([0.1, 0.2, 0.3])
+    assert [one.name for one in tmp_path.iterdir()] == ["a.optorec"]
+
+
+def test_reading_takes_little_more_memory_than_the_readings(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(raw, "PIECE_BYTES", 100_000)
+    count = 20_000
+    layout = FrameFormat(emitters=8, receivers=8, bits=10)
+    frames = pack_frames(layout, range(count), range(count), np.zeros((count, 9, 8), int))
+    head = written(tmp_path / "head.optorec", 0).split(b"\n")[0] + b"\n"
+    records = (packed_record(RecordKind.FRAME, float(k), frame) for k, frame in enumerate(frames))
+    (tmp_path / "a.optorec").write_bytes(head + b"".join(records))
+    tracemalloc.start()
+    found = read_recorded(tmp_path / "a.optorec")
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert len(found.sequence) == count
+    assert peak < 2.5 * found.counts.nbytes
 
 
 def test_connections_of_a_recording_are_told_apart(tmp_path: Path) -> None:
