@@ -131,14 +131,21 @@ def whole_file(file: Path, way_out: str = "choose another folder") -> Iterator[P
 
 
 @contextmanager
-def whole_folder(folder: Path) -> Iterator[Path]:
+def whole_folder(folder: Path, *, replaces: bool = False) -> Iterator[Path]:
     """Context manager for a new folder, which gets its name if the `with` block succeeds and is removed otherwise.
+
+    Parameters
+    ----------
+    replaces : whether an existing folder of this name is replaced; it stays as it was if the `with` block fails
 
     Raises
     ------
-    OutputError : the folder exists, or the folder that holds it cannot be written.
+    OutputError : the folder exists and is not replaced, or the folder that holds it cannot be written.
     """
-    if folder.exists():
+    before = folder.with_name(f".{folder.name[:40]}.before")
+    if replaces:  # a process may have been ended while it replaced the folder
+        _one_of(folder, before)
+    if folder.exists() and not replaces:
         raise OutputError(f"{folder}: exists already; choose another folder")
     made_folder(folder.parent)
     try:
@@ -148,11 +155,23 @@ def whole_folder(folder: Path) -> Iterator[Path]:
     try:
         yield hidden
         hidden.chmod(0o755)
+        if replaces and folder.exists():
+            folder.rename(before)
         hidden.rename(folder)
     except OSError as err:
         raise unwritable(folder, err) from err
     finally:
+        if replaces:
+            _one_of(folder, before)
         shutil.rmtree(hidden, ignore_errors=True)
+
+
+def _one_of(folder: Path, before: Path) -> None:
+    """Remove a replaced folder, or give it its name back if no new one has it."""
+    if before.exists() and folder.exists():
+        shutil.rmtree(before, ignore_errors=True)
+    elif before.exists():
+        before.rename(folder)
 
 
 def write_whole(file: Path, content: bytes) -> None:

@@ -23,8 +23,10 @@ from optopad.cli.output import print_json, progress, say, tell
 if TYPE_CHECKING:
     from rich.console import RenderableType
 
+    from design.progress import OnStep
     from fabrication.driver.recording.joined_log import JoinedLog
     from fabrication.driver.recording.lerobot import Take
+    from fabrication.driver.recording.recorded import Recorded
     from fabrication.driver.sensor import Sensor
     from fabrication.driver.simulated.board import FakeBoard
     from fabrication.driver.simulated.finger import Finger, FingerPath
@@ -562,10 +564,11 @@ def _serve(board: FakeBoard, wire: Wire, seconds: float | None) -> None:
 
 
 def export(
-    recording: Annotated[
-        Path,
+    recordings: Annotated[
+        list[Path],
         typer.Argument(
-            metavar="RECORDING", help="A file of `driver record`, or a ROS 2 bag (.mcap, folder)."
+            metavar="RECORDING",
+            help="A file of `driver record`, or a ROS 2 bag (.mcap, folder); several with --lerobot.",
         ),
     ],
     out: Annotated[
@@ -600,52 +603,114 @@ def export(
     ] = None,
     lerobot: Annotated[
         Path | None,
-        typer.Option("--lerobot", metavar="FOLDER", help="Write a LeRobot data set of one episode instead."),
+        typer.Option("--lerobot", metavar="FOLDER", help="Write the episodes of a LeRobot data set instead."),
     ] = None,
+    append: Annotated[
+        bool, typer.Option("--append", help="LeRobot: add the episodes to the data set in the folder.")
+    ] = False,
     fps: Annotated[
-        int, typer.Option("--fps", help="LeRobot: steps a second, as of the robot's cameras.")
-    ] = 30,
+        float, typer.Option("--fps", help="LeRobot: steps a second, as of the robot's cameras.")
+    ] = 30.0,
     take: Annotated[
         str, typer.Option("--take", help="LeRobot: mean, last, or all of the frames of a step.")
     ] = "mean",
     task: Annotated[
-        str, typer.Option("--task", metavar="TEXT", help="LeRobot: what the episode shows.")
-    ] = "touch",
+        list[str] | None,
+        typer.Option(
+            "--task",
+            metavar="TEXT",
+            help="LeRobot: what the episodes show ('touch'); once, or once a recording.",
+        ),
+    ] = None,
     as_json: options.Json = False,
 ) -> None:
     """Export the whole frames of a recording: netCDF or CSV for `compare` and `train`, MCAP, or LeRobot."""
-    from fabrication.driver.recording.export import read_recorded, write_csv, write_netcdf
+    from fabrication.driver.recording.export import read_recorded, write_export
     from fabrication.driver.recording.joined_log import joined
-    from fabrication.driver.recording.lerobot import write_lerobot
-    from fabrication.driver.recording.mcap_file import write_mcap
+    from fabrication.driver.recording.lerobot import Source, write_episodes
     from fabrication.driver.recording.position_log import read_position_log
     from fabrication.driver.simulated.finger import read_path
 
-    if lerobot is not None and out is not None:
-        raise InputError("--lerobot and --out: two results; give one")
-    target = lerobot or out or recording.with_suffix(".nc")
-    if target.resolve() == recording.resolve():
-        raise InputError(f"--out {target}: is the recording itself; choose another name")
+    target = lerobot or out or recordings[0].with_suffix(".nc")
+    tasks = _tasks_of(recordings, task)
+    _require_one_result(recordings, target, lerobot, out, append=append)
     if lerobot is None:
         options.checked_out(target, presses, stage)
     if presses is not None and stage is not None:
         raise InputError("--presses and --stage: two sources of positions; give one")
     if offset is not None and stage is None:
         raise InputError("--offset: shifts a stage's log; give --stage, too")
+    for option, value in (("--presses", presses), ("--stage", stage)):
+        if value is not None and len(recordings) > 1:
+            raise InputError(f"{option} {value}: is of one recording; export each with --append")
     shift = options.parsed_offset(offset)
     log = None if stage is None else read_position_log(stage)
     path = None if presses is None else read_path(presses)
-    with progress(quiet=as_json or not sys.stderr.isatty()) as step:
-        found = read_recorded(recording, path, topic, step)
+    told: list[tuple[Path, dict[str, Any], list[str]]] = []
+
+    def read_one(recording: Path, step: OnStep) -> Recorded:
+        found = read_recorded(recording, path, topic, on_step=step)
         join = None if log is None else joined(found, log, shift)
         found = found if join is None else join.recorded
+        told.append((recording, *_told(found, join)))
+        return found
+
+    with progress(quiet=as_json or not sys.stderr.isatty()) as step:
         if lerobot is not None:
-            write_lerobot(found, lerobot, fps=fps, take=cast("Take", take), task=task)
+            sources = (
+                Source(recorded=read_one(recording, step), task=text, name=str(recording))
+                for recording, text in zip(recordings, tasks, strict=True)
+            )
+            made = write_episodes(sources, lerobot, fps=fps, take=cast("Take", take), is_appended=append)
         else:
-            writers = {".csv": write_csv, ".mcap": write_mcap}
-            writers.get(target.suffix.lower(), write_netcdf)(found, target, recording.name, step)
-    document = {
-        "file": str(target),
+            write_export(read_one(recordings[0], step), target, recordings[0].name, on_step=step)
+            made = None
+    if as_json:
+        documents = [document for _, document, _ in told]
+        found = documents[0] if len(told) == 1 else {"recordings": documents}
+        of_set = {} if made is None else {"lerobot": made.to_json()}
+        print_json({"file": str(target)} | found | of_set)
+        return
+    for recording, _, lines in told:
+        say("\n".join([f"{recording}: {lines[0]}" if len(told) > 1 else lines[0], *lines[1:]]))
+    if made is not None:
+        say(f"episodes  {made.sentence}")
+    say(f"files     {target}")
+
+
+def _tasks_of(recordings: list[Path], task: list[str] | None) -> list[str]:
+    """Task of each recording."""
+    texts = task or ["touch"]
+    if len(texts) not in (1, len(recordings)):
+        raise InputError(
+            f"--task: {len(texts)} for {len(recordings)} recordings; give one, or one a recording"
+        )
+    return texts * len(recordings) if len(texts) == 1 else texts
+
+
+def _require_one_result(
+    recordings: list[Path], target: Path, lerobot: Path | None, out: Path | None, *, append: bool
+) -> None:
+    """Refuse names of recordings and results that contradict each other."""
+    if lerobot is not None and out is not None:
+        raise InputError("--lerobot and --out: two results; give one")
+    if append and lerobot is None:
+        raise InputError("--append: adds episodes to a LeRobot data set; give --lerobot, too")
+    if len(recordings) > 1 and lerobot is None:
+        raise InputError(
+            f"{recordings[1]}: a second recording, and a file has one; export each, or give --lerobot"
+        )
+    names = [recording.resolve() for recording in recordings]
+    for number, name in enumerate(names):
+        if name in names[:number]:
+            raise InputError(f"{recordings[number]}: is given twice; give each recording once")
+    if target.resolve() in names:
+        raise InputError(f"--out {target}: is the recording itself; choose another name")
+
+
+def _told(found: Recorded, join: JoinedLog | None) -> tuple[dict[str, Any], list[str]]:
+    """What is said of a recording, as JSON and as lines."""
+    document: dict[str, Any] = {
         "frames": len(found.sequence),
         "lost": found.lost,
         "doubled": found.doubled,
@@ -654,22 +719,22 @@ def export(
         "stray_bytes": found.stray_bytes,
         "has_presses": found.press_mm is not None,
     }
-    if as_json:
-        print_json(document if join is None else document | {"stage": _join_json(join)})
-        return
     torn = (
         ""
         if found.ended_cleanly
         else (f"; the end is incomplete: {found.stray_bytes} bytes belong to no whole record")
     )
-    say(
+    lines = [
         f"{len(found.sequence)} frames, {found.lost} lost{f', {found.doubled} doubled' if found.doubled else ''}{torn}"
-    )
+    ]
     if join is not None:
-        say(_join_line(join))
+        document["stage"] = _join_json(join)
+        lines.append(_join_line(join))
     if found.press_mm is None:
-        say("presses   none; `optopad compare` needs them (--presses, --stage, or the recorder's press())")
-    say(f"files     {target}")
+        lines.append(
+            "presses   none; `optopad compare` needs them (--presses, --stage, or the recorder's press())"
+        )
+    return document, lines
 
 
 def _join_json(join: JoinedLog) -> dict[str, Any]:

@@ -22,7 +22,7 @@ from fabrication.driver.descriptor import UNITS, descriptor_of
 from fabrication.driver.link.counters import Repeats, WrappingCounter, restarts
 from fabrication.driver.link.protocol import STAMP, Unpacked, frame_format, unpack_frames
 from fabrication.driver.recording.bag import read_mcap
-from fabrication.driver.recording.mcap_file import FRAMES_A_PIECE, MCAP_SUFFIX, STEP
+from fabrication.driver.recording.mcap_file import FRAMES_A_PIECE, MCAP_SUFFIX, STEP, write_mcap
 from fabrication.driver.recording.press_labels import PressLabels
 from fabrication.driver.recording.raw import RawRecording, RecordKind, read_raw
 from fabrication.driver.recording.recorded import Recorded, labels_at, press_labels
@@ -41,7 +41,7 @@ COMPRESSION = {"compression": "gzip", "compression_opts": 4, "shuffle": True}
 
 
 def read_recorded(
-    file: Path, path: FingerPath | None = None, topic: str | None = None, on_step: OnStep = silent
+    file: Path, path: FingerPath | None = None, topic: str | None = None, *, on_step: OnStep = silent
 ) -> Recorded:
     """Read all complete frames of a recording: ``.optorec``, ``.mcap``, or a ROS 2 bag's folder.
 
@@ -141,8 +141,18 @@ def _add_moves(dataset: xr.Dataset, moves: FloatArray) -> None:
         dataset[axis] = ("move", moves[:, k], known)
 
 
+def write_export(recorded: Recorded, out: Path, name: str, *, on_step: OnStep = silent) -> None:
+    """Write frames in the format that the file's suffix names: netCDF, .csv or .mcap; see `write_netcdf`."""
+    if out.suffix.lower() == MCAP_SUFFIX:
+        write_mcap(recorded, out, on_step=on_step)
+    elif out.suffix.lower() == ".csv":
+        write_csv(recorded, out, name, on_step=on_step)
+    else:
+        write_netcdf(recorded, out, name, on_step=on_step)
+
+
 def write_netcdf(
-    recorded: Recorded, out: Path, name: str, moves: FloatArray | None = None, on_step: OnStep = silent
+    recorded: Recorded, out: Path, name: str, moves: FloatArray | None = None, *, on_step: OnStep = silent
 ) -> None:
     """Write frames as netCDF; the file is written completely or not at all.
 
@@ -184,7 +194,7 @@ def _append_counts(file: Path, counts: xr.DataArray, on_step: OnStep) -> None:
             on_step(STEP, end / count)
 
 
-def write_csv(recorded: Recorded, out: Path, name: str, on_step: OnStep = silent) -> None:
+def write_csv(recorded: Recorded, out: Path, name: str, *, on_step: OnStep = silent) -> None:
     """Write frames as a table for `optopad compare`, with one table row per frame and one column per pair.
 
     Signals are readings minus those in the dark state [counts]. Positions are included if the recording has them [mm].

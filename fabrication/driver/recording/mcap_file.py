@@ -372,7 +372,7 @@ def _press_message(press_mm: Sequence[float] | FloatArray, host_s: float) -> dic
     return {"header": header, "x_mm": x_mm, "y_mm": y_mm, "depth_mm": depth_mm}
 
 
-def write_mcap(recorded: Recorded, out: Path, _name: str = "", on_step: OnStep = silent) -> None:
+def write_mcap(recorded: Recorded, out: Path, *, on_step: OnStep = silent) -> None:
     """Write a recording's frames, and a press where the known press changes, as a complete MCAP file or none.
 
     Raises
