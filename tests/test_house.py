@@ -68,7 +68,17 @@ ALLOWED = {
     "sims/learning": {"numpy", "scipy", "sklearn"},
     "sims/learning/inference": {"numpy"},
     "fabrication": {"numpy", "pydantic", "tomlkit"},
-    "fabrication/driver": {"serial", "numpy", "xarray", "h5py", "mcap", "mcap_ros2", "pandas"},
+    "fabrication/driver": {
+        "serial",
+        "numpy",
+        "xarray",
+        "h5netcdf",
+        "h5py",
+        "mcap",
+        "mcap_ros2",
+        "pandas",
+        "pyarrow",
+    },
     "fabrication/stage": {"numpy"},
     "optopad/studio/view": {"viser", "websockets", "msgspec", "numpy"},  # both are what viser speaks with
     "optopad": {"distributed", "typer", "rich", "tomlkit", "numpy", "platformdirs", "xarray", "matplotlib"},
