@@ -51,7 +51,7 @@ class Observations:
     InputError : `fps` or `take` is not permitted.
     """
 
-    def __init__(self, sensor: Sensor, fps: int, take: Take = "mean") -> None:
+    def __init__(self, sensor: Sensor, fps: float, take: Take = "mean") -> None:
         self._sensor, self._take = sensor, checked_take(fps, take)
         self._step_us = US_PER_S / fps
         said = sensor.descriptor
