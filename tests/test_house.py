@@ -75,8 +75,10 @@ ALLOWED = {
 }
 """Third-party imports, the nearest folder deciding. OCP is CadQuery's core, pydantic_core is pydantic's."""
 
-MACHINE_PATH = re.compile(r"(?<![\w.])/(?:home|root|tmp|work|Users|mnt|opt)/\w|[A-Z]:\\{1,2}Users", re.ASCII)
-"""A path that exists on one machine only."""
+MACHINE_PATH = re.compile(
+    r"(?<![\w.])/(?:home|root|tmp|work|Users|mnt|opt)/(?!ros/)\w|[A-Z]:\\{1,2}Users", re.ASCII
+)
+"""A path that exists on one machine only. The folder of ROS is the same on all."""
 
 FOR_ROS = "fabrication/ros2/optopad_ros/"
 """A package of ROS 2, which is copied into a workspace and imported there."""
