@@ -1,4 +1,7 @@
-"""Writes the packages with the driver alone: `python3 -m fabrication.ros2 ~/ros2_ws/src`, as `optopad driver ros2` does."""
+"""Writes the ROS 2 packages where only the driver is installed: `python3 -m fabrication.ros2 ~/ros2_ws/src`.
+
+`optopad driver ros2` does the same where the commands are installed.
+"""
 
 from __future__ import annotations
 
