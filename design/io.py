@@ -178,6 +178,11 @@ def without_empty(document: Any) -> Any:
     return document
 
 
+def catalog_file_entries(file: Path) -> catalog.CatalogEntries:
+    """Entries of a catalogue file; DesignError if it cannot be read or has invalid fields."""
+    return catalog.parse_entries(_with_curves({"": read_toml(file)}, "", file)[""], where=str(file))
+
+
 def _with_own_catalog(document: dict[str, Any], file: Path) -> dict[str, Any]:
     names = document.pop(CATALOG_FILES, [])
     if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
@@ -187,7 +192,7 @@ def _with_own_catalog(document: dict[str, Any], file: Path) -> dict[str, Any]:
     own = catalog.CatalogEntries()
     for name in names:
         beside = _beside(file, name, CATALOG_FILES)
-        more = catalog.parse_entries(_with_curves({"": read_toml(beside)}, "", beside)[""], where=str(beside))
+        more = catalog_file_entries(beside)
         for kind in catalog.CatalogEntries.model_fields:
             doubled = sorted(set(getattr(own, kind)) & set(getattr(more, kind)))
             if doubled:

@@ -25,7 +25,7 @@ import platform
 import re
 import secrets
 import shutil
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from importlib import metadata
 from pathlib import Path
@@ -143,6 +143,24 @@ def altered_files(folder: Path) -> tuple[str, ...]:
         for name, digest in recorded.items()
         if not (folder / name).is_file() or _record(folder / name)["sha256"] != digest
     )
+
+
+def with_other_line_ends(folder: Path, altered: Iterable[str]) -> tuple[str, ...]:
+    """The altered files of a bundle that differ from the manifest's only in the ends of their lines.
+
+    Git (`core.autocrlf`) and some copies by Windows change the ends of lines in texts.
+    """
+    files = json.loads((folder / MANIFEST).read_text(encoding="utf-8"))["files"]
+    return tuple(
+        name
+        for name in altered
+        if (folder / name).is_file() and files[name]["sha256"] in _digests_by_line_ends(folder / name)
+    )
+
+
+def _digests_by_line_ends(file: Path) -> set[str]:
+    unix = file.read_bytes().replace(b"\r\n", b"\n")
+    return {hashlib.sha256(text).hexdigest() for text in (unix, unix.replace(b"\n", b"\r\n"))}
 
 
 def versions() -> dict[str, str]:

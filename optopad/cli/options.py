@@ -96,7 +96,7 @@ Patience = Annotated[
         "--patience",
         metavar="S",
         min=0.1,
-        help="Longest wait for the board to start, and for a frame (10 s if left out).",
+        help="Longest wait for a frame, and for the board to start, but at least its boot time (10 s if left out).",
     ),
 ]
 Rate = Annotated[

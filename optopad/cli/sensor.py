@@ -279,7 +279,7 @@ def _show_touch(
         for touch in touches:
             write(json.dumps(touch_json(touch)))
     elif sys.stdout.isatty():
-        _drawn(touches, lambda touch: touch_view(touch, reader))
+        _drawn(reader.sensor, touches, lambda touch: touch_view(touch, reader))
     else:
         said_at = -math.inf
         for touch in touches:
@@ -294,21 +294,26 @@ def _live(sensor: Sensor, frames: int | None, seconds: float | None) -> None:
     from optopad.sensor.driver_view import live_table
 
     _drawn(
+        sensor,
         sensor.frames(frames, seconds),
         lambda frame: live_table(frame, sensor, shutil.get_terminal_size()),
     )
 
 
-def _drawn(answers: Iterator[Answer], view: Callable[[Answer], RenderableType]) -> None:
-    from rich.console import Console
+def _drawn(sensor: Sensor, answers: Iterator[Answer], view: Callable[[Answer], RenderableType]) -> None:
+    """Draw the latest answer ten times a second, and below it why none arrives."""
+    from rich.console import Console, Group
     from rich.live import Live
+    from rich.text import Text
 
-    drawn_at = 0.0
-    with Live(console=Console(), auto_refresh=False) as live:
-        for answer in answers:
-            if (now := time.monotonic()) - drawn_at >= LIVE_EVERY_S:
-                drawn_at = now
-                live.update(view(answer), refresh=True)
+    latest: Answer | None = None
+
+    def shown() -> RenderableType:
+        return "" if latest is None else Group(view(latest), Text(sensor.fault, style="bold red"))
+
+    with Live(get_renderable=shown, console=Console(), refresh_per_second=1 / LIVE_EVERY_S):
+        for latest in answers:  # noqa: B007, drawn by `shown`
+            pass
 
 
 def _follow(

@@ -54,7 +54,7 @@ FREE_BYTES = 500_000_000
 
 
 def read_netcdf(file: Path, *, needed: str, most_bytes: int, **options: Any) -> xr.Dataset:
-    """The content of a netCDF-4 or netCDF-3 file, in memory; texts are `str`.
+    """The content of a netCDF-4 or netCDF-3 file, in memory; texts are `str` without blanks at the end.
 
     Parameters
     ----------
@@ -87,9 +87,32 @@ def read_netcdf(file: Path, *, needed: str, most_bytes: int, **options: Any) -> 
     except Exception as err:  # catch every type of error: see the module docstring
         said = str(err) or type(err).__name__
         raise InputError(f"{file}: {kind} that cannot be read: {said}; needs {needed}") from None
-    return found.assign(
-        {name: one.astype(str) for name, one in found.variables.items() if one.dtype.kind == "S"}
+    return found.assign({name: _text_of(one) for name, one in found.variables.items() if _is_text(one)})
+
+
+def _is_text(array: xr.Variable) -> bool:
+    return array.dtype.kind in "SU" or (
+        array.dtype.kind == "O" and all(isinstance(one, str | bytes) for one in array.values.ravel())
     )
+
+
+def _text_of(array: xr.Variable) -> xr.Variable:
+    """Texts as `str`, however a program stored them: as bytes, as arrays of characters, or filled up with blanks."""
+    import xarray as xr
+
+    values, axes = array.values, array.dims
+    if (
+        values.ndim > 1
+        and values.dtype.kind in "SU"
+        and values.dtype.itemsize == np.dtype(f"{values.dtype.kind}1").itemsize
+    ):
+        values, axes = (
+            np.ascontiguousarray(values).view(f"{values.dtype.kind}{values.shape[-1]}")[..., 0],
+            axes[:-1],
+        )
+    texts = [one.decode("utf-8", "replace") if isinstance(one, bytes) else str(one) for one in values.ravel()]
+    plain = np.array([text.rstrip(" \0") for text in texts], dtype=str).reshape(values.shape)
+    return xr.Variable(axes, plain, array.attrs)
 
 
 def require_numbers(found: xr.Dataset, file: Path, names: Sequence[str], axes: tuple[str, ...]) -> None:

@@ -122,6 +122,13 @@ def port_of_serial(name: str, ports: Iterable[FoundPort] | None = None) -> str:
     return matching[0].name
 
 
+def serial_number_of(name: str) -> str:
+    """Serial number of the USB device at a port that the system lists; "" if it has none, or is not listed."""
+    return next(
+        (port.serial_number for port in ports_here() if plain_name(port.name) == plain_name(name)), ""
+    )
+
+
 def find_port(
     board: BoardSetup, ports: Iterable[FoundPort] | None = None, *, not_ports: Iterable[str] = ()
 ) -> FoundPort:

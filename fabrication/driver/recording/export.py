@@ -133,12 +133,21 @@ def _label(dataset: xr.Dataset, labels: PressLabels) -> None:
         dataset.attrs["sets"] = sets_json(labels.sets)
 
 
-def write_netcdf(recorded: Recorded, out: Path, name: str) -> None:
+def _add_moves(dataset: xr.Dataset, moves: FloatArray) -> None:
+    known = {"units": "mm", "long_name": "path of the tip, linear between these times; NaN: unknown"}
+    dataset["move_time"] = ("move", moves[:, 0], {"units": "s", "long_name": "since 1970"})
+    for k, axis in enumerate(("move_x", "move_y", "move_depth"), start=1):
+        dataset[axis] = ("move", moves[:, k], known)
+
+
+def write_netcdf(recorded: Recorded, out: Path, name: str, moves: FloatArray | None = None) -> None:
     """Write frames as netCDF; the file is written completely or not at all.
 
     Parameters
     ----------
     name : origin of the frames, for the attribute `source`
+    moves : knots (n, 4) of the tip's path: times since 1970 [s] and x, y, depth [mm], NaN where unknown; None if
+        the path is not known
 
     Raises
     ------
@@ -147,6 +156,8 @@ def write_netcdf(recorded: Recorded, out: Path, name: str) -> None:
     require_suffix(out, (".nc",))
     try:
         dataset = dataset_of(recorded, name)
+        if moves is not None:
+            _add_moves(dataset, moves)
         encoding: dict[Any, Any] = {"counts": COMPRESSION}
         with whole_file(out) as hidden:
             dataset.to_netcdf(hidden, engine="h5netcdf", encoding=encoding)

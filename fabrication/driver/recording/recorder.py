@@ -101,9 +101,11 @@ class Recorder:
         self._append(Record(kind=RecordKind.HELLO, host_s=host_s, content=message))
 
     def press(self, x_mm: float, y_mm: float, depth_mm: float, host_s: float | None = None) -> None:
-        """Record the press that is valid from the time `host_s` [s] on, or from now on if that is None.
+        """Record the press that holds from the time `host_s` [s] on, or from now on if that is None.
 
-        A depth of 0 or less means that the pad is untouched.
+        It holds until the next call. So call this when the tip has arrived, and with a depth of 0 or less, for the
+        untouched pad, before the tip leaves; frames during a motion have the label of the rest before it. To fit a
+        force, record the motion of the stage instead (`optopad driver export --stage`).
 
         Raises
         ------
