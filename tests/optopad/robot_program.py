@@ -74,8 +74,8 @@ def read_and_record(files: list[str]) -> None:
             assert frames[-1].signals.shape == (8, 8)
             for file in files:
                 assert len(optopad.read_recording(file).sequence) >= FRAMES, file
-            (values,) = optopad.Observations(sensor, fps=30).step().values()
-            assert np.isfinite(values).all()
+            step = optopad.Observations(sensor, fps=30).step()
+            assert all(np.isfinite(values).all() for values in step.values()), step
         with optopad.Sensor(config, port.name) as sensor:
             reader = optopad.TouchReader(sensor, optopad.load_model("kernel-ridge.optomodel"))
             touches = list(reader.touches(count=5))
