@@ -25,7 +25,7 @@ ROLES = ("train", "test")
 PATTERNS = ("grid", "random", "unknown", "measured")
 """Permitted patterns of locations; older files have `measured` in place of `unknown`."""
 
-Number = TypeVar("Number", bound=np.number[Any])
+Number = TypeVar("Number", bound="np.number[Any]")
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -10,11 +10,16 @@ The parser's message about invalid TOML says only where it stopped. This module 
 from __future__ import annotations
 
 import re
-import tomllib
+import sys
 from collections.abc import Iterator
 from typing import Any
 
 from design.errors import shown
+
+if sys.version_info >= (3, 11):
+    import tomllib
+else:
+    import tomli as tomllib
 
 _TWICE = "Cannot overwrite a value"
 _NUMBER = r"[+-]?(?:\d[\d_]*\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
@@ -90,14 +95,14 @@ LONGEST_DECIMAL_BITS = 2_000
 """Largest decimal integer [bits]: it has fewer than 640 digits, the lowest limit that Python can be set to."""
 
 _QUOTED = re.compile(
-    r'"""(?:[^"\\]|\\.|"(?!""))*+(?:""")?|'
-    r"'''(?:[^']|'(?!''))*+(?:''')?|"
-    r'"(?:[^"\\\n]|\\[^\n])*+"?|'
-    r"'[^'\n]*+'?|#[^\n]*+",
+    r'"""(?:[^"\\]|\\.|"(?!""))*(?:""")?|'
+    r"'''(?:[^']|'(?!''))*(?:''')?|"
+    r'"(?:[^"\\\n]|\\[^\n])*"?|'
+    r"'[^'\n]*'?|#[^\n]*",
     re.DOTALL,
 )
 """Quoted strings and comments. An unterminated string extends to the end of the document, so the search is linear."""
-_DEEP = re.compile(rf"(?<![\w-])[\w-]++(?:[ \t]*+\.[ \t]*+[\w-]++){{{MOST_PARTS},}}+")
+_DEEP = re.compile(rf"(?<![\w-])[\w-]+(?:[ \t]*\.[ \t]*[\w-]+){{{MOST_PARTS},}}")
 _SIGNS = re.compile(r"[=,\[{]")
 _STAND_IN = "q"
 

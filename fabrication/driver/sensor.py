@@ -20,7 +20,7 @@ import os
 import time
 from collections.abc import Callable, Iterable, Iterator
 from types import TracebackType
-from typing import Self
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -42,6 +42,9 @@ from fabrication.driver.link.protocol import Hello, SelfTest, frame_format
 from fabrication.driver.recording.recorder import Recorder
 from fabrication.driver.stream import LinkCounts, Stream
 from fabrication.driver_file import DriverConfig, load_driver_config
+
+if TYPE_CHECKING:
+    from typing_extensions import Self  # in typing from Python 3.11
 
 BASELINE_S = 0.5
 PATIENCE_S = 10.0

@@ -19,12 +19,15 @@ import re
 import time
 from collections.abc import Callable
 from types import TracebackType
-from typing import Self
+from typing import TYPE_CHECKING
 
 from design.errors import DeviceError, InputError
 from fabrication.driver.link.ports import Port, PortLostError, on_standard_error
 from fabrication.stage.stage import Position, StageLimits
 from fabrication.stage.tip_path import NOWHERE, Knot, leg
+
+if TYPE_CHECKING:
+    from typing_extensions import Self  # in typing from Python 3.11
 
 ASK_EVERY_S = 2.0
 """Interval between requests to a printer that may still be booting [s]."""

@@ -65,6 +65,11 @@ def _outcome(arguments: list[str]) -> int:
     import gc
     import os
 
+    if sys.version_info < (3, 11):
+        version = ".".join(map(str, sys.version_info[:3]))
+        return _refused(
+            f"commands need Python 3.11 to 3.13, this is {version}; here, use `import optopad` in Python"
+        )
     gc.set_threshold(*COLLECTED_AFTER)
     if os.path.expanduser("~") == "~":  # libraries would fail during import
         from sims.cache import NO_HOME

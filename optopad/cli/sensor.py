@@ -779,5 +779,5 @@ def ros2(
         print_json({"packages": [str(package) for package in made]})
         return
     say(f"packages  {', '.join(str(package) for package in made)}")
-    say("next      colcon build --packages-select optopad_msgs optopad_ros")
+    say("next      python3 -m colcon build --packages-select optopad_msgs optopad_ros")
     say("          ros2 launch optopad_ros sensor.launch.py config:=driver.toml")

@@ -14,13 +14,16 @@ import time
 from collections.abc import Iterable
 from dataclasses import dataclass
 from types import TracebackType
-from typing import Any, Self
+from typing import TYPE_CHECKING, Any
 
 import serial
 from serial.tools import list_ports
 
 from design.errors import DeviceError
 from fabrication.driver_file import BoardSetup
+
+if TYPE_CHECKING:
+    from typing_extensions import Self  # in typing from Python 3.11
 
 WAIT_S = 0.1
 """Longest wait for the first byte in one read, and so about the longest delay after a request to stop [s]."""

@@ -16,6 +16,7 @@ stage is moving between presses.
 from __future__ import annotations
 
 import datetime
+import re
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -34,6 +35,8 @@ CLOCK_WORDS = {"time", "t", "timestamp", "stamp", "elapsed", "clock", "uptime"}
 """A column whose name has one of these words and ends in a unit of time is a time; so is a unit alone, as millis."""
 MOMENTS = ("time", "timestamp")
 """Permitted names of a column with ISO 8601 times."""
+FRACTION = re.compile(r"(?<=:\d\d)[.,](\d+)")
+"""Fraction of a second in an ISO 8601 time."""
 LAST_S = 4.1e9
 """Latest accepted time, about the end of the year 2099 [s since 1970]; a later one indicates a wrong unit."""
 COUNTER_TICKS = 2.0**32
@@ -244,7 +247,9 @@ def _require_close(table: CsvTable, time_s: FloatArray, press_mm: FloatArray) ->
 
 
 def _iso_s(text: str) -> float:
-    moment = datetime.datetime.fromisoformat(text)
+    # Python 3.10 reads no Z, and a fraction only of three or six digits
+    plain = FRACTION.sub(lambda found: f".{found[1]:0<6.6}", text)
+    moment = datetime.datetime.fromisoformat(plain[:-1] + "+00:00" if plain.endswith("Z") else plain)
     if moment.tzinfo is None:
         raise ValueError("has no zone")
     return moment.timestamp()

@@ -9,13 +9,16 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 from types import TracebackType
-from typing import IO, Self
+from typing import IO, TYPE_CHECKING
 
 from design.errors import OutputError
 from design.files import require_suffix
 from fabrication.driver.recording.mcap_file import MCAP_SUFFIX, mcap_sink
 from fabrication.driver.recording.raw import END, PRESS, SUFFIX, RawSink, Record, RecordKind, Sink
 from fabrication.driver_file import DriverConfig
+
+if TYPE_CHECKING:
+    from typing_extensions import Self  # in typing from Python 3.11
 
 FLUSH_S = 0.25
 """Interval at which records are written to the file [s]; it must not exceed 0.5 s."""

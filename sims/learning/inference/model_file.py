@@ -57,7 +57,8 @@ def save_model(file: str | os.PathLike[str], model: TouchModel) -> None:
     arrays[_HEADER] = np.frombuffer(text, np.uint8)
     arrays[_CHECKSUM] = np.frombuffer(_checksum(arrays), np.uint8)
     with whole_file(Path(file)) as hidden, hidden.open("wb") as stream:
-        np.savez_compressed(stream, allow_pickle=False, **arrays)
+        # not with `allow_pickle`, which NumPy 1 stores as one more array
+        np.savez_compressed(stream, **arrays)  # type: ignore[arg-type]
 
 
 def load_model(file: str | os.PathLike[str]) -> TouchModel:
