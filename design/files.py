@@ -19,6 +19,7 @@ import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import IO
 
 from design.errors import InputError, OptopadError, OutputError
 
@@ -309,12 +310,56 @@ def kind_of(content: bytes) -> str:
 
 
 def kind_of_file(file: Path) -> str:
-    """Type of a file in words, as in `kind_of`; "a file that cannot be opened" if opening fails."""
+    """Type of a file in words, as in `kind_of`; "a file that cannot be opened" if opening fails or could wait."""
     try:
+        if not stat.S_ISREG(file.stat().st_mode):
+            return "a file that cannot be opened"
         with file.open("rb") as stream:
             return kind_of(stream.read(BYTES_FOR_KIND))
     except (OSError, ValueError):
         return "a file that cannot be opened"
+
+
+@contextmanager
+def opened_file(file: Path, *, needed: str, error: type[OptopadError] = InputError) -> Iterator[IO[bytes]]:
+    """Context manager for a file that is open for reading.
+
+    Devices and named pipes are refused before they are opened, because a program could wait for them forever. The pipes
+    that a shell makes, as /dev/stdin, are read.
+
+    Parameters
+    ----------
+    needed : type of file required and how to make it, for messages
+    error : exception class to raise
+
+    Raises
+    ------
+    OptopadError : the file is missing, a folder, a device or unreadable; the exception is of the class `error`.
+    """
+    try:
+        mode = file.stat().st_mode
+        if stat.S_ISDIR(mode):
+            raise IsADirectoryError
+        of_shell = stat.S_ISFIFO(mode) and file.absolute().is_relative_to("/dev")
+        if not (stat.S_ISREG(mode) or of_shell):
+            raise error(f"{file}: a pipe or a device, not a file; needs {needed}")
+        stream = file.open("rb")
+    except FileNotFoundError:
+        raise error(f"{file}: no such file; needs {needed}") from None
+    except IsADirectoryError:
+        raise error(f"{file}: a folder; needs {needed}") from None
+    except OSError as err:
+        raise error(f"{file}: cannot be read: {err.strerror}; name the right file") from None
+    except ValueError as err:  # a null byte in the name
+        raise error(f"{str(file)!r}: no name of a file: {err}") from None
+    with stream:
+        yield stream
+
+
+def require_file(file: Path, *, needed: str, error: type[OptopadError] = InputError) -> None:
+    """Refuse a path that is not a file which can be read; parameters and errors are as in `opened_file`."""
+    with opened_file(file, needed=needed, error=error):
+        pass
 
 
 def read_bytes(file: Path, *, needed: str, most_bytes: int, error: type[OptopadError] = InputError) -> bytes:
@@ -328,21 +373,16 @@ def read_bytes(file: Path, *, needed: str, most_bytes: int, error: type[OptopadE
 
     Raises
     ------
-    OptopadError : the file is missing, a folder, unreadable or too large; the exception is of the class `error`.
+    OptopadError : the file is missing, a folder, a device, unreadable or too large; the exception is of the class
+        `error`.
     """
-    try:
-        with file.open("rb") as stream:
-            status = os.fstat(stream.fileno())
-            size = status.st_size if stat.S_ISREG(status.st_mode) else most_bytes
+    with opened_file(file, needed=needed, error=error) as stream:
+        status = os.fstat(stream.fileno())
+        size = status.st_size if stat.S_ISREG(status.st_mode) else most_bytes
+        try:
             content = stream.read(min(size, most_bytes) + 1)
-    except FileNotFoundError:
-        raise error(f"{file}: no such file; needs {needed}") from None
-    except IsADirectoryError:
-        raise error(f"{file}: a folder; needs {needed}") from None
-    except OSError as err:
-        raise error(f"{file}: cannot be read: {err.strerror}; name the right file") from None
-    except ValueError as err:  # a null byte in the name
-        raise error(f"{str(file)!r}: no name of a file: {err}") from None
+        except OSError as err:
+            raise error(f"{file}: cannot be read: {err.strerror}; name the right file") from None
     if len(content) > most_bytes:
         raise error(f"{file}: larger than {most_bytes} bytes, which is too much; needs {needed}")
     return content

@@ -83,7 +83,8 @@ def _outcome(arguments: list[str]) -> int:
     except TyperException as err:
         return _misused(err)
     except OSError as err:
-        if err.errno not in (errno.ENAMETOOLONG, errno.ELOOP):
+        unusable = (errno.ENAMETOOLONG, errno.ELOOP, errno.EACCES, errno.EPERM, errno.EISDIR, errno.ENOTDIR)
+        if err.errno not in unusable or err.filename is None:
             raise
         return _refused(readable(f"{err.filename}: {err.strerror}; give another name"))
     except typer.Abort:

@@ -33,7 +33,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from design.errors import InputError
-from design.files import kind_of_file, made_folder, unwritable, whole_file
+from design.files import kind_of_file, made_folder, require_file, unwritable, whole_file
 from design.hdf5_limits import limited_hdf5
 from design.recordings import sets_json
 from sims.readings.press_data import PressData
@@ -69,9 +69,7 @@ def read_netcdf(file: Path, *, needed: str, most_bytes: int, **options: Any) -> 
     """
     import xarray as xr
 
-    if not file.is_file():
-        what = "a folder" if file.is_dir() else "no such file"
-        raise InputError(f"{file}: {what}; needs {needed}")
+    require_file(file, needed=needed)
     if (size := file.stat().st_size) > most_bytes:
         raise InputError(f"{file}: {size / 1e6:.0f} MB, reads at most {most_bytes / 1e6:.0f} MB; cut it")
     engine = ENGINES.get(kind := kind_of_file(file))
