@@ -16,8 +16,9 @@ import re
 import shutil
 import stat
 import tempfile
+import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import IO
 
@@ -109,11 +110,10 @@ def whole_file(file: Path, way_out: str = "choose another folder") -> Iterator[P
     OutputError : the folder is missing, read-only or full; the old file is unchanged.
     """
     require_file_name(file)
+    _sweep(file)
     hidden = None
     try:
-        descriptor, hidden = tempfile.mkstemp(
-            dir=file.parent, prefix=f".{file.name[:40]}.", suffix=".partial"
-        )
+        descriptor, hidden = tempfile.mkstemp(dir=file.parent, prefix=_hidden_start(file), suffix=".partial")
         os.close(descriptor)
         yield Path(hidden)
         os.chmod(hidden, 0o644)
@@ -142,7 +142,12 @@ def whole_folder(folder: Path) -> Iterator[Path]:
         raise OutputError(f"{folder}: exists already; choose another folder")
     made_folder(folder.parent)
     try:
-        hidden = Path(tempfile.mkdtemp(dir=folder.parent, prefix=f".{folder.name[:40]}.", suffix=".partial"))
+        with alone_in(folder.parent):
+            _sweep(folder)
+            hidden = Path(
+                tempfile.mkdtemp(dir=folder.parent, prefix=_hidden_start(folder), suffix=".partial")
+            )
+            lock = locked(hidden)
     except OSError as err:
         raise unwritable(folder, err) from err
     try:
@@ -153,6 +158,74 @@ def whole_folder(folder: Path) -> Iterator[Path]:
         raise unwritable(folder, err) from err
     finally:
         shutil.rmtree(hidden, ignore_errors=True)
+        if lock is not None:
+            os.close(lock)
+
+
+@contextmanager
+def alone_in(folder: Path) -> Iterator[None]:
+    """Make other processes that call this function for a folder wait while the `with` block runs."""
+    if os.name == "nt":  # it has no locks of folders
+        yield
+        return
+    import fcntl
+
+    descriptor = os.open(folder, os.O_RDONLY)
+    try:
+        with suppress(OSError):  # a file system without locks
+            fcntl.flock(descriptor, fcntl.LOCK_EX)
+        yield
+    finally:
+        os.close(descriptor)
+
+
+def locked(folder: Path) -> int | None:
+    """Lock a folder; return its open descriptor, or None if another process has locked it or locking is unsupported.
+
+    The lock ends when the descriptor is closed or the process ends.
+    """
+    if os.name == "nt":
+        return None
+    import fcntl
+
+    descriptor = os.open(folder, os.O_RDONLY)
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError:
+        os.close(descriptor)
+        return None
+    return descriptor
+
+
+ABANDONED_S = 86_400.0
+
+
+def is_abandoned(hidden: Path) -> bool:
+    """Whether the process that writes a hidden file or folder has died.
+
+    A process locks its folder (`locked`). Files, and folders on systems without locks, are abandoned if nothing was
+    written to them for a day.
+    """
+    try:
+        if hidden.is_dir() and (lock := locked(hidden)) is not None:
+            os.close(lock)
+            return True
+        return time.time() - hidden.stat().st_mtime > ABANDONED_S
+    except OSError:  # its process has just removed it
+        return False
+
+
+def _sweep(target: Path) -> None:
+    """Remove hidden files and folders that died writers of `target` have left; errors are ignored."""
+    pattern = re.compile(re.escape(_hidden_start(target)) + r"[a-z0-9_]{8}\.partial")
+    with suppress(OSError):
+        for left in [target.parent / name for name in os.listdir(target.parent) if pattern.fullmatch(name)]:
+            if is_abandoned(left):
+                shutil.rmtree(left, ignore_errors=True) if left.is_dir() else left.unlink(missing_ok=True)
+
+
+def _hidden_start(target: Path) -> str:
+    return f".{target.name[:40]}."
 
 
 def write_whole(file: Path, content: bytes) -> None:

@@ -46,7 +46,9 @@ class WholeReads(io.FileIO):
         """Fill the buffer completely."""
         length, filled = len(memoryview(buffer)), super().readinto(buffer)
         if filled is None or filled < length:
-            raise OSError(f"its headers state {length} bytes where the file ends after {filled or 0}; it is damaged")
+            raise OSError(
+                f"its headers state {length} bytes where the file ends after {filled or 0}; it is damaged"
+            )
         return filled
 
 
@@ -117,13 +119,13 @@ def _require_short_attributes(one: h5py.Group | h5py.Dataset, file_bytes: int, m
 
 
 def _require_plain_packing(array: h5py.Dataset, most_bytes: float) -> None:
-    """Raise ValueError if an array is packed twice, in other files, or in chunks that unpack to more than they state."""
+    """Raise ValueError if an array is packed twice, in other files, or in chunks that hold more than they state."""
     if array.is_virtual or array.external:
         raise ValueError(f"{array.name}: its data are in other files; copy them into this one")
     plan = array.id.get_create_plist()
     filters = [plan.get_filter(number)[0] for number in range(plan.get_nfilters())]
     unpacking = [number for number in filters if number not in (SHUFFLE, CHECKSUM)]
-    if len(unpacking) > 1 or DEFLATE in filters and filters[-1] not in (DEFLATE, CHECKSUM):
+    if len(unpacking) > 1 or (DEFLATE in filters and filters[-1] not in (DEFLATE, CHECKSUM)):
         raise ValueError(f"{array.name}: is packed more than once; pack it once")
     if not unpacking or not array.chunks:
         return

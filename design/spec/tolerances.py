@@ -170,7 +170,9 @@ class _Values:
             raise DesignError(f"tolerances: {unknown_path(path, (*known_values(SensorDesign), *self.used))}")
         value = get_at(self.document, path)
         if isinstance(value, bool) or not isinstance(value, int | float):
-            raise DesignError(f"tolerances: {path}: {value!r} is no number, so it has no tolerance; remove it")
+            raise DesignError(
+                f"tolerances: {path}: {value!r} is no number, so it has no tolerance; remove it"
+            )
         return float(value), next((unit for end, unit in UNIT_ENDS.items() if path.endswith(end)), "1")
 
 

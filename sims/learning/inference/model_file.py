@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from design.errors import InputError
+from design.file_sets import settle
 from design.files import kind_of_file, require_file, whole_file
 from design.plain_arrays import plain_arrays
 from sims.learning.inference.extra_trees import extra_trees_of_arrays
@@ -84,6 +85,7 @@ def load_model(file: str | os.PathLike[str]) -> TouchModel:
 
 def _read(path: Path) -> dict[str, NDArray[Any]]:
     """Read a file and check its checksum; return its other arrays."""
+    settle(path.parent)
     require_file(path, needed=NEEDED)
     try:
         arrays = plain_arrays(path, most_bytes=MOST_BYTES)
