@@ -404,7 +404,7 @@ def _require_no_overlap(paths: list[str]) -> None:
 
 def _require_consistent(constraints: tuple[SpaceConstraint, ...]) -> None:
     """Raise ValueError if limits of one figure contradict each other, so that no design can satisfy them."""
-    for figure in {constraint.figure for constraint in constraints}:
+    for figure in dict.fromkeys(constraint.figure for constraint in constraints):
         said = [constraint for constraint in constraints if constraint.figure == figure]
         if len({one.equals for one in said}) > 1:
             raise ValueError("constraints: verdict cannot equal two things at once; remove one")
