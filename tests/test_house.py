@@ -47,7 +47,7 @@ HEAVY = (
 )
 
 ALLOWED = {
-    "design": {"pydantic", "pydantic_core", "numpy", "optuna", "sqlalchemy", "tomlkit"},
+    "design": {"pydantic", "pydantic_core", "numpy", "optuna", "sqlalchemy", "tomlkit", "h5py"},
     "cad": {"cadquery", "OCP", "trimesh", "manifold3d", "numpy"},
     "sims": {
         "numpy",
