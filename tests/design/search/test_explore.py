@@ -95,6 +95,7 @@ def test_an_objective_that_breaks_loses_nothing_and_is_asked_again(tmp_path, who
     assert outcome(resumed) == outcome(whole_of())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("sampler", ["tpe", *OTHERS])
 def test_designs_that_died_change_neither_the_others_nor_their_numbers(
     sampler, tmp_path, whole_of, monkeypatch
