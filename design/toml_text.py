@@ -57,6 +57,8 @@ _MEANT = (
     (_KEY + r"\s+[^=\s]", "write = between name and value"),
 )
 """Patterns of common invalid lines, each with its remedy; the first match is used."""
+LONGEST_LINE = 1_000
+"""Longest start of a line that is searched for common mistakes [characters]; patterns take the square of its length."""
 _PATTERNS = tuple((re.compile(pattern), way_out) for pattern, way_out in _MEANT)
 
 
@@ -70,7 +72,7 @@ def explained(message: str, text: str) -> str:
     """
     place = re.search(r"at line (\d+)", message)
     line = text.split("\n")[int(place[1]) - 1].strip() if place else text.strip().rpartition("\n")[2].strip()
-    way_out = _way_out(message, line)
+    way_out = _way_out(message, line[:LONGEST_LINE])
     if place is None and not way_out:
         return message
     return f"{message}: {shown(line)}" + (f"; {way_out}" if way_out else "")

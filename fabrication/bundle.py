@@ -26,13 +26,13 @@ import re
 import secrets
 import shutil
 from collections.abc import Iterable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from importlib import metadata
 from pathlib import Path
 from typing import Any
 
 from design.errors import InputError, OutputError
-from design.files import unwritable
+from design.files import alone_in, locked, unwritable
 from design.io import save_design, write_text_atomically
 from design.spec import SensorDesign
 
@@ -73,15 +73,15 @@ def bundle(design: SensorDesign, out: Path, *, seed: int) -> Iterator[Path]:
     try:
         try:
             final.parent.mkdir(parents=True, exist_ok=True)
-            with _alone(final.parent):
+            with alone_in(final.parent):
                 _fill(staging, final)
-                lock = _locked(staging)
+                lock = locked(staging)
         except OSError as err:
             raise unwritable(final, err, WAY_OUT) from err
         begun_with = _digests(staging)
         yield staging
         save_design(design, staging / "design.toml")
-        with _alone(final.parent):
+        with alone_in(final.parent):
             _fetch(staging, final, begun_with)
             write_manifest(staging, design, seed)
             _flush(staging)
@@ -202,41 +202,6 @@ def _require_no_link(final: Path) -> None:
             )
 
 
-@contextmanager
-def _alone(out: Path) -> Iterator[None]:
-    """Prevent other processes from copying or swapping bundles in a folder while the `with` block runs."""
-    if os.name == "nt":  # it has no locks of folders
-        yield
-        return
-    import fcntl
-
-    descriptor = os.open(out, os.O_RDONLY)
-    try:
-        with suppress(OSError):  # a file system without locks
-            fcntl.flock(descriptor, fcntl.LOCK_EX)
-        yield
-    finally:
-        os.close(descriptor)
-
-
-def _locked(folder: Path) -> int | None:
-    """Lock a folder; return its open descriptor, or None if another process has locked it or locking is unsupported.
-
-    The lock ends when the descriptor is closed or the process ends.
-    """
-    if os.name == "nt":
-        return None
-    import fcntl
-
-    descriptor = os.open(folder, os.O_RDONLY)
-    try:
-        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError:
-        os.close(descriptor)
-        return None
-    return descriptor
-
-
 def _digests(folder: Path) -> dict[str, str]:
     return {name: _record(folder / name)["sha256"] for name in _files(folder)}
 
@@ -305,7 +270,7 @@ def _sweep(final: Path) -> None:
     """Remove hidden working folders that interrupted commands have left behind and that no process has locked."""
     pattern = re.compile(re.escape(f".{final.name}.") + r"[0-9a-f]+\.partial")
     for left in final.parent.iterdir():
-        if pattern.fullmatch(left.name) and (lock := _locked(left)) is not None:
+        if pattern.fullmatch(left.name) and (lock := locked(left)) is not None:
             shutil.rmtree(left, ignore_errors=True)
             os.close(lock)
 

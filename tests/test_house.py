@@ -47,7 +47,7 @@ HEAVY = (
 )
 
 ALLOWED = {
-    "design": {"pydantic", "pydantic_core", "numpy", "optuna", "sqlalchemy", "tomli", "tomlkit"},
+    "design": {"pydantic", "pydantic_core", "numpy", "optuna", "sqlalchemy", "tomli", "tomlkit", "h5py"},
     "cad": {"cadquery", "OCP", "trimesh", "manifold3d", "numpy"},
     "sims": {
         "numpy",

@@ -31,6 +31,7 @@ def main(arguments: list[str] | None = None) -> int:
         from optopad.cli.interrupts import listen
 
         listen()
+        _hide_warnings()
         code = _run(sys.argv[1:])
     except KeyboardInterrupt:  # before the command line's library handles it, or after
         code = INTERRUPTED
@@ -41,6 +42,14 @@ def main(arguments: list[str] | None = None) -> int:
     if code == INTERRUPTED:
         leave(code)
     sys.exit(code)
+
+
+def _hide_warnings() -> None:
+    """Show no warning of Python to users, who cannot act on it; -W or PYTHONWARNINGS shows them."""
+    import warnings
+
+    if not sys.warnoptions:
+        warnings.simplefilter("ignore")
 
 
 def _told(code: int) -> int:
@@ -88,7 +97,8 @@ def _outcome(arguments: list[str]) -> int:
     except TyperException as err:
         return _misused(err)
     except OSError as err:
-        if err.errno not in (errno.ENAMETOOLONG, errno.ELOOP):
+        unusable = (errno.ENAMETOOLONG, errno.ELOOP, errno.EACCES, errno.EPERM, errno.EISDIR, errno.ENOTDIR)
+        if err.errno not in unusable or err.filename is None:
             raise
         return _refused(readable(f"{err.filename}: {err.strerror}; give another name"))
     except typer.Abort:

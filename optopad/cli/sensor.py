@@ -449,6 +449,7 @@ def fake(
     """Start a simulated board on a port, with simulated signals of a moving finger. Ctrl-C ends it."""
     from fabrication.driver.simulated.board import FakeBoard
     from fabrication.driver.simulated.faults import faults_of
+    from fabrication.driver.simulated.finger import read_path
     from fabrication.stage.fake_printer import TipFinger
     from optopad.screen.verdict import as_typed
     from optopad.sensor.driver_view import driver_source, press_table
@@ -456,6 +457,8 @@ def fake(
     if out is not None:
         options.checked_out(out, config, path)
     _require_free_names(link, stage_link)
+    if path is not None:
+        read_path(path)  # refuses the file before the light is simulated
     source = driver_source(config, set_, bundles)
     faults = faults_of(source.config, fault or [])
     with progress(quiet=as_json) as step:

@@ -11,7 +11,8 @@ import numpy as np
 
 from design.arrays import FloatArray
 from design.errors import InputError
-from design.io import save_design, write_text_atomically, written_together
+from design.file_sets import written_together
+from design.io import save_design, write_text_atomically
 from design.progress import OnStep
 from design.spec import SensorDesign
 from fabrication.driver.recording.clock_match import OUT_OF_STEP_S, found_offset, match_at, touches_of_log

@@ -11,7 +11,7 @@ that file may never open again.
 
 netCDF files are checked on reading. Sizes are checked before any data are loaded, and all damage becomes an
 `InputError` that names the file. This needs care, because the HDF5 library reads metadata only when they are needed.
-Damage may then cause errors of many types, or arrays as large as a damaged header says.
+Damage may then cause errors of many types; `design.hdf5_limits` keeps damaged sizes from taking memory.
 """
 
 from __future__ import annotations
@@ -19,11 +19,11 @@ from __future__ import annotations
 import fcntl
 import hashlib
 import json
-import math
 import os
 import struct
 import zlib
 from collections.abc import Iterator, Sequence
+from contextlib import nullcontext
 from dataclasses import asdict
 from pathlib import Path
 from types import TracebackType
@@ -33,7 +33,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from design.errors import InputError
-from design.files import kind_of_file, made_folder, unwritable, whole_file
+from design.files import kind_of_file, made_folder, require_file, unwritable, whole_file
+from design.hdf5_limits import limited_hdf5
 from design.recordings import sets_json
 from sims.readings.press_data import PressData
 
@@ -68,9 +69,7 @@ def read_netcdf(file: Path, *, needed: str, most_bytes: int, **options: Any) -> 
     """
     import xarray as xr
 
-    if not file.is_file():
-        what = "a folder" if file.is_dir() else "no such file"
-        raise InputError(f"{file}: {what}; needs {needed}")
+    require_file(file, needed=needed)
     if (size := file.stat().st_size) > most_bytes:
         raise InputError(f"{file}: {size / 1e6:.0f} MB, reads at most {most_bytes / 1e6:.0f} MB; cut it")
     engine = ENGINES.get(kind := kind_of_file(file))
@@ -78,9 +77,11 @@ def read_netcdf(file: Path, *, needed: str, most_bytes: int, **options: Any) -> 
         raise InputError(f"{file}: {kind}; needs {needed}")
     try:
         most = min(MOST_BYTES, max(FREE_BYTES, MOST_RATIO * size))
-        if engine["engine"] == "h5netcdf" and (unpacked := _unpacked_bytes(file)) > most:
-            raise ValueError(f"unpacks to {unpacked:.3g} bytes, reads at most {most:.3g}")
-        with xr.open_dataset(file, **engine, **options) as dataset:
+        is_hdf5 = engine["engine"] == "h5netcdf"
+        with (
+            limited_hdf5(file, most_bytes=most) if is_hdf5 else nullcontext(file) as source,
+            xr.open_dataset(source, **engine, **options) as dataset,
+        ):
             if dataset.nbytes > most:
                 raise ValueError(f"holds {dataset.nbytes:.3g} bytes, reads at most {most:.3g}")
             found = dataset.load()
@@ -128,25 +129,6 @@ def require_numbers(found: xr.Dataset, file: Path, names: Sequence[str], axes: t
             raise InputError(f"{file}: {name} has the dimensions {array.dims}, needs {axes}")
         if array.dtype.kind not in "fiu":
             raise InputError(f"{file}: {name} is of the type {array.dtype}, needs numbers")
-
-
-def _unpacked_bytes(file: Path) -> int:
-    """Unpacked size of all arrays in a netCDF-4 file, according to their headers [bytes].
-
-    Reading the headers also reveals damage early; h5netcdf would leave a damaged file half open.
-    """
-    import h5py
-
-    sizes: list[int] = []
-
-    def add(_name: str, found: Any) -> None:
-        if isinstance(found, h5py.Dataset):
-            sizes.append(math.prod(found.shape or ()) * found.dtype.itemsize)
-
-    with h5py.File(file, "r") as held:
-        held.attrs.get("_nc3_strict")
-        held.visititems(add)
-    return sum(sizes)
 
 
 RECORD = struct.Struct("<II")

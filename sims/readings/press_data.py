@@ -100,7 +100,7 @@ class PressData:
 
     def features(self) -> NDArray[np.float32]:
         """Signals (sample, pair): readings minus those of the off state [counts]; pairs are as in `pair_names`."""
-        return self.signals().reshape(len(self), -1)
+        return self.signals().reshape(len(self), len(self.pair_names))
 
     def only(self, mask: BoolArray | IntArray) -> PressData:
         """The samples that a mask (sample,) or sample numbers (n,) select."""

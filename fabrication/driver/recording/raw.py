@@ -33,7 +33,7 @@ from numpy.typing import NDArray
 
 from design.arrays import FloatArray
 from design.errors import InputError
-from design.files import BYTES_FOR_KIND, kind_of, opened, size_of, too_large
+from design.files import BYTES_FOR_KIND, kind_of, opened_file, size_of, too_large
 from design.progress import OnStep, silent
 from fabrication.driver.link.protocol import frame_format
 from fabrication.driver_file import DriverConfig, config_from_document
@@ -150,7 +150,7 @@ def read_raw(file: Path, on_step: OnStep = silent) -> RawRecording:
     """
     frames, presses, stray = list[NDArray[np.uint8]](), list[Press](), 0
     kinds, host_s = [np.zeros(0, np.uint8)], [np.zeros(0)]
-    with opened(file, needed=NEEDED) as stream:
+    with opened_file(file, needed=NEEDED) as stream:
         _, config, pieces = _begun(file, stream, on_step)
         for piece in pieces:
             of_piece, begins = np.array(piece.kinds, dtype=np.uint8), np.array(piece.begins, dtype=np.int64)
@@ -179,7 +179,7 @@ def read_records(file: Path) -> tuple[dict[str, Any], DriverConfig, list[Record]
     For long recordings, `read_raw` is faster. Errors are as in `read_raw`.
     """
     records, stray = list[Record](), 0
-    with opened(file, needed=NEEDED) as stream:
+    with opened_file(file, needed=NEEDED) as stream:
         header, config, pieces = _begun(file, stream)
         for piece in pieces:
             stray += piece.stray_bytes
