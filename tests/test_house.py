@@ -74,10 +74,12 @@ ALLOWED = {
         "xarray",
         "h5netcdf",
         "h5py",
+        "lz4",
         "mcap",
         "mcap_ros2",
         "pandas",
         "pyarrow",
+        "zstandard",
     },
     "fabrication/stage": {"numpy"},
     "optopad/studio/view": {"viser", "websockets", "msgspec", "numpy"},  # both are what viser speaks with

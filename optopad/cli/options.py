@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Literal, TypeVar
@@ -119,6 +120,22 @@ Bundles = Annotated[
     Path,
     typer.Option("--bundles", metavar="FOLDER", help="Folder that holds the bundles, to find a design's."),
 ]
+
+
+# options of recordings
+Topic = Annotated[
+    str | None,
+    typer.Option("--topic", metavar="NAME", help="Topic of the frames, in a bag of several sensors."),
+]
+PressTopic = Annotated[
+    str | None,
+    typer.Option("--press-topic", metavar="NAME", help="Topic of the presses, if a bag has several."),
+]
+
+
+def named(path: Path) -> Path:
+    """The path itself if it ends in a name, else the same place by its name: ``.`` gives the current folder's path."""
+    return path if path.name not in ("", "..") else Path(os.path.realpath(path))
 
 
 def checked_out(out: Path, *read: Path | str | None) -> None:

@@ -571,7 +571,7 @@ def export(
         list[Path],
         typer.Argument(
             metavar="RECORDING",
-            help="A file of `driver record`, or a ROS 2 bag (.mcap, folder); several with --lerobot.",
+            help="A file of `driver record`, or a ROS 2 bag (.mcap, .db3, folder); several with --lerobot.",
         ),
     ],
     out: Annotated[
@@ -600,10 +600,8 @@ def export(
         ),
     ] = None,
     offset: options.Offset = None,
-    topic: Annotated[
-        str | None,
-        typer.Option("--topic", metavar="NAME", help="Topic of the frames, in a bag of several sensors."),
-    ] = None,
+    topic: options.Topic = None,
+    press_topic: options.PressTopic = None,
     lerobot: Annotated[
         Path | None,
         typer.Option("--lerobot", metavar="FOLDER", help="Write the episodes of a LeRobot data set instead."),
@@ -634,7 +632,7 @@ def export(
     from fabrication.driver.recording.position_log import read_position_log
     from fabrication.driver.simulated.finger import read_path
 
-    target = lerobot or out or recordings[0].with_suffix(".nc")
+    target = lerobot or out or options.named(recordings[0]).with_suffix(".nc")
     tasks = _tasks_of(recordings, task)
     _require_one_result(recordings, target, lerobot, out, append=append)
     if lerobot is None:
@@ -652,7 +650,7 @@ def export(
     told: list[tuple[Path, dict[str, Any], list[str]]] = []
 
     def read_one(recording: Path, step: OnStep) -> Recorded:
-        found = read_recorded(recording, path, topic, on_step=step)
+        found = read_recorded(recording, path, topic, press_topic, with_presses=log is None, on_step=step)
         join = None if log is None else joined(found, log, shift)
         found = found if join is None else join.recorded
         told.append((recording, *_told(found, join)))
@@ -703,11 +701,11 @@ def _require_one_result(
         raise InputError(
             f"{recordings[1]}: a second recording, and a file has one; export each, or give --lerobot"
         )
-    names = [recording.resolve() for recording in recordings]
+    names = [os.path.realpath(recording) for recording in recordings]
     for number, name in enumerate(names):
         if name in names[:number]:
             raise InputError(f"{recordings[number]}: is given twice; give each recording once")
-    if target.resolve() in names:
+    if os.path.realpath(target) in names:
         raise InputError(f"--out {target}: is the recording itself; choose another name")
 
 
@@ -720,16 +718,11 @@ def _told(found: Recorded, join: JoinedLog | None) -> tuple[dict[str, Any], list
         "connections": int(found.connection[-1]),
         "ended_cleanly": found.ended_cleanly,
         "stray_bytes": found.stray_bytes,
+        "left_out": found.left_out,
+        "missing_files": list(found.missing_files),
         "has_presses": found.press_mm is not None,
     }
-    torn = (
-        ""
-        if found.ended_cleanly
-        else (f"; the end is incomplete: {found.stray_bytes} bytes belong to no whole record")
-    )
-    lines = [
-        f"{len(found.sequence)} frames, {found.lost} lost{f', {found.doubled} doubled' if found.doubled else ''}{torn}"
-    ]
+    lines = [f"{len(found.sequence)} frames, {found.losses}"]
     if join is not None:
         document["stage"] = _join_json(join)
         lines.append(_join_line(join))

@@ -19,6 +19,7 @@ from fabrication.driver.recording.clock_match import OUT_OF_STEP_S, found_offset
 from fabrication.driver.recording.force_log import ForceLog, read_force_log
 from fabrication.driver.recording.joined_log import Offset
 from fabrication.driver.recording.position_log import PositionLog
+from fabrication.driver.recording.recorded import require_rising
 from optopad.work import as_netcdf
 from sims.learning.calibration import Calibration, CalibrationReport, calibrated, report_of
 from sims.learning.force_fit import ForceFit, fit_force
@@ -89,6 +90,8 @@ def calibrate(
     on_step: OnStep,
     force: Path | None = None,
     offset: Offset = None,
+    topic: str | None = None,
+    press_topic: str | None = None,
 ) -> CalibratedBuild:
     """Fit a design to a recording of its manufactured pad, and make the model that reads this pad.
 
@@ -98,13 +101,14 @@ def calibrate(
     quick : whether to use a coarser map of presses for the model
     force : log of a load cell under the same presses, to which modulus and relaxation are fitted; None fits none
     offset : clock of the recording's computer minus the log's [s]; "auto" finds it; None: the clocks are the same
+    topic, press_topic : topics of frames and presses in a bag of several sensors
 
     Raises
     ------
     InputError : the data are of another design or have too few presses or untouched frames, nothing can be fitted, or
         the log of the force does not fit the recording.
     """
-    with as_netcdf(file) as netcdf:
+    with as_netcdf(file, topic, press_topic) as netcdf:
         data = read_data(netcdf, design)
         pressed = None if force is None else _pressed_force(netcdf, read_force_log(force), offset)
     notes = [*require_design(data, design, what=str(file)), *data_notes(data)]
@@ -135,6 +139,7 @@ def _pressed_force(netcdf: Path, log: ForceLog, offset: Offset) -> tuple[FloatAr
             f"{netcdf}: has no {missing[0]}, needs a recording of `driver record` with its presses"
         )
     host_s, *press = (np.asarray(dataset[name].values, dtype=np.float64) for name in names)
+    require_rising(host_s)
     path = PositionLog(file=str(netcdf), time_s=host_s, press_mm=np.stack(press, axis=1))
     shift = _clock_offset(path, log, offset)
     time_s = log.time_s + shift

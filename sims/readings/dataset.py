@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 
 from design.arrays import FloatArray, IntArray
 from design.errors import InputError
-from design.recordings import OFF, UNNAMED, SetEntry
+from design.recordings import LOSSES, OFF, UNNAMED, SetEntry
 from sims.press import SAME_PLACE_MM
 from sims.readings.data_writer import DataWriter, header_of, read_netcdf, require_numbers, save_data
 from sims.readings.label_checks import (
@@ -161,6 +161,8 @@ def _data_of(found: xr.Dataset, file: Path, design: SensorDesign | None) -> Pres
     time_s = np.arange(len(counts)) if named is None else in_unit(found, [named], TIMES_S)[:, 0]
     if named is None:
         attributes = attributes | {"time_s": "unknown; numbers of the samples"}
+    if losses := losses_note(found):
+        attributes = attributes | {LOSSES: losses}
     if counts_per_unit != 1.0:
         counts = counts * np.float32(counts_per_unit)
         attributes = attributes | {CONVERTED: f"the readings were volts, multiplied by {counts_per_unit:g}"}
@@ -228,6 +230,12 @@ def _digest(found: xr.Dataset, file: Path) -> str | None:
             f"{file}: attribute design_digest is {value!r}, needs the 64 digits of a design's digest"
         )
     return None if value is None else value.strip()
+
+
+def losses_note(found: xr.Dataset) -> str | None:
+    """A sentence on what is missing of the recording from which a file was made; None if nothing is known to be."""
+    told = found.attrs.get(LOSSES)
+    return None if told is None else f"{found.attrs.get('source', 'the recording')}: {told}"
 
 
 def off_last(found: xr.Dataset) -> tuple[tuple[str, ...], NDArray[Any]]:

@@ -33,7 +33,7 @@ from design.errors import InputError
 from design.files import TEXT_KINDS, kind_of_file
 from design.recordings import OFF, signals_of
 from sims.readings.data_writer import read_netcdf, require_numbers
-from sims.readings.dataset import AXES, full_scale_of, off_last
+from sims.readings.dataset import AXES, full_scale_of, losses_note, off_last
 from sims.readings.label_checks import (
     HALF_COUNT,
     LENGTHS_MM,
@@ -144,7 +144,10 @@ def _read_netcdf(file: Path) -> Recording:
             for j, receiver in enumerate(dataset["receiver"].values)
             if state != OFF
         },
-        notes=("readings of the off state were subtracted",) if has_off else (),
+        notes=(
+            *(("readings of the off state were subtracted",) if has_off else ()),
+            *filter(None, (losses_note(dataset),)),
+        ),
     )
 
 

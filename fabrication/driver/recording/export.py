@@ -5,6 +5,7 @@ netCDF needs xarray."""
 from __future__ import annotations
 
 import csv
+import os
 from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
@@ -17,48 +18,54 @@ from design.arrays import BoolArray, FloatArray, IntArray
 from design.errors import InputError, OutputError
 from design.files import require_suffix, whole_file
 from design.progress import OnStep, silent
-from design.recordings import sets_json, signals_of
+from design.recordings import LOSSES, sets_json, signals_of
 from fabrication.driver.descriptor import UNITS, descriptor_of
 from fabrication.driver.link.counters import Repeats, WrappingCounter, restarts
 from fabrication.driver.link.protocol import STAMP, Unpacked, frame_format, unpack_frames
-from fabrication.driver.recording.bag import read_mcap
+from fabrication.driver.recording.bag import is_bag, read_mcap
 from fabrication.driver.recording.mcap_file import FRAMES_A_PIECE, MCAP_SUFFIX, STEP, write_mcap
-from fabrication.driver.recording.press_labels import PressLabels
-from fabrication.driver.recording.raw import RawRecording, RecordKind, read_raw
-from fabrication.driver.recording.recorded import Recorded, labels_at, press_labels
+from fabrication.driver.recording.press_labels import NEVER_NS, Moments, PressLabels, press_labels
+from fabrication.driver.recording.raw import RawRecording, RecordKind, packed_size, read_raw
+from fabrication.driver.recording.recorded import Recorded
 from fabrication.driver.simulated.finger import FingerPath
 
 if TYPE_CHECKING:
     import xarray as xr
 
 US_PER_S = 1e6
-
-CLOCK_SLACK_S = 1.0
-"""Largest backward step in the times of successive records that is tolerated [s]; a larger step means that the clock
-was set back."""
+LOST_BYTES = 4
+"""Number of bytes that damage may have removed or added where the rest are those of lost frames."""
 
 COMPRESSION = {"compression": "gzip", "compression_opts": 4, "shuffle": True}
 
 
 def read_recorded(
-    file: Path, path: FingerPath | None = None, topic: str | None = None, *, on_step: OnStep = silent
+    file: Path,
+    path: FingerPath | None = None,
+    topic: str | None = None,
+    press_topic: str | None = None,
+    *,
+    with_presses: bool = True,
+    on_step: OnStep = silent,
 ) -> Recorded:
-    """Read all complete frames of a recording: ``.optorec``, ``.mcap``, or a ROS 2 bag's folder.
+    """Read all complete frames of a recording: ``.optorec``, ``.mcap``, or a ROS 2 bag's file or folder.
 
     Parameters
     ----------
     path : presses over time by the board's clock; if None, the presses in the recording are used
-    topic : topic of the frames in an MCAP file with several sensors
+    topic, press_topic : topics of frames and presses in a bag of several sensors
+    with_presses : whether presses in the recording are used, if `path` is None
 
     Raises
     ------
     InputError : the file is not a recording, or contains no complete frame.
     """
-    if file.is_dir() or file.suffix.lower() == MCAP_SUFFIX:
-        found = read_mcap(file, topic)
+    if os.path.isdir(file) or is_bag(file):
+        found = read_mcap(file, topic, press_topic, with_presses=with_presses and path is None)
         return found if path is None else replace(found, labels=PressLabels(press_mm=path.at(found.device_s)))
-    if topic is not None:
-        raise InputError(f"--topic {topic}: {file} is not an MCAP file; leave --topic out")
+    for option, value in (("--topic", topic), ("--press-topic", press_topic)):
+        if value is not None:
+            raise InputError(f"{option} {value}: {file} is not a bag or MCAP file; leave {option} out")
     raw = read_raw(file, on_step)
     if not raw.frames:
         raise InputError(f"{file}: holds no whole frame")
@@ -68,21 +75,30 @@ def read_recorded(
     connection = _connections(kinds, unpacked)
     sequence, device_us, lost = _unwrapped(unpacked, connection)
     device_s = device_us / US_PER_S
-    return Recorded(
+    has_presses = with_presses and path is None and len(raw.presses_mm) > 0
+    labels, known = (
+        _presses(raw, is_kept, sequence, connection)
+        if has_presses
+        else (None, np.ones(len(connection), np.bool_))
+    )
+    found = Recorded(
         config=raw.config,
         counts=unpacked.counts,
         connection=connection,
         sequence=sequence,
         device_s=device_s,
         host_s=record_s[kinds == RecordKind.FRAME],
-        labels=_presses(raw.presses_mm, kinds, record_s)
-        if path is None
-        else PressLabels(press_mm=path.at(device_s)),
+        labels=labels,
         lost=lost,
         doubled=len(raw.kinds) - len(kinds),
         stray_bytes=raw.stray_bytes,
         ended_cleanly=bool((kinds == RecordKind.END).any()),
     )
+    if path is not None:
+        return replace(found, labels=PressLabels(press_mm=path.at(device_s)))
+    if known.all():
+        return found
+    return replace(found.only(known), left_out=int(np.count_nonzero(~known)))
 
 
 def dataset_of(recorded: Recorded, name: str) -> xr.Dataset:
@@ -115,6 +131,7 @@ def dataset_of(recorded: Recorded, name: str) -> xr.Dataset:
             "design_digest": said.digest,
             "full_scale_counts": float(said.full_scale),
             "lost_frames": recorded.lost,
+            **({} if recorded.is_whole else {LOSSES: recorded.losses}),
         },
     )
     if recorded.labels is not None:
@@ -299,11 +316,19 @@ def _unwrapped(found: Unpacked, connection: IntArray) -> tuple[IntArray, IntArra
     return sequence, device_us, lost
 
 
-def _presses(presses_mm: FloatArray, kinds: NDArray[np.uint8], record_s: FloatArray) -> PressLabels | None:
-    """Press of each frame, from the types and times of all records; None if the recording contains no presses."""
-    is_press, is_frame = kinds == RecordKind.PRESS, kinds == RecordKind.FRAME
-    if not is_press.any():
-        return None
-    if (np.diff(record_s) < -CLOCK_SLACK_S).any():  # the clock was set back: the file's order is used
-        return labels_at(presses_mm, (np.cumsum(is_press) - 1)[is_frame])
-    return press_labels(presses_mm, record_s[is_press], record_s[is_frame])
+def _presses(
+    raw: RawRecording, is_kept: BoolArray, sequence: IntArray, connection: IntArray
+) -> tuple[PressLabels, BoolArray]:
+    """Press of each kept frame, and whether it is known; damage of whole frames alone leaves it known."""
+    time_ns = np.rint(raw.host_s * 1e9).astype(np.int64)
+    places = [np.flatnonzero(is_kept & (raw.kinds == kind)) for kind in (RecordKind.PRESS, RecordKind.FRAME)]
+    presses, frames = (Moments(time_ns=time_ns[place], place=place) for place in places)
+    frame_bytes = packed_size(frame_format(raw.config).total_bytes)
+    gaps_ns = []
+    for behind, size in raw.gaps:
+        k = int(np.searchsorted(frames.place, behind))
+        is_within = 0 < k < len(sequence) and connection[k] == connection[k - 1]
+        more = size - frame_bytes * (sequence[k] - sequence[k - 1] - 1) if is_within else size
+        if abs(more) > LOST_BYTES:
+            gaps_ns.append((int(time_ns[behind - 1]) if behind else NEVER_NS, int(time_ns[behind])))
+    return press_labels(raw.presses_mm, presses, frames, gaps_ns)

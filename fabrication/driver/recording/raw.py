@@ -91,6 +91,11 @@ def packed_record(kind: RecordKind, host_s: float, content: bytes) -> bytes:
     return body + _CRC.pack(zlib.crc32(body))
 
 
+def packed_size(length: int) -> int:
+    """Number of bytes that a record with content of this length occupies."""
+    return _HEAD.size + length + _CRC.size
+
+
 class Sink(Protocol):
     """Writes records to the open file of a recording; its errors are OSError."""
 
@@ -131,6 +136,7 @@ class RawRecording:
     frames : bytes of the n frames, in pieces; the shapes (k, bytes of a frame) add up to n
     presses_mm : x, y, depth of each record of type PRESS, shape (p, 3) [mm]
     stray_bytes : number of bytes outside complete records
+    gaps : for each place with bytes outside complete records, the number of the record behind, and the number of bytes
     """
 
     config: DriverConfig
@@ -139,6 +145,7 @@ class RawRecording:
     frames: list[NDArray[np.uint8]]
     presses_mm: FloatArray
     stray_bytes: int
+    gaps: tuple[tuple[int, int], ...]
 
 
 def read_raw(file: Path, on_step: OnStep = silent) -> RawRecording:
@@ -148,7 +155,8 @@ def read_raw(file: Path, on_step: OnStep = silent) -> RawRecording:
     ------
     InputError : the file does not exist, is not a recording, or is of another version.
     """
-    frames, presses, stray = list[NDArray[np.uint8]](), list[Press](), 0
+    frames, presses, stray, gaps = list[NDArray[np.uint8]](), list[Press](), 0, list[tuple[int, int]]()
+    count = before = 0
     kinds, host_s = [np.zeros(0, np.uint8)], [np.zeros(0)]
     with opened_file(file, needed=NEEDED) as stream:
         _, config, pieces = _begun(file, stream, on_step)
@@ -163,6 +171,13 @@ def read_raw(file: Path, on_step: OnStep = silent) -> RawRecording:
             of_presses = begins[of_piece == RecordKind.PRESS].tolist()
             presses += [PRESS.unpack_from(piece.content, k) for k in of_presses]
             stray += piece.stray_bytes
+            ends = np.concatenate([[0], begins + np.array(piece.lengths, dtype=np.int64) + _CRC.size])
+            between = begins - _HEAD.size - ends[:-1]
+            if len(between):
+                between[0] += before
+                gaps += [(count + int(k), int(between[k])) for k in np.flatnonzero(between)]
+            before = piece.used - int(ends[-1]) + (0 if len(between) else before)
+            count += len(between)
     return RawRecording(
         config=config,
         kinds=np.concatenate(kinds),
@@ -170,6 +185,7 @@ def read_raw(file: Path, on_step: OnStep = silent) -> RawRecording:
         frames=frames,
         presses_mm=np.array(presses, dtype=np.float64).reshape(-1, 3),
         stray_bytes=stray,
+        gaps=tuple(gaps),
     )
 
 
