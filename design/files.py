@@ -412,12 +412,15 @@ def kind_of_file(file: Path) -> str:
         return "a file that cannot be opened"
 
 
+_SHELL_PIPE = re.compile(r"/(?:dev/stdin$|dev/fd/|proc/)")
+
+
 @contextmanager
 def opened_file(file: Path, *, needed: str, error: type[OptopadError] = InputError) -> Iterator[IO[bytes]]:
     """Context manager for a file that is open for reading; system errors in the `with` block are explained, too.
 
     Devices and named pipes are refused before they are opened, because a program could wait for them forever. The pipes
-    that a shell makes, as /dev/stdin, are read.
+    that a shell makes, as /dev/stdin or /dev/fd/63, are read.
 
     Parameters
     ----------
@@ -432,7 +435,7 @@ def opened_file(file: Path, *, needed: str, error: type[OptopadError] = InputErr
         mode = file.stat().st_mode
         if stat.S_ISDIR(mode):
             raise IsADirectoryError
-        of_shell = stat.S_ISFIFO(mode) and file.absolute().is_relative_to("/dev")
+        of_shell = stat.S_ISFIFO(mode) and _SHELL_PIPE.match(os.path.abspath(file)) is not None
         if not (stat.S_ISREG(mode) or of_shell):
             raise error(f"{file}: a pipe or a device, not a file; needs {needed}")
         stream = file.open("rb")
